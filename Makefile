@@ -1,0 +1,99 @@
+# `make help` lists what can be made. All that is needed is Python >= 3.11 with pip, and make.
+PYTHON ?= python3
+# Processes that share the tests.
+WORKERS ?= auto
+
+BIN := .venv/bin
+# The base interpreter's pip installs into .venv, which has none of its own: some systems cannot put one there.
+PIP := $(PYTHON) -m pip --python $(BIN)/python
+INSTALL := $(PIP) install --quiet --no-deps
+# Other people's packages on PYTHONPATH (a ROS installation, say) must not stand in for the locked ones.
+unexport PYTHONPATH
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+.PHONY: help demo test check generated clean lock FORCE
+.DEFAULT_GOAL := help
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+
+demo: .venv/runtime-installed ## make a robot from its description and watch it move in the browser
+	$(BIN)/raff2urdf robots/delta4.raff
+	$(BIN)/cinegen drive generated/delta4.urdf
+
+test: check ## run every check, then the tests
+	@.ci/chromium
+	$(BIN)/pytest -n $(WORKERS)
+
+check: .venv/test-installed ## run the linters only
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
+
+generated: .venv/runtime-installed ## make the URDF of every robot again
+	$(BIN)/raff2urdf robots/*.raff
+
+clean: ## remove the environment and all caches
+	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# --- The environment ---------------------------------------------------------------------------------------------
+# Two stamps in .venv say what is installed: the runtime lock with the project itself, and the test lock on top of it.
+# A stamp holds the folder it was made for. While pip works .venv/unfinished exists; if it is still there at the next
+# start, or Python does not run or has changed, or the folder has moved, then .venv is made again from nothing.
+VENV_OK := $(shell test ! -e .venv/unfinished \
+	&& $(BIN)/python -c 'import os, sysconfig; os.stat(sysconfig.get_path("purelib"))' 2>/dev/null \
+	&& { test ! -e .venv/runtime-installed || grep -qxF '$(CURDIR)' .venv/runtime-installed; } && echo yes)
+ifneq ($(VENV_OK),yes)
+.venv/runtime-installed: FORCE
+endif
+
+.venv/runtime-installed: requirements/runtime.txt pyproject.toml
+	@$(PYTHON) -c "$$CHECK_PYTHON"
+	@test "$(VENV_OK)" || rm -rf .venv
+	@mkdir -p .venv && touch .venv/unfinished
+	@test "$(VENV_OK)" || $(PYTHON) -m venv --without-pip .venv
+	@echo "installing into .venv: the locked packages and cinegen itself (the first time takes minutes) ..."
+	@$(INSTALL) -r requirements/runtime.txt
+	@$(INSTALL) --no-build-isolation --editable .
+	@echo '$(CURDIR)' >$@ && rm .venv/unfinished
+
+.venv/test-installed: requirements/test.txt .venv/runtime-installed
+	@$(PYTHON) -c "$$CHECK_PYTHON"
+	@touch .venv/unfinished
+	@echo "installing into .venv: what the tests need ..."
+	@$(INSTALL) -r requirements/test.txt
+	@echo '$(CURDIR)' >$@ && rm .venv/unfinished
+
+define CHECK_PYTHON
+import sys
+say = lambda *words: sys.exit("*** " + " ".join(words) + ". To use another Python: make PYTHON=/path/to/python3 ...")
+found = "%s is Python %d.%d" % ((sys.executable,) + sys.version_info[:2])
+sys.version_info >= (3, 11) or say("cinegen needs Python 3.11 or newer;", found)
+import importlib.util
+importlib.util.find_spec("pip") or say(found, "without pip; cinegen is installed with pip")
+import pip
+tuple(map(int, pip.__version__.split(".")[:2])) >= (22, 3) or say("pip 22.3 or newer is needed, not", pip.__version__)
+endef
+export CHECK_PYTHON
+
+# --- The locks ---------------------------------------------------------------------------------------------------
+# Fresh pins for all that pyproject.toml asks for, and all that asks for in turn; test.txt holds what runtime.txt does
+# not. The build backend is pinned too. embreex is left out: trimesh only gets faster by it, and it does not exist for
+# every machine. Run this with the oldest Python we support, so that every pin exists for it.
+lock: ## pin the newest versions of all dependencies in requirements/
+	@$(PYTHON) -c "$$CHECK_PYTHON"
+	@set -eu; tmp=$$(mktemp -d); trap 'rm -rf "$$tmp"' EXIT; export LC_ALL=C; \
+	pins() { \
+		venv=$$1; shift; $(PYTHON) -m venv --without-pip "$$tmp/$$venv"; \
+		pip="$(PYTHON) -m pip --python $$tmp/$$venv/bin/python"; \
+		$$pip install --quiet hatchling "$$@"; \
+		$$pip freeze --all --exclude cinegen --exclude embreex >"$$tmp/frozen"; \
+		awk -F== '{ n = tolower($$1); gsub(/[-_.]+/, "-", n); print n "==" $$2 }' "$$tmp/frozen" | sort >"$$tmp/$$venv.txt"; \
+	}; \
+	pins all --editable '.[test]'; \
+	pins runtime --editable . --constraint "$$tmp/all.txt"; \
+	comm -23 "$$tmp/all.txt" "$$tmp/runtime.txt" >requirements/test.txt; \
+	cp "$$tmp/runtime.txt" requirements/runtime.txt
+	@wc -l requirements/*.txt
