@@ -1,0 +1,123 @@
+"""The command `raff2urdf`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from raff2urdf.check import check
+from raff2urdf.errors import RaffError
+
+if TYPE_CHECKING:
+    from raff2urdf.conversion import Conversion
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command; returns its exit code: 0, or 1 where a file is wrong."""
+    parser = argparse.ArgumentParser(
+        prog="raff2urdf",
+        description="Translate RAFF files (Kleinfinger parameters, loops, sensors) into URDF plus constraints.",
+    )
+    parser.add_argument("files", nargs="+", metavar="FILE", help="RAFF file")
+    parser.add_argument("-o", "--out", default="generated", metavar="DIR", help="folder to write to (%(default)s)")
+    parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
+    parser.add_argument(
+        "--loop", action="append", default=[], metavar="NAME=KIND",
+        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
+    )  # fmt: skip
+    parser.add_argument("--check", action="store_true", help="read and check only: write nothing, close no loops")
+    parser.add_argument("--json", action="store_true", help="say what was found as JSON")
+    options = parser.parse_args(arguments)
+    warnings.showwarning = _show_warning
+    reports: list[dict[str, Any]] = []
+    failed = False
+    for name in options.files:
+        try:
+            found = _check(name, options.robot) if options.check else _convert(name, options)
+            reports += found
+            if not options.json:
+                for report in found:
+                    print(_sentence(report))
+        except RaffError as error:
+            failed = True
+            reports.append({"file": name, "errors": [str(problem) for problem in error.problems]})
+            print(error, file=sys.stderr)
+    if options.json:
+        print(json.dumps(reports, indent=1, ensure_ascii=False))
+    return 1 if failed else 0
+
+
+def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
+    from raff2urdf import load
+
+    document = load(name)
+    check(document)
+    robots = [document.robot(robot)] if robot is not None else document.robots
+    return [
+        {
+            "file": name,
+            "robot": one.name,
+            "links": len(one.links),
+            "joints": sum(link.type != 0 for link in one.links),
+            "loops": len(one.loops),
+        }
+        for one in robots
+    ]
+
+
+def _convert(name: str, options: argparse.Namespace) -> list[dict[str, Any]]:
+    from raff2urdf.conversion import convert_file
+
+    loops = dict(_pair(text) for text in options.loop)
+    return [_report(name, one) for one in convert_file(Path(name), Path(options.out), options.robot, loops)]
+
+
+def _pair(text: str) -> tuple[str, str]:
+    name, equals, kind = text.rpartition("=")
+    if not equals:
+        raise RaffError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
+    return name, kind
+
+
+def _report(name: str, conversion: Conversion) -> dict[str, Any]:
+    analysis = conversion.analysis
+    return {
+        "file": name,
+        "robot": conversion.robot,
+        "links": conversion.links,
+        "joints": conversion.joints,
+        "loops": conversion.loops,
+        "loop_rows": analysis.rows,
+        "loop_rank": analysis.rank,
+        "mobility": analysis.mobility,
+        "actuated": list(analysis.actuated),
+        "gap_as_written": analysis.gap,
+        "urdf": str(conversion.urdf),
+        "constraints": str(conversion.constraints),
+    }
+
+
+def _sentence(report: dict[str, Any]) -> str:
+    def count(what: str) -> str:
+        return f"{report[what]} {what[:-1] if report[what] == 1 else what}"
+
+    said = f"{report['file']}: robot '{report['robot']}': {count('links')}, {count('joints')}, {count('loops')}"
+    if "mobility" not in report:
+        return f"{said}: correct"
+    if report["loops"]:
+        said += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"
+        said += " as written)"
+    return f"{said}, mobility {report['mobility']}\n  -> {report['urdf']}, {report['constraints']}"
+
+
+def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    print(f"warning: {message}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,89 @@
+"""Kleinfinger's six parameters and the homogeneous transform they stand for.
+
+W. Khalil and J.-F. Kleinfinger, "A new geometric notation for open and closed-loop robots", IEEE conf. on
+Robotics and Automation, 1986. From father to link:
+
+    T = Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) Tz(r)
+
+Everything here is in metres and radians.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Matrix = NDArray[np.float64]
+
+# Two z axes count as parallel where that costs less (an angle of asin(sa)) than to say it: r = across / sa grows
+# without bound, and with it what rounding does to the position, about 2e-16 r.
+_NOISE = 4 * np.finfo(float).eps
+
+
+class Kleinfinger(NamedTuple):
+    """The six parameters: gamma, alpha, theta in rad; epsilon, d, r in m."""
+
+    gamma: float
+    epsilon: float
+    alpha: float
+    d: float
+    theta: float
+    r: float
+
+
+def transform(parameters: Kleinfinger) -> Matrix:
+    """The (4, 4) transform that the parameters stand for."""
+    gamma, epsilon, alpha, d, theta, r = parameters
+    cg, sg = math.cos(gamma), math.sin(gamma)
+    ca, sa = math.cos(alpha), math.sin(alpha)
+    ct, st = math.cos(theta), math.sin(theta)
+    return np.array(
+        [
+            [cg * ct - sg * ca * st, -cg * st - sg * ca * ct, sg * sa, d * cg + r * sg * sa],
+            [sg * ct + cg * ca * st, -sg * st + cg * ca * ct, -cg * sa, d * sg - r * cg * sa],
+            [sa * st, sa * ct, ca, epsilon + r * ca],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
+
+
+def parameters(placement: ArrayLike) -> Kleinfinger:
+    """Six parameters of a (4, 4) rigid transform, the inverse of `transform`.
+
+    The rotation is Rz(gamma) Rx(alpha) Rz(theta) with alpha in [0, pi]; the translation is epsilon along the
+    father's z, d along the common perpendicular and r along the new z. Where both z axes are parallel, gamma
+    and theta turn about the same line, and epsilon and r run along it: then gamma points at the new origin
+    (theta takes the rest) and r = 0.
+
+    Raises:
+        ValueError: not a (4, 4) array of finite numbers whose rotation is orthonormal to 1e-6.
+    """
+    m = np.asarray(placement, dtype=float)
+    if m.shape != (4, 4) or not np.isfinite(m).all():
+        raise ValueError("a placement is a (4, 4) array of finite numbers")
+    rotation, p = m[:3, :3], m[:3, 3]
+    if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
+        raise ValueError("the rotation of a placement must be orthonormal and right-handed")
+    sa = math.hypot(rotation[0, 2], rotation[1, 2])
+    alpha = math.atan2(sa, rotation[2, 2])
+    gamma = math.atan2(rotation[0, 2], -rotation[1, 2])
+    cg, sg = math.cos(gamma), math.sin(gamma)
+    across = sg * p[0] - cg * p[1]  # along the normal of both: r sin(alpha)
+    if sa > _NOISE and sa * sa * math.hypot(*p) >= _NOISE * abs(across):
+        d = cg * p[0] + sg * p[1]
+        r = across / sa
+        epsilon = p[2] - r * math.cos(alpha)
+    else:
+        alpha = 0.0 if rotation[2, 2] > 0 else math.pi
+        d = math.hypot(p[0], p[1])
+        gamma = math.atan2(p[1], p[0]) if d > 0.0 else 0.0
+        cg, sg = math.cos(gamma), math.sin(gamma)
+        epsilon, r = float(p[2]), 0.0
+    # What is left of the rotation is Rz(theta): its x axis in the frame turned by gamma and alpha.
+    x, y, z = rotation[:, 0]
+    ca, sa = math.cos(alpha), math.sin(alpha)
+    theta = math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)
+    return Kleinfinger(gamma, float(epsilon), alpha, float(d), theta, float(r))

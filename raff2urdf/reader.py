@@ -1,0 +1,515 @@
+"""RAFF text -> `Document`, or every error in it with line, column and the likely meaning."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedToken
+from lark.visitors import v_args
+
+from raff2urdf.document import (
+    UNITS_PER_METRE,
+    Base,
+    Document,
+    Frame,
+    JointType,
+    Link,
+    Loop,
+    LoopKind,
+    Parameters,
+    Robot,
+    Sensor,
+    SensorConstraint,
+    Source,
+)
+from raff2urdf.errors import Place, Problem, RaffError, did_you_mean
+
+LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
+LARGEST_FILE = 256 * 1024 * 1024  # bytes: about two million links
+
+
+def read(path: str | Path) -> str:
+    """The text of a RAFF file.
+
+    Raises:
+        RaffError: it can't be read, is too large, is not UTF-8 text, or has a line of over `LONGEST_LINE` characters.
+    """
+    name = str(path)
+    try:
+        with open(path, "rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise RaffError(Problem(f"can't be read: {reason}", name)) from None
+    if len(data) > LARGEST_FILE:
+        raise RaffError(Problem(f"is larger than {LARGEST_FILE // 2**20} MiB: this is no RAFF file", name))
+    at = data.find(b"\0")
+    if at >= 0:
+        line = data.count(b"\n", 0, at) + 1
+        raise RaffError(Problem(f"line {line} holds a zero byte: this is a binary file, not RAFF text", name))
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise RaffError(Problem(f"line {line} is not UTF-8 text: a binary file, or another encoding", name)) from None
+
+
+def parse(text: str, name: str = "<text>") -> Document:
+    """The document that `text` says; `name` is what errors call it.
+
+    Only what a block says by itself is judged here; `raff2urdf.check` judges the whole.
+
+    Raises:
+        RaffError: with every problem found.
+    """
+    lines = [line.removesuffix("\r") for line in text.split("\n")]
+    source = Source(name, tuple(lines))
+    for number, line in enumerate(lines, 1):
+        if len(line) > LONGEST_LINE:
+            message = f"line {number} is {len(line)} characters long; at most {LONGEST_LINE} make sense"
+            raise RaffError(Problem(message, name, Place(number, 1)))
+    reading = _Reading(source)
+    document = reading.run(text)
+    problems = reading.problems or reading.missing
+    if problems:
+        raise RaffError(sorted(problems, key=lambda p: (p.place.line, p.place.column) if p.place else (0, 0)))
+    return document
+
+
+# --- the grammar's rules as values -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Field:
+    """A word of a block with its value, before the block is put together."""
+
+    word: str
+    value: Any
+    place: Place
+
+
+def _place(token: Token) -> Place:
+    return Place(token.line or 1, token.column or 1, len(token))
+
+
+def _one(word: str) -> Any:
+    """A rule that holds one token, kept as it stands until its owner reads it."""
+
+    def rule(self: _Build, token: Token) -> _Field:
+        return _Field(word, token, _place(token))
+
+    return rule
+
+
+def _text(word: str) -> Any:
+    """A rule that holds one text."""
+
+    def rule(self: _Build, token: Token) -> _Field:
+        return _Field(word, self._string(token), _place(token))
+
+    return rule
+
+
+@v_args(inline=True)
+class _Build(Transformer[Token, Any]):
+    """Puts the document together while the text is parsed; what is wrong goes to `report`."""
+
+    report: Callable[[str, Place], None]
+    lacks: Callable[[str, Place], None]
+
+    # values
+    def _number(self, token: Token) -> float:
+        value = float(token)
+        if not math.isfinite(value):
+            self.report(f"'{token}' is too large for a number", _place(token))
+            return 0.0
+        return value
+
+    def _whole(self, token: Token, least: int = 0) -> int:
+        value = self._number(token)
+        if value != int(value) or value < least:
+            self.report(f"'{token}' must be a whole number from {least}", _place(token))
+            return least
+        return int(value)
+
+    def _choice(self, token: Token, words: Sequence[str], what: str) -> int:
+        """A whole number that stands for one of `words`."""
+        value = self._number(token)
+        if value != int(value) or not 0 <= value < len(words):
+            meanings = ", ".join(f"{i} {word}" for i, word in enumerate(words))
+            self.report(f"{what} {token} is unknown (known: {meanings})", _place(token))
+            return 0
+        return int(value)
+
+    def _string(self, token: Token) -> str:
+        return str(token[1:-1]) if token.type == "STRING" else str(token)
+
+    # blocks
+    def _gather(self, owner: str, fields: Sequence[_Field], several: Sequence[str] = ()) -> dict[str, _Field]:
+        """Fields by word; a word said twice is reported, unless it may stand several times."""
+        found: dict[str, _Field] = {}
+        for field in fields:
+            if field.word in found and field.word not in several:
+                message = f"'{field.word}' is said twice in {owner}: first on line {found[field.word].place.line}"
+                self.report(message, field.place)
+            found[field.word] = field
+        return found
+
+    def start(self, header: _Field, *items: Any) -> dict[str, Any]:
+        units = self._gather("the file", [item for item in items if isinstance(item, _Field)])
+        return {
+            "name": header.value,
+            "robots": tuple(item for item in items if isinstance(item, Robot)),
+            "sensors": tuple(item for item in items if isinstance(item, Sensor)),
+            "units": units["units"].value if "units" in units else "mm",
+        }
+
+    def header(self, token: Token) -> _Field:
+        return _Field("RAFF", self._string(token), _place(token))
+
+    def units(self, token: Token) -> _Field:
+        if token not in UNITS_PER_METRE:
+            self.report(f"unknown unit '{token}' (known: {', '.join(UNITS_PER_METRE)})", _place(token))
+            return _Field("units", "mm", _place(token))
+        return _Field("units", str(token), _place(token))
+
+    def robot(self, name: Token, *parts: Any) -> Robot:
+        fields = self._gather(f"robot {name}", [part for part in parts if isinstance(part, _Field)])
+        places = {"name": _place(name)} | {word: field.place for word, field in fields.items()}
+        return Robot(
+            name=self._string(name),
+            base=fields["base"].value if "base" in fields else Base(),
+            parts=tuple(part for part in parts if isinstance(part, Link | Frame)),
+            loops=tuple(part for part in parts if isinstance(part, Loop)),
+            sensor_constraints=tuple(part for part in parts if isinstance(part, SensorConstraint)),
+            path=fields["path"].value if "path" in fields else None,
+            places=places,
+        )
+
+    type, pred, velocity, actuated = _one("type"), _one("pred"), _one("velocity"), _one("actuated")
+    closure, translation, rotation = _one("type"), _one("translation"), _one("rotation")
+    path, name, port = _text("path"), _text("name"), _text("port")
+
+    def parameter(self, word: Token, number: Token) -> _Field:
+        return _Field(str(word), self._number(number), _place(word))
+
+    def parameters(self, *fields: _Field) -> _Field:
+        found = self._gather("these parameters", fields)
+        place = fields[0].place if fields else Place(1, 1)
+        return _Field("parameters", Parameters(**{word: field.value for word, field in found.items()}), place)
+
+    def limits(self, low: Token, high: Token) -> _Field:
+        return _Field("limits", (self._number(low), self._number(high)), _place(low))
+
+    def filename(self, *tokens: Token) -> _Field:
+        place = _place(tokens[0]) if tokens else Place(1, 1)
+        return _Field("filename", tuple(self._string(token) for token in tokens), place)
+
+    def _common(self, owner: str, fields: Sequence[_Field]) -> tuple[dict[str, _Field], dict[str, Any]]:
+        """What base, link and frame share: their fields by word, and the arguments common to all three."""
+        found = self._gather(owner, fields, several=["filename"])
+        filenames = tuple(name for field in fields if field.word == "filename" for name in field.value)
+        places = {word: field.place for word, field in found.items()}
+        parameters = found["parameters"].value if "parameters" in found else Parameters()
+        return found, {"parameters": parameters, "filenames": filenames, "places": places}
+
+    def base(self, *fields: _Field) -> _Field:
+        found, common = self._common("the base", fields)
+        place = next(iter(found.values())).place if found else Place(1, 1)
+        return _Field("base", Base(**common), place)
+
+    def link(self, number: Token, *fields: _Field) -> Link:
+        owner = f"link {number}"
+        found, common = self._common(owner, fields)
+        common["places"]["number"] = _place(number)
+        kind = found.get("type")
+        if kind is None:
+            self.lacks(f"{owner} has no 'type' (0 fixed, 1 prismatic, 2 revolute)", _place(number))
+        velocity = found.get("velocity")
+        actuated = found.get("actuated")
+        return Link(
+            number=self._whole(number, 1),
+            type=JointType(self._choice(kind.value, [t.name.lower() for t in JointType], "joint type") if kind else 0),
+            pred=self._pred(owner, number, found),
+            limits=found["limits"].value if "limits" in found else None,
+            velocity=self._number(velocity.value) if velocity else None,
+            actuated=bool(self._choice(actuated.value, ["no motor", "motor"], "'actuated'")) if actuated else None,
+            name=found["name"].value if "name" in found else None,
+            **common,
+        )
+
+    def frame(self, number: Token, *fields: _Field) -> Frame:
+        owner = f"frame {number}"
+        found, common = self._common(owner, fields)
+        common["places"]["number"] = _place(number)
+        name = found["name"].value if "name" in found else None
+        return Frame(number=self._whole(number, 1), pred=self._pred(owner, number, found), name=name, **common)
+
+    def _pred(self, owner: str, number: Token, found: dict[str, _Field]) -> int:
+        if "pred" not in found:
+            self.lacks(f"{owner} has no 'pred': the number of the node it stands on (0: the base)", _place(number))
+            return 0
+        return self._whole(found["pred"].value)
+
+    def node(self, word: Token, number: Token | None = None) -> _Field:
+        return _Field("node", 0 if number is None else self._whole(number), _place(word if number is None else number))
+
+    def choice(self, *tokens: Token) -> _Field:
+        return _Field("sensor", tuple(self._whole(token) for token in tokens), _place(tokens[0]))
+
+    def constraint(self, *fields: _Field) -> Loop | SensorConstraint:
+        nodes = [field for field in fields if field.word == "node"]
+        found = self._gather("this constraint", fields, several=["node"])
+        place = fields[0].place if fields else Place(1, 1)
+        places = {word: field.place for word, field in found.items()}
+        if "sensor" in found:
+            if len(nodes) != 1 or "type" in found:
+                self.report("a constraint with sensors names one node, and no type", place)
+            node = nodes[0].value if nodes else 0
+            return SensorConstraint(node, found["sensor"].value, places)
+        if len(nodes) != 2:
+            self.report("a constraint names two nodes (a loop), or one node and the sensors it may follow", place)
+            return Loop(0, 0, places=places)
+        first, second = nodes
+        places |= {"first": first.place, "second": second.place}
+        kind = 0
+        if "type" in found:
+            kind = self._choice(found["type"].value, [kind.name.lower() for kind in LoopKind], "loop type")
+        return Loop(first.value, second.value, LoopKind(kind), places)
+
+    def sensor(self, number: Token, *fields: _Field) -> Sensor:
+        owner = f"sensor {number}"
+        found = self._gather(owner, fields)
+        if "port" not in found:
+            self.lacks(f"{owner} has no 'port'", _place(number))
+        count = {}
+        for word in ("translation", "rotation"):
+            if word in found:
+                count[word] = self._choice(found[word].value, ["none", "one", "two", "three"], f"'{word}'")
+        return Sensor(
+            number=self._whole(number, 1),
+            port=found["port"].value if "port" in found else "",
+            places={"number": _place(number)} | {word: field.place for word, field in found.items()},
+            **count,
+        )
+
+
+# --- reading on after an error ----------------------------------------------------------------------------------
+
+_PARAMETERS = ["theta", "r", "d", "alpha", "gamma", "epsilon"]
+_WORDS: dict[str, list[str]] = {  # what may stand in each kind of block
+    "": ["robot", "sensor", "units"],
+    "robot": ["path", "base", "link", "frame", "constraint"],
+    "base": ["parameters", "filename"],
+    "link": ["parameters", "type", "pred", "limits", "velocity", "actuated", "name", "filename"],
+    "frame": ["parameters", "pred", "name", "filename"],
+    "parameters": _PARAMETERS,
+    "constraint": ["link", "frame", "base", "type", "sensor"],
+    "sensor": ["port", "translation", "rotation"],
+    "limits": [],
+    "filename": [],
+}
+_SHOWN = {"LBRACE": "'{'", "RBRACE": "'}'", "LPAR": "'('", "RPAR": "')'", "$END": "the end of the file"}
+_SHOWN |= {"NUMBER": "a number", "STRING": 'a text in "..."', "WORD": "a name"}
+
+
+class _Everywhere:
+    """Tells lark's contextual lexer which terminals it may always meet, so that the parser says what is wrong."""
+
+    always_accept = ("WORD", "NUMBER", "STRING", "LBRACE", "RBRACE", "LPAR", "RPAR")
+
+    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
+        return stream
+
+
+class _Parser(threading.local):
+    """The parser and what builds its document: made once in each thread (33 ms), used for one text at a time."""
+
+    def __init__(self) -> None:
+        self.build = _Build()
+        grammar = files("raff2urdf").joinpath("raff.lark").read_text(encoding="utf-8")
+        postlex: Any = _Everywhere()
+        self.lark = Lark(grammar, parser="lalr", lexer="contextual", postlex=postlex, transformer=self.build)
+
+
+@cache
+def _parser() -> _Parser:
+    return _Parser()
+
+
+@dataclass(slots=True)
+class _Block:
+    kind: str  # the word before its brace: robot, link, parameters...
+    label: str  # with its number or name: "link 2"
+    line: int
+
+
+class _StopReadingError(Exception):
+    """Reading on would only guess."""
+
+
+class _Reading:
+    """One pass over a text: feeds the parser, keeps track of the blocks, and mends what can be mended."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.problems: list[Problem] = []
+        self.missing: list[Problem] = []  # only worth saying where all words are right
+        self.open: list[_Block] = []
+        self.closed: dict[str, _Block] = {}  # the last block of each kind, with the line of its closing brace
+        self.last: tuple[str, str] = ("", "")  # the word a brace would belong to, and what follows it
+
+    def report(self, message: str, place: Place) -> None:
+        self.problems.append(self.source.problem(message, place))
+
+    def lacks(self, message: str, place: Place) -> None:
+        self.missing.append(self.source.problem(message, place))
+
+    def run(self, text: str) -> Document:
+        made = _parser()
+        made.build.report, made.build.lacks = self.report, self.lacks
+        self.parser: Any = made.lark.parse_interactive(text)
+        self.tokens: Iterator[Token] = self.parser.lexer_thread.lex(self.parser.parser_state)
+        end = Place(max(1, len(self.source.lines)), 1)
+        try:
+            for token in self.tokens:
+                end = Place(token.line or 1, (token.column or 1) + len(token))
+                self.feed(token)
+            return Document(**self.parser.feed_eof(), source=self.source)
+        except UnexpectedToken:
+            self.at_end(end)
+        except UnexpectedCharacters as error:
+            self.at_character(error)
+        except _StopReadingError:
+            pass
+        return Document("")
+
+    def feed(self, token: Token) -> None:
+        """One token into the parser; a token that doesn't fit is reported and passed over."""
+        try:
+            self.parser.feed_token(token)
+        except UnexpectedToken as error:
+            self.mend(token, error)
+            return
+        if token.type == "LBRACE":
+            word, label = self.last
+            self.open.append(_Block(word, label, token.line or 1))
+        elif token.type == "RBRACE":
+            block = self.open.pop()
+            self.closed[block.kind] = _Block(block.kind, block.label, token.line or 1)
+        elif token.type in ("NUMBER", "STRING", "WORD"):
+            self.last = (self.last[0], f"{self.last[0]} {token}")
+        else:
+            self.last = (str(token), str(token))
+
+    def here(self) -> str:
+        return self.open[-1].kind if self.open else ""
+
+    def where(self) -> str:
+        return self.open[-1].label if self.open else "the file"
+
+    def mend(self, token: Token, error: UnexpectedToken) -> None:
+        """Reports a token that doesn't fit, with its likely meaning, and finds where to go on."""
+        word, place, expected = str(token), _place(token), set(error.expected)
+        kind = self.here()
+        shown = "'{'" if token.type == "LBRACE" else f"'{word}'"
+        if "RAFF" in expected:
+            self.report(f"a RAFF file begins with 'RAFF <name>', not with {shown}", place)
+            raise _StopReadingError
+        if expected == {"NUMBER"} or (kind == "limits" and "NUMBER" in expected):
+            if token.type == "WORD":
+                self.report(f"'{self.last[0]}' needs a number, and {shown} is none", place)
+                self.parser.feed_token(Token("NUMBER", "0", line=token.line, column=token.column))
+                return
+            self.report(f"'{self.last[0]}' needs {'two numbers' if kind == 'limits' else 'a number'} here", place)
+            raise _StopReadingError
+        if not expected & {"RBRACE", "$END"}:  # in the midst of something: 'link {' and the like
+            wanted = sorted(_SHOWN.get(name, f"'{name.lower()}'") for name in expected)
+            self.report(f"expected {' or '.join(wanted)} here, found {shown}", place)
+            raise _StopReadingError
+        if token.type == "RBRACE":
+            robot = self.closed.get("robot")
+            closed = f": {robot.label} was closed on line {robot.line}" if robot else ""
+            self.report(f"a '}}' too many{closed}", place)
+            raise _StopReadingError
+        if token.type != "WORD":
+            listed = ", ".join(f"'{w}'" for w in _WORDS.get(kind, [])) or "'}'"
+            self.report(f"{shown} stands alone in {self.where()}: expected {listed}", place)
+            self.skip(place.line)
+            return
+        self.stray(word, kind, place)
+
+    def stray(self, word: str, kind: str, place: Place) -> None:
+        """A word that doesn't belong in this kind of block."""
+        homes = [home for home, words in _WORDS.items() if word in words and home not in ("", kind)]
+        outer = [home for home in homes if home in self.closed]
+        if outer and not any(block.kind in homes for block in self.open):
+            block = max((self.closed[home] for home in outer), key=lambda block: block.line)
+            home = "a " * (block.kind != "parameters") + block.kind
+            self.report(f"'{word}' stands outside {home}: {block.label} was closed on line {block.line}", place)
+            self.reopen(kind)
+            return
+        if kind == "parameters":
+            self.report(f"unknown parameter '{word}'{did_you_mean(word, _PARAMETERS)}", place)
+        elif homes:
+            listed = " or ".join(f"'{home} ... {{ }}'" for home in homes)
+            self.report(f"'{word}' does not belong in {self.where()}, but in {listed}", place)
+        else:
+            known = _WORDS.get(kind, [])
+            self.report(f"unknown word '{word}' in {self.where()}{did_you_mean(word, known)}", place)
+        self.skip(place.line)
+
+    def skip(self, line: int) -> None:
+        """Passes over what belongs to a stray word: its values and its block."""
+        depth = 0
+        for token in self.tokens:
+            value = token.type in ("NUMBER", "STRING") or (token.type in ("LPAR", "RPAR"))
+            if token.type == "LBRACE":
+                depth += 1
+            elif token.type == "RBRACE" and depth > 0:
+                depth -= 1
+                if depth == 0:
+                    return None
+            elif depth == 0 and not value and not (token.type == "WORD" and token.line == line):
+                self.feed(token)
+                return None
+        raise _StopReadingError
+
+    def reopen(self, kind: str) -> None:
+        """Passes over the rest of a block that was closed too early, its second closing brace included."""
+        depth = 0
+        parts = _WORDS[kind]
+        for token in self.tokens:
+            if token.type == "LBRACE":
+                depth += 1
+            elif token.type == "RBRACE":
+                if depth == 0:
+                    return
+                depth -= 1
+            elif depth == 0 and str(token) in parts:
+                self.feed(token)
+                return
+        raise _StopReadingError
+
+    def at_end(self, end: Place) -> None:
+        if self.open and not self.problems:
+            block = self.open[-1]
+            self.report(f"the file ends inside {block.label}, opened on line {block.line}: a '}}' is missing", end)
+        elif not self.problems:
+            self.report("the file ends too early: a RAFF file begins with 'RAFF <name>'", end)
+
+    def at_character(self, error: UnexpectedCharacters) -> None:
+        place = Place(max(1, error.line), max(1, error.column))
+        if error.char == '"':
+            self.report("this text is not closed on its line: a '\"' is missing", place)
+        elif error.char == "/":
+            self.report("a lone '/': comments begin with '//'", place)
+        else:
+            self.report(f"unexpected character {error.char!r}", place)

@@ -1,0 +1,147 @@
+"""A plain drawing of a robot from its Kleinfinger parameters, for links that have no graphics.
+
+Each node carries bars to its children: along the three straight parts of the way to a joint (epsilon along its z, d
+along the common perpendicular, r along the child's z), straight to what is fixed on it. A marker shows its own joint:
+a cylinder about the axis of a revolute one; a box, and a rod that slides in its father's tube, for a prismatic one.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+from yourdfpy import Box, Color, Cylinder, Geometry, Material, Sphere, Visual
+
+from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
+from raff2urdf.kleinfinger import Kleinfinger
+from raff2urdf.tree import home, kleinfinger
+
+# Okabe and Ito's colours, which the colour-blind can tell apart: one for each branch of the tree.
+_BRANCHES = ((0.0, 0.45, 0.7), (0.9, 0.6, 0.0), (0.0, 0.62, 0.45), (0.8, 0.4, 0.0), (0.8, 0.6, 0.7), (0.35, 0.7, 0.9))
+_BASE = (0.45, 0.47, 0.5)
+_JOINT = (0.2, 0.22, 0.25)
+
+
+@dataclass(frozen=True, slots=True)
+class _Style:
+    radius: float  # m, of a bar
+    colour: tuple[float, float, float]
+
+
+class Skeleton:
+    """Draws the nodes of one robot, each in its own frame."""
+
+    def __init__(self, document: Document, robot: Robot) -> None:
+        self.document, self.robot = document, robot
+        self.parameters = {part.number: kleinfinger(document, part) for part in robot.parts}
+        self.radius = 0.06 * _typical(list(self.parameters.values()))
+        self.children: dict[int, list[Link | Frame]] = {}
+        for part in robot.parts:
+            self.children.setdefault(part.pred, []).append(part)
+        branch, last = {0: 0}, 0
+        self.colours = {0: _BASE}
+        for part in robot.outward:
+            forks = part is not self.children[part.pred][0]
+            last += forks  # every fork begins a branch of another colour
+            branch[part.number] = last if forks else branch[part.pred]
+            self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
+
+    def draw(self, part: Base | Link | Frame) -> list[Visual]:
+        """The shapes of one node, in its own frame."""
+        style = _Style(self.radius, self.colours[part.number])
+        shapes = list(self._joint(part, style))
+        for child in self.children.get(part.number, []):
+            shapes += self._way(child, style)
+        if not shapes and not isinstance(part, Frame):
+            shapes.append(_ball(np.zeros(3), 1.2, style))
+        return shapes
+
+    def _joint(self, part: Base | Link | Frame, style: _Style) -> Iterator[Visual]:
+        marker = _Style(style.radius, _JOINT)
+        origin = np.zeros(3)
+        if not isinstance(part, Link) or part.type is JointType.FIXED:
+            return
+        if part.type is JointType.REVOLUTE:
+            half = np.array([0.0, 0.0, 1.6 * style.radius])
+            yield from _bar(-half, half, 1.5, marker)
+        else:
+            size = np.array([2.6, 2.6, 3.2]) * style.radius
+            yield _visual(Geometry(box=Box(size=_round(size, style))), np.eye(4), marker)
+            way = home(self.document, part)
+            yield from _bar(np.array([0.0, 0.0, -0.62 * way]), origin, 0.6, style)
+
+    def _way(self, child: Link | Frame, style: _Style) -> Iterator[Visual]:
+        """Bars from the node's origin to where a child's joint stands."""
+        gamma, epsilon, alpha, d, _, r = self.parameters[child.number]
+        thickness = 0.6 if isinstance(child, Frame) else 1.0
+        cg, sg = math.cos(gamma), math.sin(gamma)
+        axis = np.array([sg * math.sin(alpha), -cg * math.sin(alpha), math.cos(alpha)])
+        slides = isinstance(child, Link) and child.type is JointType.PRISMATIC
+        corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
+        corners.append(corners[-1] + d * np.array([cg, sg, 0.0]))
+        if not slides:
+            corners.append(corners[-1] + r * axis)
+        if isinstance(child, Frame) or child.type is JointType.FIXED:
+            corners = [corners[0], corners[-1]]
+        drawn = [corners[0]]
+        for corner in corners[1:]:
+            if np.abs(corner - drawn[-1]).max() > 0.5 * style.radius:
+                yield from _bar(drawn[-1], corner, thickness, style)
+                drawn.append(corner)
+        for corner in drawn[1:-1]:
+            yield _ball(corner, thickness, style)
+        if slides:
+            yield from _bar(corners[-1], corners[-1] + 0.55 * r * axis, 1.0, style)
+
+
+def _typical(parameters: Sequence[Kleinfinger]) -> float:
+    """The median length (m) of a robot's straight parts; 1 if it has none."""
+    lengths = [abs(length) for p in parameters for length in (p.epsilon, p.d, p.r) if length]
+    return median(lengths) if lengths else 1.0
+
+
+def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[Visual]:
+    """A cylinder from one point to another; nothing if they coincide."""
+    way = end - start
+    length = math.sqrt(math.fsum(x * x for x in way.tolist()))
+    if length < 1e-6 * style.radius:
+        return
+    z = way / length
+    aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
+    y = np.cross(z, aside)
+    y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
+    placement = _at((start + end) / 2.0, np.column_stack([np.cross(y, z), y, z]), style)
+    shape = Cylinder(radius=_digits(thickness * style.radius), length=_digits(length))
+    yield _visual(Geometry(cylinder=shape), placement, style)
+
+
+def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
+    ball = Geometry(sphere=Sphere(radius=_digits(thickness * style.radius)))
+    return _visual(ball, _at(centre, np.eye(3), style), style)
+
+
+def _visual(geometry: Geometry, placement: np.ndarray, style: _Style) -> Visual:
+    r, g, b = style.colour
+    name = f"c{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"
+    colour = Color(rgba=np.array([r, g, b, 1.0]))
+    return Visual(origin=placement, geometry=geometry, material=Material(name=name, color=colour))
+
+
+def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:
+    placement = np.eye(4)
+    placement[:3, :3] = rotation
+    placement[:3, 3] = _round(point, style)
+    return placement
+
+
+def _round(values: np.ndarray, style: _Style) -> np.ndarray:
+    """A drawing needs no more than a millionth of a bar's radius: no noise of 1e-17 in the file."""
+    step = 10.0 ** (math.floor(math.log10(style.radius)) - 6)
+    return np.array([_digits(step * round(value / step)) for value in values.tolist()])
+
+
+def _digits(value: float) -> float:
+    return float(f"{value:.9g}")

@@ -1,0 +1,149 @@
+"""`Robot` -> URDF, built with yourdfpy's classes and written by its writer.
+
+Joint variables keep RAFF's own zero: the joint of a revolute link stands at Rz(gamma) Tz(epsilon) Rx(alpha)
+Tx(d) Tz(r) and turns by theta about its z, that of a prismatic link at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d)
+Rz(theta) and slides by r along it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import yourdfpy
+from lxml import etree
+
+from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
+from raff2urdf.kleinfinger import transform
+from raff2urdf.meshes import graphics
+from raff2urdf.skeleton import Skeleton
+from raff2urdf.tree import kleinfinger
+
+UNLIMITED = 1e9
+"""What a URDF says where RAFF gives no limit and URDF wants one (rad/s, m/s, N, N m; m for a slide's travel)."""
+
+BASE_JOINT = "joint0"
+"""The joint that places the base in the world, where it does not simply stand at its origin."""
+
+_WORLD = "world"
+
+
+def urdf(document: Document, robot: Robot, beside: Path, out: Path | None = None) -> tuple[str, list[str]]:
+    """The robot's tree as URDF text.
+
+    Args:
+        document: that holds the robot.
+        robot: which one.
+        beside: the RAFF file's folder; graphics are looked for from there.
+        out: the folder the URDF will stand in, from which it names its meshes; absolute names if there is none.
+
+    Returns:
+        the text, and what could not be shown: one line for each node without its graphics.
+    """
+    missing: list[str] = []
+    skeleton = Skeleton(document, robot)
+    links, joints = [], []
+
+    def body(part: Base | Link | Frame) -> yourdfpy.Link:
+        paths, reasons = graphics(robot, part, beside)
+        if reasons:
+            missing.append(f"{part.node}: {', '.join(reasons)}")
+        if not paths:
+            return yourdfpy.Link(name=part.node, visuals=skeleton.draw(part))
+        scale = np.full(3, document.metres(1.0))
+        meshes = [yourdfpy.Mesh(filename=_mesh_name(path, out), scale=scale) for path in paths]
+        visuals = [yourdfpy.Visual(geometry=yourdfpy.Geometry(mesh=mesh)) for mesh in meshes]
+        return yourdfpy.Link(name=part.node, visuals=visuals)
+
+    placement = transform(kleinfinger(document, robot.base))
+    if robot.movable or not np.array_equal(placement, np.eye(4)):
+        links.append(yourdfpy.Link(name=_WORLD))
+        kind = "floating" if robot.movable else "fixed"
+        joints.append(yourdfpy.Joint(name=BASE_JOINT, type=kind, parent=_WORLD, child="base", origin=placement))
+    links.append(body(robot.base))
+    for part in robot.parts:
+        links.append(body(part))
+        joints.append(_joint(document, robot, part))
+    model = _Exact(
+        yourdfpy.Robot(name=robot.name, links=links, joints=joints),
+        build_scene_graph=False,
+        filename_handler=yourdfpy.filename_handler_null,  # mesh names are right as they stand
+    )
+    text = etree.tostring(model.write_xml(), xml_declaration=True, encoding="utf-8", pretty_print=True)
+    return text.decode(), missing
+
+
+def _joint(document: Document, robot: Robot, part: Link | Frame) -> yourdfpy.Joint:
+    parameters = kleinfinger(document, part)
+    kind = part.type if isinstance(part, Link) else JointType.FIXED
+    if kind is JointType.REVOLUTE:
+        parameters = parameters._replace(theta=0.0)
+    elif kind is JointType.PRISMATIC:
+        parameters = parameters._replace(r=0.0)
+    joint = yourdfpy.Joint(
+        name=part.joint,
+        type="fixed",
+        parent=robot.nodes[part.pred].node,
+        child=part.node,
+        origin=transform(parameters),
+    )
+    if isinstance(part, Link) and kind is not JointType.FIXED:
+        joint.axis = np.array([0.0, 0.0, 1.0])
+        low, high = limits(document, part)
+        speed = velocity(document, part)
+        joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(speed, UNLIMITED))
+        joint.type = "revolute" if kind is JointType.REVOLUTE else "prismatic"
+        if kind is JointType.REVOLUTE and math.isinf(low):
+            joint.type = "continuous"
+        else:
+            joint.limit.lower, joint.limit.upper = max(low, -UNLIMITED), min(high, UNLIMITED)
+    return joint
+
+
+def limits(document: Document, link: Link) -> tuple[float, float]:
+    """A joint's limits in rad or m; infinite where the file gives none."""
+    if link.limits is None:
+        return -math.inf, math.inf
+    low, high = link.limits
+    if link.type is JointType.PRISMATIC:
+        return document.metres(low), document.metres(high)
+    return math.radians(low), math.radians(high)
+
+
+def velocity(document: Document, link: Link) -> float:
+    """A joint's greatest speed in rad/s or m/s; infinite where the file gives none."""
+    if link.velocity is None:
+        return math.inf
+    return document.metres(link.velocity) if link.type is JointType.PRISMATIC else math.radians(link.velocity)
+
+
+def _mesh_name(path: Path, out: Path | None) -> str:
+    return str(path.resolve()) if out is None else Path(os.path.relpath(path.resolve(), out.resolve())).as_posix()
+
+
+class _Exact(yourdfpy.URDF):  # type: ignore[misc]
+    """yourdfpy's writer, with angles that stay exact where its own lose nine digits (pitch near 90 degrees)."""
+
+    def _write_origin(self, xml_parent: etree._Element, origin: np.ndarray | None) -> None:
+        if origin is None:
+            return
+        xyz, rpy = origin[:3, 3].tolist(), roll_pitch_yaw(origin)
+        etree.SubElement(xml_parent, "origin", xyz=" ".join(map(_number, xyz)), rpy=" ".join(map(_number, rpy)))
+
+
+def roll_pitch_yaw(placement: np.ndarray) -> tuple[float, float, float]:
+    """URDF's angles, R = Rz(yaw) Ry(pitch) Rx(roll), of a placement's rotation.
+
+    Roll is read off after undoing yaw, so that the product is exact to rounding at any pitch: there roll and yaw
+    are each badly determined, but not their sum.
+    """
+    (a, b, c), (d, e, f), (g, _, _) = placement[:3, :3].tolist()
+    yaw = math.atan2(d, a)
+    cy, sy = math.cos(yaw), math.sin(yaw)
+    return math.atan2(sy * c - cy * f, cy * e - sy * b), math.atan2(-g, cy * a + sy * d), yaw
+
+
+def _number(value: float) -> str:
+    return repr(value + 0.0)  # no -0.0; the shortest text that reads back to the same double
