@@ -1,0 +1,8 @@
+"""What a robot is: a Pinocchio model with its loops, nodes, limits and actuators."""
+
+from cinegen.model.jacobian import ExtendedJacobian
+from cinegen.model.load import load
+from cinegen.model.loops import Loop
+from cinegen.model.mechanism import Mechanism
+
+__all__ = ["ExtendedJacobian", "Loop", "Mechanism", "load"]

@@ -1,0 +1,61 @@
+"""What a mechanism is, as values that can be printed or written."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from cinegen.model.mechanism import Mechanism
+
+
+def describe(mechanism: Mechanism) -> dict[str, Any]:
+    """Joints, loops, mobility, actuated joints, closure and singular values at home; SI units and radians.
+
+    Singular values are without unit: lengths are divided by the characteristic length. Those of the loops are as many
+    as their generic rank (a type 2 singularity where one vanishes); those of the end (the last node) are of its six
+    directions on the motions that the loops leave.
+    """
+    model, q = mechanism.model, mechanism.q_home
+    motions, loop_sigma = np.eye(model.nv), np.zeros(0)
+    if mechanism.loops:
+        _, loop_sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
+        motions = vt[mechanism.loop_rank :].T
+    end = mechanism.nodes[-1]
+    units = np.array([mechanism.length] * 3 + [1.0] * 3)[:, None]
+    end_sigma = np.linalg.svd(mechanism.jacobian(q, end) * mechanism.scale @ motions / units, compute_uv=False)
+    return {
+        "robot": mechanism.name,
+        "nodes": list(mechanism.nodes),
+        "joints": [_joint(mechanism, joint) for joint in mechanism.joints],
+        "loops": [
+            {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
+            for loop in mechanism.loops
+        ],
+        "loop_rows": sum(loop.rows for loop in mechanism.loops),
+        "loop_rank": mechanism.loop_rank,
+        "mobility": mechanism.mobility,
+        "actuated": list(mechanism.actuated),
+        "characteristic_length": mechanism.length,
+        "gap_as_written": mechanism.gap_as_written,
+        "closure_at_home": mechanism.closure(q),
+        "loop_singular_values": loop_sigma[: mechanism.loop_rank].tolist(),
+        "end": end,
+        "end_singular_values": end_sigma.tolist(),
+    }
+
+
+def _joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
+    model, i, j = mechanism.model, mechanism.q_index(joint), mechanism.v_index(joint)
+    bounds = {
+        "low": model.lowerPositionLimit[i],
+        "high": model.upperPositionLimit[i],
+        "velocity": model.upperVelocityLimit[j],
+    }
+    return {
+        "name": joint,
+        "type": "prismatic" if mechanism.slides(joint) else "revolute",
+        "home": float(mechanism.q_home[i]),
+        **{word: float(value) if np.isfinite(value) else None for word, value in bounds.items()},
+        "actuated": joint in mechanism.actuated,
+    }

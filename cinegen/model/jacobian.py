@@ -1,0 +1,57 @@
+"""The paper's extended Jacobian (seed paper, section 3.3.1 and figure 9): pulls above, loops below, all labelled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+@dataclass(frozen=True, slots=True)
+class ExtendedJacobian:
+    """A matrix that says what its rows and columns are; `numpy.asarray` gives the bare matrix.
+
+    Attributes:
+        matrix: (rows, nv), metres and radians.
+        rows: for each row the node or loop it belongs to, and the component (x, y, z, rx, ry, rz).
+        columns: for each column the joint it belongs to (a free base: `joint0.x` and so on).
+    """
+
+    matrix: Array
+    rows: tuple[tuple[str, str], ...]
+    columns: tuple[str, ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Rows and columns."""
+        return self.matrix.shape
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
+        return np.array(self.matrix, dtype=dtype) if copy or dtype else self.matrix
+
+    def block(self, name: str) -> Array:
+        """The rows of one node or loop."""
+        return self.matrix[[i for i, (owner, _) in enumerate(self.rows) if owner == name]]
+
+    def compact(self) -> ExtendedJacobian:
+        """Without the rows that are exactly zero: a planar mechanism keeps x, y and rz, as in figure 9."""
+        kept = [i for i, row in enumerate(self.matrix) if row.any()]
+        return ExtendedJacobian(self.matrix[kept], tuple(self.rows[i] for i in kept), self.columns)
+
+    def __str__(self) -> str:
+        wide = max([len(f"{owner} {component}") for owner, component in self.rows], default=0)
+        columns = [max(len(name), 9) for name in self.columns]
+        head = " " * wide + "".join(f"  {name:>{w}}" for name, w in zip(self.columns, columns, strict=True))
+        lines = [head]
+        for (owner, component), row in zip(self.rows, self.matrix, strict=True):
+            cells = "".join(
+                f"  {'.' if value == 0.0 else f'{value:.4g}':>{w}}" for value, w in zip(row, columns, strict=True)
+            )
+            lines.append(f"{f'{owner} {component}':<{wide}}{cells}")
+        return "\n".join(lines)

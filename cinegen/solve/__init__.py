@@ -1,0 +1,6 @@
+"""How a mechanism moves: pulls resolved through an SVD inside what the loops leave, one tick at a time."""
+
+from cinegen.solve.pull import Pull
+from cinegen.solve.solver import Solver, Step, Verdict
+
+__all__ = ["Pull", "Solver", "Step", "Verdict"]
