@@ -1,0 +1,207 @@
+"""Loading: RAFF and its conversion are one mechanism; what can't be one is refused, with the way out."""
+
+from __future__ import annotations
+
+import json
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+import raff2urdf
+
+FOUR_BAR = """
+robot linkage {
+  base { }
+  link 1 { parameters { theta 70 } type 2 pred 0 }
+  link 2 { parameters { theta -60 d 100 } type 2 pred 1 }
+  link 3 { parameters { theta 95 d 200 } type 2 pred 0 }
+  frame 4 { parameters { d 250 } pred 2 name "tool" }
+  frame 5 { parameters { d 180 } pred 3 }
+  constraint { frame 4 frame 5 type 3 }
+}
+"""
+
+# Bennett's linkage, with one length a millimetre off: a rigid or revolute closure contradicts itself, a ball doesn't.
+BENT = """
+robot bent {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 }
+  link 2 { parameters { theta 60 d 200 alpha 30 } type 2 pred 1 }
+  link 3 { parameters { theta 70 d 301 alpha 50 } type 2 pred 2 }
+  link 4 { parameters { theta 50 d 200 alpha 30 } type 2 pred 3 }
+  frame 5 { parameters { d 303 alpha 58 } pred 4 name "end" }
+  constraint { base frame 5 }
+}
+"""
+
+
+def test_a_raff_file_and_its_conversion_are_the_same_mechanism_bit_for_bit(root, tmp_path):
+    for name in ("delta4", "four_bar", "hybrid", "arm7"):
+        raff2urdf.convert(root / "robots" / f"{name}.raff", tmp_path)
+        one = cinegen.load(root / "robots" / f"{name}.raff")
+        other = cinegen.load(tmp_path / f"{name}.urdf")
+        assert np.array_equal(one.q_home, other.q_home)
+        assert (one.nodes, one.joints, one.actuated) == (other.nodes, other.joints, other.actuated)
+        assert (one.mobility, one.loop_rank, one.length) == (other.mobility, other.loop_rank, other.length)
+        assert np.array_equal(one.model.lowerPositionLimit, other.model.lowerPositionLimit)
+        assert np.array_equal(one.model.upperVelocityLimit, other.model.upperVelocityLimit)
+
+
+def test_a_urdf_without_constraints_is_a_tree_whose_joints_all_have_motors(root, tmp_path):
+    raff2urdf.convert(root / "robots" / "rx90.raff", tmp_path)
+    (tmp_path / "rx90.constraints.json").unlink()
+    mechanism = cinegen.load(tmp_path / "rx90.urdf")
+    assert mechanism.loops == ()
+    assert mechanism.actuated == mechanism.joints
+    assert mechanism.nodes[0] == "base"
+
+
+def test_the_first_robot_of_several_is_loaded_unless_another_is_named(root):
+    path = root / "robots" / "two_arms.raff"
+    first, second = (robot.name for robot in raff2urdf.load(path).robots)
+    assert cinegen.load(path).name == first
+    assert cinegen.load(path, second).name == second
+    with pytest.raises(raff2urdf.RaffError, match=f"no robot 'rihgt'.*'{second}'"):
+        cinegen.load(path, "rihgt")
+
+
+def test_rounded_values_are_closed_and_the_gap_is_told(robot):
+    delta = robot("delta4")
+    assert 1e-9 < delta.gap_as_written < 1e-4
+    assert delta.closure(delta.q_home) <= 1e-12
+
+
+def test_a_mechanism_that_contradicts_itself_is_refused_with_the_way_out(raff):
+    with pytest.raises(cinegen.ClosureError) as caught:
+        raff(BENT)
+    said = str(caught.value)
+    assert "base-end" in said
+    assert "6 loop rows of rank" in said
+    assert '"base-end": "' in said
+    assert isinstance(caught.value, raff2urdf.RaffError)
+
+
+def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
+    mechanism = raff(BENT, loops={"base-end": "ball"})
+    assert mechanism.closure(mechanism.q_home) <= 1e-12
+    assert mechanism.mobility == 1
+    with pytest.raises(raff2urdf.RaffError, match="no loop 'end-base'"):
+        raff(BENT, loops={"end-base": "ball"})
+    with pytest.raises(raff2urdf.RaffError, match="'hinge' is no kind of loop"):
+        raff(BENT, loops={"base-end": "hinge"})
+
+
+def test_the_urdf_of_a_mechanism_that_contradicts_itself_is_refused_alike(raff, tmp_path):
+    (tmp_path / "bent.raff").write_text("RAFF bent\n" + BENT, encoding="utf-8")
+    from raff2urdf.conversion import convert_file
+
+    convert_file(tmp_path / "bent.raff", tmp_path, loops={"base-end": "ball"})
+    constraints = json.loads((tmp_path / "bent.constraints.json").read_text())
+    constraints["loops"][0]["kind"] = "rigid"
+    (tmp_path / "bent.constraints.json").write_text(json.dumps(constraints))
+    with pytest.raises(cinegen.ClosureError, match="base-end"):
+        cinegen.load(tmp_path / "bent.urdf")
+    assert cinegen.load(tmp_path / "bent.urdf", loops={"base-end": "ball"}).mobility == 1
+    with pytest.raises(cinegen.CinegenError, match="no loop 'x'"):
+        cinegen.load(tmp_path / "bent.urdf", loops={"x": "ball"})
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("<robot name='r'><link name='a'>", "no XML"),
+        ("<sdf/>", "not <robot>"),
+        ("<robot name='r'/>", "Pinocchio can't read it"),
+    ],
+)
+def test_a_urdf_that_is_none_is_refused(text, says, tmp_path):
+    path = tmp_path / "bad.urdf"
+    path.write_text(text)
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(path)
+
+
+def test_files_that_cant_be_read_are_refused(tmp_path):
+    with pytest.raises(cinegen.CinegenError, match="can't be read"):
+        cinegen.load(tmp_path / "none.urdf")
+    with pytest.raises(raff2urdf.RaffError, match="can't be read"):
+        cinegen.load(tmp_path / "none.raff")
+
+
+def test_constraints_that_dont_fit_their_urdf_are_refused(root, tmp_path):
+    raff2urdf.convert(root / "robots" / "four_bar.raff", tmp_path)
+    path = tmp_path / "four_bar.constraints.json"
+    good = json.loads(path.read_text())
+    for change, says in [
+        ({"nodes": [*good["nodes"], "nowhere"]}, "'nowhere'"),
+        ({"joints": [{"name": "joint99", "home": 0.0}]}, "'joint99'"),
+        ({"version": 2}, "version"),
+        ({"mobility": "one"}, "mobility"),
+    ]:
+        path.write_text(json.dumps({**good, **change}))
+        with pytest.raises((cinegen.CinegenError, raff2urdf.RaffError), match=says):
+            cinegen.load(tmp_path / "four_bar.urdf")
+
+
+def test_a_joint_without_limits_has_one_number_and_may_turn_for_ever(raff):
+    mechanism = raff(FOUR_BAR)
+    assert mechanism.model.nq == mechanism.model.nv == 3
+    assert np.isinf(mechanism.model.upperPositionLimit).all()
+    assert np.isinf(mechanism.model.upperVelocityLimit).all()
+
+
+def test_limits_and_speeds_are_those_of_the_file(raff):
+    mechanism = raff("""
+      robot r { base { }
+        link 1 { parameters { r 5 } type 1 pred 0 limits { -10 30 } velocity 250 }
+        link 2 { parameters { theta 5 } type 2 pred 1 limits { -90 180 } velocity 90 } }""")
+    slide, hinge = mechanism.q_index("joint1"), mechanism.q_index("joint2")
+    assert mechanism.slides("joint1")
+    assert not mechanism.slides("joint2")
+    assert mechanism.model.lowerPositionLimit[slide] == -0.01
+    assert mechanism.model.upperPositionLimit[slide] == 0.03
+    assert mechanism.model.upperPositionLimit[hinge] == np.pi
+    assert mechanism.model.upperVelocityLimit[mechanism.v_index("joint1")] == 0.25
+    assert mechanism.model.upperVelocityLimit[mechanism.v_index("joint2")] == np.pi / 2
+    assert mechanism.q_home[slide] == 0.005
+
+
+def test_home_is_brought_inside_the_limits_where_closing_left_them(raff):
+    text = FOUR_BAR.replace(
+        "parameters { theta 95 d 200 } type 2 pred 0", "parameters { theta 95 d 200 } type 2 pred 0 %s"
+    )
+    free = raff(text % "")
+    low = np.degrees(free.q_home[free.q_index("joint3")]) + 1.0
+    held = raff(text % f"limits {{ {low} {low + 40} }}")
+    assert held.q_home[held.q_index("joint3")] >= held.model.lowerPositionLimit[held.q_index("joint3")]
+    assert held.closure(held.q_home) <= 1e-12
+
+
+def test_a_base_that_a_sensor_may_move_is_free_and_adds_six(raff):
+    text = """
+      sensor 1 { port "/dev/null" translation 3 rotation 3 }
+      robot r { base { parameters { d 100 alpha 90 } } link 1 { type 2 pred 0 }
+        frame 2 { parameters { d 50 } pred 1 name "tool" }
+        constraint { base sensor ( 0 1 ) } }"""
+    mechanism = raff(text)
+    assert mechanism.floating
+    assert mechanism.mobility == 7
+    assert (mechanism.model.nq, mechanism.model.nv) == (8, 7)
+    assert mechanism.joints == ("joint1",)
+    home = mechanism.placement(mechanism.q_home, "base")
+    assert np.allclose(home.translation, [0.1, 0.0, 0.0], atol=1e-15)
+    assert np.allclose(home.rotation @ [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], atol=1e-15)
+    moved = pin.integrate(mechanism.model, mechanism.q_home, np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    assert np.allclose(mechanism.placement(moved, "base").translation, [0.1, -1.0, 0.0])
+    assert mechanism.sensor_constraints == (("base", (0, 1)),)
+
+
+def test_a_mechanism_can_be_sent_to_another_process(robot):
+    delta = robot("delta4")
+    copy = pickle.loads(pickle.dumps(delta))
+    assert np.array_equal(copy.q_home, delta.q_home)
+    assert copy.mobility == delta.mobility
+    assert np.array_equal(copy.loop_jacobian(delta.q_home), delta.loop_jacobian(delta.q_home))

@@ -1,0 +1,162 @@
+"""The command `cinegen`, as typed."""
+
+from __future__ import annotations
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+
+import pytest
+
+import cinegen
+
+
+def _cinegen(*arguments, cwd, **options):
+    command = [sys.executable, "-m", "cinegen", *map(str, arguments)]
+    return subprocess.run(
+        command, cwd=cwd, capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=120, **options
+    )
+
+
+def test_info_says_what_a_mechanism_is(root, tmp_path):
+    said = _cinegen("info", root / "robots/delta4.raff", cwd=tmp_path)
+    assert said.returncode == 0
+    for words in (
+        "mobility 3",
+        "15 joints (3 actuated)",
+        "12 rows of rank 12",
+        "link5-link17: rigid",
+        "platform at home",
+    ):
+        assert words in said.stdout
+    assert re.search(r"joint6 +revolute +\S+ +-1.484 +1.396 .*actuated", said.stdout)
+
+
+def test_info_as_json_agrees_with_the_mechanism(root, robot, tmp_path):
+    said = _cinegen("info", root / "robots/two_arms.raff", root / "robots/delta4.raff", "--json", cwd=tmp_path)
+    reports = json.loads(said.stdout)
+    assert [report["name"] for report in reports] == ["two_arms.left", "two_arms.right", "delta4"]
+    delta = robot("delta4")
+    assert reports[2]["mobility"] == 3
+    assert reports[2]["actuated"] == list(delta.actuated)
+    assert reports[2]["closure_at_home"] <= 1e-12
+    assert [joint["home"] for joint in reports[2]["joints"]] == [
+        delta.q_home[delta.q_index(joint)] for joint in delta.joints
+    ]
+
+
+def test_a_snapshot_is_written_at_once_without_a_server(root, tmp_path):
+    said = _cinegen("drive", root / "robots/gough.raff", "--snapshot", "out/gough.html", cwd=tmp_path)
+    assert said.returncode == 0
+    assert str(tmp_path / "out/gough.html") in said.stdout
+    assert "http:" not in said.stdout
+    assert "MeshCat.Viewer" in (tmp_path / "out/gough.html").read_text()
+
+
+def test_where_nobody_can_press_ctrl_c_it_moves_ten_seconds_and_leaves_a_page(root, tmp_path):
+    began = time.monotonic()
+    said = _cinegen("drive", root / "robots/delta4.raff", "--port", "7500", cwd=tmp_path)
+    assert said.returncode == 0
+    assert time.monotonic() - began > 10.0
+    assert "page: http://127.0.0.1:" in said.stdout
+    assert str(tmp_path / "delta4.html") in said.stdout
+    assert (tmp_path / "delta4.html").exists()
+
+
+@pytest.mark.parametrize("shape", ["figure8", "line"])
+def test_several_robots_follow_a_shape_for_as_long_as_said(root, tmp_path, shape):
+    files = [root / "robots/two_arms.raff", root / "robots/four_bar.raff"]
+    said = _cinegen("drive", *files, "--follow", shape, "--seconds", "1", "--port", "7600", cwd=tmp_path)
+    assert said.returncode == 0
+    for name in ("two_arms.left", "two_arms.right", "four_bar"):
+        assert f"{name}: tool follows a" in said.stdout
+    assert re.search(r"loops closed to \de-1[3-9]", said.stdout)
+    assert not list(tmp_path.iterdir())
+
+
+def test_at_a_terminal_it_moves_until_ctrl_c_and_ends_well(root, tmp_path):
+    master, slave = pty.openpty()
+    command = [
+        sys.executable,
+        "-m",
+        "cinegen",
+        "drive",
+        str(root / "robots/rx90.raff"),
+        "--port",
+        "7700",
+        "--no-browser",
+    ]
+    process = subprocess.Popen(command, cwd=tmp_path, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
+    os.close(slave)
+    said = ""
+    try:
+        said = _until(master, said, "Ctrl-C ends")
+        url = re.search(r"http://\S+", said).group()
+        assert b"MeshCat" in urllib.request.urlopen(url, timeout=10).read()
+        said = _until(master, said, "closure")
+        process.send_signal(signal.SIGINT)
+        said = _until(master, said, "stopped")
+        assert process.wait(20) == 0
+    finally:
+        process.kill()
+        os.close(master)
+    assert "Traceback" not in said
+
+
+def _until(master, said, words):
+    deadline = time.monotonic() + 60
+    while words not in said:
+        assert time.monotonic() < deadline, said
+        if select.select([master], [], [], 1.0)[0]:
+            said += os.read(master, 4096).decode()
+    return said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["info", "none.raff"], "none.raff: can't be read"),
+        (["drive", "none.urdf"], "none.urdf: can't be read"),
+        (["info", "bad.raff"], "bad.raff:2:17: a second link 1"),
+        (["drive", "good.raff", "--node", "nose"], "no node 'nose'"),
+        (["info", "good.raff", "--robot", "b"], "no robot 'b'"),
+        (["info", "good.raff", "--loop", "ball"], "write NAME=KIND"),
+        (["drive", "good.raff", "--snapshot", "good.raff/x.html"], "can't be written"),
+    ],
+)
+def test_what_is_wrong_is_one_clear_error_and_exit_code_1(arguments, says, tmp_path):
+    (tmp_path / "good.raff").write_text("RAFF good\nrobot a { base { } link 1 { type 2 pred 0 } }\n")
+    (tmp_path / "bad.raff").write_text(
+        "RAFF bad\nrobot a { link 1 { type 2 pred 0 } link 1 { type 2 pred 0 } base { } }\n".replace(
+            "link 1 {", "link 1{"
+        )
+    )
+    said = _cinegen(*arguments, cwd=tmp_path)
+    assert said.returncode == 1
+    assert says.split(":2:")[0] in said.stderr
+    assert says.split(": ")[-1] in said.stderr
+    assert "Traceback" not in said.stderr
+
+
+def test_a_loop_that_cant_be_closed_says_what_to_type(tmp_path):
+    (tmp_path / "bent.raff").write_text(
+        "RAFF bent\nrobot r { base { } link 1 { type 2 pred 0 } link 2 { parameters { d 200 alpha 30 theta 60 } type 2"
+        " pred 1 } link 3 { parameters { d 301 alpha 50 theta 70 } type 2 pred 2 } link 4 { parameters { d 200 alpha 30"
+        " theta 50 } type 2 pred 3 } frame 5 { parameters { d 303 alpha 58 } pred 4 } constraint { base frame 5 } }\n"
+    )
+    said = _cinegen("info", "bent.raff", cwd=tmp_path)
+    assert said.returncode == 1
+    assert '"base-frame5": "ball"' in said.stderr
+    assert _cinegen("info", "bent.raff", "--loop", "base-frame5=ball", cwd=tmp_path).returncode == 0
+
+
+def test_the_public_face_is_short():
+    assert set(cinegen.__all__) >= {"load", "Mechanism", "Solver"}
+    assert len(cinegen.__all__) < 15
