@@ -47,14 +47,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     drive.set_defaults(run=_drive)
 
     options = parser.parse_args(arguments)
-    warnings.showwarning = _show_warning
     from cinegen.errors import CinegenError
 
-    try:
-        code: int = options.run(options)
-    except (RaffError, CinegenError) as error:
-        print(f"cinegen: {error}", file=sys.stderr)
-        return 1
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        try:
+            code: int = options.run(options)
+        except (RaffError, CinegenError) as error:
+            print(f"cinegen: {error}", file=sys.stderr)
+            return 1
     return code
 
 

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from raff2urdf.closure import close_from_afar, generic_rank, passive, why_open
+from raff2urdf.check import check_sizes
+from raff2urdf.closure import Closing, close_from_afar, generic_rank, passive, why_open
 from raff2urdf.document import Document, JointType, LoopKind, Robot
-from raff2urdf.errors import ClosureError, RaffError, did_you_mean
+from raff2urdf.errors import ClosureError, Problem, RaffError, did_you_mean
 from raff2urdf.tree import Cluster, characteristic_length, clusters, placements
 
 
@@ -66,22 +67,31 @@ def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = 
 
     Raises:
         ClosureError: the loops can't be closed.
-        RaffError: `loops` names a loop or a kind that does not exist.
+        RaffError: `loops` names a loop or a kind that does not exist; a length is too great to compute with.
     """
+    check_sizes(document, robot)
     kinds = loop_kinds(robot, loops)
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
     free = len(joints) + (6 if robot.movable else 0)
     rows = rank = 0
     gap = 0.0
     determined: set[str] = set()  # joints that the others move
+    why: list[Problem] = []
     if robot.loops:
         origins = np.array([placed[:3, 3] for placed in placements(document, robot).values()])
         for cluster in clusters(document, robot, kinds, characteristic_length(origins)):
             gap = max(gap, *cluster.gaps(cluster.home))
-            count, jacobian = _rank(cluster, robot)
+            closing = close_from_afar(cluster, cluster.home)
+            if not closing.closed:
+                why.append(_why_open(document, robot, cluster, closing))
+                continue
+            count, q = generic_rank(cluster, closing.q)
+            jacobian = cluster.evaluate(q)[1]
             rows, rank = rows + len(jacobian), rank + count
             order = _outermost_first(robot, cluster)
             determined |= {cluster.joints[i].joint for i in passive(jacobian, order)}
+    if why:
+        raise ClosureError(why)
     said = {joint.joint: joint.actuated for joint in joints}
     if True in said.values():
         actuated = [name for name, has in said.items() if has]
@@ -90,14 +100,10 @@ def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = 
     return Analysis(free - rank, rows, rank, tuple(actuated), gap, tuple(kinds.values()))
 
 
-def _rank(cluster: Cluster, robot: Robot) -> tuple[int, np.ndarray]:
-    closing = close_from_afar(cluster, cluster.home)
-    if not closing.closed:
-        names = [robot.loop_names[i] for i in cluster.loops]
-        why = why_open(names, cluster.kinds, cluster.gaps, cluster.relaxed, cluster.home, closing)
-        raise ClosureError(f"robot '{robot.name}': {why}")
-    count, q = generic_rank(cluster, closing.q)
-    return count, cluster.evaluate(q)[1]
+def _why_open(document: Document, robot: Robot, cluster: Cluster, closing: Closing) -> Problem:
+    names = [robot.loop_names[i] for i in cluster.loops]
+    why = why_open(names, cluster.kinds, cluster.gaps, cluster.relaxed, cluster.home, closing)
+    return document.source.problem(f"robot '{robot.name}': {why}")
 
 
 def _outermost_first(robot: Robot, cluster: Cluster) -> Sequence[int]:

@@ -2,6 +2,7 @@
 
 `check_tree` judges what a document must hold to be a document at all. `check` also wants every constraint to
 name nodes and sensors that exist: an excerpt (figure 5 of the paper is one) may be read, but not converted.
+`check_sizes` is for those who compute with the lengths.
 """
 
 from __future__ import annotations
@@ -27,6 +28,9 @@ def is_xml_name(name: str) -> bool:
     return re.fullmatch(_ASCII_NAME if name.isascii() else _XML_NAME, name) is not None
 
 
+LARGEST = 1e12
+"""m: no length may be greater; its square must leave room for the rest."""
+
 RESERVED = {"base": "the root", "world": "what the base stands in", "universe": "Pinocchio's root"}
 
 
@@ -44,6 +48,13 @@ def check(document: Document) -> None:
     _raise(document, problems)
     for robot in document.robots:
         _warn(document, robot)
+
+
+def check_sizes(document: Document, robot: Robot) -> None:
+    """Raises RaffError where a length is too great to compute with."""
+    problems = list(_size_problems(document, robot))
+    if problems:
+        raise RaffError(problems)
 
 
 def _raise(document: Document, problems: list[Problem]) -> None:
@@ -126,6 +137,16 @@ def _cycles(document: Document, robot: Robot, numbers: dict[int, Link | Frame]) 
             yield document.source.problem(message, numbers[at].places.get("pred"))
 
 
+def _size_problems(document: Document, robot: Robot) -> Iterator[Problem]:
+    for node in (robot.base, *robot.parts):
+        for word in ("r", "d", "epsilon"):
+            if not abs(document.metres(getattr(node.parameters, word))) <= LARGEST:
+                message = (
+                    f"{word} of {_kind(node)} {node.number} is beyond {LARGEST:g} m: nothing can be computed there"
+                )
+                yield document.source.problem(message, node.places.get("parameters"))
+
+
 def _constraint_problems(document: Document, robot: Robot) -> Iterator[Problem]:
     problem = document.source.problem
     known = {0, *(part.number for part in robot.parts)}
@@ -143,8 +164,10 @@ def _constraint_problems(document: Document, robot: Robot) -> Iterator[Problem]:
             yield problem(message, constraint.places.get("node"))
         for number in constraint.sensors:
             if number != 0 and number not in sensors:
-                listed = ", ".join(map(str, sorted(sensors))) or "none is declared"
-                yield problem(f"unknown sensor {number} (declared: {listed})", constraint.places.get("sensor"))
+                listed = ", ".join(map(str, sorted(sensors))) or "none"
+                yield problem(
+                    f"unknown sensor {number} (declared: {listed})", constraint.places.get(f"sensor {number}")
+                )
 
 
 def _warn(document: Document, robot: Robot) -> None:

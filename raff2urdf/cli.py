@@ -33,7 +33,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="read and check only: write nothing, close no loops")
     parser.add_argument("--json", action="store_true", help="say what was found as JSON")
     options = parser.parse_args(arguments)
-    warnings.showwarning = _show_warning
+    with warnings.catch_warnings():
+        warnings.showwarning = _show_warning
+        return _run(options)
+
+
+def _run(options: argparse.Namespace) -> int:
     reports: list[dict[str, Any]] = []
     failed = False
     for name in options.files:
@@ -53,9 +58,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
-    from raff2urdf import load
+    from raff2urdf.reader import parse, read
 
-    document = load(name)
+    document = parse(read(name), name)
     check(document)
     robots = [document.robot(robot)] if robot is not None else document.robots
     return [

@@ -25,7 +25,7 @@ _ROUNDING = 2e-15  # no residual is expected to get below this: Gauss-Newton sto
 _STEP_CAP = 0.6  # rad: a longer Gauss-Newton step leaves what its linearisation knows
 _RANK = 1e-8  # singular values below this part of the largest are zeros: closed loops leave 1e-13 there
 _WALK = 0.3  # rad: length of a step between the random closed configurations
-_SAMPLES = 8  # random closed configurations on which the generic rank is counted
+_SAMPLES = 5  # random closed configurations on which the generic rank is counted
 
 
 class LoopSystem(Protocol):
@@ -204,8 +204,12 @@ def why_open(
         changed = [i for i in open_loops if _freedom(kinds[i]) < _freedom(weaker) and kinds[i] is not LoopKind.BALL]
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
         if changed and close_from_afar(relaxed(trial), start).closed:
-            said = ", ".join(f'"{names[i]}": "{weaker.name.lower()}"' for i in changed)
-            lines.append(f"it closes with {weaker.name.lower()} joints there: loops={{{said}}}")
+            kind = weaker.name.lower()
+            typed = " ".join(f"--loop {names[i]}={kind}" for i in changed)
+            python = ", ".join(f'"{names[i]}": "{kind}"' for i in changed)
+            lines.append(
+                f"it closes with {kind} joints there: loops={{{python}}} in Python, {typed} as a command's option"
+            )
             break
     else:
         lines.append("neither revolute nor ball joints there would close it")

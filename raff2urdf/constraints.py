@@ -11,7 +11,7 @@ from typing import Any
 
 from raff2urdf.analysis import Analysis
 from raff2urdf.document import Document, JointType, LoopKind, Robot
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.tree import home
 from raff2urdf.urdf import BASE_JOINT, limits, velocity
 
@@ -87,16 +87,17 @@ def loads(text: str, name: str = "<constraints>") -> Constraints:
     import jsonschema
 
     try:
-        values = json.loads(text, parse_constant=_no_constant)
-    except ValueError as error:
+        values = json.loads(text, parse_constant=_no_constant, parse_float=_finite)
+    except (ValueError, RecursionError) as error:
         raise RaffError(f"{name}: this is no JSON: {error}") from None
     worst = jsonschema.exceptions.best_match(_validator().iter_errors(values))
     if worst is not None:
         raise RaffError(f"{name}: at {worst.json_path}: {worst.message[:300]}")
-    for entry in values["loops"]:
-        for end in ("first", "second"):
-            if entry[end]["node"] not in values["nodes"]:
-                raise RaffError(f"{name}: loop '{entry['name']}' ends at '{entry[end]['node']}', which is no node")
+    ends = [(f"loop '{loop['name']}'", loop[end]["node"]) for loop in values["loops"] for end in ("first", "second")]
+    ends += [("a sensor constraint", entry["node"]) for entry in values.get("sensor_constraints", [])]
+    for what, node in ends:
+        if node not in values["nodes"]:
+            raise RaffError(f"{name}: {what} names '{node}', which is no node{did_you_mean(node, values['nodes'])}")
     return dict(values)
 
 
@@ -124,6 +125,11 @@ def _validator() -> Any:
 
     schema = files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8")
     return jsonschema.Draft202012Validator(json.loads(schema))
+
+
+def _finite(word: str) -> float:
+    value = float(word)
+    return value if math.isfinite(value) else _no_constant(word)
 
 
 def _no_constant(word: str) -> float:

@@ -84,9 +84,9 @@ def convert_file(
     path: Path, out: Path, robot: str | None = None, loops: Mapping[str, str] | None = None
 ) -> list[Conversion]:
     """See `raff2urdf.convert`; `loops` as in `translate`."""
-    from raff2urdf import load
+    from raff2urdf.reader import parse, read
 
-    document = load(path)
+    document = parse(read(path), str(path))
     check(document)
     robots = [document.robot(robot)] if robot is not None else list(document.robots)
     conversions, texts = [], []
@@ -113,6 +113,9 @@ def _write_all(out: Path, texts: Sequence[tuple[Path, str]]) -> None:
     aside: list[str] = []
     try:
         out.mkdir(parents=True, exist_ok=True)
+        for path, _ in texts:
+            if path.is_dir():
+                raise IsADirectoryError(0, f"{path.name} is a folder")
         for path, text in texts:
             handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=out)
             aside.append(name)

@@ -89,7 +89,7 @@ class Link:
     @property
     def node(self) -> str:
         """The node's name: what URDF, API and page show."""
-        return self.name or f"link{self.number}"
+        return self.name if self.name is not None else f"link{self.number}"
 
     @property
     def joint(self) -> str:
@@ -111,7 +111,7 @@ class Frame:
     @property
     def node(self) -> str:
         """The node's name: what URDF, API and page show."""
-        return self.name or f"frame{self.number}"
+        return self.name if self.name is not None else f"frame{self.number}"
 
     @property
     def joint(self) -> str:

@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 ROWS = {LoopKind.RIGID: 6, LoopKind.PRISMATIC: 5, LoopKind.REVOLUTE: 5, LoopKind.BALL: 3}
 
 
+_UNIT = np.eye(3)
+
+
 def gap(kind: LoopKind, placement: Array, length: float) -> tuple[Array, Array]:
     """Residual of a loop and its derivative.
 
@@ -42,17 +45,17 @@ def gap(kind: LoopKind, placement: Array, length: float) -> tuple[Array, Array]:
         the second end relative to the first, in the first end's axes, taken at the first end's origin.
     """
     rotation, p = placement[:3, :3], placement[:3, 3]
-    moving = np.hstack([np.eye(3), -skew(p)]) / length  # dp/dt = v + omega x p
-    if kind is LoopKind.BALL:
-        return p / length, moving
+    linear = 2 if kind is LoopKind.PRISMATIC else 3
+    residual, derivative = np.empty(ROWS[kind]), np.zeros((ROWS[kind], 6))
+    residual[:linear] = p[:linear] / length
+    derivative[:linear, :3] = _UNIT[:linear] / length
+    derivative[:linear, 3:] = skew(p)[:linear] / -length  # dp/dt = v + omega x p
     if kind is LoopKind.REVOLUTE:
-        tilt, by_omega = swing(rotation[:, 2])
-        turning = np.hstack([np.zeros((2, 3)), by_omega])
-        return np.concatenate([p / length, tilt]), np.vstack([moving, turning])
-    vector = log(rotation)
-    turning = np.hstack([np.zeros((3, 3)), log_derivative(vector)])
-    rows = slice(0, 2 if kind is LoopKind.PRISMATIC else 3)
-    return np.concatenate([p[rows] / length, vector]), np.vstack([moving[rows], turning])
+        residual[3:], derivative[3:, 3:] = swing(rotation[:, 2])
+    elif kind is not LoopKind.BALL:
+        vector = log(rotation)
+        residual[linear:], derivative[linear:, 3:] = vector, log_derivative(vector)
+    return residual, derivative
 
 
 def skew(v: Any) -> Array:

@@ -6,6 +6,7 @@ import math
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -200,17 +201,16 @@ class _Build(Transformer[Token, Any]):
     def parameter(self, word: Token, number: Token) -> _Field:
         return _Field(str(word), self._number(number), _place(word))
 
-    def parameters(self, *fields: _Field) -> _Field:
+    def parameters(self, keyword: Token, *fields: _Field) -> _Field:
         found = self._gather("these parameters", fields)
-        place = fields[0].place if fields else Place(1, 1)
-        return _Field("parameters", Parameters(**{word: field.value for word, field in found.items()}), place)
+        values = {word: field.value for word, field in found.items()}
+        return _Field("parameters", Parameters(**values), _place(keyword))
 
     def limits(self, low: Token, high: Token) -> _Field:
         return _Field("limits", (self._number(low), self._number(high)), _place(low))
 
-    def filename(self, *tokens: Token) -> _Field:
-        place = _place(tokens[0]) if tokens else Place(1, 1)
-        return _Field("filename", tuple(self._string(token) for token in tokens), place)
+    def filename(self, keyword: Token, *tokens: Token) -> _Field:
+        return _Field("filename", tuple(self._string(token) for token in tokens), _place(keyword))
 
     def _common(self, owner: str, fields: Sequence[_Field]) -> tuple[dict[str, _Field], dict[str, Any]]:
         """What base, link and frame share: their fields by word, and the arguments common to all three."""
@@ -220,10 +220,9 @@ class _Build(Transformer[Token, Any]):
         parameters = found["parameters"].value if "parameters" in found else Parameters()
         return found, {"parameters": parameters, "filenames": filenames, "places": places}
 
-    def base(self, *fields: _Field) -> _Field:
-        found, common = self._common("the base", fields)
-        place = next(iter(found.values())).place if found else Place(1, 1)
-        return _Field("base", Base(**common), place)
+    def base(self, keyword: Token, *fields: _Field) -> _Field:
+        _, common = self._common("the base", fields)
+        return _Field("base", Base(**common), _place(keyword))
 
     def link(self, number: Token, *fields: _Field) -> Link:
         owner = f"link {number}"
@@ -262,18 +261,20 @@ class _Build(Transformer[Token, Any]):
         return _Field("node", 0 if number is None else self._whole(number), _place(word if number is None else number))
 
     def choice(self, *tokens: Token) -> _Field:
-        return _Field("sensor", tuple(self._whole(token) for token in tokens), _place(tokens[0]))
+        return _Field("sensor", [(self._whole(token), _place(token)) for token in tokens], _place(tokens[0]))
 
-    def constraint(self, *fields: _Field) -> Loop | SensorConstraint:
+    def constraint(self, keyword: Token, *fields: _Field) -> Loop | SensorConstraint:
         nodes = [field for field in fields if field.word == "node"]
         found = self._gather("this constraint", fields, several=["node"])
-        place = fields[0].place if fields else Place(1, 1)
+        place = fields[0].place if fields else _place(keyword)
         places = {word: field.place for word, field in found.items()}
         if "sensor" in found:
             if len(nodes) != 1 or "type" in found:
                 self.report("a constraint with sensors names one node, and no type", place)
             node = nodes[0].value if nodes else 0
-            return SensorConstraint(node, found["sensor"].value, places)
+            sensors = found["sensor"].value
+            places |= {f"sensor {number}": where for number, where in sensors}
+            return SensorConstraint(node, tuple(number for number, _ in sensors), places)
         if len(nodes) != 2:
             self.report("a constraint names two nodes (a loop), or one node and the sensors it may follow", place)
             return Loop(0, 0, places=places)
@@ -364,6 +365,7 @@ class _Reading:
         self.missing: list[Problem] = []  # only worth saying where all words are right
         self.open: list[_Block] = []
         self.closed: dict[str, _Block] = {}  # the last block of each kind, with the line of its closing brace
+        self.header = Place(1, 1)
         self.last: tuple[str, str] = ("", "")  # the word a brace would belong to, and what follows it
 
     def report(self, message: str, place: Place) -> None:
@@ -393,6 +395,9 @@ class _Reading:
 
     def feed(self, token: Token) -> None:
         """One token into the parser; a token that doesn't fit is reported and passed over."""
+        if self.last[0] == "RAFF" and self.last[1] == "RAFF" and (token.line or 1) > self.header.line:
+            self.report("a RAFF file begins with 'RAFF <name>', both on one line", self.header)
+            raise _StopReadingError
         try:
             self.parser.feed_token(token)
         except UnexpectedToken as error:
@@ -406,8 +411,10 @@ class _Reading:
             self.closed[block.kind] = _Block(block.kind, block.label, token.line or 1)
         elif token.type in ("NUMBER", "STRING", "WORD"):
             self.last = (self.last[0], f"{self.last[0]} {token}")
-        else:
+        elif token.type not in ("LPAR", "RPAR"):
             self.last = (str(token), str(token))
+        if token.type == "RAFF":
+            self.header = _place(token)
 
     def here(self) -> str:
         return self.open[-1].kind if self.open else ""
@@ -423,13 +430,20 @@ class _Reading:
         if "RAFF" in expected:
             self.report(f"a RAFF file begins with 'RAFF <name>', not with {shown}", place)
             raise _StopReadingError
-        if expected == {"NUMBER"} or (kind == "limits" and "NUMBER" in expected):
+        if expected == {"NUMBER"}:
             if token.type == "WORD":
-                self.report(f"'{self.last[0]}' needs a number, and {shown} is none", place)
-                self.parser.feed_token(Token("NUMBER", "0", line=token.line, column=token.column))
+                self.report(f"'{self.last[0]}' needs a number, and {shown} is none{self.hint(word)}", place)
+                self.stand_in("NUMBER", "1", token)
                 return
             self.report(f"'{self.last[0]}' needs {'two numbers' if kind == 'limits' else 'a number'} here", place)
-            raise _StopReadingError
+            while self.parser.accepts() == {"NUMBER"}:
+                self.stand_in("NUMBER", "1", token)
+            self.feed(token)
+            return
+        if token.type == "WORD" and (expected == {"STRING"} or kind == "filename"):
+            self.report(f'expected a text in "..." here, found {shown}', place)
+            self.stand_in("STRING", '""', token)
+            return
         if not expected & {"RBRACE", "$END"}:  # in the midst of something: 'link {' and the like
             wanted = sorted(_SHOWN.get(name, f"'{name.lower()}'") for name in expected)
             self.report(f"expected {' or '.join(wanted)} here, found {shown}", place)
@@ -446,8 +460,25 @@ class _Reading:
             return
         self.stray(word, kind, place)
 
+    def stand_in(self, kind: str, text: str, token: Token) -> None:
+        """Feeds what should have stood in a token's place, so that reading can go on."""
+        self.parser.feed_token(Token(kind, text, line=token.line, column=token.column))
+
+    def hint(self, word: str) -> str:
+        """What a word that stands for a number probably means."""
+        if self.last[0] == "type":
+            kinds: list[IntEnum] = list(LoopKind if self.here() == "constraint" else JointType)
+            return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
+        if word[0].isdigit() and word.rstrip("umcdegra").replace(".", "", 1).isdigit():
+            return " (numbers bear no unit: lengths are in the file's `units`, angles in degrees)"
+        return ""
+
     def stray(self, word: str, kind: str, place: Place) -> None:
         """A word that doesn't belong in this kind of block."""
+        if kind and word in _WORDS[""]:
+            self.report(f"'{word}' stands inside {self.where()}: it belongs outside every robot", place)
+            self.skip(place.line)
+            return
         homes = [home for home, words in _WORDS.items() if word in words and home not in ("", kind)]
         outer = [home for home in homes if home in self.closed]
         if outer and not any(block.kind in homes for block in self.open):
@@ -459,7 +490,7 @@ class _Reading:
         if kind == "parameters":
             self.report(f"unknown parameter '{word}'{did_you_mean(word, _PARAMETERS)}", place)
         elif homes:
-            listed = " or ".join(f"'{home} ... {{ }}'" for home in homes)
+            listed = " or ".join(f"'{home} {{ }}'" for home in homes)
             self.report(f"'{word}' does not belong in {self.where()}, but in {listed}", place)
         else:
             known = _WORDS.get(kind, [])
@@ -467,19 +498,22 @@ class _Reading:
         self.skip(place.line)
 
     def skip(self, line: int) -> None:
-        """Passes over what belongs to a stray word: its values and its block."""
+        """Passes over what belongs to a stray word: a word behind it on its line, its values, its block."""
         depth = 0
+        word_may_follow = self.here() != "parameters"
         for token in self.tokens:
-            value = token.type in ("NUMBER", "STRING") or (token.type in ("LPAR", "RPAR"))
             if token.type == "LBRACE":
                 depth += 1
             elif token.type == "RBRACE" and depth > 0:
                 depth -= 1
                 if depth == 0:
-                    return None
-            elif depth == 0 and not value and not (token.type == "WORD" and token.line == line):
+                    return
+            elif depth == 0 and token.type == "WORD" and token.line == line and word_may_follow:
+                pass
+            elif depth == 0 and token.type not in ("NUMBER", "STRING", "LPAR", "RPAR"):
                 self.feed(token)
-                return None
+                return
+            word_may_follow = False
         raise _StopReadingError
 
     def reopen(self, kind: str) -> None:

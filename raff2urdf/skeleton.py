@@ -99,7 +99,7 @@ class Skeleton:
 
 def _typical(parameters: Sequence[Kleinfinger]) -> float:
     """The median length (m) of a robot's straight parts; 1 if it has none."""
-    lengths = [abs(length) for p in parameters for length in (p.epsilon, p.d, p.r) if length]
+    lengths = [abs(length) for p in parameters for length in (p.epsilon, p.d, p.r) if abs(length) > 1e-12]
     return median(lengths) if lengths else 1.0
 
 

@@ -16,7 +16,11 @@ from raff2urdf.document import Base, Document, Frame, JointType, Link, LoopKind,
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.loops import ROWS, gap
 
+_POINT = 1e-15  # m: a robot no larger than this is a point
+
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Columns = NDArray[np.intp]
 
 
 def kleinfinger(document: Document, part: Base | Link | Frame) -> Kleinfinger:
@@ -63,7 +67,7 @@ def characteristic_length(origins: Array) -> float:
     follows a change of unit, and does not depend on where the robot stands or how its links are numbered.
     """
     radius = float(np.sqrt(((origins - origins.mean(axis=0)) ** 2).sum(axis=1).max())) if len(origins) else 0.0
-    return radius if radius > 0.0 else 1.0
+    return radius if radius > _POINT else 1.0
 
 
 class Cluster:
@@ -82,9 +86,16 @@ class Cluster:
         self.home = np.array([home(document, joint) for joint in self.joints])
         self._column = {joint.number: i for i, joint in enumerate(self.joints)}
         self._fixed = {part.number: kleinfinger(document, part) for part in self.parts}
-        self._prismatic = np.array([joint.type is JointType.PRISMATIC for joint in self.joints], dtype=bool)
-        self._columns = [tuple([self._column[p.number] for p in b if p.number in self._column] for b in pair)
-                         for pair in branches]  # fmt: skip
+        self._columns = [self._moving(*pair) for pair in branches]
+
+    def _moving(self, first: list[Link | Frame], second: list[Link | Frame]) -> tuple[Columns, Array, Mask]:
+        """Of a loop: columns of the joints on both branches, their signs (n, 1), whether they slide (n, 1)."""
+        column = self._column
+        on = [column[part.number] for part in (*first, *second) if part.number in column]
+        before = sum(part.number in column for part in first)
+        sign = np.array([-1.0] * before + [1.0] * (len(on) - before))[:, None]
+        slides = np.array([self.joints[i].type is JointType.PRISMATIC for i in on], dtype=bool)[:, None]
+        return np.array(on, dtype=np.intp), sign, slides
 
     def relaxed(self, kinds: Sequence[LoopKind]) -> Cluster:
         """The same loops, closed by other kinds of joints."""
@@ -98,20 +109,19 @@ class Cluster:
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Residual of the loops and its derivative by the dimensionless step."""
         placed = self._placed(q)
-        axes = np.array([placed[joint.number][:3, 2] for joint in self.joints]).reshape(-1, 3)
-        origins = np.array([placed[joint.number][:3, 3] for joint in self.joints]).reshape(-1, 3)
+        joints = np.array([placed[joint.number] for joint in self.joints]).reshape(-1, 4, 4)
+        axes, origins = joints[:, :3, 2], joints[:, :3, 3]
         residuals, blocks = [], []
-        for index, kind, columns in zip(self.loops, self.kinds, self._columns, strict=True):
+        for index, kind, (on, sign, slides) in zip(self.loops, self.kinds, self._columns, strict=True):
             first, second = self._ends(placed, index)
             residual, derivative = gap(kind, _inverse(first) @ second, self.length)
-            twists = np.zeros((6, len(self.joints)))
-            for sign, on in zip((-1.0, 1.0), columns, strict=True):
-                z, linear = axes[on], np.cross(axes[on], first[:3, 3] - origins[on])
-                slides = self._prismatic[on][:, None]
-                twists[:3, on] = sign * (first[:3, :3].T @ np.where(slides, z, linear).T)
-                twists[3:, on] = sign * (first[:3, :3].T @ np.where(slides, 0.0, z).T)
+            z = sign * axes[on]
+            turning = np.where(slides, 0.0, z)
+            sliding = np.where(slides, z, _cross(z, first[:3, 3] - origins[on]))
+            block = np.zeros((len(residual), len(self.joints)))
+            block[:, on] = derivative @ np.vstack([first[:3, :3].T @ sliding.T, first[:3, :3].T @ turning.T])
             residuals.append(residual)
-            blocks.append(derivative @ twists * self.scale)
+            blocks.append(block * self.scale)
         return np.concatenate(residuals), np.vstack(blocks)
 
     def gaps(self, q: Array) -> list[float]:
@@ -184,6 +194,11 @@ def _branches(robot: Robot, first: int, second: int) -> tuple[list[Link | Frame]
                 heads[turn] = part.pred
         turn = 1 - turn
     return sides
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Row by row cross product of (n, 3) arrays; np.cross costs ten times as much on few rows."""
+    return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
 
 
 def _inverse(placement: Array) -> Array:

@@ -98,7 +98,7 @@ def _joint(document: Document, robot: Robot, part: Link | Frame) -> yourdfpy.Joi
         if kind is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"
         else:
-            joint.limit.lower, joint.limit.upper = max(low, -UNLIMITED), min(high, UNLIMITED)
+            joint.limit.lower, joint.limit.upper = (min(max(x, -UNLIMITED), UNLIMITED) for x in (low, high))
     return joint
 
 

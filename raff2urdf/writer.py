@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from raff2urdf.document import Base, Document, Frame, Link, LoopKind, Parameters, Robot
@@ -51,7 +52,7 @@ def _robot(robot: Robot) -> Iterator[str]:
         kind = f" type {int(loop.kind)}" if loop.kind is not LoopKind.RIGID else ""
         yield f"  constraint {{ {_node(robot, loop.first)} {_node(robot, loop.second)}{kind} }}"
     for constraint in robot.sensor_constraints:
-        sensors = " ".join(map(str, constraint.sensors))
+        sensors = _list(list(map(str, constraint.sensors)), "    ")
         yield f"  constraint {{ {_node(robot, constraint.node)} sensor ( {sensors} ) }}"
 
 
@@ -61,7 +62,13 @@ def _shared(part: Base | Link | Frame) -> Iterator[str]:
         said = [(word, getattr(part.parameters, word)) for word in Parameters.__dataclass_fields__]
         yield f"    parameters {{ {' '.join(f'{word} {number(value)}' for word, value in said if value != 0.0)} }}"
     if part.filenames:
-        yield f"    filename {{ {' '.join(map(_text, part.filenames))} }}"
+        yield f"    filename {{ {_list(list(map(_text, part.filenames)), '      ')} }}"
+
+
+def _list(words: list[str], indent: str) -> str:
+    """Words in a row; twenty to a line."""
+    rows = [" ".join(words[i : i + 20]) for i in range(0, len(words), 20)]
+    return f"\n{indent}".join(rows)
 
 
 def _node(robot: Robot, number: int) -> str:
@@ -72,7 +79,13 @@ def _node(robot: Robot, number: int) -> str:
 
 
 def number(value: float) -> str:
-    """The shortest text that reads back to the same double; whole numbers without a point."""
+    """The shortest text that reads back to the same double; whole numbers without a point.
+
+    Raises:
+        RaffError: RAFF can't write what is not finite.
+    """
+    if not math.isfinite(value):
+        raise RaffError(f"RAFF can't write the number {value}")
     return repr(float(value)).removesuffix(".0")
 
 

@@ -43,8 +43,9 @@ def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | 
     if path.suffix.lower() in (".urdf", ".xml"):
         return _load_urdf(path, loops)
     from raff2urdf.conversion import translate
+    from raff2urdf.reader import parse, read
 
-    document = raff2urdf.load(path)
+    document = parse(read(path), str(path))
     raff2urdf.check(document)
     try:
         made = translate(document, document.robot(robot), path.parent, loops=loops)

@@ -84,7 +84,7 @@ def _freedoms(mechanism: Mechanism, node: str, home: pin.SE3) -> tuple[Array, in
     if mechanism.loops:
         _, _, vt = np.linalg.svd(mechanism.system.evaluate(mechanism.q_home)[1])
         motions = vt[mechanism.loop_rank :].T
-    if mechanism.floating:
+    if mechanism.floating and node != mechanism.nodes[0]:  # a base moves only when it is pulled itself
         motions = motions * np.concatenate([np.zeros(6), np.ones(mechanism.model.nv - 6)])[:, None]
     jacobian = mechanism.jacobian(mechanism.q_home, node) * mechanism.scale @ motions
     u, sigma, _ = np.linalg.svd(home.rotation @ jacobian[:3])
