@@ -1,0 +1,185 @@
+"""Random RAFF documents, and random ways to lay out the same text."""
+
+from __future__ import annotations
+
+import re
+from itertools import cycle
+from typing import Any
+
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+from raff2urdf.document import (
+    Base,
+    Document,
+    Frame,
+    JointType,
+    Link,
+    Loop,
+    LoopKind,
+    Parameters,
+    Robot,
+    Sensor,
+    SensorConstraint,
+)
+
+
+def examples(count: int) -> settings:
+    """So many random examples; the first pays for imports and for the parser's making, so there is no deadline."""
+    return settings(max_examples=count, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+
+
+UNITS = ("mm", "um", "cm", "m")
+
+_ANY_DOUBLE = st.floats(allow_nan=False, allow_infinity=False)
+_TELLING = st.sampled_from(
+    [0.0, -0.0, 0.1, 211.21, -85.0, 90.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1e22, 1e-7, 2.0**53]
+)
+EXTREME = _TELLING | _ANY_DOUBLE
+"""Any finite double, with a liking for those that are hard to write."""
+
+LENGTHS = st.just(0.0) | st.floats(-1000.0, 1000.0)
+"""Lengths of a robot one can build, mm."""
+
+ANGLES = st.sampled_from([0.0, 90.0, -90.0, 180.0, 45.0, 90.0 + 1e-9, 90.0 - 1e-7, 1e-6]) | st.floats(-360.0, 360.0)
+"""Angles in degrees, with a liking for those at which formulas break down."""
+
+# Letters that XML allows at the beginning of a name, and what it allows behind; production [5] of XML 1.0.
+_FIRST = st.sampled_from("aBz_éłλЖ中🦾")
+_REST = st.text(st.sampled_from("aBz_éłλЖ中🦾059.-·\u0301"), max_size=6)
+XML_NAMES = st.builds(str.__add__, _FIRST, _REST)
+
+TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters='"\n\0'), max_size=12)
+"""What RAFF can write between quotation marks."""
+
+KEYWORDS = st.sampled_from(
+    re.findall(
+        r"\w+",
+        "RAFF robot sensor units path base link frame constraint parameters type pred limits velocity actuated name "
+        "filename theta r d alpha gamma epsilon port translation rotation mm",
+    )
+)
+
+
+def parameters(lengths: Any, angles: Any) -> st.SearchStrategy[Parameters]:
+    return st.builds(Parameters, theta=angles, r=lengths, d=lengths, alpha=angles, gamma=angles, epsilon=lengths)
+
+
+@st.composite
+def documents(
+    draw: st.DrawFn,
+    moderate: bool = False,
+    loops: bool = True,
+    graphics: bool = True,
+    least_robots: int = 0,
+    most_parts: int = 8,
+) -> Document:
+    """A random document that `check` accepts.
+
+    Args:
+        draw: hypothesis's.
+        moderate: numbers of a robot one can build, instead of any double.
+        loops: with loops; they join any two nodes, so that few of them can be closed.
+        graphics: with names of graphic files (there are no such files).
+        least_robots: at least so many robots.
+        most_parts: at most so many links and frames in each.
+    """
+    lengths, angles = (LENGTHS, ANGLES) if moderate else (EXTREME, EXTREME)
+    numbers = draw(st.lists(st.integers(1, 10**6), unique=True, max_size=3))
+    counts = st.integers(0, 3)
+    sensors = [Sensor(number, draw(TEXTS), translation=draw(counts), rotation=draw(counts)) for number in numbers]
+    names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
+    robots = [
+        draw(_robots(name, [0, *numbers], parameters(lengths, angles), lengths, loops, graphics, most_parts))
+        for name in names
+    ]
+    return Document(
+        draw(XML_NAMES | KEYWORDS | TEXTS),
+        tuple(robots),
+        tuple(sensors),
+        "mm" if moderate else draw(st.sampled_from(UNITS)),
+    )
+
+
+@st.composite
+def _robots(
+    draw: st.DrawFn,
+    name: str,
+    sensors: list[int],
+    params: st.SearchStrategy[Parameters],
+    values: st.SearchStrategy[float],
+    loops: bool,
+    graphics: bool,
+    most_parts: int,
+) -> Robot:
+    files = st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.just(())
+    numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
+    own = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
+    names = draw(st.lists(own, min_size=len(numbers), max_size=len(numbers), unique_by=_or_unlike))
+    parts: list[Link | Frame] = []
+    for number, own_name in zip(numbers, names, strict=True):
+        common = {
+            "number": number,
+            "parameters": draw(params),
+            "pred": draw(st.sampled_from([0, *(part.number for part in parts)])),
+            "name": own_name,
+            "filenames": draw(files),
+        }
+        if draw(st.integers(0, 3)) == 0:
+            parts.append(Frame(**common))
+            continue
+        pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
+        speed = values.map(abs).filter(bool)
+        link = Link(
+            **common,
+            type=draw(st.sampled_from(JointType)),
+            limits=draw(st.none() | pair),
+            velocity=draw(st.none() | speed),
+            actuated=draw(st.sampled_from([None, None, True, False])),
+        )
+        parts.append(link)
+    nodes = [0, *numbers]
+    ends = st.lists(st.sampled_from(nodes), min_size=2, max_size=2, unique=True)
+    loop = st.builds(lambda two, kind: Loop(*two, kind), ends, st.sampled_from(LoopKind))
+    choices = st.lists(st.sampled_from(sensors), min_size=1, max_size=3).map(tuple)
+    held = st.builds(SensorConstraint, st.sampled_from(nodes), choices)
+    return Robot(
+        name,
+        Base(draw(st.just(Parameters()) | params), draw(files)),
+        tuple(draw(st.permutations(parts))),  # a father may stand behind its children
+        tuple(draw(st.lists(loop, max_size=3))) if loops and numbers else (),
+        tuple(draw(st.lists(held, max_size=2))),
+        draw(st.none() | TEXTS) if graphics else None,
+    )
+
+
+def _or_unlike(name: str | None) -> object:
+    """Makes names unique among each other, but lets any number of parts have none."""
+    return object() if name is None else name
+
+
+# --- layout ------------------------------------------------------------------------------------------------------
+
+_TOKEN = re.compile(r'"[^"\n]*"|[{}()]|[^\s{}()"]+')
+_BRACES = '{}()"'
+_COMMENTS = st.sampled_from(["// {", '// "', "//", "// ключ: 5 mm → λ 🦾 }", "// link 3 // twice", "//\t\r"])
+_SPACES = st.sampled_from([" ", "\t", "\n", "\r\n", "  \n\n ", "\f"])
+GAPS = st.lists(_SPACES | _COMMENTS.map("{}\n".format), min_size=1, max_size=3).map("".join)
+
+
+@st.composite
+def layouts(draw: st.DrawFn, text: str) -> str:
+    """The same words with other white space and comments between them; none at all where a brace parts them.
+
+    `RAFF <name>` stays on one line.
+    """
+    between_words = cycle(draw(st.lists(GAPS, min_size=1, max_size=7)))
+    beside_braces = cycle(draw(st.lists(st.just("") | GAPS, min_size=1, max_size=7)))
+    header, *tokens = _TOKEN.findall(text)
+    laid = next(beside_braces) + header + draw(st.sampled_from([" ", "\t", "  \t "]))
+    before = "{"
+    for i, token in enumerate(tokens):
+        parted = token[0] in _BRACES or before[0] in _BRACES
+        laid += (next(beside_braces if parted else between_words) if i else "") + token
+        before = token
+    return laid + next(beside_braces) + draw(st.just("") | _COMMENTS)

@@ -1,0 +1,212 @@
+"""What the grammar can't say: fathers, numbers, names, limits, and constraints on what does not exist."""
+
+from __future__ import annotations
+
+import warnings
+
+import pytest
+from hypothesis import given
+from strategies import documents, examples
+
+import raff2urdf
+from raff2urdf import RaffError, RaffWarning
+from raff2urdf.document import Document, Frame, JointType, Link, Parameters, Robot
+from raff2urdf.errors import Problem
+from raff2urdf.reader import parse
+
+
+def text_of(body: str, after: str = "") -> str:
+    """`body` begins on line 3."""
+    return f"RAFF test\nrobot r {{ base {{ }}\n{body}\n}}\n{after}"
+
+
+def problems_of(text: str) -> tuple[Problem, ...]:
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(raff2urdf.loads(text))
+    return caught.value.problems
+
+
+def warnings_of(text: str) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        raff2urdf.check(raff2urdf.loads(text))
+    assert all(warning.category is RaffWarning for warning in caught)
+    return [str(warning.message) for warning in caught]
+
+
+@given(documents(least_robots=1))
+@examples(60)
+def test_a_document_without_faults_passes(document: Document) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RaffWarning)
+        raff2urdf.check(document)
+
+
+def test_a_file_without_robots_reads_but_does_not_pass() -> None:
+    (problem,) = problems_of("RAFF nothing")
+    assert "holds no robot" in problem.message
+
+
+ONE = "link 1 { type 2 pred 0 }"
+
+WRONG = [
+    # fathers
+    ("link 1 { type 2 pred 7 }", 3, 22, "link 1 7 does not exist 0 (the base)"),
+    ("frame 1 { pred 7 }", 3, 16, "frame 1 7 does not exist"),
+    # rings
+    ("link 1 { type 2 pred 1 }", 3, 22, "link 1 stands on itself 1 -> 1"),
+    ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 stands on itself 1 -> 2 -> 1"),
+    ("link 5 { type 2 pred 0 }\nlink 6 { type 2 pred 7 }\nframe 7 { pred 6 }", 4, 22, "link 6 itself 6 -> 7 -> 6"),
+    (
+        "link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }",
+        4,
+        22,
+        "link 1 itself 1 -> 2 -> 1",
+    ),
+    # numbers
+    (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "second link 1 first line 3"),
+    (f"{ONE}\nframe 1 {{ pred 0 }}", 4, 7, "second frame 1 first line 3"),
+    # names
+    (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' taken link 1"),
+    ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' taken link 1"),
+    ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' taken the root"),
+    ('frame 1 { pred 0 name "world" }', 3, 23, "'world' taken"),
+    ('frame 1 { pred 0 name "universe" }', 3, 23, "'universe' taken"),
+    ('link 1 { type 2 pred 0 name "4bar" }', 3, 29, "'4bar' can't name a link"),
+    ('link 1 { type 2 pred 0 name "left arm" }', 3, 29, "'left arm' can't name a link"),
+    ('frame 1 { pred 0 name "" }', 3, 23, "'' can't name a frame"),
+    ('frame 1 { pred 0 name "a:b" }', 3, 23, "'a:b' can't name a frame"),
+    ('frame 1 { pred 0 name "a<b" }', 3, 23, "'a<b' can't name a frame"),
+    ('frame 1 { pred 0 name "\u0301a" }', 3, 23, "can't name a frame"),
+    # limits
+    ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "limits link 1 empty low 80 high -85"),
+    ("link 1 { type 2 pred 0 velocity 0 }", 3, 33, "velocity link 1 above 0"),
+    ("link 1 { type 1 pred 0 velocity -5 }", 3, 33, "velocity link 1 above 0"),
+    # loops
+    (f"{ONE}\nconstraint {{ link 1 link 11 }}", 4, 26, "loop 'r' 11 does not exist"),
+    (f"{ONE}\nconstraint {{ link 11 base }}", 4, 19, "loop 'r' 11 does not exist"),
+    (f"{ONE}\nconstraint {{ link 1 link 1 type 2 }}", 4, 19, "loop joins 1 to itself"),
+    (f"{ONE}\nconstraint {{ base base }}", 4, 14, "loop joins 0 to itself"),
+    # sensors
+    (f"{ONE}\nconstraint {{ link 2 sensor ( 0 ) }}", 4, 19, "sensor constraint 'r' 2 does not exist"),
+    (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "unknown sensor 4"),
+]
+
+
+def at(entry: tuple[str, int, int, str]) -> str:
+    return entry[3].replace(" ", "-")
+
+
+@pytest.mark.parametrize(("body", "line", "column", "words"), WRONG, ids=map(at, WRONG))
+def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, words: str) -> None:
+    (problem,) = problems_of(text_of(body))
+    said = problem.message
+    for word in words.split():
+        assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
+        said = said.split(word, 1)[1]
+    assert problem.place is not None
+    assert (problem.place.line, problem.place.column) == (line, column)
+
+
+def test_a_second_robot_of_a_name_is_refused_where_it_stands() -> None:
+    (problem,) = problems_of("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }")
+    assert problem.place is not None
+    assert (problem.place.line, problem.place.column) == (4, 7)
+    assert problem.message == "a second robot 'a': the first is on line 2"
+
+
+def test_a_second_sensor_of_a_number_is_refused_where_it_stands() -> None:
+    (problem,) = problems_of('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }')
+    assert problem.place is not None
+    assert (problem.place.line, problem.place.column) == (4, 8)
+    assert problem.message == "a second sensor 1: the first is on line 2"
+
+
+@pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
+def test_a_robots_name_must_be_one_that_xml_takes(name: str) -> None:
+    (problem,) = problems_of(f"RAFF t\nrobot {name} {{ }}")
+    assert "can't name a robot" in problem.message
+
+
+@pytest.mark.parametrize("name", ["robot", "_", "a.b-c", "Ёлка", "机器人", "délta4", "x·y"])
+def test_a_name_that_xml_takes_is_taken(name: str) -> None:
+    raff2urdf.check(raff2urdf.loads(f'RAFF t\nrobot {name} {{ base {{ }} link 1 {{ type 2 pred 0 name "{name}" }} }}'))
+
+
+def test_robots_of_a_file_do_not_disturb_each_other() -> None:
+    raff2urdf.check(raff2urdf.loads(f"RAFF t\nrobot a {{ base {{ }} {ONE} }}\nrobot b {{ base {{ }} {ONE} }}"))
+
+
+def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
+    text = text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 3 ) }}", 'sensor 7 { port "a" } sensor 2 { port "b" }')
+    assert problems_of(text)[0].message == "unknown sensor 3 (declared: 2, 7)"
+
+
+def test_sensor_0_needs_no_declaration() -> None:
+    """It stands for "left free" (figure 6)."""
+    assert warnings_of(text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 0 ) }}")) == []
+
+
+@pytest.mark.parametrize("length", [1, 2, 9, 3000])
+def test_a_ring_of_fathers_is_one_fault_however_long(length: int) -> None:
+    ring = [Link(i, Parameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
+    on_it = [Frame(length + i, Parameters(), i) for i in range(1, length + 1)]
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(Document("t", (Robot("r", parts=(*on_it, *ring)),)))
+    (problem,) = caught.value.problems
+    assert "link 1 stands on itself: its fathers are 1 -> " in problem.message
+    assert len(problem.message) < 200
+
+
+def test_each_ring_is_a_fault_of_its_own() -> None:
+    rings = "link 1 { type 2 pred 2 } link 2 { type 2 pred 1 }\nlink 3 { type 2 pred 3 }\nlink 4 { type 2 pred 0 }"
+    assert [problem.place and problem.place.line for problem in problems_of(text_of(rings))] == [3, 4]
+
+
+def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
+    body = "\n".join(
+        ["link 1 { type 2 pred 9 limits { 2 1 } }", ONE, "link 3 { type 2 pred 3 }", "constraint { base link 8 }"]
+    )
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.check(parse(text_of(body, "robot r { }")))
+    assert [problem.place and problem.place.line for problem in caught.value.problems] == [3, 3, 4, 5, 6, 8]
+
+
+def test_a_document_made_by_hand_is_checked_too() -> None:
+    """It has no text, so there is no place; the message still names the thing."""
+    link = Link(1, Parameters(), JointType.REVOLUTE, pred=5)
+    with pytest.raises(RaffError, match="link 1 stands on 5, which does not exist"):
+        raff2urdf.check(Document("t", (Robot("r", parts=(link,)),)))
+
+
+# --- understood, but probably not meant --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("link", "column", "words"),
+    [
+        ("type 0 pred 0 limits { 0 90 }", 33, "link 1 is fixed limits"),
+        ("type 0 pred 0 velocity 90", 33, "link 1 is fixed velocity"),
+        ("type 0 pred 0 actuated 1", 33, "link 1 is fixed actuate"),
+        ("parameters { theta 95 } type 2 pred 0 limits { 0 90 }", 57, "link 1 95 outside limits"),
+        ("parameters { r -1 } type 1 pred 0 limits { 0 90 }", 53, "link 1 -1 outside limits"),
+    ],
+)
+def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, column: int, words: str) -> None:
+    (warning,) = warnings_of(text_of(f"link 1 {{ {link} }}"))
+    assert warning.startswith(f"<text>:3:{column}: ")
+    for word in words.split():
+        assert word in warning
+
+
+@pytest.mark.parametrize(
+    "link",
+    [
+        "type 0 pred 0 actuated 0",
+        "parameters { theta 90 r 500 } type 2 pred 0 limits { 0 90 }",
+        "parameters { theta 500 r 0 } type 1 pred 0 limits { 0 90 }",
+        "type 2 pred 0 limits { 0 0 }",
+    ],
+)
+def test_what_makes_sense_is_no_warning(link: str) -> None:
+    assert warnings_of(text_of(f"link 1 {{ {link} }}")) == []

@@ -1,0 +1,402 @@
+"""Closing loops from where they are not closed, and what is said where that can't be done."""
+
+from __future__ import annotations
+
+import re
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from mechanisms import (
+    CLOSED_CHAINS,
+    FLAT_PARALLELOGRAM_AXES,
+    FOUR_BAR_AXES,
+    KNOWN,
+    Part,
+    axis_at,
+    cluster_of,
+    clusters_of,
+    delta,
+    four_bar,
+    planar,
+    raff_of,
+    ring,
+    shift,
+    skew_four_bar,
+    turn,
+)
+from scipy.optimize import least_squares
+from strategies import documents, examples
+
+from raff2urdf import loads
+from raff2urdf.analysis import analyse
+from raff2urdf.closure import close, close_from_afar, closed_walk, generic_rank, passive, rank
+from raff2urdf.document import Document, LoopKind
+from raff2urdf.errors import ClosureError
+from raff2urdf.tree import Cluster, placements
+
+MET = 1e-11  # m or rad: CLOSED, times the size of these mechanisms and some rounding
+
+seeds = st.integers(0, 2**32 - 1)
+chains = st.sampled_from(CLOSED_CHAINS)
+
+
+def perturbed(cluster: Cluster, seed: int, size: float) -> np.ndarray:
+    step = np.random.default_rng(seed).normal(size=len(cluster.home)) * size
+    return cluster.integrate(cluster.home, step)
+
+
+def apart(document: Document, cluster: Cluster, q: np.ndarray) -> float:
+    """How far the ends of a cluster's loops are apart, seen from the tree alone (m or rad)."""
+    robot = document.robot()
+    placed = placements(document, robot, dict(zip([joint.joint for joint in cluster.joints], q, strict=True)))
+    worst = 0.0
+    for index in cluster.loops:
+        loop = robot.loops[index]
+        between = np.linalg.inv(placed[loop.first]) @ placed[loop.second]
+        off = [between[:2, 3] if loop.kind is LoopKind.PRISMATIC else between[:3, 3]]
+        if loop.kind in (LoopKind.RIGID, LoopKind.PRISMATIC):
+            off.append(pin.log3(between[:3, :3]))
+        elif loop.kind is LoopKind.REVOLUTE:
+            off.append(between[:3, 2] - [0.0, 0.0, 1.0])  # z upon z, and in the same direction
+        worst = max(worst, *(float(np.abs(part).max()) for part in off))
+    return worst
+
+
+# --- closing -----------------------------------------------------------------------------------------------------
+
+
+@given(chains, seeds, st.sampled_from([1e-6, 1e-3, 0.1, 0.3]))
+@examples(120)
+def test_a_mechanism_pulled_apart_closes_again(name: str, seed: int, size: float) -> None:
+    document = loads(KNOWN[name][0])
+    (cluster,) = clusters_of(document)
+    assume(name != "truss" or size <= 0.1)
+    closing = close(cluster, perturbed(cluster, seed, size))
+    assert closing.closed
+    assert apart(document, cluster, closing.q) <= MET
+
+
+@given(seeds, st.integers(4, 9), st.integers(0, 3))
+@examples(30)
+def test_a_random_planar_polygon_closes(seed: int, n: int, cut: int) -> None:
+    rng = np.random.default_rng(seed)
+    document = loads(ring(planar(*rng.uniform(-0.5, 0.5, (n, 2)).tolist()), cut))
+    (cluster,) = clusters_of(document)
+    closing = close(cluster, perturbed(cluster, seed, 0.05))
+    assert closing.closed
+    assert apart(document, cluster, closing.q) <= MET
+
+
+@given(seeds, st.integers(7, 9), st.integers(0, 6))
+@examples(30)
+def test_a_random_ring_of_skew_hinges_closes(seed: int, n: int, cut: int) -> None:
+    rng = np.random.default_rng(seed)
+    document = loads(ring([axis_at(rng.uniform(-1, 1, 3), rng.normal(size=3)) for _ in range(n)], cut))
+    (cluster,) = clusters_of(document)
+    closing = close_from_afar(cluster, perturbed(cluster, seed, 0.05))
+    assert closing.closed
+    assert apart(document, cluster, closing.q) <= MET
+
+
+@given(seeds, st.floats(2600, 6000))
+@examples(20)
+def test_a_delta_closes_whatever_its_forearm(seed: int, forearm: float) -> None:
+    document = loads(delta(forearm))
+    (cluster,) = clusters_of(document)
+    closing = close(cluster, perturbed(cluster, seed, 0.2))
+    assert closing.closed
+    assert apart(document, cluster, closing.q) <= MET
+
+
+class Counted:
+    """A system that knows how often it was evaluated."""
+
+    def __init__(self, cluster: Cluster) -> None:
+        self.cluster, self.evaluations = cluster, 0
+        self.integrate = cluster.integrate
+
+    def evaluate(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.evaluations += 1
+        return self.cluster.evaluate(q)
+
+
+@given(chains.filter(lambda name: name != "flat parallelogram"), seeds)
+@examples(60)
+def test_closing_converges_quadratically(name: str, seed: int) -> None:
+    """From 1e-3, the gap goes as 1e-3, 1e-6, 1e-12: a handful of evaluations, dependent rows or not."""
+    counted = Counted(cluster_of(KNOWN[name][0]))
+    assert close(counted, perturbed(counted.cluster, seed, 1e-3)).closed
+    assert counted.evaluations <= 5
+
+
+@given(chains.filter(lambda name: name not in ("flat parallelogram", "Sarrus", "Bennett")), seeds)
+@examples(60)
+def test_closing_is_the_shortest_correction(name: str, seed: int) -> None:
+    """To first order it is the pseudo-inverse's: nothing moves along what the loops leave free.
+
+    Not so where rows depend on each other in closed configurations only: pulled apart, they are a direction of their
+    own, with a singular value that is as small as the gap.
+    """
+    cluster = cluster_of(KNOWN[name][0])
+    q = perturbed(cluster, seed, 1e-4)
+    residual, jacobian = cluster.evaluate(q)
+    expected = -np.linalg.pinv(jacobian, rcond=1e-3) @ residual
+    moved = (close(cluster, q).q - q) / cluster.scale
+    assert np.abs(moved - expected).max() <= 0.01 * np.abs(expected).max()
+
+
+@given(chains, seeds)
+@examples(30)
+def test_what_is_closed_stays_where_it_is(name: str, seed: int) -> None:
+    cluster = cluster_of(KNOWN[name][0])
+    q = close(cluster, perturbed(cluster, seed, 0.05)).q
+    assert np.abs(close(cluster, q).q - q).max() <= 1e-12 * max(1.0, np.abs(q).max())
+
+
+@given(chains, seeds, st.floats(0.01, 3.0))
+@examples(40)
+def test_closing_never_ends_farther_open_than_it_began_and_leaves_its_input_alone(
+    name: str, seed: int, size: float
+) -> None:
+    cluster = cluster_of(KNOWN[name][0])
+    q = perturbed(cluster, seed, size)
+    before = q.copy()
+    residual, _ = cluster.evaluate(q)
+    closing = close(cluster, q, iterations=seed % 5)
+    assert (q == before).all()
+    assert np.linalg.norm(cluster.evaluate(closing.q)[0]) <= np.linalg.norm(residual)
+    assert closing.gap == np.abs(cluster.evaluate(closing.q)[0]).max()
+
+
+@given(seeds)
+@examples(10)
+def test_closing_from_afar_ends_at_the_same_place_every_time(seed: int) -> None:
+    cluster = cluster_of(four_bar())
+    q = perturbed(cluster, seed, 2.0)
+    assert (close_from_afar(cluster, q).q == close_from_afar(cluster, q).q).all()
+
+
+SLIDES = [f"joint{10 * leg + 3}" for leg in range(6)]  # of the 6-UPS
+
+
+# --- with some joints held ---------------------------------------------------------------------------------------
+
+
+@given(chains.filter(lambda name: name not in ("truss", "flat parallelogram")), seeds)
+@examples(60)
+def test_joints_that_are_held_do_not_move_and_the_others_close(name: str, seed: int) -> None:
+    document = loads(KNOWN[name][0])
+    (cluster,) = clusters_of(document)
+    motors = SLIDES if name == "6-UPS" else analyse(document, document.robot()).actuated
+    free = np.array([joint.joint not in motors for joint in cluster.joints])
+    q = perturbed(cluster, seed, 2e-3)
+    closing = close(cluster, q, free)
+    assert (closing.q[~free] == q[~free]).all()
+    assert closing.closed
+    assert apart(document, cluster, closing.q) <= MET
+
+
+def test_where_all_joints_are_held_nothing_moves() -> None:
+    cluster = cluster_of(four_bar())
+    q = perturbed(cluster, 1, 0.1)
+    closing = close(cluster, q, np.zeros(len(q), dtype=bool))
+    assert (closing.q == q).all()
+    assert not closing.closed
+
+
+# --- the equations -----------------------------------------------------------------------------------------------
+
+
+@given(documents(moderate=True, least_robots=1, graphics=False), seeds)
+@examples(80)
+def test_the_loops_jacobian_is_that_of_finite_differences(document: Document, seed: int) -> None:
+    """For any tree and any kinds of loops, open as they are."""
+    rng = np.random.default_rng(seed)
+    for cluster in clusters_of(document):
+        q = cluster.integrate(cluster.home, rng.normal(size=len(cluster.home)))
+        residual, jacobian = cluster.evaluate(q)
+        assert jacobian.shape == (len(residual), len(q))
+        assume(np.abs(residual).max(initial=0.0) < 2.5)  # no rotation near a half turn, where it jumps
+        for column, step in enumerate(1e-6 * np.eye(len(q))):
+            ahead, behind = (cluster.evaluate(cluster.integrate(q, sign * step))[0] for sign in (1.0, -1.0))
+            numeric = (ahead - behind) / 2e-6
+            assert np.abs(jacobian[:, column] - numeric).max() <= 1e-7 * max(1.0, np.abs(jacobian).max()) ** 2
+
+
+def test_loops_that_share_joints_are_closed_together_and_others_by_themselves() -> None:
+    parts, constraints = [], []
+    for i in range(2):
+        o, a, b, c = (shift("y", i) @ axis for axis in FOUR_BAR_AXES)
+        n = 10 * i
+        parts += [Part(n + 1, 0, o), Part(n + 2, n + 1, a), Part(n + 3, 0, c)]
+        parts += [Part(n + 4, n + 2, b, None), Part(n + 5, n + 3, b, None)]
+        constraints += 2 * [f"frame {n + 4} frame {n + 5} type 2"]
+    found = clusters_of(loads(raff_of(parts, *constraints)))
+    assert [cluster.loops for cluster in found] == [[0, 1], [2, 3]]
+    assert [[joint.number for joint in cluster.joints] for cluster in found] == [[1, 2, 3], [11, 12, 13]]
+    assert [len(cluster.loops) for cluster in clusters_of(loads(delta()))] == [2]
+
+
+def test_joints_that_move_both_ends_of_a_loop_alike_are_no_part_of_it() -> None:
+    """A four-bar at the end of an arm of two joints."""
+    parts = [Part(21, 0, axis_at((0, 0, -1), (1, 0, 0))), Part(22, 21, axis_at((0, 0, -0.5), (0, 1, 0)))]
+    o, a, b, c = FOUR_BAR_AXES
+    parts += [Part(1, 22, o), Part(2, 1, a), Part(3, 22, c), Part(4, 2, b, None), Part(5, 3, b, None)]
+    cluster = cluster_of(raff_of(parts, "frame 4 frame 5 type 2"))
+    assert [joint.number for joint in cluster.joints] == [1, 2, 3]
+
+
+# --- rank --------------------------------------------------------------------------------------------------------
+
+
+@st.composite
+def matrices(draw: st.DrawFn) -> tuple[np.ndarray, int]:
+    """A matrix of known rank, of any scale."""
+    rows, columns, inner = draw(st.integers(1, 8)), draw(st.integers(1, 8)), draw(st.integers(0, 8))
+    rng = np.random.default_rng(draw(seeds))
+    matrix = rng.normal(size=(rows, inner)) @ rng.normal(size=(inner, columns))
+    return matrix * 10.0 ** draw(st.integers(-9, 9)), min(rows, columns, inner)
+
+
+@given(matrices())
+@examples(100)
+def test_the_rank_is_the_number_of_independent_rows(made: tuple[np.ndarray, int]) -> None:
+    matrix, expected = made
+    assert rank(matrix) == expected
+
+
+def test_nothing_has_rank_0() -> None:
+    assert [rank(np.zeros(shape)) for shape in ((0, 3), (3, 0), (3, 3))] == [0, 0, 0]
+
+
+@given(matrices(), st.randoms(use_true_random=False))
+@examples(100)
+def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
+    made: tuple[np.ndarray, int], random: object
+) -> None:
+    matrix, expected = made
+    order = list(range(matrix.shape[1]))
+    random.shuffle(order)  # type: ignore[attr-defined]
+    size = np.abs(matrix).max() or 1.0
+    ranks = [np.linalg.matrix_rank(matrix[:, order[:n]] / size, tol=1e-9) for n in range(len(order) + 1)]
+    first = [column for column, (before, after) in zip(order, pairwise(ranks), strict=True) if after > before]
+    assert passive(matrix, order) == first
+    assert len(first) == expected
+
+
+@pytest.mark.parametrize("name", CLOSED_CHAINS)
+def test_the_generic_rank_is_joints_less_mobility_and_reached_on_a_closed_configuration(name: str) -> None:
+    document = loads(KNOWN[name][0])
+    (cluster,) = clusters_of(document)
+    found, where = generic_rank(cluster, close(cluster, cluster.home).q)
+    assert found == len(cluster.joints) - KNOWN[name][1]
+    assert np.linalg.matrix_rank(cluster.evaluate(where)[1], tol=1e-6) == found
+    assert apart(document, cluster, where) <= MET
+
+
+def test_a_singular_start_does_not_lower_the_generic_rank() -> None:
+    cluster = cluster_of(ring(FLAT_PARALLELOGRAM_AXES))
+    assert rank(cluster.evaluate(cluster.home)[1]) == 1
+    assert generic_rank(cluster, cluster.home)[0] == 2
+
+
+@pytest.mark.parametrize("name", [name for name in CLOSED_CHAINS if name != "truss"])
+def test_a_walk_stays_closed_and_gets_somewhere(name: str) -> None:
+    document = loads(KNOWN[name][0])
+    (cluster,) = clusters_of(document)
+    steps = list(closed_walk(cluster, close(cluster, cluster.home).q, samples=5))
+    assert len(steps) >= 3
+    assert all(apart(document, cluster, q) <= MET for q in steps)
+    assert all(np.abs((b - a) / cluster.scale).max() > 0.01 for a, b in pairwise([cluster.home, *steps]))
+
+
+def test_where_nothing_can_move_there_is_no_walk() -> None:
+    cluster = cluster_of(KNOWN["truss"][0])
+    assert list(closed_walk(cluster, cluster.home, samples=5)) == []
+
+
+# --- what can't be closed ----------------------------------------------------------------------------------------
+
+
+def why(text: str) -> str:
+    document = loads(text)
+    with pytest.raises(ClosureError) as caught:
+        analyse(document, document.robot())
+    return str(caught.value)
+
+
+def out_of_reach() -> str:
+    """A four-bar whose rocker and crank stand two metres farther apart than its coupler is long."""
+    return ring(FOUR_BAR_AXES, off=shift("x", 2.0))
+
+
+def two_bars_with_a_wrong_angle() -> str:
+    """They meet a point of the base at any angle but the one in which they are welded to it."""
+    parts = [Part(1, 0, axis_at((0, 0, 0))), Part(2, 1, axis_at((0.2, 0.4, 0)))]
+    end = axis_at((0.5, 0, 0))
+    parts += [Part(3, 2, end, None), Part(4, 0, end @ turn("z", 0.3), None)]
+    return raff_of(parts, "frame 3 frame 4")
+
+
+def test_a_loop_that_stays_open_is_named_with_its_gap_and_its_rows_against_their_rank() -> None:
+    said = why(skew_four_bar())
+    assert re.search(r"robot 'r'.*can't be closed.*'link5-frame6' \(rigid, 0\.\d+\)", said)
+    assert "6 loop rows of rank 4 on 4 joints" in said
+
+
+def test_the_gap_that_is_named_is_the_least_one() -> None:
+    """scipy's least squares finds no better configuration around."""
+    cluster = cluster_of(skew_four_bar())
+    named = re.search(r"rigid, ([\d.]+)\)", why(skew_four_bar()))
+    assert named is not None
+    best = least_squares(lambda q: cluster.evaluate(q)[0], cluster.home, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    assert float(named[1]) == pytest.approx(np.abs(best.fun).max(), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "kind"),
+    [(skew_four_bar(), "ball"), (two_bars_with_a_wrong_angle(), "revolute")],
+    ids=["skew axes", "a wrong angle"],
+)
+def test_a_weaker_closure_that_works_is_named_and_works(text: str, kind: str) -> None:
+    (loop,) = loads(text).robot().loop_names
+    assert f'it closes with {kind} joints there: loops={{"{loop}": "{kind}"}}' in why(text)
+    document = loads(text)
+    assert analyse(document, document.robot(), {loop: kind}).kinds == (LoopKind[kind.upper()],)
+
+
+def test_where_no_weaker_closure_helps_that_is_said() -> None:
+    assert "neither revolute nor ball joints there would close it" in why(out_of_reach())
+
+
+def test_only_loops_that_stay_open_are_named() -> None:
+    """A good four-bar beside one that is out of reach."""
+    good = four_bar().split("base { }")[1].rsplit("}", 1)[0]
+    bad = re.sub(r"\b(link|frame|pred) ([1-9])", r"\1 1\2", out_of_reach().split("base { }")[1].rsplit("}", 1)[0])
+    said = why(f"RAFF both\nrobot r {{ {good} {bad} }}")
+    assert "'frame15-frame16'" in said
+    assert "'frame5-frame6'" not in said
+
+
+def test_open_loops_are_named_whether_or_not_they_share_joints() -> None:
+    """Two four-bars on one base, both out of reach."""
+    one = out_of_reach().split("base { }")[1].rsplit("}", 1)[0]
+    other = re.sub(r"\b(link|frame|pred) ([1-9])", r"\1 1\2", one)
+    said = why(f"RAFF both\nrobot r {{ {one} {other} }}")
+    assert "'frame5-frame6'" in said
+    assert "'frame15-frame16'" in said
+
+
+def test_of_many_open_loops_the_first_few_are_named() -> None:
+    """Thirty points of one link that should all be the base's origin."""
+    lines = ["RAFF many", "robot r {", "link 99 { type 2 pred 0 }"]
+    for i in range(1, 31):
+        lines += [f"frame {i} {{ parameters {{ d {10 * i} }} pred 99 }}", f"constraint {{ base frame {i} type 3 }}"]
+    said = why("\n".join([*lines, "}"]))
+    assert "'base-frame1'" in said
+    assert "'base-frame30'" not in said
+    assert re.search(r"and \d+ more", said)

@@ -1,0 +1,414 @@
+"""The command: what it writes, what it says, and what it leaves alone when something is wrong."""
+
+from __future__ import annotations
+
+import cProfile
+import json
+import pstats
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+
+import pinocchio as pin
+import pytest
+from command import Run
+from mechanisms import delta, four_bar, skew_four_bar
+
+import raff2urdf
+from raff2urdf import RaffError, constraints
+from raff2urdf.cli import main
+
+ARM = "RAFF arm\nrobot r { base { }\n  link 1 { type 2 pred 0 }\n  link 2 { parameters { d 100 } type 2 pred 1 }\n}\n"
+TWO = "RAFF two\nrobot left { base { } link 1 { type 2 pred 0 } }\nrobot right { base { } link 1 { type 1 pred 0 } }\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """The folder in which the command runs, with some files."""
+    for name, text in (("arm", ARM), ("two", TWO), ("delta4", delta()), ("skew", skew_four_bar())):
+        (tmp_path / f"{name}.raff").write_text(text, encoding="utf-8")
+    return tmp_path
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    """Every file below, hidden ones too, with its bytes."""
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+# --- what is written ---------------------------------------------------------------------------------------------
+
+
+def test_a_file_becomes_a_urdf_and_its_constraints(folder: Path, command: Run) -> None:
+    done = command("delta4.raff")
+    assert (done.code, done.err) == (0, "")
+    assert sorted(files_in(folder / "generated")) == ["delta4.constraints.json", "delta4.urdf"]
+    assert pin.buildModelFromUrdf(str(folder / "generated" / "delta4.urdf")).njoints == 1 + 15
+    assert constraints.load(folder / "generated" / "delta4.constraints.json")["mobility"] == 3
+
+
+def test_it_says_what_it_found_and_where_it_wrote(folder: Path, run: Run) -> None:
+    said = run("delta4.raff", "-o", "made").out
+    for words in ("delta4.raff", "'r1'", "17 links", "15 joints", "2 loops", "12 rows of rank 12", "mobility 3"):
+        assert words in said
+    assert "made/delta4.urdf" in said
+    assert "made/delta4.constraints.json" in said
+
+
+def test_the_folder_to_write_to_is_made(folder: Path, run: Run) -> None:
+    assert run("arm.raff", "--out", "a/b/c").code == 0
+    assert sorted(files_in(folder / "a" / "b" / "c")) == ["arm.constraints.json", "arm.urdf"]
+
+
+def test_each_robot_of_a_file_becomes_files_of_its_own(folder: Path, run: Run) -> None:
+    assert run("two.raff").code == 0
+    assert sorted(files_in(folder / "generated")) == [
+        "two.left.constraints.json", "two.left.urdf", "two.right.constraints.json", "two.right.urdf",
+    ]  # fmt: skip
+
+
+def test_one_robot_may_be_asked_for(folder: Path, run: Run) -> None:
+    assert run("two.raff", "--robot", "right").code == 0
+    assert sorted(files_in(folder / "generated")) == ["two.right.constraints.json", "two.right.urdf"]
+
+
+def test_a_robot_that_is_not_there_is_answered_with_those_that_are(folder: Path, run: Run) -> None:
+    done = run("two.raff", "--robot", "rigth")
+    assert done.code == 1
+    assert "two.raff: no robot 'rigth': did you mean 'right'?" in done.err
+    assert not (folder / "generated").exists()
+
+
+def test_the_same_file_makes_the_same_bytes_every_time(folder: Path, command: Run) -> None:
+    for seed in ("1", "2"):
+        assert command("delta4.raff", "-o", f"made{seed}", PYTHONHASHSEED=seed).code == 0
+    assert files_in(folder / "made1") == files_in(folder / "made2")
+
+
+def test_the_library_writes_what_the_command_does(folder: Path, run: Run) -> None:
+    run("delta4.raff", "-o", "command")
+    (conversion,) = raff2urdf.convert(folder / "delta4.raff", folder / "library")
+    assert files_in(folder / "command") == files_in(folder / "library")
+    assert (conversion.robot, conversion.links, conversion.joints, conversion.loops) == ("r1", 17, 15, 2)
+    assert (conversion.analysis.mobility, conversion.analysis.actuated) == (3, ("joint1", "joint6", "joint12"))
+
+
+def test_lines_end_alike_on_every_system(folder: Path, run: Run) -> None:
+    (folder / "dos.raff").write_bytes(ARM.replace("\n", "\r\n").encode())
+    run("dos.raff")
+    assert all(b"\r" not in data for data in files_in(folder / "generated").values())
+
+
+# --- options -----------------------------------------------------------------------------------------------------
+
+
+def test_what_was_found_may_be_had_as_json(folder: Path, command: Run) -> None:
+    (report,) = json.loads(command("delta4.raff", "--json").out)
+    assert report.pop("gap_as_written") < 1e-12
+    assert report == {
+        "file": "delta4.raff",
+        "robot": "r1",
+        "links": 17,
+        "joints": 15,
+        "loops": 2,
+        "loop_rows": 12,
+        "loop_rank": 12,
+        "mobility": 3,
+        "actuated": ["joint1", "joint6", "joint12"],
+        "urdf": "generated/delta4.urdf",
+        "constraints": "generated/delta4.constraints.json",
+    }
+
+
+def test_errors_are_in_the_json_and_on_stderr(folder: Path, run: Run) -> None:
+    (folder / "bad.raff").write_text("RAFF bad\nunits inch\nrobo r { }\n")
+    done = run("bad.raff", "arm.raff", "--json")
+    bad, arm = json.loads(done.out)
+    assert done.code == 1
+    assert bad["file"] == "bad.raff"
+    assert [error.split("\n")[0] for error in bad["errors"]] == [
+        "bad.raff:2:7: unknown unit 'inch' (known: um, mm, cm, m)",
+        "bad.raff:3:1: unknown word 'robo' in the file: did you mean 'robot'?",
+    ]
+    assert all(error in done.err for error in bad["errors"])
+    assert arm["mobility"] == 2
+
+
+def test_a_check_writes_nothing_and_closes_no_loops(folder: Path, run: Run) -> None:
+    done = run("--check", "arm.raff", "two.raff", "skew.raff")
+    assert (done.code, done.err) == (0, "")
+    assert len(done.out.splitlines()) == 4  # one for each robot
+    assert not (folder / "generated").exists()
+
+
+def test_a_check_finds_what_is_wrong(folder: Path, run: Run) -> None:
+    (folder / "bad.raff").write_text(ARM.replace("pred 1", "pred 7"))
+    done = run("--check", "bad.raff")
+    assert done.code == 1
+    assert "bad.raff:4:45: link 2 stands on 7" in done.err
+
+
+def test_a_loop_may_be_closed_by_another_kind(folder: Path, run: Run) -> None:
+    refused = run("skew.raff")
+    assert refused.code == 1
+    assert "'link5-frame6'" in refused.err
+    done = run("skew.raff", "--loop", "link5-frame6=ball")
+    assert (done.code, done.err) == (0, "")
+    assert constraints.load(folder / "generated" / "skew.constraints.json")["loops"][0]["kind"] == "ball"
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        ("link5-frame7=ball", "no loop 'link5-frame7': did you mean 'link5-frame6'?"),
+        ("link5-frame6=bal", "'bal' is no kind of loop: did you mean 'ball'?"),
+        ("link5-frame6", "write NAME=KIND"),
+    ],
+)
+def test_a_loop_that_is_asked_for_wrongly_is_refused(folder: Path, run: Run, asked: str, words: str) -> None:
+    done = run("skew.raff", "--loop", asked)
+    assert done.code == 1
+    assert words in done.err
+    assert not (folder / "generated").exists()
+
+
+def test_the_error_tells_how_to_close_the_loop_from_the_command(folder: Path, run: Run) -> None:
+    """The library's `loops={...}` is of no use to one who typed a command."""
+    assert "--loop link5-frame6=ball" in run("skew.raff").err
+
+
+def test_help_names_every_option(run: Run) -> None:
+    done = run("--help")
+    assert done.code == 0
+    for option in ("--out", "--robot", "--loop", "--check", "--json"):
+        assert option in done.out
+
+
+def test_an_option_that_is_not_there_is_a_wrong_call(run: Run) -> None:
+    done = run("arm.raff", "--nonsense")
+    assert done.code == 2
+    assert "Traceback" not in done.err
+
+
+def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, command: Run) -> None:
+    (folder / "odd.raff").write_text(ARM.replace("pred 1", 'pred 1 limits { 10 20 } filename { "a.stl" }'))
+    done = command("odd.raff")
+    assert done.code == 0
+    lines = [line for line in done.err.splitlines() if not line.startswith(" ")]
+    assert len(lines) == 2
+    assert lines[0].startswith("warning: odd.raff:4:")
+    assert "link 2 is written at 0, outside its limits" in lines[0]
+    assert "link2: a.stl (not found)" in lines[1]
+
+
+# --- wrong input -------------------------------------------------------------------------------------------------
+
+
+def test_one_bad_file_does_not_stop_the_others(folder: Path, command: Run) -> None:
+    (folder / "bad.raff").write_text("RAFF bad\nrobot r { link 1 { type 2 pred 5 } }")
+    done = command("arm.raff", "bad.raff", "missing.raff", "two.raff")
+    assert done.code == 1
+    assert [line.split(":")[0] for line in done.err.splitlines() if ": " in line] == ["bad.raff", "missing.raff"]
+    assert {name.split(".")[0] for name in files_in(folder / "generated")} == {"arm", "two"}
+
+
+BODY = "RAFF bad\nrobot r { base { }\n  "
+ONE = "link 1 { type 2 pred 0 }"
+
+
+def a_long_line(path: Path) -> None:
+    path.write_bytes(b"RAFF bad\n" + 100_000_000 * b"x")
+
+
+def a_large_file(path: Path) -> None:
+    with path.open("wb") as file:  # a hole: takes no room on the disk
+        file.truncate(300 * 2**20)
+
+
+WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
+    "an unknown father": (f"{BODY}link 1 {{ type 2 pred 7 }}\n}}", "bad.raff:3:24: 7 does not exist"),
+    "a ring of fathers": (f"{BODY}link 1 {{ type 2 pred 1 }}\n}}", "bad.raff:3:24: stands on itself"),
+    "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: second link 1 first line 3"),
+    "a loop on a missing link": (f"{BODY}{ONE}\nconstraint {{ link 1 link 9 }} }}", "bad.raff:4:26: 9 does not exist"),
+    "limits the wrong way": (f"{BODY}link 1 {{ type 2 pred 0 limits {{ 2 1 }} }} }}", "bad.raff:3:35: limits empty"),
+    "NaN": (f"{BODY}link 1 {{ type 2 pred 0 parameters {{ d NaN }} }} }}", "bad.raff:3:41: 'd' number 'NaN'"),
+    "1e400": (f"{BODY}link 1 {{ type 2 pred 0 velocity 1e400 }} }}", "bad.raff:3:35: '1e400' too large"),
+    "a name that XML has not": (f'{BODY}frame 1 {{ pred 0 name "a b" }} }}', "bad.raff:3:25: 'a b' can't name a frame"),
+    "a loop that can't be closed": (skew_four_bar(), "robot 'r' can't be closed 'link5-frame6'"),
+    "no robot": ("RAFF bad\n", "bad.raff: no robot"),
+    "an empty file": ("", "bad.raff:1:1: RAFF"),
+    "binary": (b"\x7fELF\x02\x01\x01\x00\x00", "bad.raff: line 1 binary"),
+    "not UTF-8": (b"RAFF t\nrobot \xe9 { }", "bad.raff: line 2 UTF-8"),
+    "a line of 100 MB": (a_long_line, "bad.raff:2:1: line 2 100000000 characters"),
+    "a file of 300 MB": (a_large_file, "bad.raff: larger than 256 MiB"),
+}
+
+
+def write_wrong(path: Path, content: str | bytes | Callable[[Path], None]) -> None:
+    if isinstance(content, str):
+        path.write_text(content, encoding="utf-8")
+    elif isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        content(path)
+
+
+def assert_in_order(words: str, said: str) -> None:
+    rest = said
+    for word in words.split():
+        assert word in rest, f"{word} is missing, or stands too early, in: {said}"
+        rest = rest.split(word, 1)[1]
+
+
+@pytest.fixture
+def generated(folder: Path) -> Path:
+    """Where the outputs go, with those of an earlier run."""
+    generated = folder / "generated"
+    generated.mkdir()
+    (generated / "bad.urdf").write_bytes(b"an older URDF")
+    (generated / "bad.constraints.json").write_bytes(b"older constraints")
+    return generated
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_input_is_refused_with_its_place_and_cause_and_nothing_is_touched(
+    folder: Path, generated: Path, run: Run, name: str
+) -> None:
+    content, words = WRONG[name]
+    write_wrong(folder / "bad.raff", content)
+    before = files_in(generated)
+    done = run("bad.raff")
+    (folder / "bad.raff").unlink()
+    assert (done.code, done.out) == (1, "")
+    assert len(done.err) < 2000
+    assert_in_order(words, done.err)
+    assert files_in(generated) == before
+
+
+def test_no_wrong_input_makes_the_command_fall_over(folder: Path, generated: Path, command: Run) -> None:
+    """All of them in one go, and good ones before and behind."""
+    for i, (content, _) in enumerate(WRONG.values()):
+        (folder / str(i)).mkdir()
+        write_wrong(folder / str(i) / "bad.raff", content)
+    before = files_in(generated)
+    done = command("arm.raff", *[f"{i}/bad.raff" for i in range(len(WRONG))], "two.raff")
+    for i in range(len(WRONG)):
+        (folder / str(i) / "bad.raff").unlink()
+    assert done.code == 1
+    assert "Traceback" not in done.err
+    for _, words in WRONG.values():
+        assert_in_order(words, done.err)
+    after = files_in(generated)
+    assert {name: after[name] for name in before} == before
+    assert {name.split(".")[0] for name in after} == {"arm", "bad", "two"}
+
+
+def test_an_error_that_loops_stay_open_names_the_file(folder: Path, run: Run) -> None:
+    assert run("skew.raff").err.startswith("skew.raff: ")
+
+
+def test_all_faults_of_a_file_are_said_at_once(folder: Path, run: Run) -> None:
+    """Whether they concern the tree or its constraints."""
+    body = f"{BODY}{ONE}\n  link 2 {{ type 2 pred 7 }}\n  constraint {{ link 1 link 9 }}\n}}"
+    (folder / "bad.raff").write_text(body)
+    said = run("bad.raff").err
+    assert "link 2 stands on 7" in said
+    assert "ends at 9" in said
+
+
+def test_a_file_that_cannot_be_read_is_named(folder: Path, run: Run) -> None:
+    (folder / "folder.raff").mkdir()
+    done = run("missing.raff", "folder.raff")
+    assert done.code == 1
+    assert [line.split(": can't be read: ")[0] for line in done.err.splitlines()] == ["missing.raff", "folder.raff"]
+    assert not (folder / "generated").exists()
+
+
+def test_an_output_folder_that_is_a_file_is_named_and_left_alone(folder: Path, run: Run) -> None:
+    (folder / "taken").write_bytes(b"something else")
+    for out in ("taken", "taken/below"):
+        done = run("arm.raff", "-o", out)
+        assert (done.code, done.out) == (1, "")
+        assert done.err.startswith(f"{out}: can't be written: ")
+        assert "Traceback" not in done.err
+    assert (folder / "taken").read_bytes() == b"something else"
+
+
+def test_an_output_that_is_a_folder_leaves_the_other_files_alone(folder: Path, run: Run) -> None:
+    """All files or none: here the URDF could be put in place, its constraints could not."""
+    generated = folder / "generated"
+    (generated / "arm.constraints.json").mkdir(parents=True)
+    (generated / "arm.urdf").write_bytes(b"an older URDF")
+    done = run("arm.raff")
+    assert done.code == 1
+    assert "Traceback" not in done.err
+    assert "can't be written" in done.err
+    assert files_in(generated) == {"arm.urdf": b"an older URDF"}
+
+
+def test_one_bad_robot_keeps_the_whole_file_from_being_written(folder: Path, run: Run) -> None:
+    bad = skew_four_bar().split("\n", 1)[1]
+    (folder / "both.raff").write_text(f"RAFF both\nrobot good {{ base {{ }} {ONE} }}\n{bad}")
+    assert run("both.raff").code == 1
+    assert not (folder / "generated").exists()
+
+
+# --- size --------------------------------------------------------------------------------------------------------
+
+
+def chain(links: int) -> str:
+    lines = [f"  link {i} {{ parameters {{ d 10 theta 5 }} type 2 pred {i - 1} }}" for i in range(1, links + 1)]
+    return "\n".join(["RAFF chain", "robot r {", "  base { }", *lines, "}", ""])
+
+
+def test_a_file_of_10000_links_converts(folder: Path, run: Run) -> None:
+    (folder / "long.raff").write_text(chain(10_000))
+    (report,) = json.loads(run("long.raff", "--json").out)
+    assert (report["links"], report["mobility"]) == (10_000, 10_000)
+
+
+def four_bars(count: int) -> str:
+    """Four-bars side by side, each a loop of its own."""
+    blocks = []
+    for i in range(count):
+        body = four_bar().split("base { }")[1].rsplit("}", 1)[0]
+        for number in (1, 2, 3, 5, 6):
+            for word in ("link", "frame", "pred"):
+                body = body.replace(f"{word} {number} ", f"{word} {10 * i + number} ")
+        blocks.append(body)
+    return "\n".join(["RAFF many", "robot r { base { }", *blocks, "}"])
+
+
+@pytest.mark.parametrize("text_of", [chain, four_bars])
+def test_twice_the_robot_takes_twice_the_work(tmp_path: Path, text_of: Callable[[int], str]) -> None:
+    """Counted in calls, which no other process disturbs."""
+    sizes = (100, 200, 400) if text_of is chain else (10, 20, 40)
+    calls = []
+    for size in (sizes[0], *sizes):  # the first run also pays for imports
+        path = tmp_path / f"{size}.raff"
+        path.write_text(text_of(size))
+        profile = cProfile.Profile()
+        profile.runcall(raff2urdf.convert, path, tmp_path)
+        calls.append(pstats.Stats(profile).total_calls)  # type: ignore[attr-defined]
+    _, one, two, four = calls
+    assert four - two <= 2.2 * (two - one)
+
+
+# --- in the same process -----------------------------------------------------------------------------------------
+
+
+def test_main_returns_its_exit_code(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(folder / "arm.raff"), "--check"]) == 0
+    assert main([str(folder / "missing.raff"), "--check"]) == 1
+    assert "missing.raff: can't be read" in capsys.readouterr().err
+
+
+def test_main_leaves_the_callers_warnings_alone(folder: Path) -> None:
+    before = warnings.showwarning
+    main([str(folder / "arm.raff"), "--check"])
+    assert warnings.showwarning is before
+
+
+def test_the_library_raises_what_the_command_says(folder: Path) -> None:
+    with pytest.raises(RaffError, match="can't be closed"):
+        raff2urdf.convert(folder / "skew.raff", folder / "generated")
+    assert not (folder / "generated").exists()

@@ -1,0 +1,258 @@
+"""What a URDF can't say stands in `<name>.constraints.json`, as the published schema describes it."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+from mechanisms import KNOWN
+from strategies import EXTREME, UNITS, documents, examples
+
+from raff2urdf import RaffError, constraints, loads
+from raff2urdf.analysis import analyse
+from raff2urdf.check import LARGEST
+from raff2urdf.conversion import translate
+from raff2urdf.document import Document, JointType, Link, LoopKind, Parameters, Robot
+
+SCHEMA = json.loads(files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8"))
+
+
+def made(document: Document, robot: Robot | None = None) -> constraints.Constraints:
+    robot = robot or document.robot()
+    return constraints.constraints(document, robot, analyse(document, robot))
+
+
+ARM_WITH_SENSORS = """
+RAFF MiniDelta
+units cm
+sensor 1 { port "/dev/ttyd2" translation 3 rotation 2 }
+sensor 7 { port "COM1" }
+sensor 9 { port "unused" }
+robot r1 {
+  link 1 { parameters { theta 30 } type 2 pred 0 limits { -85 80 } velocity 90 actuated 1 }
+  link 2 { parameters { d 21.1 theta -20 } type 2 pred 1 name "coupler" }
+  link 3 { parameters { r 5 alpha 90 } type 1 pred 0 limits { 0 30 } velocity 3 }
+  link 4 { type 0 pred 3 }
+  frame 5 { parameters { d 30 } pred 2 }
+  constraint { link 2 link 3 type 3 }
+  constraint { link 2 sensor ( 0 7 1 ) }
+  constraint { base sensor ( 7 ) }
+}
+"""
+
+
+@pytest.fixture
+def values() -> constraints.Constraints:
+    return made(loads(ARM_WITH_SENSORS))
+
+
+# --- what is written ---------------------------------------------------------------------------------------------
+
+
+def test_the_schema_is_a_schema() -> None:
+    jsonschema.Draft202012Validator.check_schema(SCHEMA)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_what_is_written_of_known_mechanisms_is_what_the_schema_describes(name: str) -> None:
+    text = constraints.dumps(made(loads(KNOWN[name][0])))
+    jsonschema.validate(json.loads(text), SCHEMA)
+
+
+@given(documents(moderate=True, loops=False, least_robots=1))
+@examples(60)
+def test_what_is_written_of_any_robot_is_what_the_schema_describes_and_reads_back(document: Document) -> None:
+    for robot in document.robots:
+        found = made(document, robot)
+        text = constraints.dumps(found)
+        jsonschema.validate(json.loads(text), SCHEMA)
+        assert constraints.loads(text) == found
+
+
+def test_everything_that_the_file_says_is_there(values: constraints.Constraints) -> None:
+    assert (values["format"], values["version"]) == ("raff2urdf constraints", 1)
+    assert (values["name"], values["robot"]) == ("MiniDelta", "r1")
+    assert values["nodes"] == ["base", "link1", "coupler", "link3", "link4", "frame5"]
+    assert values["floating"] == "joint0"
+    assert values["joints"] == [
+        {
+            "name": "joint1",
+            "type": "revolute",
+            "home": math.radians(30),
+            "limits": [math.radians(-85), math.radians(80)],
+            "velocity": math.radians(90),
+            "actuated": True,
+        },
+        {
+            "name": "joint2",
+            "type": "revolute",
+            "home": math.radians(-20),
+            "limits": None,
+            "velocity": None,
+            "actuated": False,
+        },
+        {
+            "name": "joint3",
+            "type": "prismatic",
+            "home": 0.05,
+            "limits": [0.0, 0.3],
+            "velocity": 0.03,
+            "actuated": False,
+        },
+    ]
+    unmoved = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
+    assert values["loops"] == [
+        {
+            "name": "coupler-link3",
+            "kind": "ball",
+            "first": {"node": "coupler", "placement": unmoved},
+            "second": {"node": "link3", "placement": unmoved},
+        }
+    ]
+    assert (values["mobility"], values["loop_rows"], values["loop_rank"]) == (3 + 6 - 2, 3, 2)
+    assert values["sensors"] == [
+        {"number": 1, "port": "/dev/ttyd2", "translation": 3, "rotation": 2},
+        {"number": 7, "port": "COM1", "translation": 3, "rotation": 3},
+    ]
+    assert values["sensor_constraints"] == [
+        {"node": "coupler", "sensors": [0, 7, 1]},
+        {"node": "base", "sensors": [7]},
+    ]
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_names_are_the_urdfs(name: str) -> None:
+    made = translate(loads(KNOWN[name][0]), loads(KNOWN[name][0]).robot(), Path())
+    xml = etree.fromstring(made.urdf.encode())
+    moving = [joint.get("name") for joint in xml.findall("joint") if joint.get("type") != "fixed"]
+    assert made.constraints["nodes"] == [link.get("name") for link in xml.findall("link")]
+    assert [joint["name"] for joint in made.constraints["joints"]] == moving
+
+
+def test_a_base_that_stands_still_does_not_float() -> None:
+    assert made(loads(KNOWN["delta"][0]))["floating"] is None
+
+
+@given(
+    st.tuples(EXTREME, EXTREME),
+    EXTREME.filter(bool),
+    st.floats(-1e9, 1e9),
+    st.sampled_from([1, 2]),
+    st.sampled_from(UNITS),
+)
+@examples(100)
+def test_numbers_read_back_to_the_same_double(
+    pair: tuple[float, float], speed: float, home: float, kind: int, units: str
+) -> None:
+    parameters = Parameters(theta=home) if kind == 2 else Parameters(r=home)
+    link = Link(1, parameters, JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
+    document = Document("t", (Robot("r", parts=(link,)),), units=units)
+    si = math.radians if kind == 2 else document.metres
+    try:
+        (joint,) = constraints.loads(constraints.dumps(made(document)))["joints"]
+    except RaffError:  # a speed of 5e-324 deg/s is 0 rad/s: no speed at all; and no slide reaches that far
+        assert si(abs(speed)) == 0.0 or (kind == 1 and abs(si(home)) > LARGEST)
+        return
+    assert joint["home"] == si(home)
+    assert joint["limits"] == [si(min(pair)), si(max(pair))]
+    assert joint["velocity"] == si(abs(speed))
+
+
+def test_a_text_in_any_script_is_written_as_it_is() -> None:
+    document = loads('RAFF дельта robot r { link 1 { name "плечо" type 2 pred 0 } }')
+    text = constraints.dumps(made(document))
+    assert '"дельта"' in text
+    assert '"плечо"' in text
+    assert constraints.loads(text)["nodes"] == ["base", "плечо"]
+
+
+# --- what is refused ---------------------------------------------------------------------------------------------
+
+
+def changed(values: constraints.Constraints, path: str, value: Any) -> constraints.Constraints:
+    """A copy with another value at "joints/0/home"; an ellipsis takes the key away."""
+    copied = copy.deepcopy(values)
+    *way, last = [int(step) if step.isdigit() else step for step in path.split("/")]
+    at: Any = copied
+    for step in way:
+        at = at[step]
+    if value is ...:
+        del at[last]
+    else:
+        at[last] = value
+    return copied
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "place"),
+    [
+        ("format", "something else", "$.format"),
+        ("version", 2, "$.version"),
+        ("mobility", -1, "$.mobility"),
+        ("mobility", 1.5, "$.mobility"),
+        ("mobility", ..., "'mobility'"),
+        ("nodes", [], "$.nodes"),
+        ("nodes", ["base", "base"], "$.nodes"),
+        ("joints/1/home", "0", "$.joints[1].home"),
+        ("joints/1/home", ..., "$.joints[1]: 'home'"),
+        ("joints/0/limits", [0.0], "$.joints[0].limits"),
+        ("joints/0/velocity", 0.0, "$.joints[0].velocity"),
+        ("joints/0/type", "fixed", "$.joints[0].type"),
+        ("joints/0/torque", 5.0, "'torque'"),
+        ("loops/0/kind", "weld", "$.loops[0].kind"),
+        ("loops/0/first/placement", [[1, 0, 0, 0]], "$.loops[0].first.placement"),
+        ("loops/0/second/node", "link99", "link99"),
+        ("sensors/0/number", 0, "$.sensors[0].number"),
+        ("sensors/0/rotation", 4, "$.sensors[0].rotation"),
+        ("sensor_constraints/0/sensors", [], "$.sensor_constraints[0].sensors"),
+        ("sensor_constraints/0/node", "link99", "link99"),
+        ("drawing", "x", "'drawing'"),
+    ],
+)
+def test_a_wrong_value_is_refused_at_its_place(
+    values: constraints.Constraints, path: str, value: Any, place: str
+) -> None:
+    assert constraints.loads(json.dumps(values)) == values
+    with pytest.raises(RaffError) as caught:
+        constraints.loads(json.dumps(changed(values, path, value)), "delta4.constraints.json")
+    assert str(caught.value).startswith("delta4.constraints.json: ")
+    assert place in str(caught.value)
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400"])
+def test_a_number_that_is_none_is_refused(values: constraints.Constraints, number: str) -> None:
+    text = json.dumps(changed(values, "joints/0/home", "HERE")).replace('"HERE"', number)
+    with pytest.raises(RaffError):
+        constraints.loads(text)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "null", "5", "RAFF t", 100_000 * "["])
+def test_what_is_no_such_file_is_refused_by_name(text: str) -> None:
+    with pytest.raises(RaffError, match=r"^some\.json: "):
+        constraints.loads(text, "some.json")
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    (tmp_path / "binary.json").write_bytes(b"\xff\xfe\x00")
+    for name in ("missing.json", "binary.json", "."):
+        with pytest.raises(RaffError) as caught:
+            constraints.load(tmp_path / name)
+        assert str(tmp_path / name) in str(caught.value)
+
+
+def test_a_file_reads_as_its_text_does(tmp_path: Path, values: constraints.Constraints) -> None:
+    (tmp_path / "some.json").write_text(constraints.dumps(values), encoding="utf-8")
+    assert constraints.load(tmp_path / "some.json") == values
+
+
+def test_the_kind_of_a_loop_is_raffs(values: constraints.Constraints) -> None:
+    assert [constraints.loop_kind(entry) for entry in values["loops"]] == [LoopKind.BALL]

@@ -1,0 +1,169 @@
+"""Six parameters stand for one rigid transform, and back."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mechanisms import Matrix, shift, turn
+from strategies import examples
+
+from raff2urdf.kleinfinger import Kleinfinger, parameters, transform
+
+EXACT = 1e-12  # m and rad, for lengths up to some metres: a few thousand roundings
+SKEWED = 3e-8
+"""What is lost (m or rad, for positions of 1 m) where two axes are nearly parallel and yet not quite: the common
+perpendicular then lies at r = 1 / alpha, and its rounding costs some 1e-16 / alpha; leaving alpha away costs alpha. The
+lesser of both is largest where they are equal, at the square root of some 1e-16."""
+
+angles = st.sampled_from([math.radians(degrees) for degrees in (0, 90, -90, 180, -180, 270, 360)]) | st.floats(-7, 7)
+lengths = st.just(0.0) | st.floats(-3, 3)
+tiny = st.floats(-17, -3).map(lambda exponent: 10.0**exponent)
+nearly_parallel = st.builds(lambda side, sign, angle: side + sign * angle, st.sampled_from([0.0, math.pi]),
+                            st.sampled_from([1, -1]), tiny)  # fmt: skip
+kleinfingers = st.builds(Kleinfinger, angles, lengths, angles | nearly_parallel, lengths, angles, lengths)
+generic = st.builds(
+    Kleinfinger,
+    gamma=st.floats(-3.1, 3.1),
+    epsilon=lengths,
+    alpha=st.floats(0.1, 3.0),
+    d=lengths,
+    theta=st.floats(-3.1, 3.1),
+    r=lengths,
+)
+
+
+def off(one: Matrix, other: Matrix) -> float:
+    return float(np.abs(one - other).max())
+
+
+@given(kleinfingers)
+@examples(200)
+def test_the_transform_is_the_product_of_its_six_elementary_ones(k: Kleinfinger) -> None:
+    """Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) Tz(r), from father to link."""
+    product = turn("z", k.gamma) @ shift("z", k.epsilon) @ turn("x", k.alpha)
+    product = product @ shift("x", k.d) @ turn("z", k.theta) @ shift("z", k.r)
+    assert off(transform(k), product) <= EXACT
+
+
+@pytest.mark.parametrize(
+    ("one", "elementary"),
+    [
+        (Kleinfinger(gamma=0.3, epsilon=0, alpha=0, d=0, theta=0, r=0), turn("z", 0.3)),
+        (Kleinfinger(gamma=0, epsilon=0.3, alpha=0, d=0, theta=0, r=0), shift("z", 0.3)),
+        (Kleinfinger(gamma=0, epsilon=0, alpha=0.3, d=0, theta=0, r=0), turn("x", 0.3)),
+        (Kleinfinger(gamma=0, epsilon=0, alpha=0, d=0.3, theta=0, r=0), shift("x", 0.3)),
+        (Kleinfinger(gamma=0, epsilon=0, alpha=0, d=0, theta=0.3, r=0), turn("z", 0.3)),
+        (Kleinfinger(gamma=0, epsilon=0, alpha=0, d=0, theta=0, r=0.3), shift("z", 0.3)),
+    ],
+)
+def test_each_parameter_alone_is_its_elementary_transform(one: Kleinfinger, elementary: Matrix) -> None:
+    assert off(transform(one), elementary) <= 1e-16
+
+
+@given(kleinfingers)
+@examples(300)
+def test_a_transform_made_of_parameters_comes_back_exactly(k: Kleinfinger) -> None:
+    """However nearly parallel the axes are."""
+    placement = transform(k)
+    assert off(transform(parameters(placement)), placement) <= EXACT
+
+
+@pytest.mark.parametrize("side", [0.0, math.pi])
+@pytest.mark.parametrize("angle", [1e-14, 1e-12, 1e-10, 1e-9, 1e-8, 1e-6])
+def test_a_shift_there_and_back_along_nearly_parallel_axes_comes_back_exactly(angle: float, side: float) -> None:
+    """The origins nearly coincide, so that the placement hardly knows the lengths of 1 m it was made of."""
+    k = Kleinfinger(gamma=0.5, epsilon=1.0, alpha=side + angle, d=0.0, theta=1.0, r=1.0 if side else -1.0)
+    placement = transform(k)
+    assert np.abs(placement[:3, 3]).max() <= 2 * angle
+    assert off(transform(parameters(placement)), placement) <= EXACT
+
+
+@given(generic)
+@examples(200)
+def test_the_parameters_themselves_come_back_where_they_are_unique(k: Kleinfinger) -> None:
+    """That is where the axes are not parallel, with alpha from 0 to 180 degrees, and the others from -180 to 180."""
+    assert np.allclose(parameters(transform(k)), k, rtol=0, atol=1e-11)
+
+
+@st.composite
+def placements(draw: st.DrawFn, alphas: st.SearchStrategy[float]) -> Matrix:
+    """Any rotation whose z is `alpha` off the father's, at any place: not made of moderate parameters."""
+    placement = turn("z", draw(angles)) @ turn("x", draw(alphas)) @ turn("z", draw(angles))
+    placement[:3, 3] = [draw(lengths) for _ in range(3)]
+    return placement
+
+
+@given(placements(st.floats(1e-2, math.pi - 1e-2)))
+@examples(200)
+def test_any_placement_on_a_skew_axis_comes_back_exactly(placement: Matrix) -> None:
+    assert off(transform(parameters(placement)), placement) <= EXACT
+
+
+@given(placements(st.sampled_from([0.0, math.pi])))
+@examples(200)
+def test_any_placement_on_a_parallel_axis_comes_back_exactly(placement: Matrix) -> None:
+    assert off(transform(parameters(placement)), placement) <= EXACT
+
+
+@given(placements(tiny | tiny.map(lambda angle: math.pi - angle)))
+@examples(300)
+def test_a_placement_on_a_nearly_parallel_axis_comes_back_as_well_as_doubles_allow(placement: Matrix) -> None:
+    size = max(1.0, float(np.abs(placement[:3, 3]).max()))
+    assert off(transform(parameters(placement)), placement) <= SKEWED * size
+
+
+@given(placements(st.floats(0.0, math.pi) | nearly_parallel))
+@examples(200)
+def test_the_twist_is_taken_from_0_to_180_degrees(placement: Matrix) -> None:
+    assert 0.0 <= parameters(placement).alpha <= math.pi
+
+
+@given(placements(st.sampled_from([0.0, math.pi])))
+@examples(60)
+def test_between_parallel_axes_the_perpendicular_is_taken_through_the_new_origin(placement: Matrix) -> None:
+    k = parameters(placement)
+    assert k.r == 0.0
+    assert k.d == pytest.approx(math.hypot(placement[0, 3], placement[1, 3]), abs=1e-15)
+    assert k.epsilon == placement[2, 3]
+
+
+def test_the_identity_is_all_zeros() -> None:
+    assert parameters(np.eye(4)) == (0, 0, 0, 0, 0, 0)
+
+
+def changed(row: int, column: int, value: float) -> Matrix:
+    placement = np.eye(4)
+    placement[row, column] = value
+    return placement
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.eye(3),
+        np.zeros((2, 4, 4)),
+        np.zeros((4, 4)),
+        changed(0, 3, math.nan),
+        changed(1, 1, math.inf),
+        changed(0, 0, -1.0),  # a mirror
+        changed(0, 0, 1.001),  # scaled
+        changed(0, 1, 1e-3),  # sheared
+        2.0 * np.eye(4),
+        changed(3, 0, 0.5),  # a perspective
+        changed(3, 3, 2.0),
+    ],
+    ids=["3x3", "stack", "zero", "nan", "inf", "mirror", "scaled", "sheared", "twice", "perspective", "bottom"],
+)
+def test_what_is_no_rigid_transform_is_refused(wrong: Matrix) -> None:
+    with pytest.raises(ValueError, match="placement"):
+        parameters(wrong)
+
+
+def test_rounding_in_a_rotation_is_taken() -> None:
+    """As it comes out of a file with seven digits."""
+    placement = np.round(turn("z", 0.5) @ turn("x", 1.0) @ turn("z", 2.0), 7)
+    assert off(transform(parameters(placement)), placement) <= 3e-7

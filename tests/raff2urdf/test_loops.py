@@ -1,0 +1,251 @@
+"""The gap of a loop is zero where its ends meet, and only there; and its derivative is one."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from mechanisms import Matrix, shift, turn
+from strategies import examples
+
+from raff2urdf.document import LoopKind
+from raff2urdf.loops import ROWS, gap, log, log_derivative, skew
+
+STEP = 1e-6
+NUMERIC = 2e-9  # error of a central difference with STEP: 1e-16 / STEP, and third derivatives times STEP^2
+
+kinds = st.sampled_from(LoopKind)
+small = st.floats(-1, 1)
+vectors = st.builds(lambda x, y, z: np.array([x, y, z]), small, small, small)
+
+
+@st.composite
+def directions(draw: st.DrawFn) -> np.ndarray:
+    """Unit vectors, along the axes now and then."""
+    if draw(st.booleans()):
+        return np.eye(3)[draw(st.integers(0, 2))] * draw(st.sampled_from([1.0, -1.0]))
+    v = draw(vectors)
+    size = float(np.linalg.norm(v))
+    assume(size > 0.1)
+    return v / size
+
+
+def placement_of(rotation: np.ndarray, p: np.ndarray | None = None) -> Matrix:
+    m = np.eye(4)
+    m[:3, :3] = rotation
+    if p is not None:
+        m[:3, 3] = p
+    return m
+
+
+@st.composite
+def placements(draw: st.DrawFn, farthest: float = 3.0) -> Matrix:
+    """A second end seen from the first, turned by up to `farthest`, very little now and then."""
+    angle = draw(st.floats(0, farthest) | st.floats(-12, -1).map(lambda exponent: 10.0**exponent))
+    return placement_of(pin.exp3(angle * draw(directions())), draw(vectors))
+
+
+# --- the rotation vector -----------------------------------------------------------------------------------------
+
+
+@given(directions(), st.floats(0, 3.1))
+@examples(150)
+def test_the_rotation_vector_is_the_logarithm(direction: np.ndarray, angle: float) -> None:
+    rotation = pin.exp3(angle * direction)
+    assert np.allclose(log(rotation), pin.log3(rotation), rtol=0, atol=1e-12)
+
+
+@given(directions(), st.floats(0, math.pi) | st.floats(-15, -1).map(lambda exponent: math.pi - 10.0**exponent))
+@examples(150)
+def test_the_exponential_of_the_rotation_vector_is_the_rotation(direction: np.ndarray, angle: float) -> None:
+    rotation = pin.exp3(angle * direction)
+    assert np.abs(pin.exp3(log(rotation)) - rotation).max() <= 1e-14
+
+
+@given(directions(), st.floats(-100, -1).map(lambda exponent: 10.0**exponent))
+@examples(100)
+def test_a_small_rotation_keeps_its_relative_precision(direction: np.ndarray, angle: float) -> None:
+    """It is seen in the antisymmetric part of R alone: the trace is 3 to the last digit (Rodrigues' formula)."""
+    cross = skew(direction)
+    rotation = np.eye(3) + math.sin(angle) * cross + 2.0 * math.sin(angle / 2.0) ** 2 * cross @ cross
+    assert np.allclose(log(rotation), angle * direction, rtol=1e-14, atol=angle * 1e-15)
+
+
+@given(directions(), st.floats(-15, -1).map(lambda exponent: 10.0**exponent))
+@examples(100)
+def test_a_rotation_by_nearly_pi_keeps_angle_and_direction(direction: np.ndarray, below: float) -> None:
+    rotation = pin.exp3((math.pi - below) * direction)
+    assert np.allclose(log(rotation), (math.pi - below) * direction, rtol=0, atol=2e-15)
+
+
+@given(directions())
+@examples(60)
+def test_a_rotation_by_pi_has_one_of_its_two_vectors(direction: np.ndarray) -> None:
+    half_turn = 2.0 * np.outer(direction, direction) - np.eye(3)
+    vector = log(half_turn)
+    assert min(np.abs(vector - math.pi * direction).max(), np.abs(vector + math.pi * direction).max()) <= 2e-15
+
+
+def test_no_rotation_has_no_vector() -> None:
+    assert log(np.eye(3)).tolist() == [0.0, 0.0, 0.0]
+
+
+@given(directions(), st.floats(0, 3.1) | st.floats(-3, -1.5).map(lambda exponent: 10.0**exponent))
+@examples(150)
+def test_the_derivative_of_the_rotation_vector_is_pinocchios(direction: np.ndarray, angle: float) -> None:
+    """Pinocchio's is by the velocity in the moving axes, one rotation away, and loses 1e-10 near 1e-3 rad."""
+    rotation = pin.exp3(angle * direction)
+    assert np.allclose(log_derivative(angle * direction), pin.Jlog3(rotation) @ rotation.T, rtol=0, atol=1e-9)
+
+
+@given(directions(), st.floats(0, 3.1) | st.floats(-3, -1.5).map(lambda exponent: 10.0**exponent))
+@examples(150)
+def test_the_derivative_of_the_rotation_vector_inverts_that_of_the_exponential(
+    direction: np.ndarray, angle: float
+) -> None:
+    """Which is the sum of [v]^n / (n + 1)!."""
+    cross = angle * skew(direction)
+    term, total = np.eye(3), np.zeros((3, 3))
+    for n in range(40):
+        total += term
+        term = term @ cross / (n + 2)
+    assert np.abs(log_derivative(angle * direction) @ total - np.eye(3)).max() <= 1e-14
+
+
+@given(vectors, vectors)
+@examples(60)
+def test_skew_is_the_cross_product(v: np.ndarray, w: np.ndarray) -> None:
+    assert np.abs(skew(v) @ w - np.cross(v, w)).max() <= 1e-15
+
+
+# --- the gap's derivative ----------------------------------------------------------------------------------------
+
+
+def numeric(kind: LoopKind, placement: Matrix, length: float) -> np.ndarray:
+    """Central differences by a twist of the second end, in the first end's axes and at its origin."""
+    columns = []
+    for i in range(6):
+        twist = np.zeros(6)
+        twist[i] = STEP
+        ahead, behind = (pin.exp6(sign * twist).homogeneous @ placement for sign in (1.0, -1.0))
+        columns.append((gap(kind, ahead, length)[0] - gap(kind, behind, length)[0]) / (2.0 * STEP))
+    return np.column_stack(columns)
+
+
+@given(kinds, placements(), st.floats(0.3, 3.0))
+@examples(250)
+def test_the_derivative_of_a_gap_is_that_of_finite_differences(
+    kind: LoopKind, placement: Matrix, length: float
+) -> None:
+    """However far open the loop; only beside a half turn, where the rotation vector jumps, is there none."""
+    assume(kind is not LoopKind.REVOLUTE or placement[2, 2] > -0.95)
+    found = gap(kind, placement, length)[1]
+    error = np.abs(found - numeric(kind, placement, length)).max()
+    assert error <= NUMERIC * max(1.0, np.abs(found).max()) ** 3
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-9, 0.9e-4, 1.1e-4, 0.9e-2, 1.1e-2])
+@pytest.mark.parametrize("kind", LoopKind)
+def test_the_derivative_is_smooth_where_its_formula_changes(kind: LoopKind, angle: float) -> None:
+    placement = placement_of(pin.exp3(angle * np.array([0.6, 0.64, 0.48])), np.array([0.1, -0.2, 0.3]))
+    assert np.abs(gap(kind, placement, 0.7)[1] - numeric(kind, placement, 0.7)).max() <= NUMERIC
+
+
+@pytest.mark.parametrize("kind", LoopKind)
+def test_every_kind_has_its_number_of_rows(kind: LoopKind) -> None:
+    residual, derivative = gap(kind, turn("x", 0.5), 1.0)
+    rows = {"RIGID": 6, "PRISMATIC": 5, "REVOLUTE": 5, "BALL": 3}[kind.name]
+    assert residual.shape == (rows,)
+    assert derivative.shape == (rows, 6)
+    assert ROWS[kind] == rows
+
+
+# --- where it is zero --------------------------------------------------------------------------------------------
+
+
+@st.composite
+def freedoms(draw: st.DrawFn, kind: LoopKind) -> Matrix:
+    """A placement of the second end that the joint allows."""
+    if kind is LoopKind.PRISMATIC:
+        return shift("z", draw(st.floats(-5, 5)))
+    if kind is LoopKind.REVOLUTE:
+        return turn("z", draw(st.floats(-7, 7)))
+    if kind is LoopKind.BALL:
+        return placement_of(pin.exp3(draw(st.floats(0, 7)) * draw(directions())))
+    return np.eye(4)
+
+
+# What each joint forbids, as columns of twists (linear, then angular) in its own axes.
+FORBIDDEN = {
+    LoopKind.RIGID: [0, 1, 2, 3, 4, 5],
+    LoopKind.PRISMATIC: [0, 1, 3, 4, 5],
+    LoopKind.REVOLUTE: [0, 1, 2, 3, 4],
+    LoopKind.BALL: [0, 1, 2],
+}
+
+
+@given(st.data(), kinds)
+@examples(150)
+def test_a_gap_is_zero_wherever_the_joint_lets_its_ends_be(data: st.DataObject, kind: LoopKind) -> None:
+    assert np.abs(gap(kind, data.draw(freedoms(kind)), 1.0)[0]).max() <= 1e-15
+
+
+@given(st.data(), kinds, st.floats(1e-6, 1.0), st.sampled_from([0.5, 1.0, 2.0]))
+@examples(200)
+def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
+    data: st.DataObject, kind: LoopKind, size: float, length: float
+) -> None:
+    """Off by `size` in one forbidden direction (rad or m), the residual is that, in rad or characteristic lengths."""
+    allowed = data.draw(freedoms(kind))
+    direction = data.draw(st.sampled_from(FORBIDDEN[kind]))
+    twist = np.zeros(6)
+    twist[direction] = size
+    residual = gap(kind, pin.exp6(twist).homogeneous @ allowed, length)[0]
+    assert np.linalg.norm(residual) >= 0.999 * size * (1.0 / length if direction < 3 else 1.0)
+
+
+@given(st.data(), kinds)
+@examples(100)
+def test_a_closed_joint_moves_freely_as_it_may_and_not_at_all_else(data: st.DataObject, kind: LoopKind) -> None:
+    """The derivative's null space, at a closed loop, is the joint's freedom: in the first end's axes."""
+    derivative = gap(kind, data.draw(freedoms(kind)), 1.0)[1]
+    free = [i for i in range(6) if i not in FORBIDDEN[kind]]
+    assert np.linalg.matrix_rank(derivative, tol=1e-8) == ROWS[kind]
+    assert np.abs(derivative[:, free]).max(initial=0.0) <= 1e-14 or kind is LoopKind.PRISMATIC
+    if kind is LoopKind.PRISMATIC:  # p_z turns into p_x and p_y: only the slide itself is free
+        assert np.abs(derivative[:, 2]).max() <= 1e-14
+
+
+@pytest.mark.parametrize("flip", [turn("x", math.pi), turn("y", math.pi), turn("z", 1.0) @ turn("x", math.pi)])
+def test_a_hinge_with_opposite_axes_is_not_closed(flip: Matrix) -> None:
+    residual, derivative = gap(LoopKind.REVOLUTE, flip, 1.0)
+    assert np.linalg.norm(residual) == pytest.approx(math.pi)
+    assert np.isfinite(derivative).all()
+
+
+@given(st.floats(-7, 7), st.floats(0, 3.1), st.floats(-7, 7))
+@examples(100)
+def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them(
+    before: float, angle: float, after: float
+) -> None:
+    swung = turn("z", before) @ turn("x", angle) @ turn("z", after)
+    assert np.linalg.norm(gap(LoopKind.REVOLUTE, swung, 1.0)[0]) == pytest.approx(angle, abs=1e-14)
+
+
+# --- units -------------------------------------------------------------------------------------------------------
+
+
+@given(kinds, placements(), st.floats(0.1, 10.0), st.floats(1e-3, 1e3))
+@examples(100)
+def test_a_gap_has_no_unit(kind: LoopKind, placement: Matrix, length: float, scale: float) -> None:
+    """A mechanism `scale` times as large has the same residual; only the velocities' columns know their unit."""
+    scaled = placement.copy()
+    scaled[:3, 3] *= scale
+    (one, by_one), (other, by_other) = gap(kind, placement, length), gap(kind, scaled, length * scale)
+    assert np.allclose(one, other, rtol=0, atol=1e-12 / length)
+    per_unit = np.diag([1 / scale, 1 / scale, 1 / scale, 1, 1, 1])
+    assert np.allclose(by_one @ per_unit, by_other, rtol=1e-11, atol=1e-13)

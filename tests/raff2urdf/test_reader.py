@@ -1,0 +1,558 @@
+"""RAFF text as a person writes it, and what the reader says where it is wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from strategies import documents, examples
+
+import raff2urdf
+from raff2urdf import RaffError
+from raff2urdf.document import (
+    Base,
+    Document,
+    Frame,
+    JointType,
+    Link,
+    Loop,
+    LoopKind,
+    Parameters,
+    Robot,
+    Sensor,
+    SensorConstraint,
+)
+from raff2urdf.errors import Problem
+
+# Figure 5, as printed, of L. Flückiger, L. Piguet, C. Baur: "Generic robotic kinematic generator for virtual
+# environment interfaces". Two slips of the printer are in it: `alphah`, and a brace that closes link 2 too early.
+FIGURE_5 = """\
+RAFF MiniDelta
+
+robot r1 {
+
+  // path for the graphic files
+  path "~/GKG/Models/delta-4/"
+
+  // here's the base of robot
+  base { filename { "platform.dxf" } }
+
+  link 1 { // first link of the robot
+    parameters {
+      theta 0.0 // in degrees
+      r 0.0 // in mm
+      d 1500.0 // in mm
+      alpha 90.0 // in degrees
+    }
+    type 2 // type of joint 2=revolute
+    pred 0 // predecessor = base (0)
+    limits { -85.0 80.0 }
+    filename { "bras.nff" }
+  }
+
+  link 2 { // second link of the robot
+    parameters {
+      theta 211.21
+      r 0.0
+      d 2000.0
+      alphah 0.0
+    }
+  }
+
+  type 2
+  pred 1 // attached to link 1
+  limits { 185.0 355.0 }
+}
+
+// another link connected to the base
+link 6 {
+  parameters {
+    theta 0.0
+    r 0.0
+    d 1500.0
+    alpha 90.0
+    gamma 120.0 // some extra params
+    epsilon 0.0 // for this branch
+  }
+  type 2
+  pred 0
+  limits { -85.0 80.0 }
+  filename { "bras.nff" }
+}
+
+// define the constraint for a closed loop
+constraint {
+  link 5 // this two link must
+  link 11 // be connected
+}
+
+} // end of robot definition
+"""
+
+# Figure 6 of the same paper. The sensor stands outside all robots, the constraint inside one.
+FIGURE_6_SENSOR = """\
+// declare a new sensor on serial port 2
+// outside all other robot declaration !
+
+sensor 1 {
+  port "/dev/ttyd2"
+  translation 3           // 3 dof in translation
+  rotation 3             // and 3 dof in rotation
+}
+"""
+FIGURE_6_CONSTRAINT = """\
+// in a robot declaration
+// define some potential constraints
+constraint {
+  link 5                 // link 5 must follow
+  sensor ( 0 1 )        // either sensor 0 or
+                        // sensor 1 (when 0, then the
+                        // link is no more constrained)
+}
+"""
+
+
+def repaired_figure_5() -> str:
+    """The same without the two slips: line 29 spelt right, the brace of line 31 gone."""
+    lines = FIGURE_5.splitlines(keepends=True)
+    assert (lines[28], lines[30]) == ("      alphah 0.0\n", "  }\n")
+    lines[28] = lines[28].replace("alphah", "alpha")
+    del lines[30]
+    return "".join(lines)
+
+
+def problems_of(text: str, name: str = "<text>") -> tuple[Problem, ...]:
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.loads(text, name)
+    return caught.value.problems
+
+
+def robot_of(body: str) -> Robot:
+    """The one robot whose block holds `body`."""
+    (robot,) = raff2urdf.loads(f"RAFF test\nrobot r {{\n{body}\n}}\n").robots
+    return robot
+
+
+def link_of(body: str) -> Link:
+    (link,) = robot_of(f"link 1 {{ type 2 pred 0 {body} }}").links
+    return link
+
+
+# --- the paper's example -----------------------------------------------------------------------------------------
+
+
+def test_figure_5_as_printed_has_exactly_two_errors() -> None:
+    assert len(problems_of(FIGURE_5)) == 2
+
+
+def test_the_misprinted_parameter_is_shown_with_its_right_name() -> None:
+    assert str(problems_of(FIGURE_5, "delta4.raff")[0]) == (
+        "delta4.raff:29:7: unknown parameter 'alphah': did you mean 'alpha'?\n          alphah 0.0\n          ^^^^^^"
+    )
+
+
+def test_the_misprinted_brace_is_found_from_the_word_that_stands_outside() -> None:
+    assert str(problems_of(FIGURE_5, "delta4.raff")[1]) == (
+        "delta4.raff:33:3: 'type' stands outside a link: link 2 was closed on line 31\n      type 2\n      ^^^^"
+    )
+
+
+def test_each_slip_is_found_without_the_other_too() -> None:
+    spelt = FIGURE_5.replace("alphah", "alpha")
+    assert [(p.place.line, p.place.column) for p in problems_of(spelt) if p.place] == [(33, 3)]
+    lines = FIGURE_5.splitlines(keepends=True)
+    del lines[30]
+    assert [(p.place.line, p.place.column) for p in problems_of("".join(lines)) if p.place] == [(29, 7)]
+
+
+def test_figure_5_repaired_means_what_it_says() -> None:
+    document = raff2urdf.loads(repaired_figure_5())
+    assert (document.name, document.units) == ("MiniDelta", "mm")
+    (robot,) = document.robots
+    assert (robot.name, robot.path) == ("r1", "~/GKG/Models/delta-4/")
+    assert robot.base == Base(filenames=("platform.dxf",))
+    assert robot.links == (
+        Link(1, Parameters(d=1500, alpha=90), JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
+        Link(2, Parameters(theta=211.21, d=2000), JointType.REVOLUTE, 1, limits=(185, 355)),
+        Link(6, Parameters(d=1500, alpha=90, gamma=120), JointType.REVOLUTE, 0, (-85, 80), filenames=("bras.nff",)),
+    )
+    assert robot.loops == (Loop(5, 11, LoopKind.RIGID),)
+
+
+def test_figures_5_and_6_go_together() -> None:
+    """Figure 5 is an excerpt: constraints may name links that it lacks, as long as nothing is converted."""
+    robot, end = repaired_figure_5().rsplit("}", 1)
+    document = raff2urdf.loads(f"{robot}{FIGURE_6_CONSTRAINT}}}{end}{FIGURE_6_SENSOR}")
+    assert document.sensors == (Sensor(1, "/dev/ttyd2", translation=3, rotation=3),)
+    assert document.robots[0].sensor_constraints == (SensorConstraint(5, (0, 1)),)
+    assert document.robots[0].loops == (Loop(5, 11),)
+    with pytest.raises(RaffError, match="which does not exist"):
+        raff2urdf.check(document)
+
+
+# --- every construct ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("um", 0.0015), ("mm", 1.5), ("cm", 15.0), ("m", 1500.0)])
+def test_units_say_what_a_length_is(unit: str, metres: float) -> None:
+    document = raff2urdf.loads(f"RAFF test\nunits {unit}\nrobot r {{ }}")
+    assert document.units == unit
+    assert document.metres(1500.0) == metres
+
+
+def test_millimetres_are_meant_where_no_unit_is_said() -> None:
+    assert raff2urdf.loads("RAFF test").metres(211.21) == 0.21121
+
+
+def test_a_file_may_hold_several_robots_and_sensors_in_any_order() -> None:
+    document = raff2urdf.loads(
+        'RAFF test\nrobot a { }\nsensor 7 { port "COM1" }\nrobot b { }\nsensor 2 { rotation 0 port "x" translation 1 }'
+    )
+    assert [robot.name for robot in document.robots] == ["a", "b"]
+    assert document.sensors == (Sensor(7, "COM1", 3, 3), Sensor(2, "x", 1, 0))
+
+
+def test_an_empty_robot_is_a_base_at_the_worlds_origin() -> None:
+    assert robot_of("") == Robot("r", Base(Parameters()))
+
+
+def test_a_base_may_be_placed_and_drawn() -> None:
+    robot = robot_of('base { parameters { gamma 30 epsilon 200 } filename { "a.stl" "b.stl" } }')
+    assert robot.base == Base(Parameters(gamma=30, epsilon=200), ("a.stl", "b.stl"))
+
+
+def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
+    link = link_of("parameters { epsilon 6 gamma 5 alpha 4 d 3 r 2 theta 1 }")
+    assert link.parameters == Parameters(theta=1, r=2, d=3, alpha=4, gamma=5, epsilon=6)
+    assert link_of("").parameters == Parameters(0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("text", ["12", "12.", "12.0", "+12", "1.2e1", "1200e-2", "0.12E+2", ".12e2"])
+def test_a_number_may_be_written_in_many_ways(text: str) -> None:
+    assert link_of(f"parameters {{ d {text} }}").parameters.d == 12.0
+
+
+@pytest.mark.parametrize(("number", "kind"), [(0, "FIXED"), (1, "PRISMATIC"), (2, "REVOLUTE")])
+def test_a_links_type_says_how_it_moves(number: int, kind: str) -> None:
+    assert robot_of(f"link 1 {{ type {number} pred 0 }}").links[0].type is JointType[kind]
+
+
+def test_a_link_may_have_limits_a_speed_a_motor_and_a_name() -> None:
+    link = link_of('limits { -10 20 } velocity 90 actuated 1 name "tool"')
+    assert (link.limits, link.velocity, link.actuated) == ((-10, 20), 90, True)
+    assert (link.name, link.node, link.joint) == ("tool", "tool", "joint1")
+
+
+def test_what_a_link_does_not_say_is_left_open() -> None:
+    link = link_of("")
+    assert (link.limits, link.velocity, link.actuated, link.name, link.filenames) == (None, None, None, None, ())
+    assert (link.node, link.joint) == ("link1", "joint1")
+
+
+def test_a_link_may_say_that_it_has_no_motor() -> None:
+    assert link_of("actuated 0").actuated is False
+
+
+def test_a_link_may_have_several_graphic_files() -> None:
+    assert link_of('filename { "a.dxf" "b.nff" } filename { "c.stl" }').filenames == ("a.dxf", "b.nff", "c.stl")
+
+
+def test_frames_stand_on_bases_links_and_frames_and_share_the_links_numbering() -> None:
+    robot = robot_of(
+        """
+        link 1 { type 2 pred 0 }
+        frame 20 { pred 0 }
+        frame 21 { pred 1 name "flange" filename { "f.stl" } }
+        frame 22 { parameters { r 50 } pred 21 }
+        """
+    )
+    assert robot.frames == (
+        Frame(20, Parameters(), 0),
+        Frame(21, Parameters(), 1, "flange", ("f.stl",)),
+        Frame(22, Parameters(r=50), 21),
+    )
+    assert [node.node for node in robot.nodes.values()] == ["base", "link1", "frame20", "flange", "frame22"]
+
+
+def test_a_child_may_be_written_before_its_father() -> None:
+    robot = robot_of("link 3 { type 2 pred 2 } link 1 { type 2 pred 0 } link 2 { type 2 pred 1 }")
+    assert [link.number for link in robot.links] == [3, 1, 2]
+    assert [link.number for link in robot.outward] == [1, 2, 3]
+
+
+@pytest.mark.parametrize(("said", "kind"), [(0, "RIGID"), (1, "PRISMATIC"), (2, "REVOLUTE"), (3, "BALL")])
+def test_a_loop_may_say_which_joint_was_cut(said: int, kind: str) -> None:
+    robot = robot_of(f"link 1 {{ type 2 pred 0 }} constraint {{ base link 1 type {said} }}")
+    assert robot.loops == (Loop(0, 1, LoopKind[kind]),)
+
+
+def test_a_loop_is_rigid_where_it_does_not_say() -> None:
+    robot = robot_of("link 1 { type 2 pred 0 } frame 2 { pred 0 } constraint { frame 2 link 1 }")
+    assert robot.loops == (Loop(2, 1, LoopKind.RIGID),)
+    assert robot.loop_names == ("frame2-link1",)
+
+
+def test_loops_between_the_same_nodes_have_names_of_their_own() -> None:
+    robot = robot_of("link 1 { type 2 pred 0 }" + 3 * " constraint { base link 1 type 3 }")
+    assert robot.loop_names == ("base-link1", "base-link1#2", "base-link1#3")
+
+
+@pytest.mark.parametrize(("node", "number"), [("base", 0), ("link 1", 1), ("frame 2", 2)])
+def test_any_node_may_follow_sensors(node: str, number: int) -> None:
+    robot = robot_of(f"link 1 {{ type 2 pred 0 }} frame 2 {{ pred 1 }} constraint {{ {node} sensor ( 0 2 1 ) }}")
+    assert robot.sensor_constraints == (SensorConstraint(number, (0, 2, 1)),)
+    assert robot.movable is (number == 0)
+
+
+def test_comments_run_to_the_end_of_their_line() -> None:
+    text = 'RAFF test // name } {\nrobot r { // "\n//link 1\nlink 2 { type 2//3\npred 0 } }//'
+    assert [link.number for link in raff2urdf.loads(text).robots[0].links] == [2]
+
+
+def test_a_comment_sign_in_quotes_is_text() -> None:
+    assert robot_of('path "http://x//y"').path == "http://x//y"
+
+
+def test_a_documents_robot_is_found_by_name() -> None:
+    document = raff2urdf.loads("RAFF test robot left { } robot right { }")
+    assert document.robot().name == "left"
+    assert document.robot("right").name == "right"
+    with pytest.raises(RaffError, match=r"no robot 'rihgt': did you mean 'right'\?"):
+        document.robot("rihgt")
+
+
+def test_a_file_reads_as_its_text_does(tmp_path: Path) -> None:
+    """Whatever its line ends, with or without a byte order mark."""
+    for i, data in enumerate([b"\xef\xbb\xbfRAFF caf\xc3\xa9\r\nrobot r { }\r\n", "RAFF café\nrobot r { }".encode()]):
+        (tmp_path / f"{i}.raff").write_bytes(data)
+        assert raff2urdf.load(tmp_path / f"{i}.raff") == raff2urdf.loads("RAFF café robot r { }")
+
+
+# --- what is wrong, where, and what it probably should be --------------------------------------------------------
+
+LINK = "RAFF t\nrobot r {\n  link 1 {\n    "  # what follows stands on line 4, from column 5
+END = "\n  }\n}\n"
+
+WRONG = [
+    # words
+    (f"{LINK}type 2 pred 0 limts {{ 0 1 }}{END}", 4, 19, "unknown word 'limts' link 1 did you mean 'limits'"),
+    (f"{LINK}type 2 pred 0 parameters {{ thta 1 }}{END}", 4, 32, "unknown parameter 'thta' did you mean 'theta'"),
+    ("RAFF t\nrobto r { }", 2, 1, "unknown word 'robto' did you mean 'robot'"),
+    ("RAFF t\nrobot r {\n  lnik 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'lnik' robot r did you mean 'link'"),
+    ("RAFF t\nrobot r {\n  Link 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'Link' did you mean 'link'"),
+    ("RAFF t\nrobot r {\n  frame 1 { type 2 pred 0 }\n}", 3, 13, "'type' does not belong frame 1 'link"),
+    ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' stands outside a robot robot r closed on line 2"),
+    ('RAFF t\nrobot r {\n  sensor 1 { port "x" }\n}', 3, 3, "'sensor' outside robot"),
+    ("RAFF t\nrobot r {\n  units cm\n}", 3, 3, "'units' outside robot"),
+    # braces
+    ("RAFF t\nrobot r {\n  link 1 {\n    type 2\n    pred 0", 5, 11, "ends inside link 1 line 3 '}' missing"),
+    ("RAFF t\nrobot r {\n  link 1 { type 2 pred 0 }\n", 3, 27, "ends inside robot r line 2 '}' missing"),
+    ("RAFF t\nrobot r {\n}\n}", 4, 1, "'}' too many robot r closed on line 3"),
+    (f"{LINK}type 2 pred 0 limits 0 1{END}", 4, 26, "expected '{' found '0'"),
+    ("RAFF t\nrobot r {\n  link {", 3, 8, "'link' needs a number"),
+    # numbers
+    ("RAFF t\nrobot r {\n  link one { type 2 pred 0 }\n}", 3, 8, "'link' needs a number 'one'"),
+    (f"{LINK}type revolute pred 0{END}", 4, 10, "'type' needs a number 'revolute' 2 revolute"),
+    (f"{LINK}type 2 pred 0 parameters {{ d NaN }}{END}", 4, 34, "'d' needs a number 'NaN'"),
+    (f"{LINK}type 2 pred 0 parameters {{ d inf }}{END}", 4, 34, "'d' needs a number 'inf'"),
+    (f"{LINK}type 2 pred 0 parameters {{ d 1e400 }}{END}", 4, 34, "'1e400' too large"),
+    (f"{LINK}type 2 pred 0 parameters {{ d -1e400 }}{END}", 4, 34, "'-1e400' too large"),
+    (f"{LINK}type 2 pred 0 parameters {{ d 5mm }}{END}", 4, 34, "'d' needs a number '5mm' units"),
+    (f"{LINK}type 2 pred 0 parameters {{ d 1,5 }}{END}", 4, 34, "'d' needs a number '1,5'"),
+    (f"{LINK}type 2 pred 0 limits {{ nan 1 }}{END}", 4, 28, "'limits' needs a number 'nan'"),
+    (f"{LINK}type 2 pred 0 limits {{ 1 }}{END}", 4, 30, "'limits' needs two numbers"),
+    (f"{LINK}type 2 pred 0 limits {{ 1 2 3 }}{END}", 4, 32, "'3' limits"),
+    (f"{LINK}type 2 pred 0 velocity 1e400{END}", 4, 28, "'1e400' too large"),
+    (f"{LINK}type 1e400 pred 0{END}", 4, 10, "'1e400' too large"),
+    (f"{LINK}type 2 pred 0.5{END}", 4, 17, "'0.5' whole number"),
+    (f"{LINK}type 2 pred -1{END}", 4, 17, "'-1' whole number from 0"),
+    ("RAFF t\nrobot r { link 1.5 { type 2 pred 0 } }", 2, 16, "'1.5' whole number"),
+    ("RAFF t\nrobot r { link 0 { type 2 pred 0 } }", 2, 16, "'0' whole number from 1"),
+    ("RAFF t\nrobot r { constraint { base sensor ( ) } }", 2, 38, "'sensor' needs a number"),
+    # texts
+    (f'{LINK}name "tool{END}', 4, 10, "not closed on its line '\"' missing"),
+    (f"{LINK}type 2 pred 0 name tool{END}", 4, 24, "expected text found 'tool'"),
+    (f"{LINK}type 2 pred 0 filename {{ a.stl }}{END}", 4, 30, 'expected text "..." \'a.stl\''),
+    (f"{LINK}type 2 / pred 0{END}", 4, 12, "lone '/' comments begin with '//'"),
+    # the file's beginning
+    ("", 1, 1, "begins with 'RAFF <name>'"),
+    ("// nothing but a comment", 1, 1, "begins with 'RAFF <name>'"),
+    ("robot r { }", 1, 1, "begins with 'RAFF <name>' not with 'robot'"),
+    ("RAFF", 1, 5, "'RAFF <name>'"),
+    ("RAFF\nrobot r { }", 1, 1, "'RAFF <name>'"),
+    # said twice
+    (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' said twice in link 1 first on line 4"),
+    (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' said twice first on line 4"),
+    ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' said twice first on line 2"),
+    ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' said twice robot r first on line 3"),
+    ("RAFF t\nrobot r {\n  base { }\n  base { }\n}", 4, 3, "'base' said twice robot r first on line 3"),
+    # what does not exist
+    (f"{LINK}type 3 pred 0{END}", 4, 10, "joint type 3 unknown 0 fixed 1 prismatic 2 revolute"),
+    (f"{LINK}type 2 pred 0 actuated 2{END}", 4, 28, "'actuated' 2 unknown 0 1"),
+    (
+        "RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { base link 1 type 4 } }",
+        3, 33, "loop type 4 unknown 0 rigid 1 prismatic 2 revolute 3 ball",
+    ),
+    ("RAFF t\nunits inch", 2, 7, "unknown unit 'inch' um mm cm m"),
+    ('RAFF t\nsensor 1 { port "x" translation 4 }', 2, 33, "'translation' 4 unknown 0 1 2 3"),
+    # what is missing
+    ("RAFF t\nrobot r { link 7 { type 2 } }", 2, 16, "link 7 no 'pred'"),
+    ("RAFF t\nrobot r { link 7 { pred 0 } }", 2, 16, "link 7 no 'type'"),
+    ("RAFF t\nrobot r { frame 7 { } }", 2, 17, "frame 7 no 'pred'"),
+    ("RAFF t\nsensor 7 { }", 2, 8, "sensor 7 no 'port'"),
+    ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint names two nodes"),
+    ("RAFF t\nrobot r {\n  constraint { } }", 3, 3, "constraint names two nodes"),
+    (
+        "RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { base link 1 sensor ( 0 ) } }",
+        3, 16, "constraint with sensors names one node",
+    ),
+]  # fmt: skip
+
+
+def at(entry: tuple[str, int, int, str]) -> str:
+    return entry[3].replace(" ", "-")
+
+
+@pytest.mark.parametrize(("text", "line", "column", "words"), WRONG, ids=map(at, WRONG))
+def test_an_error_says_where_it_is_and_what_is_likely_meant(text: str, line: int, column: int, words: str) -> None:
+    (problem,) = problems_of(text)
+    assert problem.place is not None
+    said = problem.message
+    for word in words.split():
+        assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
+        said = said.split(word, 1)[1]
+    assert (problem.place.line, problem.place.column) == (line, column)
+    assert problem.text == (text.split("\n")[line - 1])
+
+
+def test_the_caret_stands_under_the_offending_word() -> None:
+    (problem,) = problems_of(f"{LINK}type 2 pred 0 velocty 5{END}")
+    _, shown, carets = str(problem).split("\n")
+    assert [word for word, caret in zip(shown, carets, strict=False) if caret == "^"] == list("velocty")
+
+
+@pytest.mark.parametrize("before", ["\t\t", 'name "Ж" '])
+def test_the_caret_is_not_led_astray_by_what_stands_before_it(before: str) -> None:
+    (problem,) = problems_of(f"{LINK}{before}type 2 pred 0 velocty 5{END}")
+    _, shown, carets = str(problem).split("\n")
+    assert [word for word, caret in zip(shown, carets, strict=False) if caret == "^"] == list("velocty")
+
+
+def test_a_long_line_is_shown_around_its_error() -> None:
+    (problem,) = problems_of(f"{LINK}{300 * ' '}type 2 pred 0 velocty 5 {300 * ' '}{END}")
+    _, shown, carets = str(problem).split("\n")
+    assert len(shown) < 120
+    assert [word for word, caret in zip(shown, carets, strict=False) if caret == "^"] == list("velocty")
+
+
+def test_all_errors_of_a_file_are_reported_at_once_in_their_order() -> None:
+    text = """\
+RAFF several
+units inch
+robot r {
+  lnk 1 { type 2 pred 0 }
+  link 2 { parameters { thetaa 3
+                        alfa 2
+                        d 5mm }
+           type 9
+           pred 0.5 }
+  link 3 { type 2 pred 0 limits { 1e400 0 } }
+}
+robot s {
+  fram 4 { pred 0 }
+  link 5 { type 2 type 2 pred 0 }
+}
+"""
+    words = ["inch", "lnk", "thetaa", "alfa", "5mm", "9", "0.5", "1e400", "fram", "2 pred 0 }\n}"]
+    assert [problem.place and (problem.place.line, problem.place.column) for problem in problems_of(text)] == [
+        (text[: text.index(word)].count("\n") + 1, text.index(word) - text.rfind("\n", 0, text.index(word)))
+        for word in words
+    ]
+
+
+def test_two_misspelt_parameters_on_one_line_are_two_errors() -> None:
+    found = problems_of(f"{LINK}parameters {{ thetaa 3 alfa 2 }} type 2 pred 0{END}")
+    assert [problem.message.split("'")[1] for problem in found] == ["thetaa", "alfa"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    ["velocty 5", "parameters { e 5 }", "parameters { d 5mm }", "limits { 1 }", "limits { 1 2 3 }", "name tool"],
+)
+def test_an_error_does_not_hide_those_behind_it(wrong: str) -> None:
+    found = problems_of(f"{LINK}type 2 pred 0\n    {wrong}{END}units inch")
+    assert [problem.place and problem.place.line for problem in found] == [5, 8]
+
+
+def test_several_errors_of_meaning_are_reported_at_once() -> None:
+    found = problems_of("RAFF t\nrobot r {\nlink 1 { type 2 pred 7 }\nlink 2 { type 2 pred 0 limits { 2 1 } }\n}")
+    assert [problem.place.line for problem in found if problem.place] == [3, 4]
+
+
+def test_everything_that_blocks_lack_is_reported_at_once() -> None:
+    found = problems_of("RAFF t\nrobot r {\nlink 1 { }\nframe 2 { }\n}\nsensor 1 { }")
+    assert [(problem.place.line, problem.message.split("'")[1]) for problem in found if problem.place] == [
+        (3, "type"), (3, "pred"), (4, "pred"), (6, "port"),
+    ]  # fmt: skip
+
+
+def test_an_error_knows_its_file() -> None:
+    assert problems_of("RAFF t\nunits inch", "robots/arm.raff")[0].source == "robots/arm.raff"
+
+
+def test_a_wrong_text_leaves_nothing_behind_for_the_next_one() -> None:
+    for wrong in (FIGURE_5, "", 'RAFF "', "RAFF t robot {"):
+        problems_of(wrong)
+        assert raff2urdf.loads("RAFF t robot r { }").robots == (Robot("r"),)
+
+
+_SCRAPS = ["{", "}", "(", ")", '"', "/", "5", "1e999", "-", "link", "type", "robot", "RAFF", "d", "x", "\n", "\0", "é"]
+
+
+@given(documents(most_parts=3), st.lists(st.tuples(st.floats(0, 1), st.integers(0, 12), st.sampled_from(_SCRAPS))))
+@examples(150)
+def test_whatever_is_done_to_a_text_it_is_a_document_or_an_error_with_its_place(
+    document: Document, changes: list[tuple[float, int, str]]
+) -> None:
+    text = raff2urdf.dumps(document)
+    for where, removed, put in changes:
+        at = int(where * len(text))
+        text = f"{text[:at]} {put} {text[at + removed :]}"
+    try:
+        raff2urdf.loads(text)
+    except RaffError as error:
+        for problem in error.problems:
+            assert problem.message
+            assert problem.place is not None
+            assert 1 <= problem.place.line <= text.count("\n") + 1
+            assert 1 <= problem.place.column <= len(text.split("\n")[problem.place.line - 1]) + 1
+
+
+# --- files that are no RAFF --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"RAFF t\n\x00\x01\x02", "line 2 binary"),
+        (b"RAFF t\nrobot r { path \"\xff\xfe\" }", "line 2 UTF-8"),
+        (b"RAFF t\n\n" + 20_000 * b"x", "line 3 20000 characters"),
+    ],
+    ids=["zeros", "latin-1", "long line"],
+)  # fmt: skip
+def test_a_file_that_is_no_text_is_refused_by_its_line(tmp_path: Path, data: bytes, words: str) -> None:
+    path = tmp_path / "wrong.raff"
+    path.write_bytes(data)
+    with pytest.raises(RaffError) as caught:
+        raff2urdf.load(path)
+    for word in [*words.split(), str(path)]:
+        assert word in str(caught.value)
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    for path in (tmp_path / "missing.raff", tmp_path, tmp_path / "nul\0.raff"):
+        with pytest.raises(RaffError) as caught:
+            raff2urdf.load(path)
+        assert str(caught.value).startswith(f"{path}: can't be read: ")

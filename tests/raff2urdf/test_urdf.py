@@ -1,0 +1,460 @@
+"""The URDF is the robot's tree: other people's readers place every node where RAFF says it is."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+import yourdfpy
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+from mechanisms import KNOWN, shift, turn
+from strategies import ANGLES, EXTREME, UNITS, documents, examples
+
+import raff2urdf
+from raff2urdf import RaffError, RaffWarning, loads
+from raff2urdf.conversion import Translation, translate
+from raff2urdf.document import Document, JointType, Link, Parameters, Robot
+from raff2urdf.kleinfinger import Kleinfinger
+from raff2urdf.tree import placements
+from raff2urdf.urdf import UNLIMITED, roll_pitch_yaw
+
+EXACT = 1e-12  # m and rad: rounding along a chain of some links of up to a metre
+
+HERE = Path()
+trees = documents(moderate=True, loops=False, graphics=False, least_robots=1)
+
+
+def translated(
+    document: Document, robot: Robot | None = None, beside: Path = HERE, out: Path | None = None
+) -> Translation:
+    return translate(document, robot or document.robot(), beside, out)
+
+
+def text_of(body: str) -> str:
+    """The URDF of the robot whose block holds `body`."""
+    return translated(loads(f"RAFF test\nrobot r {{\n{body}\n}}")).urdf
+
+
+def xml_of(body: str) -> Any:
+    return etree.fromstring(text_of(body).encode())
+
+
+def numbers(text: str) -> list[float]:
+    return [float(number) for number in text.split()]
+
+
+def drawn_q(document: Document, robot: Robot, seed: int) -> dict[str, float]:
+    """A value for every joint that moves, by name: rad or m."""
+    rng = np.random.default_rng(seed)
+    return {link.joint: rng.uniform(-3.0, 3.0) for link in robot.links if link.type is not JointType.FIXED}
+
+
+# --- placements --------------------------------------------------------------------------------------------------
+
+
+def pinocchios(text: str, q: dict[str, float]) -> dict[str, np.ndarray]:
+    """World placements of all bodies; Pinocchio keeps the cosine and sine of a joint that may turn for ever."""
+    model = pin.buildModelFromXML(text)
+    configuration = pin.neutral(model)
+    for name, value in q.items():
+        joint = model.joints[model.getJointId(name)]
+        at = slice(joint.idx_q, joint.idx_q + joint.nq)
+        configuration[at] = value if joint.nq == 1 else (math.cos(value), math.sin(value))
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, configuration)
+    return {
+        frame.name: data.oMf[i].homogeneous for i, frame in enumerate(model.frames) if frame.type == pin.FrameType.BODY
+    }
+
+
+def yourdfpys(text: str, q: dict[str, float]) -> dict[str, np.ndarray]:
+    model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False)
+    model.update_cfg({name: value for name, value in q.items() if name in model.actuated_joint_names})
+    return {name: model.get_transform(name) for name in model.link_map}
+
+
+@given(trees, st.integers(0, 2**32 - 1))
+@examples(60)
+def test_pinocchio_places_every_node_where_raff_does(document: Document, seed: int) -> None:
+    for robot in document.robots:
+        q = drawn_q(document, robot, seed)
+        found = pinocchios(translated(document, robot).urdf, q)
+        expected = placements(document, robot, q)
+        assert set(found) - {"world"} == {node.node for node in robot.nodes.values()}
+        for number, node in robot.nodes.items():
+            assert np.abs(found[node.node] - expected[number]).max() <= EXACT
+
+
+@given(trees, st.integers(0, 2**32 - 1))
+@examples(25)
+def test_yourdfpy_places_every_node_where_raff_does(document: Document, seed: int) -> None:
+    for robot in document.robots:
+        q = drawn_q(document, robot, seed)
+        found = yourdfpys(translated(document, robot).urdf, q)
+        expected = placements(document, robot, q)
+        for number, node in robot.nodes.items():
+            assert np.abs(found[node.node] - expected[number]).max() <= EXACT
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_mechanisms_stand_at_home_as_written(name: str) -> None:
+    document = loads(KNOWN[name][0])
+    robot = document.robot()
+    made = translated(document)
+    found = pinocchios(made.urdf, {joint["name"]: joint["home"] for joint in made.constraints["joints"]})
+    for number, placement in placements(document, robot).items():
+        assert np.abs(found[robot.nodes[number].node] - placement).max() <= EXACT
+
+
+@given(ANGLES, ANGLES, ANGLES, st.floats(-0.5, 0.5))
+@examples(60)
+def test_a_slide_stands_right_however_its_axis_points(gamma: float, alpha: float, theta: float, r: float) -> None:
+    """At a pitch of 90 degrees roll and yaw turn about one line: the place where URDF's angles lose their digits."""
+    text = text_of(f"link 1 {{ parameters {{ gamma {gamma!r} alpha {alpha!r} theta {theta!r} }} type 1 pred 0 }}")
+    expected = turn("z", math.radians(gamma)) @ turn("x", math.radians(alpha)) @ turn("z", math.radians(theta))
+    assert np.abs(pinocchios(text, {"joint1": r})["link1"] - expected @ shift("z", r)).max() <= EXACT
+
+
+@pytest.mark.parametrize("near", [0.0, 1e-15, 1e-12, 1e-9, 1e-8, 1e-7, 1e-5, 1e-3])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_angles_are_exact_at_a_pitch_near_90_degrees(near: float, side: float) -> None:
+    placement = turn("z", 0.7) @ turn("y", side * (math.pi / 2.0 - near)) @ turn("x", -0.4)
+    roll, pitch, yaw = roll_pitch_yaw(placement)
+    assert np.abs(turn("z", yaw) @ turn("y", pitch) @ turn("x", roll) - placement).max() <= 1e-15
+
+
+# --- joints ------------------------------------------------------------------------------------------------------
+
+
+def test_joint_variables_keep_raffs_own_zero() -> None:
+    """The written theta or r is home, not part of the joint's origin."""
+    xml = xml_of(
+        "link 1 { parameters { theta 30 r 20 d 100 } type 2 pred 0 } link 2 { parameters { r 50 } type 1 pred 1 }"
+    )
+    assert [numbers(origin.get("xyz")) for origin in xml.findall("joint/origin")] == [[0.1, 0, 0.02], [0, 0, 0]]
+    assert [numbers(origin.get("rpy")) for origin in xml.findall("joint/origin")] == [[0, 0, 0], [0, 0, 0]]
+    assert [axis.get("xyz") for axis in xml.findall("joint/axis")] == ["0.0 0.0 1.0", "0.0 0.0 1.0"]
+
+
+@pytest.mark.parametrize(
+    ("link", "kind"),
+    [
+        ("type 0 pred 0", "fixed"),
+        ("type 1 pred 0", "prismatic"),
+        ("type 2 pred 0", "continuous"),
+        ("type 2 pred 0 limits { 0 90 }", "revolute"),
+    ],
+)
+def test_a_joint_has_the_type_that_its_link_says(link: str, kind: str) -> None:
+    (joint,) = xml_of(f"link 1 {{ {link} }}").findall("joint")
+    assert (joint.get("name"), joint.get("type")) == ("joint1", kind)
+    assert (joint.find("parent").get("link"), joint.find("child").get("link")) == ("base", "link1")
+
+
+def test_a_frame_is_a_link_held_by_a_fixed_joint() -> None:
+    xml = xml_of('frame 7 { name "tool" parameters { r 50 } pred 0 }')
+    assert [link.get("name") for link in xml.findall("link")] == ["base", "tool"]
+    assert [(joint.get("name"), joint.get("type")) for joint in xml.findall("joint")] == [("joint7", "fixed")]
+
+
+def test_limits_are_in_radians_metres_and_seconds() -> None:
+    text = text_of(
+        """
+        link 1 { type 2 pred 0 limits { -85 80 } velocity 90 }
+        link 2 { parameters { r 30 } type 1 pred 1 limits { 20 211.21 } velocity 500 }
+        """
+    )
+    model = pin.buildModelFromXML(text)
+    assert model.lowerPositionLimit.tolist() == [math.radians(-85), 0.02]
+    assert model.upperPositionLimit.tolist() == [math.radians(80), 0.21121]
+    assert model.velocityLimit.tolist() == [math.radians(90), 0.5]
+
+
+def test_a_joint_without_limits_has_none_that_matter() -> None:
+    model = pin.buildModelFromXML(text_of("link 1 { type 1 pred 0 }"))
+    assert (model.lowerPositionLimit.tolist(), model.upperPositionLimit.tolist()) == ([-UNLIMITED], [UNLIMITED])
+    assert model.velocityLimit.tolist() == [UNLIMITED]
+    assert UNLIMITED >= 1e9
+
+
+@given(st.tuples(EXTREME, EXTREME), EXTREME.filter(bool), st.sampled_from([1, 2]), st.sampled_from(UNITS))
+@examples(100)
+def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: float, kind: int, units: str) -> None:
+    """Up to what counts as unlimited."""
+    link = Link(1, Parameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
+    document = Document("t", (Robot("r", parts=(link,)),), units=units)
+    limit = etree.fromstring(translated(document).urdf.encode()).find("joint/limit")
+    si = math.radians if kind == 2 else document.metres
+    low, high = (min(max(si(value), -UNLIMITED), UNLIMITED) for value in (min(pair), max(pair)))
+    assert (float(limit.get("lower")), float(limit.get("upper"))) == (low, high)
+    assert float(limit.get("velocity")) == min(si(abs(speed)), UNLIMITED)
+
+
+@given(st.floats(-1e6, 1e6))
+@examples(60)
+def test_lengths_read_back_to_the_same_double(length: float) -> None:
+    xml = xml_of(f"link 1 {{ parameters {{ d {length!r} }} type 2 pred 0 }}")
+    assert numbers(xml.find("joint/origin").get("xyz"))[0] == length / 1000.0
+
+
+# --- the base ----------------------------------------------------------------------------------------------------
+
+
+def test_a_base_at_the_origin_is_the_root() -> None:
+    assert [link.get("name") for link in xml_of("base { }").findall("link")] == ["base"]
+
+
+def test_a_base_that_was_moved_stands_in_a_world() -> None:
+    text = text_of("base { parameters { gamma 30 epsilon 200 } }")
+    (joint,) = etree.fromstring(text.encode()).findall("joint")
+    assert (joint.get("name"), joint.get("type")) == ("joint0", "fixed")
+    assert (joint.find("parent").get("link"), joint.find("child").get("link")) == ("world", "base")
+    expected = turn("z", math.radians(30)) @ shift("z", 0.2)
+    assert np.abs(pinocchios(text, {})["base"] - expected).max() <= EXACT
+
+
+def test_a_base_that_can_move_floats_in_a_world() -> None:
+    text = text_of("base { parameters { epsilon 200 } } link 1 { type 2 pred 0 } constraint { base sensor ( 0 ) }")
+    model = pin.buildModelFromXML(text)
+    assert (model.names[1], model.joints[1].shortname()) == ("joint0", "JointModelFreeFlyer")
+    assert (model.nv, model.njoints) == (7, 3)
+    assert np.abs(pinocchios(text, {})["base"] - shift("z", 0.2)).max() <= EXACT
+
+
+# --- the same for the same ---------------------------------------------------------------------------------------
+
+
+@given(documents(moderate=True, loops=False, least_robots=1))
+@examples(20)
+def test_the_same_robot_makes_the_same_text(document: Document) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RaffWarning)
+        assert translated(document).urdf == translated(document).urdf
+
+
+def test_nodes_and_joints_stand_in_the_files_order() -> None:
+    xml = xml_of("link 3 { type 2 pred 9 } frame 2 { pred 3 } link 9 { type 2 pred 0 }")
+    assert [link.get("name") for link in xml.findall("link")] == ["base", "link3", "frame2", "link9"]
+    assert [joint.get("name") for joint in xml.findall("joint")] == ["joint3", "joint2", "joint9"]
+
+
+def test_a_name_in_any_script_reaches_the_readers() -> None:
+    text = text_of('link 1 { name "плечо_机器人" type 2 pred 0 }')
+    assert "плечо_机器人" in pinocchios(text, {})
+    assert "плечо_机器人" in yourdfpys(text, {})
+
+
+# --- the skeleton ------------------------------------------------------------------------------------------------
+
+_SHAPES = {"cylinder": ("radius", "length"), "box": ("size",), "sphere": ("radius",)}
+
+
+def check_shapes(text: str) -> int:
+    """Every shape is finite and has an extent; how many there are."""
+    visuals = etree.fromstring(text.encode()).findall("link/visual")
+    for visual in visuals:
+        (shape,) = visual.find("geometry")
+        sizes = [size for word in _SHAPES[shape.tag] for size in numbers(shape.get(word))]
+        assert all(0.0 < size < math.inf for size in sizes)
+        origin = visual.find("origin")
+        assert all(math.isfinite(number) for word in ("xyz", "rpy") for number in numbers(origin.get(word)))
+    return len(visuals)
+
+
+@given(trees)
+@examples(40)
+def test_every_robot_is_drawn_with_shapes_that_can_be_shown(document: Document) -> None:
+    for robot in document.robots:
+        moves = sum(link.type is not JointType.FIXED for link in robot.links)
+        assert check_shapes(translated(document, robot).urdf) >= max(1, moves)
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_mechanisms_are_drawn(name: str) -> None:
+    document = loads(KNOWN[name][0])
+    assert check_shapes(translated(document).urdf) >= len(document.robot().links)
+
+
+SIZES = [5e-324, 1e-320, 1e-310, 1e-300, 1e-160, 1e-20, 1e20, 1e100, 1e155, 1e160, 1e300, 1.7e308]
+
+
+@pytest.mark.parametrize("word", ["d", "r", "epsilon"])
+@pytest.mark.parametrize("size", SIZES)
+def test_a_robot_of_any_size_is_drawn_or_refused(size: float, word: str) -> None:
+    """Beside others of the usual size, fixed and moving. What is refused is refused with its reason."""
+    parts = [f"link {1 + i} {{ parameters {{ {word} {size} }} type {i} pred 0 }}" for i in range(3)]
+    parts += [f"link {10 + i} {{ parameters {{ d 100 }} type 2 pred {1 + i} }}" for i in range(3)]
+    for some in (parts[:1], parts[1:2], parts[2:3], parts):
+        document = loads("\n".join(["RAFF t", "robot r { base { }", *some, "}"]))
+        try:
+            raff2urdf.check(document)
+            text = translated(document).urdf
+        except RaffError:
+            continue
+        check_shapes(text)
+        origins = etree.fromstring(text.encode()).findall("joint/origin")
+        assert all(math.isfinite(number) for origin in origins for number in numbers(origin.get("xyz")))
+
+
+def ends_of_bars(document: Document) -> dict[str, list[np.ndarray]]:
+    """Both ends of every cylinder, in the frame of its node."""
+    xml = etree.fromstring(translated(document).urdf.encode())
+    ends: dict[str, list[np.ndarray]] = {}
+    for link in xml.findall("link"):
+        for visual in link.findall("visual"):
+            cylinder = visual.find("geometry/cylinder")
+            if cylinder is None:
+                continue
+            roll, pitch, yaw = numbers(visual.find("origin").get("rpy"))
+            axis = (turn("z", yaw) @ turn("y", pitch) @ turn("x", roll))[:3, 2]
+            middle = np.array(numbers(visual.find("origin").get("xyz")))
+            half = 0.5 * float(cylinder.get("length")) * axis
+            ends.setdefault(link.get("name"), []).extend([middle - half, middle + half])
+    return ends
+
+
+@given(st.builds(Kleinfinger, *[st.floats(-3, 3) if i % 2 == 0 else st.floats(0.1, 1.0) for i in range(6)]))
+@examples(40)
+def test_bars_lead_all_the_way_to_where_a_child_stands(k: Kleinfinger) -> None:
+    words = f"gamma {math.degrees(k.gamma)!r} epsilon {1e3 * k.epsilon!r} alpha {math.degrees(k.alpha)!r}"
+    words += f" d {1e3 * k.d!r} theta {math.degrees(k.theta)!r} r {1e3 * k.r!r}"
+    document = loads(f"RAFF t\nrobot r {{ link 1 {{ parameters {{ {words} }} type 2 pred 0 }} }}")
+    child = placements(document, document.robot())[1][:3, 3]
+    ends = ends_of_bars(document)["base"]
+    assert min(np.linalg.norm(end) for end in ends) <= 1e-5
+    assert min(np.linalg.norm(end - child) for end in ends) <= 1e-5
+
+
+# --- graphics ----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> Path:
+    """A folder with a RAFF file's graphics in its `parts`."""
+    (tmp_path / "parts").mkdir()
+    trimesh.creation.box((100.0, 50.0, 20.0)).export(tmp_path / "parts" / "bar.stl")
+    return tmp_path
+
+
+def drawn(workshop: Path, links: str, path: str = "parts", out: Path | None = None) -> tuple[str, list[str]]:
+    """The URDF of links with graphics, and what was warned of."""
+    document = loads(f'RAFF t\nrobot arm {{ path "{path}" {links} }}')
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        text = translated(document, beside=workshop, out=out).urdf
+    assert all(warning.category is RaffWarning for warning in caught)
+    return text, [str(warning.message) for warning in caught]
+
+
+BAR = 'link 1 { type 2 pred 0 filename { "bar.stl" } }'
+
+
+def test_a_mesh_is_shown_instead_of_the_skeleton(workshop: Path) -> None:
+    text, warned = drawn(workshop, BAR)
+    (visual,) = etree.fromstring(text.encode()).findall("link[@name='link1']/visual")
+    assert Path(visual.find("geometry/mesh").get("filename")) == workshop / "parts" / "bar.stl"
+    assert warned == []
+
+
+def test_a_mesh_has_the_files_unit(workshop: Path) -> None:
+    """Its box of 100 x 50 x 20 mm is 0.1 x 0.05 x 0.02 m in the viewer."""
+    text, _ = drawn(workshop, f'base {{ filename {{ "bar.stl" }} }} {BAR}')
+    model = yourdfpy.URDF.load(io.BytesIO(text.encode()))
+    assert model.scene.extents == pytest.approx([0.1, 0.05, 0.02])
+
+
+def test_a_mesh_is_found_from_the_folder_of_the_urdf(workshop: Path) -> None:
+    out = workshop / "generated"
+    text, _ = drawn(workshop, BAR, out=out)
+    assert re.findall(r'filename="(.*?)"', text) == ["../parts/bar.stl"]
+
+
+def test_several_meshes_of_a_node_are_all_shown(workshop: Path) -> None:
+    text, _ = drawn(workshop, 'link 1 { type 2 pred 0 filename { "bar.stl" "bar.stl" } }')
+    assert len(re.findall("bar.stl", text)) == 2
+
+
+def test_bases_and_frames_have_meshes_too(workshop: Path) -> None:
+    text, _ = drawn(workshop, 'base { filename { "bar.stl" } } frame 1 { pred 0 filename { "bar.stl" } }')
+    assert len(re.findall("bar.stl", text)) == 2
+
+
+def test_the_home_folder_may_be_meant(workshop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(workshop))
+    text, warned = drawn(Path("/elsewhere"), BAR, path="~/parts/")
+    assert str(workshop / "parts" / "bar.stl") in text
+    assert warned == []
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("bras.nff", None, "not found"),
+        ("bras.nff", b"p 3\n0 0 0\n", ".nff"),
+        ("platform.dxf", b"0\nEOF\n", ".dxf"),
+        ("bare", b"", "no extension"),
+        ("wrong.stl", b"this is no mesh", "wrong.stl ("),
+        ("empty.stl", b"", "empty.stl ("),
+        ("empty.obj", b"# nothing\n", "empty.obj ("),
+        ("folder.stl", "folder", "not found"),
+        ("~no-such-user/bar.stl", None, "~no-such-user/bar.stl ("),
+        (250 * "x" + ".stl", None, "not found"),
+        (300 * "x" + ".stl", None, "xxx.stl ("),
+    ],
+    ids=[
+        "missing",
+        "nff",
+        "dxf",
+        "bare",
+        "no mesh",
+        "empty",
+        "no surface",
+        "folder",
+        "no home",
+        "long",
+        "too long",
+    ],
+)
+def test_graphics_that_cannot_be_shown_are_named_once_and_replaced_by_the_skeleton(
+    workshop: Path, name: str, content: bytes | str | None, reason: str
+) -> None:
+    if isinstance(content, bytes):
+        (workshop / "parts" / name).write_bytes(content)
+    elif content == "folder":
+        (workshop / "parts" / name).mkdir()
+    text, (warned,) = drawn(workshop, f'link 3 {{ type 2 pred 0 filename {{ "{name}" }} }}')
+    assert "'arm'" in warned
+    assert f"link3: {name} (" in warned
+    assert reason in warned
+    shown = etree.fromstring(text.encode()).findall("link[@name='link3']/visual")
+    assert shown
+    assert not any(visual.findall("geometry/mesh") for visual in shown)
+
+
+def test_a_path_into_the_home_of_someone_unknown_is_a_warning(workshop: Path) -> None:
+    text, (warned,) = drawn(workshop, BAR, path="~no-such-user/parts")
+    assert "link1: bar.stl (" in warned
+    assert "mesh" not in text
+
+
+def test_one_warning_names_all_nodes_without_graphics(workshop: Path) -> None:
+    links = [f'link {i} {{ type 2 pred {i - 1} filename {{ "gone{i}.stl" }} }}' for i in range(1, 5)]
+    _, (warned,) = drawn(workshop, "\n".join(links))
+    assert all(f"link{i}: gone{i}.stl (not found)" in warned for i in range(1, 5))
+
+
+def test_what_can_be_shown_is_shown_beside_what_cannot(workshop: Path) -> None:
+    text, (warned,) = drawn(workshop, 'link 1 { type 2 pred 0 filename { "bar.stl" "gone.stl" } }')
+    assert len(re.findall("bar.stl", text)) == 1
+    assert "gone.stl" in warned
+    assert "bar.stl" not in warned
