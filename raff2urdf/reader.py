@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cache
@@ -12,25 +11,11 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from lark import Lark, Token, Transformer, UnexpectedCharacters, UnexpectedToken
-from lark.visitors import v_args
+from lark import Lark, Token, UnexpectedCharacters, UnexpectedToken
 
-from raff2urdf.document import (
-    UNITS_PER_METRE,
-    Base,
-    Document,
-    Frame,
-    JointType,
-    Link,
-    Loop,
-    LoopKind,
-    Parameters,
-    Robot,
-    Sensor,
-    SensorConstraint,
-    Source,
-)
+from raff2urdf.document import Document, JointType, LoopKind, Source
 from raff2urdf.errors import Place, Problem, RaffError, did_you_mean
+from raff2urdf.rules import Build, place_of
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
 LARGEST_FILE = 256 * 1024 * 1024  # bytes: about two million links
@@ -84,224 +69,6 @@ def parse(text: str, name: str = "<text>") -> Document:
     return document
 
 
-# --- the grammar's rules as values -------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, slots=True)
-class _Field:
-    """A word of a block with its value, before the block is put together."""
-
-    word: str
-    value: Any
-    place: Place
-
-
-def _place(token: Token) -> Place:
-    return Place(token.line or 1, token.column or 1, len(token))
-
-
-def _one(word: str) -> Any:
-    """A rule that holds one token, kept as it stands until its owner reads it."""
-
-    def rule(self: _Build, token: Token) -> _Field:
-        return _Field(word, token, _place(token))
-
-    return rule
-
-
-def _text(word: str) -> Any:
-    """A rule that holds one text."""
-
-    def rule(self: _Build, token: Token) -> _Field:
-        return _Field(word, self._string(token), _place(token))
-
-    return rule
-
-
-@v_args(inline=True)
-class _Build(Transformer[Token, Any]):
-    """Puts the document together while the text is parsed; what is wrong goes to `report`."""
-
-    report: Callable[[str, Place], None]
-    lacks: Callable[[str, Place], None]
-
-    # values
-    def _number(self, token: Token) -> float:
-        value = float(token)
-        if not math.isfinite(value):
-            self.report(f"'{token}' is too large for a number", _place(token))
-            return 0.0
-        return value
-
-    def _whole(self, token: Token, least: int = 0) -> int:
-        value = self._number(token)
-        if value != int(value) or value < least:
-            self.report(f"'{token}' must be a whole number from {least}", _place(token))
-            return least
-        return int(value)
-
-    def _choice(self, token: Token, words: Sequence[str], what: str) -> int:
-        """A whole number that stands for one of `words`."""
-        value = self._number(token)
-        if value != int(value) or not 0 <= value < len(words):
-            meanings = ", ".join(f"{i} {word}" for i, word in enumerate(words))
-            self.report(f"{what} {token} is unknown (known: {meanings})", _place(token))
-            return 0
-        return int(value)
-
-    def _string(self, token: Token) -> str:
-        return str(token[1:-1]) if token.type == "STRING" else str(token)
-
-    # blocks
-    def _gather(self, owner: str, fields: Sequence[_Field], several: Sequence[str] = ()) -> dict[str, _Field]:
-        """Fields by word; a word said twice is reported, unless it may stand several times."""
-        found: dict[str, _Field] = {}
-        for field in fields:
-            if field.word in found and field.word not in several:
-                message = f"'{field.word}' is said twice in {owner}: first on line {found[field.word].place.line}"
-                self.report(message, field.place)
-            found[field.word] = field
-        return found
-
-    def start(self, header: _Field, *items: Any) -> dict[str, Any]:
-        units = self._gather("the file", [item for item in items if isinstance(item, _Field)])
-        return {
-            "name": header.value,
-            "robots": tuple(item for item in items if isinstance(item, Robot)),
-            "sensors": tuple(item for item in items if isinstance(item, Sensor)),
-            "units": units["units"].value if "units" in units else "mm",
-        }
-
-    def header(self, token: Token) -> _Field:
-        return _Field("RAFF", self._string(token), _place(token))
-
-    def units(self, token: Token) -> _Field:
-        if token not in UNITS_PER_METRE:
-            self.report(f"unknown unit '{token}' (known: {', '.join(UNITS_PER_METRE)})", _place(token))
-            return _Field("units", "mm", _place(token))
-        return _Field("units", str(token), _place(token))
-
-    def robot(self, name: Token, *parts: Any) -> Robot:
-        fields = self._gather(f"robot {name}", [part for part in parts if isinstance(part, _Field)])
-        places = {"name": _place(name)} | {word: field.place for word, field in fields.items()}
-        return Robot(
-            name=self._string(name),
-            base=fields["base"].value if "base" in fields else Base(),
-            parts=tuple(part for part in parts if isinstance(part, Link | Frame)),
-            loops=tuple(part for part in parts if isinstance(part, Loop)),
-            sensor_constraints=tuple(part for part in parts if isinstance(part, SensorConstraint)),
-            path=fields["path"].value if "path" in fields else None,
-            places=places,
-        )
-
-    type, pred, velocity, actuated = _one("type"), _one("pred"), _one("velocity"), _one("actuated")
-    closure, translation, rotation = _one("type"), _one("translation"), _one("rotation")
-    path, name, port = _text("path"), _text("name"), _text("port")
-
-    def parameter(self, word: Token, number: Token) -> _Field:
-        return _Field(str(word), self._number(number), _place(word))
-
-    def parameters(self, keyword: Token, *fields: _Field) -> _Field:
-        found = self._gather("these parameters", fields)
-        values = {word: field.value for word, field in found.items()}
-        return _Field("parameters", Parameters(**values), _place(keyword))
-
-    def limits(self, low: Token, high: Token) -> _Field:
-        return _Field("limits", (self._number(low), self._number(high)), _place(low))
-
-    def filename(self, keyword: Token, *tokens: Token) -> _Field:
-        return _Field("filename", tuple(self._string(token) for token in tokens), _place(keyword))
-
-    def _common(self, owner: str, fields: Sequence[_Field]) -> tuple[dict[str, _Field], dict[str, Any]]:
-        """What base, link and frame share: their fields by word, and the arguments common to all three."""
-        found = self._gather(owner, fields, several=["filename"])
-        filenames = tuple(name for field in fields if field.word == "filename" for name in field.value)
-        places = {word: field.place for word, field in found.items()}
-        parameters = found["parameters"].value if "parameters" in found else Parameters()
-        return found, {"parameters": parameters, "filenames": filenames, "places": places}
-
-    def base(self, keyword: Token, *fields: _Field) -> _Field:
-        _, common = self._common("the base", fields)
-        return _Field("base", Base(**common), _place(keyword))
-
-    def link(self, number: Token, *fields: _Field) -> Link:
-        owner = f"link {number}"
-        found, common = self._common(owner, fields)
-        common["places"]["number"] = _place(number)
-        kind = found.get("type")
-        if kind is None:
-            self.lacks(f"{owner} has no 'type' (0 fixed, 1 prismatic, 2 revolute)", _place(number))
-        velocity = found.get("velocity")
-        actuated = found.get("actuated")
-        return Link(
-            number=self._whole(number, 1),
-            type=JointType(self._choice(kind.value, [t.name.lower() for t in JointType], "joint type") if kind else 0),
-            pred=self._pred(owner, number, found),
-            limits=found["limits"].value if "limits" in found else None,
-            velocity=self._number(velocity.value) if velocity else None,
-            actuated=bool(self._choice(actuated.value, ["no motor", "motor"], "'actuated'")) if actuated else None,
-            name=found["name"].value if "name" in found else None,
-            **common,
-        )
-
-    def frame(self, number: Token, *fields: _Field) -> Frame:
-        owner = f"frame {number}"
-        found, common = self._common(owner, fields)
-        common["places"]["number"] = _place(number)
-        name = found["name"].value if "name" in found else None
-        return Frame(number=self._whole(number, 1), pred=self._pred(owner, number, found), name=name, **common)
-
-    def _pred(self, owner: str, number: Token, found: dict[str, _Field]) -> int:
-        if "pred" not in found:
-            self.lacks(f"{owner} has no 'pred': the number of the node it stands on (0: the base)", _place(number))
-            return 0
-        return self._whole(found["pred"].value)
-
-    def node(self, word: Token, number: Token | None = None) -> _Field:
-        return _Field("node", 0 if number is None else self._whole(number), _place(word if number is None else number))
-
-    def choice(self, *tokens: Token) -> _Field:
-        return _Field("sensor", [(self._whole(token), _place(token)) for token in tokens], _place(tokens[0]))
-
-    def constraint(self, keyword: Token, *fields: _Field) -> Loop | SensorConstraint:
-        nodes = [field for field in fields if field.word == "node"]
-        found = self._gather("this constraint", fields, several=["node"])
-        place = fields[0].place if fields else _place(keyword)
-        places = {word: field.place for word, field in found.items()}
-        if "sensor" in found:
-            if len(nodes) != 1 or "type" in found:
-                self.report("a constraint with sensors names one node, and no type", place)
-            node = nodes[0].value if nodes else 0
-            sensors = found["sensor"].value
-            places |= {f"sensor {number}": where for number, where in sensors}
-            return SensorConstraint(node, tuple(number for number, _ in sensors), places)
-        if len(nodes) != 2:
-            self.report("a constraint names two nodes (a loop), or one node and the sensors it may follow", place)
-            return Loop(0, 0, places=places)
-        first, second = nodes
-        places |= {"first": first.place, "second": second.place}
-        kind = 0
-        if "type" in found:
-            kind = self._choice(found["type"].value, [kind.name.lower() for kind in LoopKind], "loop type")
-        return Loop(first.value, second.value, LoopKind(kind), places)
-
-    def sensor(self, number: Token, *fields: _Field) -> Sensor:
-        owner = f"sensor {number}"
-        found = self._gather(owner, fields)
-        if "port" not in found:
-            self.lacks(f"{owner} has no 'port'", _place(number))
-        count = {}
-        for word in ("translation", "rotation"):
-            if word in found:
-                count[word] = self._choice(found[word].value, ["none", "one", "two", "three"], f"'{word}'")
-        return Sensor(
-            number=self._whole(number, 1),
-            port=found["port"].value if "port" in found else "",
-            places={"number": _place(number)} | {word: field.place for word, field in found.items()},
-            **count,
-        )
-
-
 # --- reading on after an error ----------------------------------------------------------------------------------
 
 _PARAMETERS = ["theta", "r", "d", "alpha", "gamma", "epsilon"]
@@ -334,7 +101,7 @@ class _Parser(threading.local):
     """The parser and what builds its document: made once in each thread (33 ms), used for one text at a time."""
 
     def __init__(self) -> None:
-        self.build = _Build()
+        self.build = Build()
         grammar = files("raff2urdf").joinpath("raff.lark").read_text(encoding="utf-8")
         postlex: Any = _Everywhere()
         self.lark = Lark(grammar, parser="lalr", lexer="contextual", postlex=postlex, transformer=self.build)
@@ -414,7 +181,7 @@ class _Reading:
         elif token.type not in ("LPAR", "RPAR"):
             self.last = (str(token), str(token))
         if token.type == "RAFF":
-            self.header = _place(token)
+            self.header = place_of(token)
 
     def here(self) -> str:
         return self.open[-1].kind if self.open else ""
@@ -424,7 +191,7 @@ class _Reading:
 
     def mend(self, token: Token, error: UnexpectedToken) -> None:
         """Reports a token that doesn't fit, with its likely meaning, and finds where to go on."""
-        word, place, expected = str(token), _place(token), set(error.expected)
+        word, place, expected = str(token), place_of(token), set(error.expected)
         kind = self.here()
         shown = "'{'" if token.type == "LBRACE" else f"'{word}'"
         if "RAFF" in expected:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
 from cinegen.model.loops import Loop
-from cinegen.model.mechanism import Mechanism
+from cinegen.model.mechanism import Mechanism, Source
 from raff2urdf import constraints as beside
 from raff2urdf.analysis import loop_kind
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, why_open
@@ -107,7 +107,7 @@ def build(
         loops=[_loop(entry) for entry in constraints["loops"]],
         length=_length(model, [bodies[node] for node in constraints["nodes"]], written),
         floating=constraints.get("floating") is not None,
-        source=(urdf, constraints, folder, name),
+        source=Source(build, urdf, constraints, folder, name),
     )
     mechanism.sensors = {sensor["number"]: sensor for sensor in constraints.get("sensors", [])}
     mechanism.sensor_constraints = tuple(
@@ -120,19 +120,6 @@ def build(
         mechanism.loop_rank, _ = generic_rank(mechanism.system, mechanism.q_home)
     mechanism.q_home.flags.writeable = False
     return mechanism
-
-
-def shapes(model: pin.Model, urdf: str, folder: str | None) -> pin.GeometryModel:
-    """The visual shapes of a URDF.
-
-    Raises:
-        LoadError: a mesh can't be read.
-    """
-    folders = [folder] if folder else []
-    try:
-        return pin.buildGeomFromUrdfString(model, urdf, pin.GeometryType.VISUAL, None, folders)
-    except (ValueError, RuntimeError) as error:
-        raise LoadError(f"the shapes of '{model.name}' can't be read: {error}") from None
 
 
 def _parse(urdf: str, name: str) -> ElementTree.Element:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,10 +14,21 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.loops import ClosedLoops, Loop
+from cinegen.model.shapes import shapes
 from raff2urdf import closure
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+
+class Source(NamedTuple):
+    """What a mechanism was built from, and by what."""
+
+    build: Callable[..., Mechanism]
+    urdf: str
+    constraints: Mapping[str, Any] | None
+    folder: str | None
+    name: str
 
 
 class Mechanism:
@@ -53,7 +63,7 @@ class Mechanism:
         loops: Sequence[Loop],
         length: float,
         floating: bool,
-        source: tuple[Any, ...],
+        source: Source,
     ) -> None:
         self.name = name
         self.model = model
@@ -77,9 +87,8 @@ class Mechanism:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pinocchio's constraint models can't be pickled: a copy in another process is built from the texts."""
-        from cinegen.model.load import build
-
-        return build, self._source
+        build, *texts = self._source
+        return build, tuple(texts)
 
     @property
     def mobility(self) -> int:
@@ -113,14 +122,7 @@ class Mechanism:
         Raises:
             LoadError: a mesh can't be read.
         """
-        from cinegen.model.load import shapes
-
-        return shapes(self.model, self._source[0], self._source[2])
-
-    @property
-    def folder(self) -> Path | None:
-        """Where the mechanism's meshes are looked for."""
-        return None if self._source[2] is None else Path(self._source[2])
+        return shapes(self.model, self._source.urdf, self._source.folder)
 
     # --- names ---------------------------------------------------------------------------------------------------
 
