@@ -18,6 +18,7 @@ from raff2urdf.errors import Place, Problem, RaffError, did_you_mean
 from raff2urdf.rules import Build, place_of
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
+MOST_PROBLEMS = 100  # a file with more is no RAFF
 LARGEST_FILE = 256 * 1024 * 1024  # bytes: about two million links
 
 
@@ -119,6 +120,23 @@ class _Block:
     line: int
 
 
+class _Tokens:
+    """A stream of tokens into which one can be put back."""
+
+    def __init__(self, stream: Iterator[Token]) -> None:
+        self.stream = stream
+        self.back: list[Token] = []
+
+    def __iter__(self) -> _Tokens:
+        return self
+
+    def __next__(self) -> Token:
+        return self.back.pop() if self.back else next(self.stream)
+
+    def push(self, token: Token) -> None:
+        self.back.append(token)
+
+
 class _StopReadingError(Exception):
     """Reading on would only guess."""
 
@@ -145,7 +163,7 @@ class _Reading:
         made = _parser()
         made.build.report, made.build.lacks = self.report, self.lacks
         self.parser: Any = made.lark.parse_interactive(text)
-        self.tokens: Iterator[Token] = self.parser.lexer_thread.lex(self.parser.parser_state)
+        self.tokens = _Tokens(self.parser.lexer_thread.lex(self.parser.parser_state))
         end = Place(max(1, len(self.source.lines)), 1)
         try:
             for token in self.tokens:
@@ -162,6 +180,8 @@ class _Reading:
 
     def feed(self, token: Token) -> None:
         """One token into the parser; a token that doesn't fit is reported and passed over."""
+        if len(self.problems) >= MOST_PROBLEMS:
+            raise _StopReadingError
         if self.last[0] == "RAFF" and self.last[1] == "RAFF" and (token.line or 1) > self.header.line:
             self.report("a RAFF file begins with 'RAFF <name>', both on one line", self.header)
             raise _StopReadingError
@@ -205,7 +225,7 @@ class _Reading:
             self.report(f"'{self.last[0]}' needs {'two numbers' if kind == 'limits' else 'a number'} here", place)
             while self.parser.accepts() == {"NUMBER"}:
                 self.stand_in("NUMBER", "1", token)
-            self.feed(token)
+            self.tokens.push(token)
             return
         if token.type == "WORD" and (expected == {"STRING"} or kind == "filename"):
             self.report(f'expected a text in "..." here, found {shown}', place)
@@ -278,7 +298,7 @@ class _Reading:
             elif depth == 0 and token.type == "WORD" and token.line == line and word_may_follow:
                 pass
             elif depth == 0 and token.type not in ("NUMBER", "STRING", "LPAR", "RPAR"):
-                self.feed(token)
+                self.tokens.push(token)
                 return
             word_may_follow = False
         raise _StopReadingError
@@ -295,7 +315,7 @@ class _Reading:
                     return
                 depth -= 1
             elif depth == 0 and str(token) in parts:
-                self.feed(token)
+                self.tokens.push(token)
                 return
         raise _StopReadingError
 
