@@ -53,8 +53,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warnings.showwarning = _show_warning
         try:
             code: int = options.run(options)
+            sys.stdout.flush()
         except (RaffError, CinegenError) as error:
             print(f"cinegen: {error}", file=sys.stderr)
+            return 1
+        except BrokenPipeError:  # whoever reads has seen enough: `cinegen info x.raff | head -1`
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
     return code
 
@@ -123,7 +127,7 @@ def _described(report: Mapping[str, Any]) -> str:
     actuated, joints, loops = report["actuated"], report["joints"], report["loops"]
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}, "
-        f"{len(joints)} joints ({len(actuated)} actuated), {len(loops)} loops",
+        f"{len(joints)} joints ({len(actuated)} actuated), {len(loops)} loop{'s' * (len(loops) != 1)}",
         "",
         f"  {'joint':<12}{'type':<11}{'home':>10}{'low':>10}{'high':>10}{'velocity':>10}   (rad, m)",
     ]

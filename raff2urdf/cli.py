@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -35,7 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     with warnings.catch_warnings():
         warnings.showwarning = _show_warning
-        return _run(options)
+        try:
+            code = _run(options)
+            sys.stdout.flush()
+        except BrokenPipeError:  # whoever reads has seen enough: `raff2urdf --json *.raff | head -1`
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 1
+    return code
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -84,13 +84,15 @@ def documents(
         least_robots: at least so many robots.
         most_parts: at most so many links and frames in each.
     """
-    lengths, angles = (LENGTHS, ANGLES) if moderate else (EXTREME, EXTREME)
+    lengths, angles, least_speed = (LENGTHS, ANGLES, 1e-3) if moderate else (EXTREME, EXTREME, 0.0)
     numbers = draw(st.lists(st.integers(1, 10**6), unique=True, max_size=3))
     counts = st.integers(0, 3)
     sensors = [Sensor(number, draw(TEXTS), translation=draw(counts), rotation=draw(counts)) for number in numbers]
     names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
     robots = [
-        draw(_robots(name, [0, *numbers], parameters(lengths, angles), lengths, loops, graphics, most_parts))
+        draw(
+            _robots(name, [0, *numbers], parameters(lengths, angles), lengths, loops, graphics, most_parts, least_speed)
+        )
         for name in names
     ]
     return Document(
@@ -111,6 +113,7 @@ def _robots(
     loops: bool,
     graphics: bool,
     most_parts: int,
+    least_speed: float,
 ) -> Robot:
     files = st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.just(())
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
@@ -129,7 +132,7 @@ def _robots(
             parts.append(Frame(**common))
             continue
         pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
-        speed = values.map(abs).filter(bool)
+        speed = values.map(abs).filter(lambda value: value > least_speed)
         link = Link(
             **common,
             type=draw(st.sampled_from(JointType)),

@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from random import Random
 
 import numpy as np
 import pytest
@@ -262,12 +263,12 @@ def test_it_does_not_matter_which_end_of_a_loop_is_named_first(name: str) -> Non
 @given(st.randoms(use_true_random=False))
 @pytest.mark.parametrize("name", CLOSED_CHAINS)
 @FEW
-def test_it_does_not_matter_in_which_order_parts_stand_in_the_file(name: str, random: object) -> None:
+def test_it_does_not_matter_in_which_order_parts_stand_in_the_file(name: str, random: Random) -> None:
     document = loads(KNOWN[name][0])
     robot = document.robot()
     parts, loops = list(robot.parts), list(robot.loops)
-    random.shuffle(parts)  # type: ignore[attr-defined]
-    random.shuffle(loops)  # type: ignore[attr-defined]
+    random.shuffle(parts)
+    random.shuffle(loops)
     other = analyse(document, replace(robot, parts=tuple(parts), loops=tuple(loops)))
     one = analyse(document, robot)
     assert (other.mobility, other.rank, len(other.actuated)) == (one.mobility, one.rank, len(one.actuated))

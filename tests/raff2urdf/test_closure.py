@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from itertools import pairwise
+from random import Random
 
 import numpy as np
 import pinocchio as pin
@@ -276,11 +277,11 @@ def test_nothing_has_rank_0() -> None:
 @given(matrices(), st.randoms(use_true_random=False))
 @examples(100)
 def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
-    made: tuple[np.ndarray, int], random: object
+    made: tuple[np.ndarray, int], random: Random
 ) -> None:
     matrix, expected = made
     order = list(range(matrix.shape[1]))
-    random.shuffle(order)  # type: ignore[attr-defined]
+    random.shuffle(order)
     size = np.abs(matrix).max() or 1.0
     ranks = [np.linalg.matrix_rank(matrix[:, order[:n]] / size, tol=1e-9) for n in range(len(order) + 1)]
     first = [column for column, (before, after) in zip(order, pairwise(ranks), strict=True) if after > before]

@@ -498,6 +498,29 @@ def test_everything_that_blocks_lack_is_reported_at_once() -> None:
     ]  # fmt: skip
 
 
+def test_a_word_said_thrice_is_told_where_it_was_said_first() -> None:
+    found = problems_of("RAFF t\nunits mm\nunits cm\nunits m")
+    assert [problem.message.split(": ")[1] for problem in found] == 2 * ["first on line 2"]
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "lnk 1 { type 2 pred 0 }",
+        "link 1 { parameters { e 5 } }",
+        "link 1 { parameters { d x } }",
+        'path "a"',
+        "frame 1 { }",
+    ],
+)
+def test_a_file_full_of_errors_tells_the_first_hundred(line: str) -> None:
+    """No one reads more, and nothing is gained by falling over the thousandth."""
+    found = problems_of(f"RAFF t\nrobot r {{\n{5000 * (line + chr(10))}}}")
+    assert len(found) == 100
+    assert found[0].place is not None
+    assert found[0].place.line <= 4
+
+
 def test_an_error_knows_its_file() -> None:
     assert problems_of("RAFF t\nunits inch", "robots/arm.raff")[0].source == "robots/arm.raff"
 

@@ -1,0 +1,38 @@
+"""Every link and picture of README and docs leads somewhere, and there is a picture of every robot."""
+
+from __future__ import annotations
+
+import pytest
+from pages import NAMES, ROOT, anchors, links
+from PIL import Image
+
+ROBOTS = sorted(path.stem for path in (ROOT / "robots").glob("*.raff"))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_links_lead_somewhere(name: str):
+    page = ROOT / name
+    for link in links(page):
+        if link.startswith(("https://", "http://")):
+            continue
+        path, _, anchor = link.partition("#")
+        there = (page.parent / path).resolve() if path else page
+        assert there.exists(), f"{name}: {link}"
+        assert there.is_relative_to(ROOT), f"{name}: {link}"
+        if anchor:
+            assert anchor in anchors(there), f"{name}: {link}"
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_robot_has_a_picture_in_the_gallery(robot: str):
+    path = ROOT / "docs" / "pictures" / f"{robot}.png"
+    assert path.stat().st_size <= 60_000
+    with Image.open(path) as picture:
+        assert picture.size == (900, 600)
+        assert len(picture.convert("RGB").getcolors(2**20) or []) > 8  # something is to be seen
+    assert f"pictures/{robot}.png" in links(ROOT / "docs" / "gallery.md")
+
+
+def test_every_page_can_be_found_from_the_readme():
+    found = {(ROOT / link.partition("#")[0]).resolve() for link in links(ROOT / "README.md")}
+    assert {ROOT / name for name in NAMES if name != "README.md"} <= found

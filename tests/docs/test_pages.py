@@ -1,0 +1,162 @@
+"""What README and docs say is what happens: each page is read from top to bottom, in a folder with a copy of robots/.
+
+Python blocks run in one namespace for each page. A `text` block that comes next is what one prints. RAFF blocks are
+read, and whole files converted too; the word behind `raff` may be the name they are saved by ("excerpt": only read,
+"wrong": must fail). In `console` blocks the lines behind `$` are run, and the others are what is printed. A number
+below 1e-12 is as good as another, and a line `...` stands for any lines.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import json
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+from pages import NAMES, ROOT, Block, blocks, table
+
+import cinegen
+import raff2urdf
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    """A working folder that pages may write to."""
+    shutil.copytree(ROOT / "robots", tmp_path / "robots")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_says_what_happens(name: str, folder: Path):
+    page = ROOT / name
+    namespace: dict[str, object] = {"__name__": "page"}
+    printed: str | None = None
+    for block in blocks(page):
+        where = f"{name}:{block.line}"
+        if block.language == "python":
+            printed = _run(block, namespace, where)
+        elif block.language == "text":
+            if printed is not None:
+                assert _same(block.text, printed, folder), f"{where}: this is printed:\n{printed}"
+            printed = None
+        else:
+            printed = None
+            if block.language == "raff":
+                _read(block, folder, where)
+            elif block.language == "console":
+                _console(block, folder, where)
+            elif block.language == "json":
+                json.loads(block.text)
+            else:
+                assert block.language in ("sh", "math"), f"{where}: '{block.language}' is not checked"
+
+
+def _run(block: Block, namespace: dict[str, object], where: str) -> str:
+    out = io.StringIO()
+    code = compile("\n" * (block.line - 1) + block.text, where, "exec")  # errors show the page's line
+    with contextlib.redirect_stdout(out), warnings.catch_warnings():
+        warnings.simplefilter("error", raff2urdf.RaffWarning)
+        warnings.simplefilter("error", cinegen.CinegenWarning)
+        exec(code, namespace)
+    return out.getvalue()
+
+
+def _read(block: Block, folder: Path, where: str) -> None:
+    words = block.word.split()
+    path = folder / ([word for word in words if word.endswith(".raff")] or ["block.raff"])[0]
+    path.write_text(block.text, encoding="utf-8")
+    if "wrong" in words:
+        with pytest.raises(raff2urdf.RaffError):
+            raff2urdf.convert(path, folder / "converted")
+        return
+    whole = block.text.startswith("RAFF")
+    raff2urdf.loads(block.text if whole else _completed(block.text), where)
+    if whole and "excerpt" not in words:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", raff2urdf.RaffWarning)  # some are shown on purpose
+            assert raff2urdf.convert(path, folder / "converted")
+
+
+def _completed(part: str) -> str:
+    """A part of a file as a whole one, with the fathers that it does not show."""
+    if re.match(r"\s*(units|sensor|robot)\b", part):
+        return f"RAFF part\n{part}"
+    there = set(re.findall(r"\b(?:link|frame) (\d+)\s*\{", part)) | {"0"}
+    fathers = "".join(f"link {n} {{ type 2 pred 0 }}\n" for n in sorted(set(re.findall(r"pred (\d+)", part)) - there))
+    return f"RAFF part\nrobot part {{\n{fathers}{part}}}\n"
+
+
+def _console(block: Block, folder: Path, where: str) -> None:
+    for command, said in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block.text, flags=re.MULTILINE):
+        words = shlex.split(command)
+        if words[0] == "cat":
+            printed = Path(folder, words[1]).read_text(encoding="utf-8")
+        elif words[:2] == ["cinegen", "drive"]:
+            printed = _in_a_process(words)
+        else:
+            assert words[0] in ("raff2urdf", "cinegen"), f"{where}: '{words[0]}' is not run"
+            printed = _in_this_process(words)
+        assert _same(said, printed, folder), f"{where}: {command} prints:\n{printed}"
+
+
+def _in_a_process(words: list[str]) -> str:
+    command = [sys.executable, "-m", *words]
+    return subprocess.run(
+        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60,
+        check=False,
+    ).stdout  # fmt: skip
+
+
+def _in_this_process(words: list[str]) -> str:
+    """The same, without a second for all imports."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
+        warnings.simplefilter("default")
+        importlib.import_module(f"{words[0]}.cli").main(words[1:])
+    return said.getvalue()
+
+
+def _same(said: str, printed: str, folder: Path) -> bool:
+    """Whether a text says what was printed, noise and what `...` stands for apart."""
+    said, printed = _settled(said), _settled(printed.replace(str(folder.resolve()), "..."))
+    pattern = "".join(r"(?:.*\n)*?" if line == "...\n" else re.escape(line) for line in said.splitlines(keepends=True))
+    return re.fullmatch(pattern, printed) is not None
+
+
+def _settled(text: str) -> str:
+    text = re.sub(r"-?\b\d(?:\.\d+)?e-(?:1[3-9]|[2-9]\d)\b", "0", text)
+    text = re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:port", text)
+    return "".join(f"{line.rstrip()}\n" for line in text.strip("\n").splitlines())
+
+
+def test_the_table_of_robots_is_right(robot):
+    rows = table(ROOT / "README.md", "file")
+    said = {row[0].strip("`"): row[2:] for row in rows}
+    files = {path.name for path in (ROOT / "robots").glob("*.raff")}
+    assert {name.split(" ")[0].strip("`") for name in said} == files
+    for name, (joints, loops, mobility) in said.items():
+        if name == "two_arms.raff":
+            continue  # two robots: the test below
+        mechanism = robot(name.removesuffix(".raff"))
+        assert (joints, loops, mobility) == (
+            f"{len(mechanism.joints)} ({len(mechanism.actuated)})",
+            str(len(mechanism.loops)),
+            str(mechanism.mobility),
+        ), name
+
+
+def test_the_table_of_tolerances_is_right():
+    rows = table(ROOT / "docs" / "how-it-works.md", "name")
+    assert len(rows) >= 10
+    for name, value, *_ in rows:
+        module, _, word = name.strip("`").rpartition(".")
+        assert getattr(importlib.import_module(module), word) == float(value), name
