@@ -127,13 +127,13 @@ def _described(report: Mapping[str, Any]) -> str:
     actuated, joints, loops = report["actuated"], report["joints"], report["loops"]
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}, "
-        f"{len(joints)} joints ({len(actuated)} actuated), {len(loops)} loop{'s' * (len(loops) != 1)}",
+        f"{_count(joints, 'joint')} ({len(actuated)} actuated), {_count(loops, 'loop')}",
         "",
         f"  {'joint':<12}{'type':<11}{'home':>10}{'low':>10}{'high':>10}{'velocity':>10}   (rad, m)",
     ]
     for joint in joints:
         numbers = [joint["home"], joint["low"], joint["high"], joint["velocity"]]
-        cells = "".join(f"{'-' if value is None else f'{value:.4g}':>10}" for value in numbers)
+        cells = "".join(f"{'-' if value is None else f'{_quiet(value):.4g}':>10}" for value in numbers)
         motor = "actuated" if joint["actuated"] else ""
         lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {motor}".rstrip())
     if loops:
@@ -149,7 +149,16 @@ def _described(report: Mapping[str, Any]) -> str:
 
 
 def _values(sigma: Sequence[float]) -> str:
-    return " ".join(f"{value if value > 1e-12 else 0.0:.3g}" for value in sigma)
+    return " ".join(f"{_quiet(value):.3g}" for value in sigma)
+
+
+def _quiet(value: float) -> float:
+    """Rounding is not worth reading."""
+    return value if abs(value) > 1e-12 else 0.0
+
+
+def _count(things: Sequence[Any], name: str) -> str:
+    return f"{len(things)} {name}{'s' * (len(things) != 1)}"
 
 
 # --- drive -------------------------------------------------------------------------------------------------------
@@ -160,7 +169,8 @@ def _drive(options: argparse.Namespace) -> int:
     from cinegen.show import Driven, drive, page_of
 
     for name, mechanism in mechanisms.items():
-        said = f"{name}: {len(mechanism.joints)} joints, {len(mechanism.loops)} loops, mobility {mechanism.mobility}"
+        said = f"{name}: {_count(mechanism.joints, 'joint')}, {_count(mechanism.loops, 'loop')}"
+        said += f", mobility {mechanism.mobility}"
         print(f"{said}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else said)
     page, scene = page_of(mechanisms)
     if options.snapshot and options.seconds is None:

@@ -75,7 +75,9 @@ def translate(
     text, missing = urdf(document, robot, beside, out)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
-        message = f"robot '{robot.name}': drawn as a skeleton where graphics can't be shown: {shown}"
+        message = (
+            f"robot '{robot.name}': graphics that can't be shown (a skeleton stands in where no other is): {shown}"
+        )
         warnings.warn(message, RaffWarning, stacklevel=2)
     return Translation(robot, text, constraints(document, robot, analysis), analysis, tuple(missing))
 

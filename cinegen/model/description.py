@@ -13,7 +13,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     """Joints, loops, mobility, actuated joints, closure and singular values at home; SI units and radians.
 
     Singular values are without unit: lengths are divided by the characteristic length. Those of the loops are as many
-    as their generic rank (a type 2 singularity where one vanishes); those of the end (the last node) are of its six
+    as their generic rank (a type 2 singularity where one vanishes); those of the end (`Mechanism.end`) are of its six
     directions on the motions that the loops leave.
     """
     model, q = mechanism.model, mechanism.q_home
@@ -21,7 +21,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     if mechanism.loops:
         _, loop_sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
         motions = vt[mechanism.loop_rank :].T
-    end = mechanism.nodes[-1]
+    end = mechanism.end
     units = np.array([mechanism.length] * 3 + [1.0] * 3)[:, None]
     end_sigma = np.linalg.svd(mechanism.jacobian(q, end) * mechanism.scale @ motions / units, compute_uv=False)
     return {

@@ -47,8 +47,12 @@ def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | 
 
     document = parse(read(path), str(path))
     raff2urdf.check(document)
+    chosen = document.robot(robot)
+    for name in loops or {}:
+        if name not in chosen.loop_names:
+            raise UnknownNameError("loop", name, chosen.loop_names)
     try:
-        made = translate(document, document.robot(robot), path.parent, loops=loops)
+        made = translate(document, chosen, path.parent, loops=loops)
     except raff2urdf.ClosureError as error:
         raise ClosureError(error.problems) from None
     return build(made.urdf, made.constraints, str(path.parent))

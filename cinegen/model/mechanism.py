@@ -100,20 +100,23 @@ class Mechanism:
         """The loops as equations, with scratch data of this thread's own."""
         system: ClosedLoops | None = getattr(self._scratch, "system", None)
         if system is None:
-            anchors = []
-            for loop in self.loops:
-                first, second = self._frame(loop.first), self._frame(loop.second)
-                anchors.append(
-                    (
-                        first.parentJoint,
-                        first.placement * loop.first_placement,
-                        second.parentJoint,
-                        second.placement * loop.second_placement,
-                    )
-                )
-            system = ClosedLoops(self.model, self.loops, anchors, self.length, self.scale)
-            self._scratch.system = system
+            system = self._scratch.system = self.own_system()
         return system
+
+    def own_system(self) -> ClosedLoops:
+        """The loops as equations, with scratch data of the caller's own."""
+        anchors = []
+        for loop in self.loops:
+            first, second = self._frame(loop.first), self._frame(loop.second)
+            anchors.append(
+                (
+                    first.parentJoint,
+                    first.placement * loop.first_placement,
+                    second.parentJoint,
+                    second.placement * loop.second_placement,
+                )
+            )
+        return ClosedLoops(self.model, self.loops, anchors, self.length, self.scale)
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
@@ -123,6 +126,11 @@ class Mechanism:
             LoadError: a mesh can't be read.
         """
         return shapes(self.model, self._source.urdf, self._source.folder)
+
+    @property
+    def end(self) -> str:
+        """The node that a hand takes first: the one that a sensor may follow, else the last in the file."""
+        return next((node for node, _ in self.sensor_constraints), self.nodes[-1])
 
     # --- names ---------------------------------------------------------------------------------------------------
 

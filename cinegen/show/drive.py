@@ -28,9 +28,8 @@ class Driven:
 
     @classmethod
     def along(cls, mechanism: Mechanism, shape: str, node: str | None = None) -> Driven:
-        """A mechanism whose node (its sensor's, or the last in the file) will follow a shape."""
-        held = [name for name, _ in mechanism.sensor_constraints]
-        path = fitted(mechanism, node or (held or [mechanism.nodes[-1]])[0], shape)
+        """A mechanism whose node (its end unless named) will follow a shape."""
+        path = fitted(mechanism, node or mechanism.end, shape)
         solver = Solver(mechanism, 1.0 / (FRAMES * TICKS))
         return cls(mechanism, solver, path, solver.pull(path.node, path.home, rotation=path.rotation))
 

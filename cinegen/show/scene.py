@@ -18,7 +18,7 @@ from cinegen.show.page import Page
 Array = NDArray[np.float64]
 
 _SHOWN = 1.6  # m: the radius of what is shown, whatever its true size, so that every robot fills the view
-_EYE = (1.7, 1.05, 2.1)  # m: where the view is from, y up
+_EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # m, y up: where the view is from; far away, so that near parts don't look fat
 _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: where a loop is closed
 _TARGET = 0xD55E00  # vermillion: what is pulled
 
@@ -74,6 +74,7 @@ class Scene:
         window = meshcat.Visualizer(window=self.page)
         window["/Grid"].set_transform(floor)
         window["/Cameras/default/rotated/<object>"].set_property("position", list(_EYE))
+        window["/Cameras/default/rotated/<object>"].set_property("zoom", _ZOOM)
         window["/Axes"].set_property("visible", False)
         window["/Background"].set_property("top_color", [0.92, 0.95, 0.98])
         window["/Background"].set_property("bottom_color", [1.0, 1.0, 1.0])

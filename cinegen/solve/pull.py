@@ -8,9 +8,12 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from raff2urdf.loops import log, swing
+from raff2urdf.loops import log, log_derivative, swing
 
 Array = NDArray[np.float64]
+
+
+_FURTHEST = 1e100  # m: a target beyond is aimed at from here all the same, and no square overflows
 
 
 @dataclass(eq=False)
@@ -37,9 +40,30 @@ class Pull:
         """How many equations it adds."""
         return self.translation + self.rotation
 
-    def finite(self) -> bool:
-        """Whether target and weight are numbers that can be followed."""
-        return bool(np.isfinite(self.target.homogeneous).all() and np.isfinite(self.weight) and self.weight > 0.0)
+    def makes_sense(self) -> bool:
+        """Whether target, freedoms and weight are what can be followed: they may have been set to anything."""
+        try:
+            return bool(
+                isinstance(self.target, pin.SE3)
+                and np.isfinite(self.target.homogeneous).all()
+                and self.translation in range(4)
+                and self.rotation in range(4)
+                and 0.0 < self.weight < np.inf
+            )
+        except (TypeError, ValueError):
+            return False
+
+    def errors(self, placement: pin.SE3) -> tuple[Array, Array]:
+        """What is left to do: (translation,) in m and (rotation,) in rad.
+
+        Three translations are in the node's own axes, fewer in the target's; rotations in the node's own.
+        """
+        way = np.clip(self.target.translation, -_FURTHEST, _FURTHEST) - placement.translation
+        straight = placement.rotation.T @ way if self.translation == 3 else self.target.rotation.T @ way
+        if self.rotation == 2:
+            return straight[: self.translation], -swing(self._seen(placement)[:, 2])[0]
+        turn = log(self._seen(placement).T) if self.rotation else np.zeros(3)
+        return straight[: self.translation], turn[3 - self.rotation :]
 
     def equations(self, placement: pin.SE3, jacobian: Array) -> tuple[Array, Array]:
         """What is left to do, and how the joints do it.
@@ -51,25 +75,20 @@ class Pull:
             jacobian: (6, nv) of the node, in its own frame.
 
         Returns:
-            error (rows,), m and rad, and (rows, nv): to first order a joint step s with J s = error ends the error.
+            error (rows,), m and rad, and (rows, nv): to first order a joint step s with J s = error ends the error,
+            and error^T J is the exact gradient of half the error's square.
         """
-        errors, rows = [], []
-        to_target = self.target.rotation.T @ placement.rotation  # the node's axes seen from the target
-        if self.translation == 3:
-            errors.append(placement.rotation.T @ (self.target.translation - placement.translation))
-            rows.append(jacobian[:3])
-        elif self.translation:
-            held = slice(0, self.translation)
-            errors.append((self.target.rotation.T @ (self.target.translation - placement.translation))[held])
-            rows.append((to_target @ jacobian[:3])[held])
+        linear, angular = jacobian[:3], jacobian[3:]
+        if self.translation < 3:
+            linear = self._seen(placement) @ linear
         if self.rotation == 2:
-            away, by_omega = swing(to_target[:, 2])
-            errors.append(-away)
-            rows.append(by_omega @ to_target @ jacobian[3:])
-        elif self.rotation:
-            held = slice(3 - self.rotation, 3)
-            errors.append(log(to_target.T)[held])
-            rows.append(jacobian[3:][held])
-        if not errors:
-            return np.zeros(0), jacobian[:0]
-        return np.concatenate(errors), np.vstack(rows)
+            angular = swing(self._seen(placement)[:, 2])[1] @ self._seen(placement) @ angular
+        elif self.rotation == 1:
+            angular = log_derivative(log(self._seen(placement).T)) @ angular
+        straight, turn = self.errors(placement)
+        rows = np.vstack([linear[: self.translation], angular[len(angular) - self.rotation :]])
+        return np.concatenate([straight, turn]), rows
+
+    def _seen(self, placement: pin.SE3) -> Array:
+        """The node's axes seen from the target, (3, 3)."""
+        return np.asarray(self.target.rotation.T @ placement.rotation)

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 
-from cinegen.solve.damping import damped_solution
+from cinegen.solve.damping import RESTING, damping
 
 Array = NDArray[np.float64]
 
 _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
-_HELD = 1e-9  # a joint that the free motions move less than this can't be steered by them
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,7 +24,7 @@ class Resolution:
     step: (nv,) the joint step.
     sigma: singular values of the pulls on the motions that the loops leave, largest first.
     loop_sigma: singular values of the loops, as many as their generic rank.
-    frozen: columns that end their step on a bound.
+    frozen: columns whose bound holds the step back; they end on it.
     """
 
     step: Array
@@ -44,49 +44,68 @@ def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
     return vt[rank:].T, sigma[:rank]
 
 
-def resolve(loops: Array, rank: int, pulls: Array, error: Array, low: Array, high: Array) -> Resolution:
+def resolve(loops: Array, rank: int, pulls: Array, pull_rank: int, error: Array, low: Array, high: Array) -> Resolution:
     """The step that does most for the pulls while every loop stays closed and every joint within its bounds.
 
-    Joints that would go beyond a bound are frozen, one after the other, so that they end on it; the rest is solved
-    again in what that leaves. What can't be had that way is had by a shorter step along the same line.
+    In the coordinates y of the free motions V, with the SVD A = pulls V = U S W^T, the step minimises
+
+        |A y - error|^2 + sum_i damping_i (w_i . y)^2    subject to    low <= V y <= high,
+
+    with no damping at all where singular values are large, and `RESTING` for motions that no pull asks for. With
+    x_i = h_i (w_i . y), h_i^2 = s_i^2 + damping_i, that is the point x of a polyhedron that is nearest to
+    b_i = (s_i / h_i) u_i . error. A joint frozen on its bound is
+    let go again as soon as that helps.
 
     Args:
         loops: (rows, nv) Jacobian of the loops.
         rank: its generic rank.
         pulls: (k, nv) Jacobian of all pulls, weighted.
+        pull_rank: the generic rank of the pulls on the free motions.
         error: (k,) what they want.
         low: (nv,) lowest step of each joint, at most 0.
         high: (nv,) highest, at least 0.
     """
     motions, loop_sigma = free_motions(loops, rank)
-    reduced = pulls @ motions
-    frozen = [int(j) for j in np.flatnonzero(low == high)]
-    bounds = [float(low[j]) for j in frozen]
-    first_sigma: Array | None = None
-    while True:
-        begin, rest = _held(motions, frozen, np.array(bounds))
-        y, sigma = damped_solution(reduced @ rest, error - reduced @ begin)
-        first_sigma = sigma if first_sigma is None else first_sigma
-        step = motions @ (begin + rest @ y)
-        beyond = np.maximum(step - high, low - step)
-        beyond[frozen] = 0.0
-        worst = int(np.argmax(beyond)) if len(beyond) else 0
-        if not len(beyond) or beyond[worst] <= _TOUCH or rest.shape[1] == 0:
-            break
-        frozen.append(worst)
-        bounds.append(float(high[worst] if step[worst] > 0.0 else low[worst]))
-    return Resolution(step * _within(step, low, high), first_sigma, loop_sigma, tuple(frozen))
-
-
-def _held(motions: Array, frozen: list[int], bounds: Array) -> tuple[Array, Array]:
-    """In the coordinates of `motions`: the least one that brings the frozen joints to their bounds, and a basis of
-    those that leave them alone."""
     width = motions.shape[1]
-    if not frozen:
-        return np.zeros(width), np.eye(width)
-    u, sigma, vt = np.linalg.svd(motions[frozen], full_matrices=True)
-    rank = int(np.count_nonzero(sigma > _HELD))
-    return vt[:rank].T @ ((u.T @ bounds)[:rank] / sigma[:rank]), vt[rank:].T
+    if width == 0 or len(error) == 0:
+        return Resolution(np.zeros(len(low)), np.zeros(0), loop_sigma, ())
+    u, sigma, wt = np.linalg.svd(pulls @ motions, full_matrices=True)
+    sigmas, along = np.zeros(width), np.zeros(width)  # motions that no pull asks for have singular value 0
+    used = min(len(sigma), width)
+    sigmas[:used], along[:used] = sigma[:used], (u.T @ error)[:used]
+    squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
+    squared[pull_rank:] = RESTING  # what no pull asks for stays still, unless a limit needs it
+    scale = np.sqrt(squared)
+    wanted = sigmas / scale * along
+    joints = motions @ wt.T / scale  # (nv, width): what x does to the joints
+    x, frozen = _nearest(wanted, joints, low, high)
+    step = joints @ x
+    return Resolution(step * _within(step, low, high), sigma, loop_sigma, frozen)
+
+
+def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Array, tuple[int, ...]]:
+    """The point x nearest to `wanted` with low <= joints x <= high, and the joints whose bounds it is held by.
+
+    Least distance programming by non-negative least squares (C. L. Lawson and R. J. Hanson, "Solving least squares
+    problems", 1974, chapter 23).
+    """
+    step = joints @ wanted
+    if (step <= high + _TOUCH).all() and (step >= low - _TOUCH).all():
+        return wanted, ()
+    upper, lower = np.flatnonzero(np.isfinite(high)), np.flatnonzero(np.isfinite(low))
+    owner = np.concatenate([upper, lower])
+    sides = np.concatenate([-joints[upper], joints[lower]])  # sides (x - wanted) >= least
+    least = np.concatenate([step[upper] - high[upper], low[lower] - step[lower]])
+    target = np.zeros(len(wanted) + 1)
+    target[-1] = 1.0
+    try:
+        multipliers, _ = nnls(np.vstack([sides.T, least]), target)
+    except RuntimeError:  # too many iterations: no step is a safe one
+        return np.zeros_like(wanted), tuple(sorted({int(j) for j in owner[least > 0.0]}))
+    held = np.flatnonzero(multipliers > 0.0)
+    # the same point again, from the bounds that hold it: to rounding
+    move = np.linalg.lstsq(sides[held], least[held], rcond=1e-10)[0]
+    return wanted + move, tuple(sorted({int(j) for j in owner[held]}))
 
 
 def _within(step: Array, low: Array, high: Array) -> float:

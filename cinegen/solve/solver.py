@@ -25,6 +25,8 @@ CLOSURE = 1e-10
 _STEP_CAP = 0.1  # rad or lengths in a tick: what the linearisation is good for, even without a velocity limit
 _ERROR_CAP = 0.2  # rad or lengths: what a tick tries to make good at most; a far target is approached
 _CORRECTION = 0.5  # part of the step that closing the loops again may add; more would be another assembly mode
+_ARMIJO = 0.1  # part of what a step should win that it must win
+_NOISE = 1e-26  # of `_distance`: rounding where a target is reached
 _TRIES = 10  # times a step that tears is tried shorter
 _NEAR_TYPE_2 = 1e-3  # a singular value of the loops below this is near a type 2 singularity
 _ARRIVED = 1e-6  # rad or lengths: a pull this near to its target has reached it
@@ -33,9 +35,10 @@ _REST = 1e-7  # rad or lengths in a tick: slower than this nothing moves
 
 
 class Verdict(Enum):
-    """What became of a tick, in the order in which they are said."""
+    """What became of a tick. Where several are true, this one is said: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
+    targets reached), AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
 
-    BAD_TARGET = "a target or weight is not finite: that pull is left out"
+    BAD_TARGET = "a pull was set to what can't be followed: it is left out"
     REFUSED = "the loops could not be closed after any part of the step: the last state stays"
     AT_LIMIT = "a joint limit holds the motion back"
     SINGULAR = "near a singularity: damped"
@@ -57,7 +60,8 @@ class Step:
             where one vanishes).
         loop_singular_values: of the loops (type 2 where one vanishes).
         saturated: joints that stand at a position limit which holds the motion back.
-        pace: the part of the wanted motion that velocity limits let through, 0 to 1.
+        pace: the part of the wanted motion that velocity limits (and the longest step that a tick's linearisation
+            is good for, 0.1 rad or characteristic lengths) let through, 0 to 1.
         verdict: in one word.
     """
 
@@ -73,7 +77,7 @@ class Step:
 
 
 class Solver:
-    """Moves a mechanism; owns q. Not for two threads at once.
+    """Moves a mechanism; owns q. One thread at a time; the mechanism may serve others meanwhile.
 
     Args:
         mechanism: what to move.
@@ -95,7 +99,7 @@ class Solver:
         self.q: Array = mechanism.checked(mechanism.q_home if q is None else q).copy()
         if mechanism.closure(self.q) > CLOSURE:
             raise CinegenError(f"q leaves loops of {mechanism.name} open by {mechanism.closure(self.q):.2g}: close it")
-        self._system = mechanism.system
+        self._system = mechanism.own_system()  # scratch of its own: no other thread or solver disturbs it
         self._pulls: list[Pull] = []
         self._bounded = _Bounds(mechanism, dt)
         self._ranks: dict[tuple[tuple[int, int, int], ...], int] = {}
@@ -141,16 +145,27 @@ class Solver:
     def step(self) -> Step:
         """One tick of dt. Never raises: the verdict says what happened."""
         system = self._system
-        pulls = [pull for pull in self._pulls if pull.finite()]
+        pulls = [pull for pull in self._pulls if pull.makes_sense()]
+        rank_of_pulls = self._rank(pulls)
         _, loops = system.evaluate(self.q)
         error, rows, _ = self._equations(pulls)
         low, high = self._bounded.of(self.q, system.scale)
-        if self.mechanism.floating and not any(pull.node == self.mechanism.nodes[0] for pull in pulls):
-            low[:6] = high[:6] = 0.0  # a base moves when it is pulled itself
-        resolution = resolve(loops, self.mechanism.loop_rank, rows, self.gain * error, low, high)
-        wanted, sigma = resolution.step, resolution.sigma[: self._rank(pulls)]
+        # a base moves when it is pulled itself
+        base_rests = self.mechanism.floating and all(pull.node != self.mechanism.nodes[0] for pull in pulls)
+        moving = slice(6 if base_rests else 0, None)
+        resolution = resolve(
+            loops[:, moving],
+            self.mechanism.loop_rank,
+            rows[:, moving],
+            rank_of_pulls,
+            self.gain * error,
+            low[moving],
+            high[moving],
+        )
+        sigma = resolution.sigma[:rank_of_pulls]
+        wanted = np.concatenate([np.zeros(moving.start), resolution.step])
         pace = min(1.0, _FULL / max(self._bounded.excess(wanted), 1e-300))
-        there = self._there(wanted * pace)
+        there = self._there(wanted * pace, pulls, float(error @ rows @ wanted) * pace)
         refused = there is None
         q = self.q if there is None else there
         moved = self._moved(q)
@@ -159,7 +174,7 @@ class Solver:
         if not self.mechanism.loops:
             system.evaluate(q)
         _, _, errors = self._equations(pulls)
-        saturated = tuple(self.mechanism.columns[j] for j in resolution.frozen if low[j] < high[j])
+        saturated = tuple(self.mechanism.columns[moving.start + j] for j in resolution.frozen)
         left = max((max(metres / system.length, angle) for metres, angle in errors), default=0.0)
         resting = float(np.abs(moved).max(initial=0.0)) < _REST
         if len(pulls) < len(self._pulls):
@@ -218,7 +233,6 @@ class Solver:
                 _, loops = self._system.evaluate(q)
                 motions, _ = free_motions(loops, self.mechanism.loop_rank)
                 highest = max(highest, rank(self._equations(pulls)[1] @ motions))
-            self._system.evaluate(self.q)
             self._ranks[key] = highest
         return self._ranks[key]
 
@@ -226,24 +240,52 @@ class Solver:
         by_pull = {id(pull): error for pull, error in zip(pulls, left, strict=True)}
         return tuple(by_pull.get(id(pull), (np.nan, np.nan)) for pull in self._pulls)
 
-    def _there(self, step: Array) -> Array | None:
-        """Where a step leads, loops closed and limits kept; a shorter step where the whole one tears."""
+    def _there(self, step: Array, pulls: list[Pull], gain: float) -> Array | None:
+        """Where a step leads, loops closed and limits kept; a shorter step where the whole one tears, or brings the
+        pulls no nearer to their targets than a tenth of what it should (Armijo's rule: no ping-pong).
+
+        Args:
+            step: (nv,) without unit.
+            pulls: those that make sense.
+            gain: by how much the step reduces `_distance`, to first order.
+
+        Returns:
+            None where no part of the step could be closed; the present q where none brings the pulls nearer.
+        """
         if not step.any():
             return self.q
+        before = self._distance(pulls, self.q)
+        closes = False
         for _ in range(_TRIES):
             q = self._closed(step)
             if q is None:
-                step = 0.5 * step
+                step, gain = 0.5 * step, 0.5 * gain
                 continue
             moved = self._moved(q)
             excess = self._bounded.excess(moved)
             if excess > 1.0:  # closing the loops added a little
-                step = step * (0.98 / excess)
+                step, gain = step * (0.98 / excess), gain * (0.98 / excess)
             elif float(np.abs(moved - step).max()) > _CORRECTION * float(np.abs(step).max()) + CLOSURE:
-                step = 0.5 * step
+                step, gain = 0.5 * step, 0.5 * gain
+            elif self._distance(pulls, q) > before - _ARMIJO * gain + _NOISE:
+                closes = True
+                step, gain = 0.5 * step, 0.5 * gain
             else:
                 return q
-        return None
+        return self.q if closes else None
+
+    def _distance(self, pulls: list[Pull], q: Array) -> float:
+        """How far all pulls are from their targets, as one number that the capped errors are the gradient of: half
+        the square up to the cap, linear beyond (Huber)."""
+        model, data, length = self.mechanism.model, self._system.data, self._system.length
+        pin.forwardKinematics(model, data, q)
+        total = 0.0
+        for pull in pulls:
+            straight, turn = pull.errors(pin.updateFramePlacement(model, data, pull.frame))
+            for part in (math.hypot(*straight) / length, math.hypot(*turn)):
+                capped = min(part, _ERROR_CAP)
+                total += pull.weight**2 * capped * (part - 0.5 * capped)
+        return total
 
     def _closed(self, step: Array) -> Array | None:
         """Newton on the loops after one step; joints beyond a limit are put on it and held there."""

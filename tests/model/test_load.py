@@ -88,7 +88,7 @@ def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
     mechanism = raff(BENT, loops={"base-end": "ball"})
     assert mechanism.closure(mechanism.q_home) <= 1e-12
     assert mechanism.mobility == 1
-    with pytest.raises(raff2urdf.RaffError, match="no loop 'end-base'"):
+    with pytest.raises(cinegen.CinegenError, match="no loop 'end-base'"):
         raff(BENT, loops={"end-base": "ball"})
     with pytest.raises(raff2urdf.RaffError, match="'hinge' is no kind of loop"):
         raff(BENT, loops={"base-end": "hinge"})

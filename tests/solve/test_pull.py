@@ -49,9 +49,20 @@ def test_what_a_pull_does_not_hold_is_no_error(translation, rotation, free):
     assert error == pytest.approx(np.zeros(translation + rotation), abs=1e-12)
 
 
-def test_a_target_that_is_not_finite_is_known():
+def test_what_can_not_be_followed_is_known():
     bad = pin.SE3.Identity()
     bad.translation = np.array([np.nan, 0.0, 0.0])
-    assert not Pull("node", bad).finite()
-    assert not Pull("node", pin.SE3.Identity(), weight=float("inf")).finite()
-    assert Pull("node", pin.SE3.Identity()).finite()
+    good = pin.SE3.Identity()
+    assert Pull("node", good).makes_sense()
+    for wrong in (
+        Pull("node", bad),
+        Pull("node", np.eye(4)),
+        Pull("node", None),
+        Pull("node", good, translation=7),
+        Pull("node", good, rotation=-1),
+        Pull("node", good, rotation="all"),
+        Pull("node", good, weight=float("inf")),
+        Pull("node", good, weight=0.0),
+        Pull("node", good, weight="heavy"),
+    ):
+        assert not wrong.makes_sense()

@@ -202,6 +202,12 @@ def test_targets_that_are_no_numbers_give_a_verdict_and_leave_the_rest_alone(rob
         assert step.verdict is Verdict.BAD_TARGET
         assert np.array_equal(step.q, delta.q_home)
         assert np.isnan(step.errors[0][0])
+    for wrong in ({"target": np.eye(4)}, {"weight": "a"}, {"translation": 7}):
+        pull = solver.pull("platform")
+        for attribute, value in wrong.items():
+            setattr(pull, attribute, value)
+        assert solver.step().verdict is Verdict.BAD_TARGET
+        solver.release(pull)
     pull.target = _offset(delta, "platform", [1e300, 0.0, 0.0])
     assert np.isfinite(solver.step().q).all()
 
