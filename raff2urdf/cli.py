@@ -48,10 +48,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(options: argparse.Namespace) -> int:
     reports: list[dict[str, Any]] = []
     failed = False
+    stems: dict[str, str] = {}
     for name in options.files:
         try:
+            twin = stems.get(Path(name).stem, name)
+            if twin != name and not options.check:
+                raise RaffError(f"{name}: would overwrite what {twin} became: give them different names")
             found = _check(name, options.robot) if options.check else _convert(name, options)
             reports += found
+            stems[Path(name).stem] = name
             if not options.json:
                 for report in found:
                     print(_sentence(report))

@@ -18,10 +18,6 @@ from numpy.typing import ArrayLike, NDArray
 
 Matrix = NDArray[np.float64]
 
-# Two z axes count as parallel where that costs less (an angle of asin(sa)) than to say it: r = across / sa grows
-# without bound, and with it what rounding does to the position, about 2e-16 r.
-_NOISE = 4 * np.finfo(float).eps
-
 
 class Kleinfinger(NamedTuple):
     """The six parameters: gamma, alpha, theta in rad; epsilon, d, r in m."""
@@ -70,23 +66,43 @@ def parameters(placement: ArrayLike) -> Kleinfinger:
     rotation, p = m[:3, :3], m[:3, 3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
         raise ValueError("the rotation of a placement must be orthonormal and right-handed")
+    skew = _by_common_normal(rotation, p)
+    if skew is None:
+        return _by_parallel_axes(rotation, p)
+    if math.hypot(rotation[0, 2], rotation[1, 2]) > _CLEAR:
+        return skew
+    return min(skew, _by_parallel_axes(rotation, p), key=lambda found: float(np.abs(transform(found) - m).max()))
+
+
+_CLEAR = 1e-3
+"""Above this sine of their angle, two z axes are certainly not parallel. Below, saying the angle may cost more than
+leaving it out: r grows without bound as it shrinks, and with r what rounding does to the position."""
+
+
+def _by_common_normal(rotation: Matrix, p: Matrix) -> Kleinfinger | None:
+    """Parameters where the z axes have one common perpendicular; None where they are exactly parallel."""
     sa = math.hypot(rotation[0, 2], rotation[1, 2])
+    if sa <= 4.0 * np.finfo(float).eps:  # rounding of sin(pi) and its like
+        return None
     alpha = math.atan2(sa, rotation[2, 2])
     gamma = math.atan2(rotation[0, 2], -rotation[1, 2])
     cg, sg = math.cos(gamma), math.sin(gamma)
-    across = sg * p[0] - cg * p[1]  # along the normal of both: r sin(alpha)
-    if sa > _NOISE and sa * sa * math.hypot(*p) >= _NOISE * abs(across):
-        d = cg * p[0] + sg * p[1]
-        r = across / sa
-        epsilon = p[2] - r * math.cos(alpha)
-    else:
-        alpha = 0.0 if rotation[2, 2] > 0 else math.pi
-        d = math.hypot(p[0], p[1])
-        gamma = math.atan2(p[1], p[0]) if d > 0.0 else 0.0
-        cg, sg = math.cos(gamma), math.sin(gamma)
-        epsilon, r = float(p[2]), 0.0
-    # What is left of the rotation is Rz(theta): its x axis in the frame turned by gamma and alpha.
+    r = (sg * p[0] - cg * p[1]) / sa
+    epsilon = p[2] - r * math.cos(alpha)
+    theta = _theta(rotation, gamma, alpha)
+    return Kleinfinger(gamma, float(epsilon), alpha, float(cg * p[0] + sg * p[1]), theta, float(r))
+
+
+def _by_parallel_axes(rotation: Matrix, p: Matrix) -> Kleinfinger:
+    """Parameters where the z axes are parallel, or taken for it."""
+    alpha = 0.0 if rotation[2, 2] > 0 else math.pi
+    d = math.hypot(p[0], p[1])
+    gamma = math.atan2(p[1], p[0]) if d > 0.0 else 0.0
+    return Kleinfinger(gamma, float(p[2]), alpha, d, _theta(rotation, gamma, alpha), 0.0)
+
+
+def _theta(rotation: Matrix, gamma: float, alpha: float) -> float:
+    """What gamma and alpha leave of the rotation: where its x axis points in the frame they turn to."""
     x, y, z = rotation[:, 0]
-    ca, sa = math.cos(alpha), math.sin(alpha)
-    theta = math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)
-    return Kleinfinger(gamma, float(epsilon), alpha, float(d), theta, float(r))
+    cg, sg, ca, sa = math.cos(gamma), math.sin(gamma), math.cos(alpha), math.sin(alpha)
+    return math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)

@@ -19,8 +19,11 @@ def graphics(robot: Robot, part: Base | Link | Frame, beside: Path) -> tuple[lis
     """
     usable, reasons = [], []
     for name in part.filenames:
-        path = beside / Path(robot.path or "").expanduser() / Path(name).expanduser()
-        reason = _reason(path)
+        try:
+            path = beside / Path(robot.path or "").expanduser() / Path(name).expanduser()
+            reason = _reason(path)
+        except RuntimeError as error:  # "~nobody"
+            reason = str(error)
         if reason is None:
             usable.append(path)
         else:

@@ -66,7 +66,8 @@ def parse(text: str, name: str = "<text>") -> Document:
     document = reading.run(text)
     problems = reading.problems or reading.missing
     if problems:
-        raise RaffError(sorted(problems, key=lambda p: (p.place.line, p.place.column) if p.place else (0, 0)))
+        problems.sort(key=lambda problem: (problem.place.line, problem.place.column) if problem.place else (0, 0))
+        raise RaffError(problems[:MOST_PROBLEMS])
     return document
 
 

@@ -100,7 +100,7 @@ class Build(Transformer[Token, Any]):
             if field.word in found and field.word not in several:
                 message = f"'{field.word}' is said twice in {owner}: first on line {found[field.word].place.line}"
                 self.report(message, field.place)
-            found[field.word] = field
+            found.setdefault(field.word, field)
         return found
 
     def start(self, header: Field, *items: Any) -> dict[str, Any]:

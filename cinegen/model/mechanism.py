@@ -83,7 +83,9 @@ class Mechanism:
         self.sensor_constraints: tuple[tuple[str, tuple[int, ...]], ...] = ()
 
     def __repr__(self) -> str:
-        return f"<Mechanism {self.name}: {len(self.joints)} joints, {len(self.loops)} loops, mobility {self.mobility}>"
+        joints, loops = len(self.joints), len(self.loops)
+        counted = f"{joints} joint{'s' * (joints != 1)}, {loops} loop{'s' * (loops != 1)}"
+        return f"<Mechanism {self.name}: {counted}, mobility {self.mobility}>"
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pinocchio's constraint models can't be pickled: a copy in another process is built from the texts."""

@@ -16,8 +16,10 @@ NEAR = 0.05
 """A singular value (dimensionless) below this is near a singularity: damping sets in, smoothly."""
 
 RESTING = 6.25e-4
-"""NEAR^2 / 4: what is added to a squared singular value of 0, at least. Much less, and a robot at its limits would swing through
-all its redundancy to win next to nothing."""
+"""NEAR^2 / 4: what is added to a squared singular value of 0, at least.
+
+Much less, and a robot at its limits would swing through all its redundancy to win next to nothing.
+"""
 
 
 def damping(sigma: Array, error: float) -> Array:
