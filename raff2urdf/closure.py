@@ -23,7 +23,8 @@ CLOSED = 1e-12
 
 _ROUNDING = 2e-15  # no residual is expected to get below this: Gauss-Newton stops
 _STEP_CAP = 0.6  # rad: a longer Gauss-Newton step leaves what its linearisation knows
-_RANK = 1e-8  # singular values below this part of the largest are zeros: closed loops leave 1e-13 there
+_RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
+_NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
 _WALK = 0.3  # rad: length of a step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
 
@@ -117,23 +118,31 @@ def rank(jacobian: Array) -> int:
     if 0 in jacobian.shape:
         return 0
     s = np.linalg.svd(jacobian, compute_uv=False)
-    return int(np.count_nonzero(s > _RANK * s[0])) if s[0] > 0.0 else 0
+    return int(np.count_nonzero(s > max(_RANK * s[0], _NOTHING)))
 
 
 def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> Iterator[Array]:
-    """Random closed configurations: a walk from the closed q along the directions the loops leave free."""
+    """Random closed configurations: a walk from the closed q along the directions the loops leave free.
+
+    A step that does not close, or falls back to where it came from (as many do from a singular q), is tried again
+    elsewhere, eight times for each sample at most.
+    """
     rng = np.random.default_rng(seed)
     for _ in range(samples):
         _, jacobian = system.evaluate(q)
-        anyhow = rng.standard_normal(jacobian.shape[1])
-        step: Array = anyhow - np.linalg.lstsq(jacobian, jacobian @ anyhow, rcond=_RANK)[0].astype(float)
-        size = _largest(step)
-        if size <= 1e-6:  # nothing can move
-            return
-        there = close(system, system.integrate(q, step * (_WALK / size)))
-        if there.closed:
-            q = there.q
-            yield q
+        for attempt in range(8):
+            anyhow = rng.standard_normal(jacobian.shape[1])
+            step: Array = anyhow - np.linalg.lstsq(jacobian, jacobian @ anyhow, rcond=_RANK)[0].astype(float)
+            size = _largest(step)
+            if size <= 1e-6:  # nothing can move
+                return
+            step = step * (_WALK * (1.0 + 0.5 * attempt) / size)
+            ahead = system.integrate(q, step)
+            there = close(system, ahead)
+            if there.closed and _largest(there.q - q) >= 0.2 * _largest(ahead - q):
+                q = there.q
+                yield q
+                break
 
 
 def generic_rank(system: LoopSystem, q: Array) -> tuple[int, Array]:

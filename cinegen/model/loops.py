@@ -94,7 +94,10 @@ class ClosedLoops:
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Residual c (rows,) and its exact derivative (rows, nv) by the dimensionless step, at q (nq,)."""
         residual, jacobian = np.empty(self.rows), np.zeros((self.rows, self.model.nv))
-        pin.computeJointJacobians(self.model, self.data, q)
+        if self.model.nv == 0:  # Pinocchio would crash
+            pin.forwardKinematics(self.model, self.data, q)
+        else:
+            pin.computeJointJacobians(self.model, self.data, q)
         row = 0
         for loop, constraint, data, moving in zip(
             self.loops, self._constraints, self._datas, self._moving, strict=True
@@ -102,7 +105,9 @@ class ClosedLoops:
             constraint.calc(self.model, self.data, data)  # without it the Jacobian is silently wrong
             part, derivative = gap(loop.kind, data.c1Mc2.homogeneous, self.length)
             # Pinocchio's: the twist of the second end relative to the first, in the first's axes, at its origin
-            twist = constraint.jacobian(self.model, self.data, data)
+            twist = (
+                np.asarray(constraint.jacobian(self.model, self.data, data)).reshape(6, -1) if moving.size else _NONE
+            )
             rows = slice(row, row + loop.rows)
             residual[rows] = part
             jacobian[rows, moving] = derivative @ (twist[:, moving] * self.scale[moving])
@@ -113,6 +118,9 @@ class ClosedLoops:
         """The largest residual of each loop, without unit."""
         parts = np.split(self.evaluate(q)[0], np.cumsum([loop.rows for loop in self.loops])[:-1])
         return [float(np.abs(part).max()) for part in parts] if self.loops else []
+
+
+_NONE = np.zeros((6, 0))
 
 
 def _moving(model: pin.Model, first: int, second: int) -> NDArray[np.intp]:

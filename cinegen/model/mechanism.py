@@ -252,8 +252,11 @@ class Mechanism:
             ConfigurationError: q is no configuration.
         """
         frame = self.frame_id(node)
+        if self.model.nv == 0:  # Pinocchio would crash
+            return np.zeros((6, 0))
         local = pin.ReferenceFrame.LOCAL
-        return np.asarray(pin.computeFrameJacobian(self.model, self.system.data, self.checked(q), frame, local))
+        jacobian = pin.computeFrameJacobian(self.model, self.system.data, self.checked(q), frame, local)
+        return np.asarray(jacobian).reshape(6, self.model.nv)  # a single column comes without its second dimension
 
     def loop_residual(self, q: ArrayLike) -> Array:
         """(rows,) how far each loop stands open: m and rad, in its first end's axes (see `raff2urdf.loops`)."""

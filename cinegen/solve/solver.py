@@ -212,7 +212,9 @@ class Solver:
         errors, rows, left = [], [], []
         for pull in pulls:
             placement = pin.updateFramePlacement(model, data, pull.frame)
-            jacobian = pin.getFrameJacobian(model, data, pull.frame, pin.ReferenceFrame.LOCAL)
+            jacobian = np.zeros((6, model.nv))
+            if model.nv:
+                jacobian[:] = pin.getFrameJacobian(model, data, pull.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
             error, row = pull.equations(placement, jacobian * self._system.scale)
             straight, turn = error[: pull.translation], error[pull.translation :]
             left.append((math.hypot(*straight), math.hypot(*turn)))
