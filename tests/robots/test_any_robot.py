@@ -1,0 +1,616 @@
+"""Mechanisms that nobody drew: random trees, random loops, and linkages whose mobility is known by other means."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from elementary import kleinfinger, values
+from hand import DT, Hand, check
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from making import (
+    BALL,
+    PRISMATIC,
+    REVOLUTE,
+    RIGID,
+    TOOL,
+    Body,
+    Mechanism,
+    axis,
+    bennett,
+    direction,
+    graph,
+    parallelograms,
+    planar,
+    platform,
+    ring,
+    sarrus,
+    six,
+    somewhere,
+)
+
+import cinegen
+import raff2urdf
+from raff2urdf.analysis import analyse
+
+SEEDS = st.integers(0, 2**32 - 1)
+UNITS = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0}
+
+
+def law(examples: int):
+    """So many examples, the same every time."""
+    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+
+
+def load(text: str) -> cinegen.Mechanism:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "any.raff"
+        path.write_text(f"RAFF any\n{text}", encoding="utf-8")
+        return cinegen.load(path)
+
+
+def converted(text: str) -> int:
+    """The mobility that the converter counts, without Pinocchio."""
+    document = raff2urdf.loads(f"RAFF any\n{text}")
+    return analyse(document, document.robot()).mobility
+
+
+def loaded(mechanism: Mechanism, digits: int | None = 6) -> cinegen.Mechanism:
+    """As a file that says so many digits of it; all of the geometry, where a rounded one could not be assembled."""
+    overconstrained = len(mechanism.constraint_rows()) > np.count_nonzero(mechanism.singular_values() > 1e-6)
+    return load(mechanism.text(digits=None if overconstrained else digits))
+
+
+# --- trees -------------------------------------------------------------------------------------------------------
+
+
+def random_tree(rng: np.random.Generator, unit: str) -> tuple[str, dict, dict]:
+    """A RAFF text, and for each of its nodes the father, six numbers (m, rad) and the type (None: a frame)."""
+    count = int(rng.integers(1, 14))
+    numbers = [0, *(int(n) for n in rng.permutation(99)[:count] + 1)]
+    nodes: dict[int, tuple[int, np.ndarray, int | None]] = {}
+    blocks = []
+    for i, number in enumerate(numbers):
+        said = rng.normal(size=6) * [90.0, UNITS[unit], 90.0, UNITS[unit], 90.0, UNITS[unit]]
+        said = np.where(rng.random(6) < 0.3, 0.0, np.round(said, int(rng.integers(0, 6))))
+        metres = said / [1.0, UNITS[unit], 1.0, UNITS[unit], 1.0, UNITS[unit]]
+        metres[[0, 2, 4]] = np.radians(said[[0, 2, 4]])
+        words = list(zip(("gamma", "epsilon", "alpha", "d", "theta", "r"), said.tolist(), strict=True))
+        rng.shuffle(words)
+        parameters = " ".join(f"{word} {float(value)!r}" for word, value in words if float(value) or rng.random() < 0.5)
+        kind = None if i == 0 else rng.choice(["frame", 0, 1, 2])
+        pred = numbers[int(rng.integers(0, i))] if i else 0
+        if i == 0:
+            blocks.append(f"base {{ parameters {{ {parameters} }} }}")
+        elif kind == "frame":
+            blocks.append(f"frame {number} {{ pred {pred} parameters {{ {parameters} }} }}")
+        else:
+            blocks.append(f"link {number} {{ parameters {{ {parameters} }} type {kind} pred {pred} }}")
+        nodes[number] = (pred, metres, None if kind in (None, "frame") else int(kind))
+    rng.shuffle(blocks)
+    text = f"units {unit}\nrobot r {{\n" + "\n".join(blocks) + "\n}\n"
+    joints = {f"joint{n}": n for n, (_, _, kind) in nodes.items() if kind in (PRISMATIC, REVOLUTE)}
+    return text, nodes, joints
+
+
+@law(120)
+@given(SEEDS, st.sampled_from(sorted(UNITS)))
+def test_a_random_tree_stands_where_the_products_of_six_elementary_transforms_put_it(seed, unit):
+    rng = np.random.default_rng(seed)
+    text, nodes, joints = random_tree(rng, unit)
+    mechanism = load(text)
+    assert set(mechanism.joints) == set(joints)
+    assert mechanism.mobility == len(joints)
+    for turned in (False, True):
+        q = mechanism.q_home
+        if turned:
+            q = mechanism.checked(q + rng.normal(size=len(q)))
+        named = values(mechanism, q)
+        world: dict[int, np.ndarray] = {}
+
+        def place(number: int, named=named, world=world) -> np.ndarray:
+            if number not in world:
+                pred, numbers, kind = nodes[number]
+                numbers = numbers.copy()
+                if kind in (PRISMATIC, REVOLUTE):
+                    numbers[4 if kind == REVOLUTE else 5] = named[f"joint{number}"]
+                world[number] = (np.eye(4) if number == 0 else place(pred)) @ kleinfinger(*numbers)
+            return world[number]
+
+        for number, (_, _, kind) in nodes.items():
+            node = "base" if number == 0 else f"{'frame' if kind is None else 'link'}{number}"
+            assert mechanism.placement(q, node).homogeneous == pytest.approx(place(number), abs=2e-12)
+
+
+@law(100)
+@given(SEEDS)
+def test_the_six_parameters_of_a_placement_give_the_placement_back(seed):
+    """Of this folder's own helper: what follows rests on it."""
+    rng = np.random.default_rng(seed)
+    place = somewhere(rng)
+    if seed % 3 == 0:
+        place[:3, :3] = np.eye(3) * [1.0, 1.0, 1.0] if seed % 2 else np.diag([1.0, -1.0, -1.0])
+    assert kleinfinger(*six(place)) == pytest.approx(place, abs=1e-12)
+
+
+# --- loops -------------------------------------------------------------------------------------------------------
+
+
+@law(120)
+@given(SEEDS)
+def test_random_loops_leave_the_mobility_that_screw_theory_says(seed):
+    """One to four loops, coupled or not, between links, frames and the base, closed as rigid, prismatic, revolute and
+    ball; the file's numbers rounded wherever a rounded mechanism still can be assembled."""
+    rng = np.random.default_rng(seed)
+    loops = int(rng.integers(1, 5))
+    mechanism = graph(rng, int(rng.integers(2, 7 * loops + 3)), loops)
+    mobility = mechanism.mobility()
+    assume(mobility is not None)
+    if seed % 2:
+        mechanism = mechanism.moved(somewhere(rng, 3.0))
+    one = loaded(mechanism)
+    assert one.closure(one.q_home) <= 1e-12
+    assert one.mobility == mobility
+    assert len(one.actuated) == mobility
+
+
+@law(50)
+@given(SEEDS)
+def test_platforms_on_legs_have_the_mobility_of_gruebler_and_kutzbach(seed):
+    """M = (freedoms of all joints) - 6 (legs - 1), for whatever legs, cut anywhere, in any unit, written with rounded
+    numbers: generic geometry is never overconstrained."""
+    rng = np.random.default_rng(seed)
+    words = [
+        ["UPS", "RUS", "PUS"],
+        ["RRS", "PRS", "RPS"],
+        ["SPS", "RSS", "UPS"],
+        ["UPS", "RUS", "PUS", "RRS", "RPS", "RSR", "RRRRR", "UPU", "SPS", "UPRR"],
+    ][int(rng.integers(4))]
+    legs = [str(rng.choice(words)) for _ in range(int(rng.integers(2, 7)))]
+    expected = sum({"R": 1, "P": 1, "U": 2, "S": 3}[letter] for word in legs for letter in word) - 6 * (len(legs) - 1)
+    mechanism = platform(rng, legs, str(rng.choice(["rigid", "joint"])))
+    assume(mechanism.mobility() == max(0, expected))  # not near a singularity
+    one = loaded(mechanism, digits=5)
+    assert one.closure(one.q_home) <= 1e-12
+    assert one.mobility == max(0, expected)
+
+
+@law(40)
+@given(SEEDS)
+def test_planar_platforms_on_three_legs_of_three_joints_have_mobility_3(seed):
+    """3-RRR, 3-RPR, 3-PRR and mixtures, all in one plane, whose three loop rows out of the plane are void."""
+    rng = np.random.default_rng(seed)
+    parts, loops, number = [], [], 1
+    first = 0
+    for word in (str(rng.choice(["RRR", "RPR", "PRR", "RRP"])) for _ in range(3)):
+        pred = 0
+        for letter in word:
+            point = (*rng.normal(size=2), 0.0)
+            along = (0.0, 0.0, 1.0) if letter == "R" else (*rng.normal(size=2), 0.0)
+            parts.append(Body(number, pred, axis(point, along), REVOLUTE if letter == "R" else PRISMATIC))
+            pred, number = number, number + 1
+        if not first:
+            first = pred
+            continue
+        place = axis((*rng.normal(size=2), 0.0))
+        parts += [Body(number, pred, place, None), Body(number + 1, first, place, None)]
+        loops.append((number, number + 1, RIGID))
+        number += 2
+    mechanism = Mechanism(tuple(parts), tuple(loops)).moved(somewhere(rng, 2.0))
+    assume(mechanism.mobility() == 3)
+    assert loaded(mechanism).mobility == 3
+
+
+@law(40)
+@given(SEEDS, st.integers(1, 5), st.integers(2, 4))
+def test_stacked_parallelograms_have_one_freedom_a_storey_however_many_cranks(seed, storeys, cranks):
+    mechanism = parallelograms(np.random.default_rng(seed), storeys, cranks)
+    assert loaded(mechanism).mobility == storeys
+
+
+@pytest.mark.parametrize("lean", [0.0, math.pi])
+@pytest.mark.parametrize("cranks", [2, 3, 4])
+def test_a_parallelogram_drawn_flat_has_one_freedom_however_many_cranks(lean, cranks):
+    """Where all bars lie in one line it could also fold into an antiparallelogram; a third crank forbids that."""
+    mechanism = parallelograms(np.random.default_rng(0), 1, cranks, lean)
+    text = mechanism.text()
+    assert load(text).mobility == 1
+    assert converted(text) == 1
+
+
+RINGS = {
+    "Bennett": (bennett, 1),
+    "Sarrus": (sarrus, 1),
+    "planar four-bar": (lambda rng: planar(rng.normal(size=(4, 2))), 1),
+    "planar six-bar": (lambda rng: planar(rng.normal(size=(6, 2))), 3),
+    "spherical four-bar": (lambda rng: [axis(z, z) for z in (direction(rng) for _ in range(4))], 1),
+    "spatial seven-bar": (lambda rng: [somewhere(rng) for _ in range(7)], 1),
+    "spatial eight-bar": (lambda rng: [somewhere(rng) for _ in range(8)], 2),
+}
+
+
+@pytest.mark.parametrize("name", RINGS)
+@law(8)
+@given(seed=SEEDS)
+def test_a_ring_has_its_known_mobility_whichever_joint_is_cut_and_however(name, seed):
+    axes_of, mobility = RINGS[name]
+    rng = np.random.default_rng(seed)
+    axes = axes_of(rng)
+    for cut in range(len(axes)):
+        for how in ("joint", "rigid"):
+            mechanism = ring(axes, None, cut, how)
+            assume(mechanism.mobility() is not None)
+            one = loaded(mechanism)
+            assert one.closure(one.q_home) <= 1e-12
+            assert one.mobility == mobility, (cut, how)
+
+
+@law(12)
+@given(SEEDS)
+def test_a_ring_with_slides_may_be_cut_at_a_slide(seed):
+    rng = np.random.default_rng(seed)
+    kinds = [REVOLUTE] * 4 + [int(rng.choice([PRISMATIC, REVOLUTE])) for _ in range(int(rng.integers(3, 6)))]
+    rng.shuffle(kinds)
+    axes = [somewhere(rng) for _ in kinds]
+    for cut, _ in enumerate(kinds):
+        mechanism = ring(axes, kinds, cut)
+        assume(mechanism.mobility() == len(kinds) - 6)
+        assert loaded(mechanism).mobility == len(kinds) - 6
+
+
+def test_a_loop_cut_as_a_ball_frees_two_turns_more_than_its_hinge():
+    rng = np.random.default_rng(0)
+    axes = [somewhere(rng) for _ in range(7)]
+    assert loaded(ring(axes, None, 3, "ball")).mobility == 3
+
+
+@pytest.mark.parametrize(
+    ("body", "mobility"),
+    [
+        pytest.param(
+            "link 1 { parameters { alpha 30 d 100 theta 10 } type 2 pred 0 }"
+            "link 2 { parameters { alpha 90 d 500 theta 20 } type 2 pred 1 } frame 3 { parameters { r 300 } pred 2 }"
+            "frame 4 { parameters { alpha 90 d 500 r 300 } pred 1 } constraint { frame 3 frame 4 type 2 }",
+            2,
+            id="a door on two hinges",
+        ),
+        pytest.param(
+            "link 1 { parameters { alpha 30 d 100 theta 10 } type 2 pred 0 }"
+            "link 2 { parameters { alpha 40 gamma 3 d 500 theta 20 r 100 } type 1 pred 1 }"
+            "frame 3 { parameters { d 300 } pred 2 }"
+            "frame 4 { parameters { alpha 40 gamma 3 d 500 theta 20 r 100 } pred 1 }"
+            "frame 5 { parameters { d 300 } pred 4 } constraint { frame 3 frame 5 type 1 }",
+            2,
+            id="a drawer on two rails",
+        ),
+        pytest.param(
+            "link 1 { parameters { d 100 theta 5 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 0 }"
+            "constraint { link 1 frame 2 type 2 }",
+            1,
+            id="a single joint and its double",
+        ),
+        pytest.param(
+            "link 1 { parameters { d 100 theta 5 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 0 }"
+            "constraint { link 1 frame 2 }",
+            0,
+            id="a single joint held rigidly",
+        ),
+        pytest.param(
+            "link 1 { parameters { d 100 theta 5 } type 2 pred 0 } link 2 { parameters { d -100 } type 2 pred 1 }"
+            "constraint { base link 2 }",
+            0,
+            id="two joints back to the base",
+        ),
+        pytest.param(
+            "link 1 { parameters { d 100 } type 2 pred 0 } link 2 { parameters { d 100 } type 2 pred 0 }"
+            "constraint { link 1 link 2 } constraint { link 1 link 2 }",
+            1,
+            id="the same loop twice",
+        ),
+        pytest.param(
+            "link 1 { parameters { d 100 } type 2 pred 0 } link 2 { parameters { d 50 } type 2 pred 1 }"
+            "frame 3 { pred 1 } frame 4 { pred 1 } constraint { frame 3 frame 4 }",
+            2,
+            id="a loop that no joint moves",
+        ),
+    ],
+)
+def test_small_and_odd_loops_are_counted_right(body, mobility):
+    text = f"robot r {{ {body} }}"
+    assert converted(text) == mobility
+    mechanism = load(text)
+    assert mechanism.mobility == mobility
+    assert len(mechanism.actuated) == mobility
+    end = mechanism.nodes[-1]
+    assert mechanism.jacobian(mechanism.q_home, end).shape == (6, mechanism.model.nv)
+    solver = cinegen.Solver(mechanism, DT)
+    solver.pull(end, translation=3, rotation=0).target.translation += 0.01
+    for _ in range(20):
+        before = solver.q.copy()
+        check(mechanism, before, solver.step())
+
+
+@pytest.mark.parametrize("kind", [PRISMATIC, REVOLUTE])
+def test_a_robot_of_a_single_joint_moves(kind):
+    link = f"link 1 {{ parameters {{ d 100 }} type {kind} pred 0 }}"
+    mechanism = load(f"robot r {{ {link} frame 2 {{ parameters {{ d 50 }} pred 1 }} }}")
+    assert mechanism.jacobian(mechanism.q_home, "frame2").shape == (6, 1)
+    assert mechanism.extended_jacobian(mechanism.q_home, ["frame2"]).shape == (6, 1)
+    solver = cinegen.Solver(mechanism, DT)
+    goal = mechanism.placement(mechanism.q_home + 0.05, "frame2")
+    solver.pull("frame2", goal)
+    for _ in range(10):
+        step = solver.step()
+    assert mechanism.placement(step.q, "frame2").homogeneous == pytest.approx(goal.homogeneous, abs=1e-9)
+
+
+STILL = """
+import sys, cinegen
+for path in sys.argv[1:]:
+    print(path)
+    mechanism = cinegen.load(path)
+    solver = cinegen.Solver(mechanism, 0.01)
+    solver.pull(mechanism.nodes[-1]).target.translation += 1.0
+    step = solver.step()
+    assert mechanism.mobility == len(step.q) == 0
+    assert mechanism.jacobian(mechanism.q_home, mechanism.nodes[-1]).shape == (6, 0)
+"""
+
+
+def test_robots_without_joints_stand_still(tmp_path):
+    """In a process of their own, for a fault of a library would end it."""
+    fixed = "link 1 { parameters { d 100 } type 0 pred 0 }"
+    bodies = {
+        "nothing": "",
+        "a_base": "base { }",
+        "a_fixed_link": f"{fixed} frame 2 {{ pred 1 }}",
+        "a_fixed_loop": f"{fixed} frame 2 {{ parameters {{ d 100 }} pred 0 }} constraint {{ link 1 frame 2 }}",
+    }
+    for name, body in bodies.items():
+        (tmp_path / f"{name}.raff").write_text(f"RAFF {name}\nrobot r {{ {body} }}\n", encoding="utf-8")
+    files = [str(tmp_path / f"{name}.raff") for name in bodies]
+    run = subprocess.run([sys.executable, "-c", STILL, *files], capture_output=True, text=True, timeout=60)
+    assert run.returncode == 0, run.stdout + run.stderr[-2000:]
+
+
+# --- what does not matter ----------------------------------------------------------------------------------------
+
+
+def tool_motions(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    """(6, 6) projector on the tool's twists that the loops leave, in the tool's frame, without unit."""
+    motions = np.eye(mechanism.model.nv)
+    if mechanism.loops:
+        motions = np.linalg.svd(mechanism.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
+    twists = mechanism.jacobian(q, "tool") * mechanism.scale @ motions
+    twists[:3] /= mechanism.length
+    u, sigma, _ = np.linalg.svd(twists)
+    u = u[:, : int(np.count_nonzero(sigma > 1e-7))]
+    return u @ u.T
+
+
+def moved(mechanism: cinegen.Mechanism, seed: int, far: float = 0.15) -> np.ndarray | None:
+    """A closed configuration some way off home."""
+    rng = np.random.default_rng(seed)
+    _, sigma, vt = np.linalg.svd(mechanism.system.evaluate(mechanism.q_home)[1])
+    if mechanism.loop_rank and sigma[mechanism.loop_rank - 1] < 0.02:
+        return None
+    free = vt[mechanism.loop_rank :].T
+    step = free @ rng.normal(size=free.shape[1])
+    step *= far / np.abs(step).max()
+    return mechanism.close(pin.integrate(mechanism.model, mechanism.q_home, step * mechanism.scale))
+
+
+def reaches(mechanism: cinegen.Mechanism, target: pin.SE3) -> bool:
+    """Whether the solver brings the tool there."""
+    solver = cinegen.Solver(mechanism, dt=1.0)
+    solver.pull("tool", target)
+    for _ in range(300):
+        metres, angle = solver.step().errors[0]
+        if max(metres / mechanism.length, angle) <= 1e-9:
+            return True
+    return False
+
+
+def same_tool(one: cinegen.Mechanism, other: cinegen.Mechanism, place: np.ndarray, factor: float, seed: int) -> None:
+    """Both move their tools alike: to first order at home, and as far as the first one's tool goes. The other one is
+    `factor` times as large and stands at `place`."""
+    assert one.mobility == other.mobility
+    there = pin.SE3(place)
+
+    def elsewhere(pose: pin.SE3) -> pin.SE3:
+        return there * pin.SE3(pose.rotation, factor * pose.translation)
+
+    at_home = elsewhere(one.placement(one.q_home, "tool"))
+    assert other.placement(other.q_home, "tool").homogeneous == pytest.approx(at_home.homogeneous, abs=1e-9 * factor)
+    if one.length * factor == pytest.approx(other.length, rel=1e-6):  # another tree has another length
+        assert tool_motions(one, one.q_home) == pytest.approx(tool_motions(other, other.q_home), abs=1e-6)
+    q = moved(one, seed)
+    assume(q is not None)
+    assert reaches(other, elsewhere(one.placement(q, "tool")))
+
+
+def closed(seed: int) -> Mechanism:
+    """A mechanism with loops and a tool, well away from singularities; its numbers are its own, not rounded."""
+    rng = np.random.default_rng(seed)
+    makers = [
+        lambda: platform(rng, ["UPS", "RUS", "PUS"]),
+        lambda: platform(rng, ["RPS", "RRS", "PRS"], "joint"),
+        lambda: parallelograms(rng, 3, 3),
+        lambda: ring([somewhere(rng) for _ in range(8)], None, int(rng.integers(8))),
+        lambda: ring(sarrus(rng), None, int(rng.integers(6))),
+        lambda: ring(bennett(rng), None, int(rng.integers(4))),
+        lambda: ring(planar(rng.normal(size=(6, 2)))),
+    ]
+    mechanism = makers[int(rng.integers(len(makers)))]()
+    sigma = mechanism.singular_values()
+    assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())
+    return mechanism
+
+
+def exactly(mechanism: Mechanism, units: str = "mm") -> cinegen.Mechanism:
+    return load(mechanism.text(joint_digits=None, units=units))
+
+
+@law(15)
+@given(SEEDS, st.sampled_from(sorted(UNITS)))
+def test_units_do_not_matter(seed, units):
+    mechanism = closed(seed)
+    same_tool(exactly(mechanism), exactly(mechanism, units), np.eye(4), 1.0, seed)
+
+
+@law(15)
+@given(SEEDS)
+def test_where_the_base_stands_does_not_matter(seed):
+    mechanism, place = closed(seed), somewhere(np.random.default_rng(seed + 1), 2.0)
+    same_tool(exactly(mechanism), exactly(mechanism.moved(place)), place, 1.0, seed)
+
+
+@law(15)
+@given(SEEDS)
+def test_how_links_are_numbered_and_in_what_order_they_stand_does_not_matter(seed):
+    mechanism, rng = closed(seed), np.random.default_rng(seed + 1)
+    numbers = rng.permutation(900)[: len(mechanism.bodies)] + 1
+    renamed = {body.number: int(n) for body, n in zip(mechanism.bodies, numbers, strict=True)}
+    order = [int(i) for i in rng.permutation(len(mechanism.bodies))]
+    other = exactly(mechanism.renumbered(renamed, order))
+    one = exactly(mechanism)
+    same_tool(one, other, np.eye(4), 1.0, seed)
+    back = {f"joint{number}": f"joint{new}" for number, new in renamed.items()}
+    assert {back[joint] for joint in one.joints} == set(other.joints)
+
+
+@pytest.mark.parametrize("name", RINGS)
+@law(4)
+@given(seed=SEEDS)
+def test_which_joint_was_cut_does_not_matter(name, seed):
+    axes = RINGS[name][0](np.random.default_rng(seed))
+    sigma = ring(axes).singular_values()
+    assume(not ((sigma > 1e-9) & (sigma < 0.05)).any())
+    one = exactly(ring(axes))
+    for cut in range(len(axes)):
+        same_tool(one, exactly(ring(axes, None, cut, ("joint", "rigid")[cut % 2])), np.eye(4), 1.0, seed)
+
+
+@law(15)
+@given(SEEDS, st.sampled_from([1e-9, 1e-6, 1e-3, 1e3, 1e6]))
+def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
+    mechanism = closed(seed)
+    one, other = exactly(mechanism), exactly(mechanism.scaled(factor), "um" if factor < 1.0 else "m")
+    assert other.length == pytest.approx(factor * one.length, rel=1e-12)
+    solvers = [cinegen.Solver(each, DT) for each in (one, other)]
+    pulls = [solver.pull("tool", rotation=0) for solver in solvers]
+    rng = np.random.default_rng(seed)
+    for tick in range(40):
+        if tick % 20 == 0:
+            away = rng.normal(size=3)
+            for pull, each in zip(pulls, (one, other), strict=True):
+                pull.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
+        steps = [solver.step() for solver in solvers]
+        assert steps[0].verdict is steps[1].verdict
+        assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)
+
+
+# --- driving them ------------------------------------------------------------------------------------------------
+
+
+def limited(mechanism: Mechanism, rng: np.random.Generator) -> Mechanism:
+    """With limits about home, tight ones too, and velocity limits, for some of the joints."""
+    places, bodies = mechanism.places, []
+    for body in mechanism.bodies:
+        if body.kind in (PRISMATIC, REVOLUTE) and rng.random() < 0.6:
+            _, _, _, _, theta, r = six(np.linalg.inv(places[body.pred]) @ body.place)
+            home, width = (math.degrees(theta), 60.0) if body.kind == REVOLUTE else (1e3 * r, 300.0)
+            low, high = home - width * rng.uniform(0.01, 1.5), home + width * rng.uniform(0.01, 1.5)
+            more = f"limits {{ {float(low)!r} {float(high)!r} }}"
+            if rng.random() < 0.5:
+                more += f" velocity {rng.uniform(10.0, 200.0)}"
+            body = replace(body, more=more)
+        bodies.append(body)
+    return replace(mechanism, bodies=tuple(bodies))
+
+
+@law(25)
+@given(SEEDS)
+def test_no_random_mechanism_is_torn_or_driven_over_a_limit(seed):
+    rng = np.random.default_rng(seed)
+    makers = [
+        lambda: platform(rng, ["UPS", "RUS", "PUS"], "joint"),
+        lambda: platform(rng, ["RPS", "RRS", "PRS"]),
+        lambda: platform(rng, ["UPU"] * 3),
+        lambda: parallelograms(rng, 2, 3),
+        lambda: ring([somewhere(rng) for _ in range(8)]),
+        lambda: ring(sarrus(rng), None, 2, "rigid"),
+        lambda: ring(bennett(rng)),
+        lambda: graph(rng, 9, 0),
+    ]
+    mechanism = exactly(limited(makers[int(rng.integers(len(makers)))](), rng))
+    solver = cinegen.Solver(mechanism, DT)
+    hand = Hand(mechanism, solver, seed)
+    hand.grasp()
+    for _ in range(150):
+        hand.act()
+        before = solver.q.copy()
+        check(mechanism, before, solver.step())
+
+
+@pytest.mark.parametrize("count", [30, 60])
+@pytest.mark.parametrize("closed_to_a_ring", [False, True])
+def test_chains_of_many_joints_load_close_and_follow(count, closed_to_a_ring):
+    rng = np.random.default_rng(count)
+    around = np.linspace(0.0, 1.8 * math.pi, count)
+    axes = [axis((math.cos(t), math.sin(t), 0.1 * t), direction(rng)) for t in around]
+    if closed_to_a_ring:
+        mechanism = loaded(ring(axes))
+        assert mechanism.mobility == count - 6
+    else:
+        bodies = [Body(i + 1, i, place) for i, place in enumerate(axes)]
+        mechanism = loaded(Mechanism((*bodies, Body(TOOL, count, axes[-1], None, 'name "tool"'))))
+        assert mechanism.mobility == count
+    goal = mechanism.placement(mechanism.q_home, "tool")
+    goal.translation = goal.translation + np.array([0.1, 0.2, 0.1])
+    assert reaches(mechanism, goal)
+
+
+@law(20)
+@given(SEEDS)
+def test_a_rough_guess_of_the_posture_is_closed(seed):
+    """Joint values a tenth of a radian off: loading assembles the mechanism, with its mobility."""
+    rng = np.random.default_rng(seed)
+    mechanism = platform(rng, [str(rng.choice(["UPS", "RUS", "PUS"])) for _ in range(4)])
+    assume(mechanism.mobility() == 6)
+    one = load(mechanism.text(joint_digits=1))
+    assert one.gap_as_written > 1e-4
+    assert one.closure(one.q_home) <= 1e-12
+    assert one.mobility == 6
+
+
+def test_two_coupled_loops_share_their_joints_and_are_closed_together():
+    """A six-bar after Watt: two four-bars that have a bar in common. Mobility 1: M = 3 (6 - 1) - 2 * 7."""
+    points = planar(np.array([[0.0, 0.0], [0.1, 0.4], [0.7, 0.6], [0.8, 0.0], [0.4, 0.9], [1.0, 1.1], [1.0, 0.5]]))
+    parts = (
+        Body(1, 0, points[0]),
+        Body(2, 1, points[1]),
+        Body(3, 0, points[3]),
+        Body(4, 2, points[4]),
+        Body(5, 3, points[6]),
+        Body(11, 2, points[2], None),
+        Body(12, 3, points[2], None),
+        Body(13, 4, points[5], None),
+        Body(14, 5, points[5], None),
+    )
+    for first, second in ((REVOLUTE, REVOLUTE), (BALL, REVOLUTE), (REVOLUTE, BALL)):
+        text = Mechanism(parts, ((11, 12, first), (13, 14, second))).text(digits=5, joint_digits=4)
+        assert converted(text) == 1
+        mechanism = load(text)
+        assert mechanism.mobility == 1
+        assert mechanism.loop_rank == 4
+        for q in mechanism.random_closed(10):
+            assert mechanism.closure(q) <= 1e-12

@@ -1,0 +1,189 @@
+"""What holds for every robot of the repository, whatever it is."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from elementary import ROBOTS, document, placed, values, within_limits
+
+import cinegen
+import raff2urdf
+from raff2urdf.analysis import analyse
+from raff2urdf.tree import placements
+
+FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
+EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
+every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+
+
+@cache
+def load(name: str, which: str) -> cinegen.Mechanism:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # no robot of ours loads with a warning
+        return cinegen.load(ROBOTS / f"{name}.raff", which)
+
+
+def header(name: str) -> str:
+    """The comment at the top of a file."""
+    lines = (ROBOTS / f"{name}.raff").read_text(encoding="utf-8").splitlines()[1:]
+    comment = []
+    for line in lines:
+        if line and not line.startswith("//"):
+            break
+        comment.append(line.removeprefix("//").strip())
+    return "\n".join(comment)
+
+
+def configurations(mechanism: cinegen.Mechanism, count: int, seed: int = 0) -> list[tuple[np.ndarray, bool]]:
+    """Home, random closed configurations, and the same disturbed: open if there are loops."""
+    rng = np.random.default_rng(seed)
+    closed = [mechanism.q_home, *mechanism.random_closed(count, seed)]
+    open_ = [q + rng.normal(0.0, 0.3, len(q)) * mechanism.scale for q in closed]
+    return [(q, True) for q in closed] + [(q, False) for q in open_]
+
+
+def test_the_robots_of_the_papers_figures_and_of_the_field_are_there():
+    figures = {"delta4", "delta4_linear", "hybrid", "planar_3r", "planar_hybrid", "serial_5dof"}
+    field = {"arm7", "five_bar", "four_bar", "gough", "rx90", "sr400", "tssm", "two_arms"}
+    assert figures | field <= set(FILES)
+
+
+@every_robot
+def test_it_loads_with_home_closed_and_inside_the_limits(name, which):
+    mechanism = load(name, which)
+    assert mechanism.closure(mechanism.q_home) <= 1e-12
+    assert within_limits(mechanism, mechanism.q_home)
+    assert mechanism.gap_as_written <= 1e-5
+
+
+@every_robot
+def test_home_is_what_the_file_says_but_for_its_rounding(name, which):
+    mechanism, text = load(name, which), document(name)
+    for link in text.robot(which).links:
+        if link.joint in mechanism.joints:
+            written = link.parameters.r / 1e3 if mechanism.slides(link.joint) else np.radians(link.parameters.theta)
+            assert mechanism.q_home[mechanism.q_index(link.joint)] == pytest.approx(written, abs=2e-5)
+
+
+@every_robot
+def test_its_mobility_is_what_its_header_says(name, which):
+    found = re.search(r"^Mobility\s+(.*?)(?=\n\S+ {2,}|\n\n|\Z)", header(name), re.MULTILINE | re.DOTALL)
+    assert found, "the header says no mobility"
+    by_robot = dict((robot, int(count)) for count, robot in re.findall(r"(\d+) \((\w+)\)", found[1]))
+    stated = by_robot[which] if len(document(name).robots) > 1 else int(re.match(r"\d+", found[1])[0])
+    assert load(name, which).mobility == stated
+
+
+@every_robot
+def test_as_many_joints_have_motors_as_it_has_mobility(name, which):
+    mechanism = load(name, which)
+    assert len(mechanism.actuated) == mechanism.mobility
+
+
+@every_robot
+def test_its_end_is_the_last_node_and_named_tool_or_platform(name, which):
+    assert load(name, which).nodes[-1] in ("tool", "platform")
+    assert document(name).robot(which).parts[-1].node == load(name, which).nodes[-1]
+
+
+@every_robot
+def test_a_sensor_may_hold_its_end(name, which):
+    mechanism = load(name, which)
+    assert mechanism.sensor_constraints == ((mechanism.nodes[-1], (0, 1)),)
+    assert list(mechanism.sensors) == [1]
+
+
+@every_robot
+def test_its_urdf_and_constraints_are_the_same_mechanism_bit_for_bit(name, which, tmp_path):
+    (conversion,) = raff2urdf.convert(ROBOTS / f"{name}.raff", tmp_path, which)
+    one, other = load(name, which), cinegen.load(conversion.urdf)
+    assert np.array_equal(one.q_home, other.q_home)
+    assert one.mobility == other.mobility == conversion.analysis.mobility
+    assert (one.nodes, one.joints, one.actuated, one.length) == (
+        other.nodes,
+        other.joints,
+        other.actuated,
+        other.length,
+    )
+    for q, _ in configurations(one, 2):
+        assert np.array_equal(one.loop_residual(q), other.loop_residual(q))
+        for node in one.nodes:
+            assert np.array_equal(one.placement(q, node).homogeneous, other.placement(q, node).homogeneous)
+
+
+@every_robot
+def test_the_converter_counts_the_same_mobility_without_pinocchio(name, which):
+    mechanism = load(name, which)
+    analysis = analyse(document(name), document(name).robot(which))
+    assert analysis.mobility == mechanism.mobility
+    assert analysis.rank == mechanism.loop_rank
+    assert analysis.actuated == mechanism.actuated
+    assert analysis.gap == pytest.approx(mechanism.gap_as_written, abs=1e-14)
+
+
+@every_robot
+def test_all_nodes_are_where_the_product_of_six_elementary_transforms_puts_them(name, which):
+    """Three times the same: by elementary matrices, by the converter's numpy, by Pinocchio."""
+    mechanism, text = load(name, which), document(name)
+    robot = text.robot(which)
+    for q, _ in configurations(mechanism, 5):
+        named = values(mechanism, q)
+        by_hand = placed(text, robot, named)
+        by_numpy = placements(text, robot, named)
+        for number, part in robot.nodes.items():
+            there = mechanism.placement(q, part.node).homogeneous
+            assert there == pytest.approx(by_hand[part.node], abs=1e-12)
+            assert there == pytest.approx(by_numpy[number], abs=1e-12)
+
+
+def derivative(mechanism, function, q: np.ndarray, h: float = 1e-6) -> np.ndarray:
+    """Central differences on the manifold."""
+    columns = []
+    for i in range(mechanism.model.nv):
+        step = np.zeros(mechanism.model.nv)
+        step[i] = h * mechanism.scale[i]
+        ahead, behind = pin.integrate(mechanism.model, q, step), pin.integrate(mechanism.model, q, -step)
+        columns.append((function(ahead) - function(behind)) / (2.0 * step[i]))
+    return np.array(columns).T
+
+
+@every_robot
+def test_the_loops_jacobian_is_the_derivative_of_their_residual_closed_and_open(name, which):
+    mechanism = load(name, which)
+    if not mechanism.loops:
+        assert mechanism.loop_jacobian(mechanism.q_home).shape == (0, mechanism.model.nv)
+    else:
+        for q, closed in configurations(mechanism, 4):
+            assert (mechanism.closure(q) <= 1e-12) == closed
+            expected = derivative(mechanism, mechanism.loop_residual, q)
+            assert mechanism.loop_jacobian(q) == pytest.approx(expected, abs=1e-6)
+
+
+@every_robot
+def test_the_nodes_jacobians_are_the_derivatives_of_their_placements(name, which):
+    mechanism = load(name, which)
+    for q, _ in configurations(mechanism, 1):
+        for node in mechanism.nodes:
+            here = mechanism.placement(q, node)
+
+            def twist(there, here=here, node=node):
+                return pin.log6(here.actInv(mechanism.placement(there, node))).vector
+
+            assert mechanism.jacobian(q, node) == pytest.approx(derivative(mechanism, twist, q), abs=1e-6)
+
+
+@every_robot
+def test_the_rank_of_the_loops_is_the_same_all_over_its_workspace(name, which):
+    """So that home is no singular posture, and the mobility no accident of where it was counted."""
+    mechanism = load(name, which)
+    for q in [mechanism.q_home] + [q for seed in range(4) for q in mechanism.random_closed(5, seed)]:
+        sigma = np.linalg.svd(mechanism.system.evaluate(q)[1], compute_uv=False) if mechanism.loops else np.zeros(0)
+        assert np.count_nonzero(sigma > 1e-7) == mechanism.loop_rank
+    if mechanism.loops:
+        sigma = np.linalg.svd(mechanism.system.evaluate(mechanism.q_home)[1], compute_uv=False)
+        assert sigma[mechanism.loop_rank - 1] > 0.02
