@@ -210,6 +210,7 @@ class Solver:
         is left of each in m and rad. Needs the Jacobians that `system.evaluate` left."""
         model, data, length = self.mechanism.model, self._system.data, self._system.length
         errors, rows, left = [], [], []
+        heaviest = max((pull.weight for pull in pulls), default=1.0)  # only the weights' proportions matter
         for pull in pulls:
             placement = pin.updateFramePlacement(model, data, pull.frame)
             jacobian = np.zeros((6, model.nv))
@@ -220,8 +221,9 @@ class Solver:
             left.append((math.hypot(*straight), math.hypot(*turn)))
             unit = np.where(np.arange(pull.rows) < pull.translation, 1.0 / length, 1.0)
             capped = np.concatenate([_capped(straight / length), _capped(turn)])
-            errors.append(pull.weight * capped)
-            rows.append(pull.weight * unit[:, None] * row)
+            weight = pull.weight / heaviest
+            errors.append(weight * capped)
+            rows.append(weight * unit[:, None] * row)
         if not pulls:
             return np.zeros(0), np.zeros((0, model.nv)), left
         return np.concatenate(errors), np.vstack(rows), left
@@ -282,11 +284,12 @@ class Solver:
         model, data, length = self.mechanism.model, self._system.data, self._system.length
         pin.forwardKinematics(model, data, q)
         total = 0.0
+        heaviest = max((pull.weight for pull in pulls), default=1.0)
         for pull in pulls:
             straight, turn = pull.errors(pin.updateFramePlacement(model, data, pull.frame))
             for part in (math.hypot(*straight) / length, math.hypot(*turn)):
                 capped = min(part, _ERROR_CAP)
-                total += pull.weight**2 * capped * (part - 0.5 * capped)
+                total += (pull.weight / heaviest) ** 2 * capped * (part - 0.5 * capped)
         return total
 
     def _closed(self, step: Array) -> Array | None:
