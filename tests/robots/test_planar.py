@@ -89,7 +89,7 @@ def test_the_planar_arm_of_three_joints_is_dragged_to_what_its_closed_form_inver
 # --- planar_hybrid: figure 9 -------------------------------------------------------------------------------------
 
 JOINTS = tuple(f"joint{i}" for i in range(1, 8))
-FIGURE_9 = np.array(  # the seed paper's figure 9: which joint (column) has a part in which row
+FIGURE_9 = np.array(  # of Flueckiger, Piguet and Baur: which joint (column) has a part in which row
     [
         [1, 1, 1, 0, 0, 0, 1],
         [1, 1, 1, 0, 0, 0, 1],
