@@ -11,17 +11,17 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test check generated clean lock FORCE
+.PHONY: help demo test check kernels bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 
-demo: .venv/runtime-installed ## make a robot from its description and watch it move in the browser
+demo: kernels ## make a robot from its description and watch it move in the browser
 	$(BIN)/raff2urdf robots/delta4.raff
 	$(BIN)/cinegen drive generated/delta4.urdf
 
-test: check ## run every check, then the tests
+test: check kernels ## run every check, then the tests
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
 
@@ -31,11 +31,24 @@ check: .venv/test-installed ## run the linters only
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
 
+bench: export OMP_NUM_THREADS := 1
+bench: export OPENBLAS_NUM_THREADS := 1
+bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, and beside placo, pink and mink
+	$(BIN)/python benchmarks/tick.py
+	$(BIN)/python benchmarks/scaling.py
+	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
+		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
+	$(BIN)/python benchmarks/compare.py
+
+# Nothing else waits for the compiler then, half a minute where a kernel has changed.
+kernels: .venv/runtime-installed
+	@$(BIN)/python -m cinegen.solve.kernel
+
 generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff
 
 clean: ## remove the environment and all caches
-	rm -rf .venv build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-bench build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- The environment ---------------------------------------------------------------------------------------------
@@ -65,6 +78,16 @@ endif
 	@echo "installing into .venv: what the tests need ..."
 	@$(INSTALL) -r requirements/test.txt
 	@echo '$(CURDIR)' >$@ && rm .venv/unfinished
+
+# The peers that `make bench` compares us with bring their own Pinocchio: they live apart. bench.txt holds what
+# `pip install placo pin-pink mink daqp proxsuite quadprog` gives in an empty environment.
+.venv-bench/installed: requirements/bench.txt
+	@$(PYTHON) -c "$$CHECK_PYTHON"
+	@rm -rf .venv-bench
+	@$(PYTHON) -m venv --without-pip .venv-bench
+	@echo "installing into .venv-bench: placo, pink, mink and what they need (the first time takes minutes) ..."
+	@$(PYTHON) -m pip --python .venv-bench/bin/python install --quiet --no-deps -r requirements/bench.txt
+	@touch $@
 
 define CHECK_PYTHON
 import sys

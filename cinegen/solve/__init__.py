@@ -1,6 +1,7 @@
 """How a mechanism moves: pulls resolved through an SVD inside what the loops leave, one tick at a time."""
 
 from cinegen.solve.pull import Pull
-from cinegen.solve.solver import Solver, Step, Verdict
+from cinegen.solve.solver import Solver
+from cinegen.solve.step import Step, Verdict
 
 __all__ = ["Pull", "Solver", "Step", "Verdict"]

@@ -1,0 +1,106 @@
+"""How the kernels are compiled, and how they see memory that Pinocchio owns."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar, cast
+
+import numpy as np
+from numba import njit, types
+from numba.extending import intrinsic
+from numba.np.arrayobj import populate_array
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Table = NDArray[np.int64]
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "_nrt": False,  # nothing is allocated, so nothing is counted
+}
+
+
+def compiled(function: Function) -> Function:
+    """Compiles at the first call, for other kernels to call; runs without Python's lock and allocates nothing.
+
+    A division by zero gives infinity, as numpy's does: no kernel raises. Multiplication and addition may be fused.
+    """
+    return cast(Function, njit(**_OPTIONS)(function))
+
+
+def entry(function: Function) -> Function:
+    """As `compiled`, for Python to call: compiled once for all processes, what comes of it is kept on disk."""
+    try:
+        dispatcher = njit(cache=True, **_OPTIONS)(function)
+    except RuntimeError:  # nowhere to write
+        return compiled(function)
+    # What is kept is inlined from other files too: it is out of date when any of them has changed.
+    kept = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    if kept is not None and hasattr(kept, "_source_stamp"):
+        kept._source_stamp = _STAMP
+    return cast(Function, dispatcher)
+
+
+def _stamp() -> str:
+    digest = hashlib.sha256()
+    for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "damping.py"):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+_STAMP = _stamp()
+
+
+def is_kept(function: Any) -> bool:
+    """Whether a compiled function's result lies on disk already; True where that can't be known."""
+    kept = getattr(getattr(function, "_cache", None), "_cache_file", None)
+    try:
+        return kept is None or bool(kept._load_index())
+    except (AttributeError, OSError, ValueError):
+        return True
+
+
+def _view(dimensions: int) -> Any:
+    """An intrinsic (address, *sizes) that returns an array over memory that others own."""
+
+    def typed(_context: Any, address: Any, *sizes: Any) -> Any:
+        kind = types.Array(types.float64, dimensions, "C")
+
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            bytes_each = context.get_constant(types.intp, 8)
+            shape, stride = list(arguments[1:]), bytes_each
+            strides: list[Any] = []
+            for size in reversed(shape):
+                strides.insert(0, stride)
+                stride = builder.mul(stride, size)
+            view = context.make_array(kind)(context, builder)
+            data = builder.inttoptr(arguments[0], view.data.type)
+            populate_array(view, data=data, shape=shape, strides=strides, itemsize=bytes_each, meminfo=None)
+            return view._getvalue()
+
+        return kind(types.int64, *[types.intp] * dimensions), generate
+
+    return typed
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def vector(context: Any, address: Any, size: Any) -> Any:
+    """(size,) doubles at an address."""
+    return _view(1)(context, address, size)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def matrix(context: Any, address: Any, rows: Any, columns: Any) -> Any:
+    """(rows, columns) doubles at an address, row after row."""
+    return _view(2)(context, address, rows, columns)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def matrices(context: Any, address: Any, count: Any, rows: Any, columns: Any) -> Any:
+    """(count, rows, columns) doubles at an address."""
+    return _view(3)(context, address, count, rows, columns)

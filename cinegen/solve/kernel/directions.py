@@ -1,0 +1,23 @@
+"""In which directions the pulls can be followed, and how well: singular values of their rows on the free motions."""
+
+from __future__ import annotations
+
+from cinegen.solve.kernel import memory as m
+from cinegen.solve.kernel.compiled import Table, compiled, matrix, vector
+from cinegen.solve.kernel.resolve import pull_along
+from cinegen.solve.kernel.svd import straighten
+
+
+@compiled
+def singular_values(t: Table) -> None:
+    """Of the pulls on the free motions."""
+    n, p, k = t[m.N], t[m.P], t[m.K]
+    lesser, larger = min(p, k), max(p, k)
+    u, b = matrix(t[m.U], lesser, lesser), matrix(t[m.B], lesser, larger)
+    warm = t[m.WARM] != 0
+    if warm and t[m.TICKS] % 32 == 0:
+        straighten(u, lesser)
+    motions, a = matrix(t[m.MOTIONS], k, n), matrix(t[m.A], lesser, larger)
+    square = vector(t[m.SQUARE], lesser)
+    t[m.SWEEPS] = pull_along(matrix(t[m.JP], p, n), p, motions, k, n, t[m.RANK] > 0, warm, a, u, b, square)
+    t[m.WARM] = 1

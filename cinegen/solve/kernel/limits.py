@@ -1,0 +1,139 @@
+"""Limits of position, velocity and acceleration as bounds of a tick's step."""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.solve.kernel import memory as m
+from cinegen.solve.kernel.bounds import TOUCH
+from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
+from cinegen.solve.kernel.directions import singular_values
+from cinegen.solve.kernel.resolve import bounded, scaled_axes, within
+from cinegen.solve.kernel.thresholds import FULL
+
+
+@compiled
+def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int) -> None:
+    """Bends and shortens the step so that positions, velocities and accelerations stay within their limits."""
+    n, offset, k, p = t[m.N], t[m.OFFSET], t[m.K], t[m.P]
+    record = vector(t[m.RECORD], m.R_HEAD)
+    q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
+    scale = vector(t[m.SCALE] + 8 * offset, n)
+    low, high = vector(t[m.LOW] + 8 * offset, n), vector(t[m.HIGH] + 8 * offset, n)
+    longest = vector(t[m.LONGEST] + 8 * offset, n)
+    floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
+    excess, slowest = 0.0, -1
+    for j in range(n):
+        part = abs(step[j]) / longest[j]
+        if part > excess:
+            excess, slowest = part, j
+        if at[j] < 0.0:
+            floor[j], ceiling[j] = -math.inf, math.inf
+        else:
+            here = q[int(at[j])]
+            floor[j] = min(0.0, low[j] - here) / scale[j]
+            ceiling[j] = max(0.0, high[j] - here) / scale[j]
+    if excess > FULL:  # slower, in the same direction
+        pace = FULL / excess
+        record[m.R_PACE], record[m.R_SLOWEST] = pace, slowest
+        for j in range(n):
+            step[j] *= pace
+        for i in range(k):
+            y[i] *= pace
+    accelerated = t[m.ACCELERATED] != 0
+    if accelerated:
+        _accelerations(t, floor, ceiling)
+    if within(step, floor, ceiling, n):
+        return
+    for j in range(n):
+        floor[j] = max(floor[j], -longest[j])
+        ceiling[j] = min(ceiling[j], longest[j])
+    if t[m.QUICK] != 0:
+        singular_values(t)
+        t[m.QUICK] = 0
+    motions, looped = matrix(t[m.MOTIONS], k, n), t[m.RANK] > 0
+    lesser, larger = min(p, k), max(p, k)
+    axes, size, x = matrix(t[m.AXES], k, k), vector(t[m.SIZE], k), vector(t[m.X], k)
+    spare = t[m.WORK]  # the factors of the loops are needed later
+    scaled_axes(
+        vector(t[m.E], p),
+        p,
+        k,
+        pull_rank,
+        matrix(t[m.U], lesser, lesser),
+        matrix(t[m.B], lesser, larger),
+        vector(t[m.SQUARE], lesser),
+        axes,
+        size,
+        matrix(spare, k, k),
+        vector(t[m.SCRATCH], k),
+        vector(t[m.SCRATCH] + 8 * k, k),
+        vector(t[m.SCRATCH] + 16 * k, k),
+        matrix(spare + 8 * k * k, k, k),
+    )
+    held = vector(t[m.STOPPED], n)
+    g, work = matrix(t[m.G], n, k), matrices(spare, 3, k, k)
+    scratch = matrix(t[m.SCRATCH], 6, k)
+    if not bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step):
+        if accelerated:  # positions and velocities count more
+            for j in range(n):
+                if at[j] < 0.0:
+                    floor[j], ceiling[j] = -longest[j], longest[j]
+                else:
+                    here = q[int(at[j])]
+                    floor[j] = max(-longest[j], min(0.0, low[j] - here) / scale[j])
+                    ceiling[j] = min(longest[j], max(0.0, high[j] - here) / scale[j])
+            found = bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step)
+        else:
+            found = False
+        if not found:
+            for j in range(n):
+                step[j] = 0.0
+    part = 1.0  # of the step that is within all bounds, to rounding
+    for j in range(n):
+        if step[j] > ceiling[j] + TOUCH and ceiling[j] >= 0.0:
+            part = min(part, ceiling[j] / step[j])
+        elif step[j] < floor[j] - TOUCH and floor[j] <= 0.0:
+            part = min(part, floor[j] / step[j])
+        if held[j] != 0.0 and not _at_position_limit(held[j], q, at[j], step[j], low[j], high[j], scale[j]):
+            held[j] = 0.0  # a velocity's or an acceleration's limit
+            record[m.R_SLOWEST] = j
+    if part < 1.0:
+        for j in range(n):
+            step[j] *= part
+
+
+@compiled
+def _at_position_limit(side: float, q: Array, at: float, step: float, low: float, high: float, scale: float) -> bool:
+    """Whether a joint that its bound holds back stands on a position limit after the step, or beyond it before."""
+    if at < 0.0:
+        return False
+    here = q[int(at)]
+    there = here + step * scale
+    if side > 0.0:
+        return bool(here >= high or there >= high - 1e-9 * scale)
+    return bool(here <= low or there <= low + 1e-9 * scale)
+
+
+@compiled
+def _accelerations(t: Table, floor: Array, ceiling: Array) -> None:
+    """Narrows the bounds to what accelerations allow: of the next step, and so that a joint can still stop before its
+    position limit. Braking in the direction of the motion always stays possible."""
+    n = t[m.N]
+    last, limit = vector(t[m.LAST], n), vector(t[m.ACCELERATION] + 8 * t[m.OFFSET], n)
+    brake = 0.0  # part of the last step that can go on
+    for j in range(n):
+        if abs(last[j]) > limit[j]:
+            brake = max(brake, 1.0 - limit[j] / abs(last[j]))
+    for j in range(n):
+        if limit[j] == math.inf:
+            continue
+        down, up = last[j] - limit[j], last[j] + limit[j]
+        # v^2 <= 2 a d, in steps: after a step s there must be room for s + (s - a) + ... = s (s / a + 1) / 2
+        room = ceiling[j]
+        up = min(up, 0.5 * (math.sqrt(limit[j] * limit[j] + 8.0 * limit[j] * room) - limit[j]))
+        room = -floor[j]
+        down = max(down, -0.5 * (math.sqrt(limit[j] * limit[j] + 8.0 * limit[j] * room) - limit[j]))
+        braking = brake * last[j]
+        floor[j] = max(floor[j], min(down, braking, up))
+        ceiling[j] = min(ceiling[j], max(up, braking, down))

@@ -1,0 +1,165 @@
+"""The step that a tick sets out to make."""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.solve.damping import NEAR
+from cinegen.solve.kernel import memory as m
+from cinegen.solve.kernel.aims import aim_at, distance_left
+from cinegen.solve.kernel.closing import factor_loops, loop_rows
+from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
+from cinegen.solve.kernel.directions import singular_values
+from cinegen.solve.kernel.limits import keep_bounds
+from cinegen.solve.kernel.null_space import free_motions
+from cinegen.solve.kernel.resolve import far_from_singular, unbounded
+from cinegen.solve.kernel.thresholds import NOISE, REST
+
+
+@compiled
+def propose(t: Table) -> bool:
+    """The step from here; False where there is none."""
+    n, offset, rank = t[m.N], t[m.OFFSET], t[m.RANK]
+    settings, record = vector(t[m.SETTINGS], m.SETTINGS_WIDTH), vector(t[m.RECORD], m.R_HEAD)
+    t[m.TICKS] += 1
+    t[m.TRIES] = 0
+    t[m.CLOSES] = 0
+    t[m.EVALUATIONS] = 0
+    t[m.SWEEPS] = 0
+    t[m.QUICK] = 0
+    record[m.R_PACE], record[m.R_SLOWEST], record[m.R_LOOP_SIGMA] = 1.0, -1.0, math.inf
+    stopped, step = vector(t[m.STOPPED], n), vector(t[m.STEP], n)
+    for j in range(n):
+        stopped[j] = 0.0
+        step[j] = 0.0
+    still = aim_at(t)
+    k = n - rank
+    t[m.K] = k
+    settings[m.DISTANCE] = distance_left(t)
+    settings[m.GAINED] = 0.0
+    if k <= 0:
+        t[m.SWEEPS] = 0
+        t[m.K] = 0
+        return False
+    p, looped = t[m.P], rank > 0
+    if t[m.LOOPS] > 0:
+        loop_rows(t, True)
+    if looped:
+        factor_loops(t, False)
+        t[m.FACTORED] = 1
+        free_motions(n, rank, vector(t[m.TAU], n), matrix(t[m.H], rank, n), matrix(t[m.MOTIONS], k, n))
+    motions = matrix(t[m.MOTIONS], k, n)
+    lesser, larger = min(p, k), max(p, k)
+    u, b = matrix(t[m.U], lesser, lesser), matrix(t[m.B], lesser, larger)
+    square = vector(t[m.SQUARE], lesser)
+    e, y, wish = vector(t[m.E], p), vector(t[m.Y], k), vector(t[m.WISH_FREE], k)
+    if settings[m.DISTANCE] <= NOISE:  # all are there: no step of rounding
+        for i in range(p):
+            e[i] = 0.0
+    wishing = t[m.WISHING] != 0
+    if wishing:
+        wanted = vector(t[m.WISH] + 8 * offset, n)
+        for i in range(k):
+            if looped:
+                s = 0.0
+                for c in range(n):
+                    s += motions[i, c] * wanted[c]
+                wish[i] = s
+            else:
+                wish[i] = wanted[i]
+    pull_rank = min(t[m.PULL_RANK], lesser)
+    jp, a = matrix(t[m.JP], p, n), matrix(t[m.A], lesser, larger)
+    triangle = matrices(t[m.TRIANGLE], 2, p, p)
+    t[m.QUICK] = 0
+    if p == pull_rank and far_from_singular(jp, p, motions, k, n, looped, e, wish, wishing, a, triangle, y):
+        t[m.QUICK] = 1
+    else:
+        singular_values(t)
+        unbounded(e, p, k, pull_rank, u, b, square, wish, wishing, y)
+    _to_joints(y, motions, k, n, looped, step)
+    keep_bounds(t, step, y, pull_rank)
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, abs(step[j]))
+    if not largest > 0.0:
+        return False
+    settings[m.SHARP] = largest
+    if still and _turns_back(step, vector(t[m.LAST], n), n):  # half of it: no zigzag
+        for j in range(n):
+            step[j] *= 0.5
+    # what it should win, to first order
+    gained = 0.0
+    for i in range(p):
+        s = 0.0
+        for c in range(n):
+            s += jp[i, c] * step[c]
+        gained += e[i] * s
+    settings[m.GAINED] = gained / settings[m.GAIN]
+    taken = vector(t[m.TAKEN], n)
+    for j in range(n):
+        taken[j] = step[j]
+    # pulls are made exact together with the loops where nothing bends or damps them
+    refine = (looped or wishing) and p > 0 and record[m.R_PACE] == 1.0
+    if refine:
+        for j in range(n):
+            refine = refine and stopped[j] == 0.0
+        if t[m.QUICK] == 0:
+            for i in range(pull_rank):
+                refine = refine and square[i] >= NEAR * NEAR
+        state = matrix(t[m.PULL_STATE], t[m.PULLS], m.STATE_WIDTH)
+        for i in range(t[m.PULLS]):
+            if state[i, m.HOLDS] != 0.0:
+                cap = settings[m.ERROR_CAP]
+                refine = refine and state[i, m.METRES] / settings[m.LENGTH] <= cap and state[i, m.RADIANS] <= cap
+    t[m.REFINE] = 1 if refine else 0
+    return True
+
+
+@compiled
+def is_sure(t: Table) -> bool:
+    """Whether the trial can be accepted without looking: no loop, limit or singularity has a part in it, and the step
+    is so small that its error of second order is far less than what it wins."""
+    n, p = t[m.N], t[m.P]
+    if t[m.QUICK] == 0 or t[m.LOOPS] > 0 or p == 0:
+        return False
+    record = vector(t[m.RECORD], m.R_HEAD)
+    settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
+    taken, stopped, held = vector(t[m.TAKEN], n), vector(t[m.STOPPED], n), vector(t[m.HELD], n)
+    total, largest = 0.0, 0.0
+    for j in range(n):
+        if stopped[j] != 0.0 or held[j] != 0.0:
+            return False
+        total += abs(taken[j])
+        largest = max(largest, abs(taken[j]))
+    if record[m.R_PACE] != 1.0 or t[m.WISHING] != 0 or largest < 10.0 * REST:
+        return False
+    pulls = t[m.PULLS]
+    table = matrix(t[m.PULL_TABLE], pulls, m.PULL_WIDTH)
+    state = matrix(t[m.PULL_STATE], pulls, m.STATE_WIDTH)
+    for i in range(pulls):
+        if table[i, m.IS_TWIST] != 0.0 or state[i, m.HOLDS] == 0.0:
+            return False
+    # |e| >= gained / |J s|, and what bends away is at most bend * total^2 / 2, in each of the pulls
+    bent = 0.5 * settings[m.BEND] * total * total
+    return bool(pulls * bent * bent < 0.01 * settings[m.GAIN] * settings[m.GAINED])
+
+
+@compiled
+def _turns_back(step: Array, last: Array, n: int) -> bool:
+    """Whether a step leads back where the last one came from, within 60 degrees."""
+    along, here, there = 0.0, 0.0, 0.0
+    for j in range(n):
+        along += step[j] * last[j]
+        here += step[j] * step[j]
+        there += last[j] * last[j]
+    return bool(along < 0.0 and along * along > 0.25 * here * there)
+
+
+@compiled
+def _to_joints(y: Array, motions: Array, k: int, n: int, looped: bool, step: Array) -> None:
+    for j in range(n):
+        step[j] = 0.0 if looped else y[j]
+    if looped:
+        for i in range(k):
+            for j in range(n):
+                step[j] += y[i] * motions[i, j]

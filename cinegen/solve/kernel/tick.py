@@ -1,0 +1,55 @@
+"""One tick as a conversation: `tick` says what it needs next, and is called again when that is there.
+
+Pinocchio computes placements and Jacobians, in Python's hands; all else is here. A tick begins with the Jacobians of
+where the robot stands, proposes a configuration to be evaluated, corrects it until all loops are closed, judges it, and
+either accepts or tries a shorter step. What it does is described in docs/how-it-works.md, "One tick".
+"""
+
+from __future__ import annotations
+
+import logging
+
+from numba import types
+
+from cinegen.solve.kernel import memory as m
+from cinegen.solve.kernel.aims import holding
+from cinegen.solve.kernel.compiled import Table, entry, is_kept
+from cinegen.solve.kernel.proposal import is_sure, propose
+from cinegen.solve.kernel.record import finish
+from cinegen.solve.kernel.thresholds import ACCEPTED, ASTRAY, BEGIN, DONE, EVALUATE, EVALUATE_HERE, JUDGE, RANK_PLEASE
+from cinegen.solve.kernel.trial import judge, set_out
+
+
+@entry
+def tick(t: Table) -> int:
+    """Goes on with a tick.
+
+    Returns:
+        DONE, or what is needed before the next call: EVALUATE, Pinocchio's Jacobians at `trial`; EVALUATE_HERE, those
+        at `q`; RANK_PLEASE, the generic rank of the pulls in `signature`. Or ACCEPTED: done, and Pinocchio's Jacobians
+        at the new q are needed before the next tick.
+    """
+    if t[m.PHASE] == JUDGE:
+        return judge(t)
+    if t[m.PHASE] == ASTRAY:
+        t[m.PHASE] = BEGIN
+        return EVALUATE_HERE
+    if not holding(t):
+        return RANK_PLEASE
+    if not propose(t):
+        finish(t, False)
+        return DONE
+    set_out(t)
+    if is_sure(t):
+        finish(t, True)
+        return ACCEPTED
+    t[m.PHASE] = JUDGE
+    return EVALUATE
+
+
+def prepare() -> None:
+    """Compiles all kernels, or loads them from disk: a tick never waits for that."""
+    if not tick.signatures:  # type: ignore[attr-defined]
+        if not is_kept(tick):
+            logging.getLogger("cinegen").warning("compiling the solver's kernels, once: half a minute ...")
+        tick.compile((types.int64[::1],))  # type: ignore[attr-defined]
