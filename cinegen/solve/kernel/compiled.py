@@ -42,18 +42,16 @@ def entry(function: Function) -> Function:
     # What is kept is inlined from other files too: it is out of date when any of them has changed.
     kept = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if kept is not None and hasattr(kept, "_source_stamp"):
-        kept._source_stamp = _STAMP
+        kept._source_stamp = _stamp(Path(function.__code__.co_filename))
     return cast(Function, dispatcher)
 
 
-def _stamp() -> str:
+def _stamp(own: Path) -> str:
+    """Of a kernel's own file and of all that it may have taken in."""
     digest = hashlib.sha256()
-    for path in (*sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "damping.py"):
+    for path in (own, *sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "damping.py"):
         digest.update(path.read_bytes())
     return digest.hexdigest()
-
-
-_STAMP = _stamp()
 
 
 def is_kept(function: Any) -> bool:
