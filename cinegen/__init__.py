@@ -2,7 +2,7 @@
 
 from cinegen.errors import CinegenError, CinegenWarning, ClosureError
 from cinegen.model import Mechanism, load
-from cinegen.solve import Pull, Solver, Step, Verdict
+from cinegen.solve import Pull, Reached, Solver, Step, Verdict, reach
 
 __all__ = [
     "CinegenError",
@@ -10,8 +10,10 @@ __all__ = [
     "ClosureError",
     "Mechanism",
     "Pull",
+    "Reached",
     "Solver",
     "Step",
     "Verdict",
     "load",
+    "reach",
 ]

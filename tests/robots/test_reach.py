@@ -1,0 +1,215 @@
+"""Point-to-point inverse kinematics: every pose that is known to be reachable is found, inside limits, loops closed.
+
+Poses are made forwards: motors at random within their limits, loops closed by Gauss and Newton (another code than the
+search uses), and kept where all joints are within theirs.
+"""
+
+from __future__ import annotations
+
+import math
+import sysconfig
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from elementary import angle_between
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cinegen
+
+ROBOTS = Path(__file__).parents[2] / "robots"
+EXAMPLES = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+CLOSED = ("delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm")
+SERIAL = ("arm7", "planar_3r", "rx90", "serial_5dof", "two_arms")
+
+
+@cache
+def mechanism_of(name: str) -> cinegen.Mechanism:
+    if name in ("panda", "ur5"):
+        part = {"panda": "panda_description/urdf/panda.urdf", "ur5": "ur_description/urdf/ur5_robot.urdf"}[name]
+        return cinegen.load(EXAMPLES / part)
+    return cinegen.load(ROBOTS / f"{name}.raff")
+
+
+def end_of(mechanism: cinegen.Mechanism) -> str:
+    ends = [node for node in ("panda_hand", "tool0", "platform") if node in mechanism.nodes]
+    return ends[0] if ends else mechanism.nodes[-1]
+
+
+def limits_of(mechanism: cinegen.Mechanism) -> tuple[np.ndarray, np.ndarray]:
+    return mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+
+
+def within(mechanism: cinegen.Mechanism, q: np.ndarray) -> bool:
+    low, high = limits_of(mechanism)
+    return bool((q >= low - 1e-9).all() and (q <= high + 1e-9).all())
+
+
+def configurations(mechanism: cinegen.Mechanism, count: int, seed: int) -> list[np.ndarray]:
+    """Closed and within limits."""
+    rng, found = np.random.default_rng(seed), []
+    low, high = limits_of(mechanism)
+    while len(found) < count:
+        q = mechanism.q_home.copy()
+        for joint in mechanism.actuated:
+            i = mechanism.q_index(joint)
+            reach = mechanism.length if mechanism.slides(joint) else math.pi
+            q[i] = rng.uniform(max(low[i], q[i] - reach), min(high[i], q[i] + reach))
+        try:
+            q = mechanism.close(q, locked=mechanism.actuated)
+        except cinegen.ClosureError:
+            continue
+        if within(mechanism, q):
+            found.append(q)
+    return found
+
+
+@pytest.mark.parametrize(
+    ("name", "count"),
+    [("panda", 1000), ("ur5", 1000), *((name, 40) for name in SERIAL), *((name, 40) for name in CLOSED)],
+)
+def test_every_reachable_pose_is_found(name: str, count: int) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    for known in configurations(mechanism, count, seed=11):
+        target = mechanism.placement(known, node)
+        reached = cinegen.reach(mechanism, {node: target})
+        assert reached, reached
+        there = mechanism.placement(reached.q, node)
+        assert np.linalg.norm(there.translation - target.translation) <= 1e-6
+        assert angle_between(there.rotation, target.rotation) <= 1e-6
+        assert mechanism.closure(reached.q) <= 1e-10
+        assert within(mechanism, reached.q)
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "planar_hybrid"])
+def test_from_where_it_is_there_already_it_stays(name: str) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    for known in configurations(mechanism, 10, seed=3):
+        reached = cinegen.reach(mechanism, {node: mechanism.placement(known, node)}, known)
+        assert reached.starts == 1
+        np.testing.assert_allclose(reached.q, known, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "five_bar", "hybrid"])
+def test_from_nearby_the_nearby_solution_is_taken(name: str) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    low, high = limits_of(mechanism)
+    for known in configurations(mechanism, 10, seed=4):
+        if min((known - low).min(), (high - known).min()) < 0.1:
+            continue
+        reached = cinegen.reach(mechanism, {node: mechanism.placement(known, node)}, known + 1e-3)
+        assert reached.starts == 1
+        assert np.abs(reached.q - known).max() < 0.05
+
+
+def test_where_a_planar_arm_reaches_is_a_disc() -> None:
+    mechanism = mechanism_of("planar_3r")
+    node = end_of(mechanism)
+    links = [mechanism.placement(mechanism.q_home, n).translation for n in (*mechanism.nodes[1:4], node)]
+    reach = sum(float(np.linalg.norm(b - a)) for a, b in pairwise(links))
+    base = links[0]
+    for direction in np.linspace(-0.5, 0.5, 7):
+        way = np.array([math.cos(direction), math.sin(direction), 0.0])
+        for part, there in ((0.999, True), (1.001, False)):
+            target = pin.SE3(np.eye(3), base + part * reach * way)
+            reached = cinegen.reach(mechanism, [cinegen.Pull(node, target, 3, 0)], limits=False)
+            assert bool(reached) == there
+            if not there:
+                assert reached.errors[0][0] == pytest.approx(0.001 * reach, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ["arm7", "delta4", "gough", "sr400"])
+def test_out_of_reach_it_says_what_was_tried_and_stays_whole(name: str) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    far = mechanism.placement(mechanism.q_home, node)
+    far.translation = far.translation + np.array([0.0, 0.0, 20.0 * mechanism.length])
+    reached = cinegen.reach(mechanism, {node: far}, starts=12)
+    assert not reached
+    assert not reached.found
+    assert reached.starts == 12
+    assert "12 starts" in str(reached)
+    assert reached.errors[0][0] > 10.0 * mechanism.length
+    assert mechanism.closure(reached.q) <= 1e-10
+    assert within(mechanism, reached.q)
+
+
+def test_limits_can_be_left_out() -> None:
+    mechanism = mechanism_of("arm7")
+    node = end_of(mechanism)
+    low, high = limits_of(mechanism)
+    q = mechanism.q_home.copy()
+    beyond = 0
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        q = rng.uniform(1.3 * low, 1.3 * high)
+        target = {node: mechanism.placement(q, node)}
+        assert cinegen.reach(mechanism, target, q, limits=False)
+        if not cinegen.reach(mechanism, target, starts=40):
+            beyond += 1
+    assert beyond > 0
+
+
+@given(st.integers(0, 3), st.integers(0, 3), st.integers(0, 10**6))
+@settings(deadline=None, max_examples=30)
+def test_only_what_a_pull_holds_is_brought_there(translation: int, rotation: int, seed: int) -> None:
+    mechanism = mechanism_of("rx90")
+    node = end_of(mechanism)
+    rng = np.random.default_rng(seed)
+    low, high = limits_of(mechanism)
+    target = mechanism.placement(rng.uniform(low, high), node)
+    pull = cinegen.Pull(node, target, translation, rotation)
+    reached = cinegen.reach(mechanism, [pull])
+    assert reached
+    straight, turn = pull.errors(mechanism.placement(reached.q, node))
+    assert np.abs(np.concatenate([straight, turn])).max(initial=0.0) <= 1e-6
+
+
+def test_two_nodes_at_once() -> None:
+    mechanism = mechanism_of("arm7")
+    elbow, end = mechanism.nodes[4], end_of(mechanism)
+    for known in configurations(mechanism, 20, seed=5):
+        elbow_there, end_there = (mechanism.placement(known, node) for node in (elbow, end))
+        reached = cinegen.reach(mechanism, [cinegen.Pull(elbow, elbow_there, 3, 0), cinegen.Pull(end, end_there)])
+        assert reached
+        assert len(reached.errors) == 2
+        assert max(map(max, reached.errors)) <= 1e-6
+        left = mechanism.placement(reached.q, elbow).translation - elbow_there.translation
+        assert np.linalg.norm(left) <= 1e-6
+
+
+def test_the_same_question_has_the_same_answer() -> None:
+    mechanism = mechanism_of("rx90")
+    node = end_of(mechanism)
+    (known,) = configurations(mechanism, 1, seed=9)
+    target = {node: mechanism.placement(known, node)}
+    first = cinegen.reach(mechanism, target)
+    other = cinegen.reach(cinegen.load(ROBOTS / "rx90.raff"), target)
+    np.testing.assert_array_equal(first.q, other.q)
+
+
+def test_what_makes_no_sense_is_refused() -> None:
+    mechanism = mechanism_of("rx90")
+    node = end_of(mechanism)
+    good = mechanism.placement(mechanism.q_home, node)
+    bad = good.copy()
+    bad.translation = np.array([np.nan, 0.0, 0.0])
+    with pytest.raises(cinegen.CinegenError, match="at least one node"):
+        cinegen.reach(mechanism, {})
+    with pytest.raises(cinegen.CinegenError, match="finite"):
+        cinegen.reach(mechanism, {node: bad})
+    with pytest.raises(cinegen.CinegenError, match="finite"):
+        cinegen.reach(mechanism, {node: "there"})
+    with pytest.raises(cinegen.CinegenError, match="nowhere"):
+        cinegen.reach(mechanism, {"nowhere": good})
+    with pytest.raises(cinegen.CinegenError, match="above 0"):
+        cinegen.reach(mechanism, {node: good}, starts=0)
+    with pytest.raises(cinegen.CinegenError):
+        cinegen.reach(mechanism, {node: good}, q=np.zeros(99))
