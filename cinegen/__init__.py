@@ -2,18 +2,49 @@
 
 from cinegen.errors import CinegenError, CinegenWarning, ClosureError
 from cinegen.model import Mechanism, load
-from cinegen.solve import Pull, Reached, Solver, Step, Verdict, reach
+from cinegen.solve import (
+    Clock,
+    ClockError,
+    Evaluations,
+    EventKind,
+    Forecast,
+    LimitMargin,
+    Manipulability,
+    Objective,
+    Posture,
+    Pull,
+    Reached,
+    Solver,
+    State,
+    Step,
+    Tick,
+    Verdict,
+    evaluate,
+    reach,
+)
 
 __all__ = [
     "CinegenError",
     "CinegenWarning",
+    "Clock",
+    "ClockError",
     "ClosureError",
+    "Evaluations",
+    "EventKind",
+    "Forecast",
+    "LimitMargin",
+    "Manipulability",
     "Mechanism",
+    "Objective",
+    "Posture",
     "Pull",
     "Reached",
     "Solver",
+    "State",
     "Step",
+    "Tick",
     "Verdict",
+    "evaluate",
     "load",
     "reach",
 ]

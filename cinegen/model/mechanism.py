@@ -197,6 +197,19 @@ class Mechanism:
                 names[joint.idx_v + i] = name if joint.nv == 1 else f"{name}.{COMPONENTS[i]}"
         return tuple(names)
 
+    @cached_property
+    def passive_columns(self) -> NDArray[np.intp]:
+        """Columns of the joints without a motor in a Jacobian; never those of a base that can move."""
+        passive = [self._joint(name) for name in self.joints if name not in self.actuated]
+        return np.array([joint.idx_v + i for joint in passive for i in range(joint.nv)], dtype=np.intp)
+
+    @cached_property
+    def passive_rank(self) -> int:
+        """How many of these columns of the loops' Jacobian are independent (generic rank): all, unless joints are left
+        that motors and loops don't determine."""
+        found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
+        return max(found) if self.loops else 0
+
     def configuration(self, values: Mapping[str, float], q: ArrayLike | None = None) -> Array:
         """A configuration with some joints set by name: the others are as in q, at home unless given.
 

@@ -52,12 +52,16 @@ def equations(mechanism: Mechanism, system: ClosedLoops, pulls: Sequence[tuple[P
         if model.nv:
             jacobian[:] = pin.getFrameJacobian(model, data, pull.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
         error, row = pull.equations(placement, jacobian * system.scale, axes)
-        unit = np.where(np.arange(pull.rows) < pull.translation, 1.0 / length, 1.0)
         straight, turn = error[: pull.translation] / length, error[pull.translation :]
         weight = pull.weight / heaviest
         errors += [weight * _capped(straight), weight * _capped(turn)]
-        rows.append(weight * unit[:, None] * row)
+        rows.append(weight * units(pull, length)[:, None] * row)
     return np.concatenate(errors), np.vstack(rows)
+
+
+def units(pull: Pull, length: float) -> Array:
+    """(rows,) what takes the unit from each equation of a pull: the characteristic length (m) counts as 1."""
+    return np.where(np.arange(pull.rows) < pull.translation, 1.0 / length, 1.0)
 
 
 def pull_rank(mechanism: Mechanism, system: ClosedLoops, pulls: Sequence[Pull], moving: slice) -> int:

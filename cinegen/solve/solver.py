@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +12,10 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
 from cinegen.model.mechanism import translations
+from cinegen.solve.ahead import Ahead
+from cinegen.solve.blend import Blend
+from cinegen.solve.damping import NEAR
+from cinegen.solve.forecast import TICKS, Forecast, foresee
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.memory import Memory
 from cinegen.solve.kernel.thresholds import (
@@ -24,13 +29,16 @@ from cinegen.solve.kernel.thresholds import (
     STEP_CAP,
 )
 from cinegen.solve.kernel.tick import prepare, tick
+from cinegen.solve.objectives import Objective, State
 from cinegen.solve.plain import pull_rank
 from cinegen.solve.pull import Pull
+from cinegen.solve.singular import NEAR_PASSIVE
 from cinegen.solve.step import Layout, Step
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
 
+_FASTEST = 1e100  # rad/s or m/s: no objective means more
 _KINDS = (LoopKind.RIGID, LoopKind.PRISMATIC, LoopKind.REVOLUTE, LoopKind.BALL)  # as the kernels number them
 
 
@@ -69,6 +77,8 @@ class Solver:
         self._model, self._data = self._system.model, self._system.data
         self._evaluate = pin.computeJointJacobians if self._model.nv else pin.forwardKinematics
         self._pulls: list[Pull] = []
+        self._blends: list[Blend] = []
+        self._objectives: tuple[Objective, ...] = ()
         self._ranks: dict[tuple[object, ...], int] = {}
         self._memory = _memory(mechanism, self._data, dt, gain)
         self._table = self._memory.table
@@ -78,6 +88,9 @@ class Solver:
         self._curved = _curved(self._model)
         self._limit_accelerations(acceleration)
         self._changed = True
+        self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
+        self._latest: Array | None = None
+        self._ahead: Ahead | None = None
         self.q = mechanism.q_home if q is None else q
 
     @property
@@ -99,6 +112,8 @@ class Solver:
         self._q[:] = full
         self._memory.arrays["settings"][m.CLOSED] = closure
         self._memory.arrays["last"][:] = 0.0
+        self._memory.arrays["secondary"][:] = 0.0
+        self._memory.arrays["settings"][m.TRUST] = 1.0
         self._table[m.PHASE] = ASTRAY
         self._changed = True  # pulls forget what they followed
 
@@ -163,13 +178,52 @@ class Solver:
         self._changed = True
         return pull
 
-    def release(self, pull: Pull) -> None:
-        """Lets go; a pull that holds no longer is let go already."""
+    def blend(
+        self, pull: Pull, target: pin.SE3 | None = None, seconds: float = 0.5, weight: float | None = None
+    ) -> None:
+        """Leads a pull over to another target or weight, without a jerk: the following ticks do that. Where its target
+        or weight is set meanwhile, that holds; and another blend of the same pull takes over.
+
+        Args:
+            pull: that follows a pose.
+            target: where it should be at the end, in the world; as it is unless given.
+            seconds: how long that takes.
+            weight: at the end; as it is unless given. With 0 the pull is let go then.
+
+        Raises:
+            CinegenError: the pull is not one of this solver's or follows no pose, or the others make no sense.
+        """
+        if pull not in self._pulls:
+            raise CinegenError(f"the pull of '{pull.node}' is not one of this solver's")
+        blend = Blend(pull, seconds, target, weight)
+        self._blends = [other for other in self._blends if other.pull is not pull] + [blend]
+
+    def release(self, pull: Pull, seconds: float = 0.0) -> None:
+        """Lets go; a pull that holds no longer is let go already.
+
+        Args:
+            pull: which.
+            seconds: in which its weight fades first, so that others take over without a jerk.
+
+        Raises:
+            CinegenError: seconds make no sense.
+        """
+        if seconds != 0.0 and pull in self._pulls:
+            self.blend(pull, seconds=seconds, weight=0.0)
+            return
+        self._blends = [blend for blend in self._blends if blend.pull is not pull]
         if pull in self._pulls:
             pull.lies_in(np.zeros(m.PULL_WIDTH))
             pull.changed = _nothing
             self._pulls.remove(pull)
             self._changed = True
+
+    def _go_on_blending(self) -> None:
+        for blend in self._blends[:]:
+            if not blend.advance(self.dt):
+                self._blends.remove(blend)
+                if blend.lets_go:
+                    self.release(blend.pull)
 
     def _notice(self) -> None:
         self._changed = True
@@ -190,9 +244,7 @@ class Solver:
                 table[i, m.AXES_JOINT] = axes.parentJoint
                 table[i, m.AXES_LOCAL : m.AXES_LOCAL + 9] = axes.placement.rotation.ravel()
             moves[i] = _moves(self._model, frame.parentJoint)
-        # a base moves when it is pulled itself
-        rests = mechanism.floating and all(pull.node != mechanism.nodes[0] for pull in pulls)
-        offset = 6 if rests else 0
+        offset = 6 if self._rests() else 0
         if offset != self._table[m.OFFSET]:
             memory.arrays["last"][:] = 0.0
         self._table[m.OFFSET], self._table[m.N] = offset, self._model.nv - offset
@@ -205,6 +257,7 @@ class Solver:
         self._make_room(6 * len(pulls))
         self._layout = Layout(mechanism, tuple((pull.node, pull.axes) for pull in pulls), offset)
         self._record = memory.put("record", np.zeros(self._layout.starts[-1]))
+        self._earlier, self._latest = None, None
         self._changed = False
 
     def _make_room(self, p: int) -> None:
@@ -228,17 +281,111 @@ class Solver:
         self._table[m.PULL_RANK] = self._ranks[key]
         self._table[m.WARM] = 0
 
+    # --- what lies ahead -----------------------------------------------------------------------------------------
+
+    def forecast(
+        self,
+        seconds: float,
+        dt: float | None = None,
+        threshold: float = NEAR,
+        passive_threshold: float = NEAR_PASSIVE,
+        moving: bool = True,
+    ) -> Forecast:
+        """What the present pulls lead to: singularities, limits of joints, the end of reach. Changes nothing.
+
+        Pulls that make no sense are left out. Targets that moved between the last two ticks go on moving as fast.
+
+        Args:
+            seconds: how far ahead.
+            dt: seconds between two of its ticks. The solver's own tells exactly what its ticks will do; unless given,
+                as much more as makes them 100 at most. No joint moves on by more than 0.1 rad in any.
+            threshold: below which singular value the pulls are near a singularity of type 1.
+            passive_threshold: below which one the passive joints are near one of type 2.
+            moving: whether targets go on moving.
+
+        Raises:
+            CinegenError: seconds or dt are no positive times.
+        """
+        dt = max(self.dt, seconds / TICKS) if dt is None else dt
+        if not (0.0 < seconds < np.inf and 0.0 < dt < np.inf):
+            raise CinegenError(f"a forecast's seconds and dt must be positive times, not {seconds} and {dt}")
+        if self._ahead is None or self._ahead.dt != dt:
+            gain = self.gain if dt == self.dt else 1.0 - (1.0 - self.gain) ** (dt / self.dt)
+            self._ahead = Ahead(Solver(self.mechanism, dt, gain=gain))
+        path = self._ahead.run(self, math.ceil(seconds / dt - 1e-9), moving)
+        return foresee(path, threshold, passive_threshold)
+
+    # --- redundancy ----------------------------------------------------------------------------------------------
+
+    @property
+    def objectives(self) -> tuple[Objective, ...]:
+        """What the mechanism does with the motions that loops and pulls leave free: what these wish for, added up.
+
+        May be set at any time, to any number of them. None of them moves a pull. One that fails in a tick, or returns
+        what is no velocity, is left out in that tick; the step's `left_out` says so.
+
+        Raises:
+            CinegenError: set to something without a method `velocity`, or to what does not fit this mechanism.
+        """
+        return self._objectives
+
+    @objectives.setter
+    def objectives(self, objectives: Iterable[Objective]) -> None:
+        given, state = tuple(objectives), self.state
+        for objective in given:
+            if not callable(getattr(objective, "velocity", None)):
+                raise CinegenError(f"an objective has a method `velocity`; {objective!r} has none")
+            try:
+                objective.velocity(state)
+            except CinegenError:
+                raise
+            except Exception:
+                continue  # it may find its way later
+        self._objectives = given
+
+    @property
+    def state(self) -> State:
+        """What objectives are told."""
+        resting = 6 if self._rests() else 0
+        return State(self.mechanism, self.q, self.dt, self.pulls, resting)
+
+    def _rests(self) -> bool:
+        """Whether the mechanism has a base that could move, and does not: it moves when it is pulled itself."""
+        base = self.mechanism.nodes[0]
+        return self.mechanism.floating and all(pull.node != base for pull in self._pulls)
+
+    def _wish(self) -> None:
+        """Asks the objectives what they wish for in this tick."""
+        state, total, left_out = self.state, np.zeros(self._model.nv), 0
+        for i, objective in enumerate(self._objectives):
+            try:
+                velocity = np.asarray(objective.velocity(state), dtype=float)
+                if velocity.shape != total.shape or not np.abs(velocity).max(initial=0.0) < _FASTEST:
+                    raise ValueError
+            except Exception:  # whatever it is: the tick goes on
+                left_out |= 1 << min(i, m.MOST_LEFT_OUT)
+            else:
+                total += velocity
+        total *= self.dt / self.mechanism.scale
+        total *= STEP_CAP / max(STEP_CAP, np.abs(total).max(initial=0.0))
+        self._memory.arrays["wish"][: len(total)] = total
+        self._table[m.WISHING], self._table[m.LEFT_OUT] = 1, left_out
+
     # --- one tick ------------------------------------------------------------------------------------------------
 
     def step(self) -> Step:
         """One tick of dt. Never raises: the verdict says what happened."""
+        if self._blends:
+            self._go_on_blending()
         if self._changed:
             self._arrange()
+        if self._objectives:
+            self._wish()
         table = self._table
         request = tick(table)
         if request == ACCEPTED:
             self._evaluate(self._model, self._data, self._q)
-            return Step(self._record.copy(), self._layout)
+            return self._done()
         while request != DONE:
             if request == EVALUATE:
                 if self._curved is not None:
@@ -252,7 +399,12 @@ class Solver:
             if request == ACCEPTED:
                 self._evaluate(self._model, self._data, self._q)
                 break
-        return Step(self._record.copy(), self._layout)
+        return self._done()
+
+    def _done(self) -> Step:
+        record = self._record.copy()
+        self._earlier, self._latest = self._latest, record
+        return Step(record, self._layout)
 
     def _integrate(self, at_q: NDArray[np.intp], at_v: NDArray[np.intp]) -> None:
         """Joints whose configuration is no number (a free base, a ball) go on as Pinocchio says."""
@@ -274,10 +426,11 @@ def _memory(mechanism: Mechanism, data: pin.Data, dt: float, gain: float) -> Mem
     memory = Memory(nq=model.nq, nv=nv, n=nv, loops=len(loops), rows=rows, rank=rank)
     for name in ("q", "trial", "before"):
         memory.put(name, np.zeros(model.nq))
-    for name in ("delta", "wish", "wish_free", "step", "taken", "moved", "last", "held", "stopped", "floor", "ceiling"):
+    for name in ("delta", "wish", "wish_free", "secondary", "step", "taken", "moved", "last", "held", "stopped"):
         memory.put(name, np.zeros(nv))
-    for name in ("y", "x", "size"):
+    for name in ("floor", "ceiling", "y", "x", "size"):
         memory.put(name, np.zeros(nv))
+    memory.put("room", np.zeros((3, nv)))
     for name in ("motions", "axes", "g"):
         memory.put(name, np.zeros((nv, nv)))
     memory.put("work", np.zeros((3, nv, nv)))
@@ -297,6 +450,7 @@ def _memory(mechanism: Mechanism, data: pin.Data, dt: float, gain: float) -> Mem
     settings = memory.put("settings", np.zeros(m.SETTINGS_WIDTH))
     settings[m.DT], settings[m.LENGTH], settings[m.GAIN], settings[m.ERROR_CAP] = dt, mechanism.length, gain, ERROR_CAP
     settings[m.BEND] = _bend(model, mechanism.length)
+    settings[m.TRUST] = 1.0
     _put_limits(memory, mechanism, dt)
     _put_loops(memory, mechanism)
     if nv:

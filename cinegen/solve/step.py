@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property
 
@@ -16,6 +16,7 @@ from cinegen.solve.kernel import memory as m
 from cinegen.solve.plain import equations
 from cinegen.solve.pull import Pull
 from cinegen.solve.resolve import free_motions
+from cinegen.solve.singular import Gained, Lost, gained, lost, passive_singular_values
 
 Array = NDArray[np.float64]
 
@@ -143,14 +144,44 @@ class Step:
         return np.asarray(np.linalg.svd(rows, compute_uv=False)[: mechanism.loop_rank])
 
     @property
+    def passive_singular_values(self) -> Array:
+        """Of the passive joints in the loops at q, largest first, as many as their generic rank (type 2 where one
+        vanishes: the mechanism moves though its motors are held). Computed when asked for."""
+        return passive_singular_values(self._layout.mechanism, self.q)
+
+    @property
+    def losing(self) -> Lost | None:
+        """The direction that the pulls follow worst at q, with its singular value (type 1); None where nothing is
+        pulled that can move. Computed when asked for."""
+        wanted, layout, start = self._wanted(), self._layout, self._layout.starts
+        count = int(self._record[m.R_PULL_RANK])
+        found = lost(layout.mechanism, self.q, wanted, count, layout.resting)
+        if found is None or len(wanted) == len(layout.pulls):
+            return found
+        twists = np.zeros((len(layout.pulls), 6))
+        twists[self._record[start[3] : start[4]].reshape(-1, m.WANTED)[:, 24] != 0.0] = found.twists
+        return replace(found, twists=twists)
+
+    @property
+    def gaining(self) -> Gained | None:
+        """The motion that the motors hold least at q, with its singular value (type 2); None without loops. Computed
+        when asked for."""
+        return gained(self._layout.mechanism, self.q)
+
+    @property
     def saturated(self) -> tuple[str, ...]:
         """Joints that stand at a position limit which holds the motion back."""
-        start = self._layout.starts
-        flags = self._record[start[5] : start[6]]
+        flags = self.stopped
         if not flags.any():
             return ()
         columns = self._layout.mechanism.columns
         return tuple(columns[j] for j in np.flatnonzero(flags))
+
+    @property
+    def stopped(self) -> Array:
+        """(nv,) other than 0 for these: -1 at the lower limit, 1 at the upper."""
+        start = self._layout.starts
+        return self._record[start[5] : start[6]]
 
     @property
     def pace(self) -> float:
@@ -163,6 +194,12 @@ class Step:
         """The joint whose speed or acceleration limit the pace is due to."""
         which = int(self._record[m.R_SLOWEST])
         return None if which < 0 else self._layout.mechanism.columns[which]
+
+    @property
+    def left_out(self) -> tuple[int, ...]:
+        """Which of the solver's objectives failed in this tick, by position: they were left out."""
+        flags = int(self._record[m.R_LEFT_OUT])
+        return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 
     @property
     def evaluations(self) -> int:

@@ -7,7 +7,7 @@ import math
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel import rotation
 from cinegen.solve.kernel.compiled import Array, Table, compiled, matrix, vector
-from cinegen.solve.kernel.equations import compose, pull_error, pull_rows, rotation_of
+from cinegen.solve.kernel.equations import FURTHEST, compose, pull_error, pull_rows, rotation_of
 
 
 @compiled
@@ -129,7 +129,8 @@ def _carry(
         w[13, i] = s
     dt = settings[m.DT]
     for i in range(3):
-        w[14, i] = dt * (axes[i, 0] * twist[3] + axes[i, 1] * twist[4] + axes[i, 2] * twist[5])
+        turn = dt * (axes[i, 0] * twist[3] + axes[i, 1] * twist[4] + axes[i, 2] * twist[5])
+        w[14, i] = min(max(turn, -FURTHEST), FURTHEST)  # so that no square overflows
         w[13, i] += dt * (axes[i, 0] * twist[0] + axes[i, 1] * twist[1] + axes[i, 2] * twist[2])
     rotation.exp(w[14], w[0:3])
     if followed and angular == 3:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.compiled import Table, compiled, matrix, vector
-from cinegen.solve.kernel.resolve import pull_along
+from cinegen.solve.kernel.resolve import pull_along, scaled_axes
 from cinegen.solve.kernel.svd import straighten
 
 
@@ -21,3 +21,29 @@ def singular_values(t: Table) -> None:
     square = vector(t[m.SQUARE], lesser)
     t[m.SWEEPS] = pull_along(matrix(t[m.JP], p, n), p, motions, k, n, t[m.RANK] > 0, warm, a, u, b, square)
     t[m.WARM] = 1
+
+
+@compiled
+def all_axes(t: Table, pull_rank: int) -> int:
+    """All free motions by how much the pulls ask for them, in `axes` and `size`; the first that none asks for."""
+    p, k = t[m.P], t[m.K]
+    if t[m.QUICK] != 0:
+        singular_values(t)
+        t[m.QUICK] = 0
+    lesser, larger = min(p, k), max(p, k)
+    return scaled_axes(
+        vector(t[m.E], p),
+        p,
+        k,
+        pull_rank,
+        matrix(t[m.U], lesser, lesser),
+        matrix(t[m.B], lesser, larger),
+        vector(t[m.SQUARE], lesser),
+        matrix(t[m.AXES], k, k),
+        vector(t[m.SIZE], k),
+        matrix(t[m.WORK], k, k),  # the factors of the loops are needed later
+        vector(t[m.SCRATCH], k),
+        vector(t[m.SCRATCH] + 8 * k, k),
+        vector(t[m.SCRATCH] + 16 * k, k),
+        matrix(t[m.WORK] + 8 * k * k, k, k),
+    )

@@ -7,15 +7,17 @@ import math
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.bounds import TOUCH
 from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
-from cinegen.solve.kernel.directions import singular_values
-from cinegen.solve.kernel.resolve import bounded, scaled_axes, within
+from cinegen.solve.kernel.directions import all_axes
+from cinegen.solve.kernel.redundancy import add_wish
+from cinegen.solve.kernel.resolve import bounded, within
 from cinegen.solve.kernel.thresholds import FULL
 
 
 @compiled
 def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int) -> None:
-    """Bends and shortens the step so that positions, velocities and accelerations stay within their limits."""
-    n, offset, k, p = t[m.N], t[m.OFFSET], t[m.K], t[m.P]
+    """Bends and shortens the step so that positions, velocities and accelerations stay within their limits; what
+    redundancy would like is added as far as it keeps them."""
+    n, offset, k = t[m.N], t[m.OFFSET], t[m.K]
     record = vector(t[m.RECORD], m.R_HEAD)
     q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
     scale = vector(t[m.SCALE] + 8 * offset, n)
@@ -40,49 +42,46 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int) -> None:
             step[j] *= pace
         for i in range(k):
             y[i] *= pace
-    accelerated = t[m.ACCELERATED] != 0
-    if accelerated:
+    if t[m.ACCELERATED] != 0:
         _accelerations(t, floor, ceiling)
-    if within(step, floor, ceiling, n):
+    wishing = t[m.WISHING] != 0
+    if wishing and add_wish(t, step, pull_rank, True):
         return
+    if not within(step, floor, ceiling, n):
+        _bend(t, step, y, pull_rank)
+    if wishing:
+        add_wish(t, step, pull_rank, False)
+
+
+@compiled
+def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
+    """The step that does most for the pulls within all bounds."""
+    n, offset, k = t[m.N], t[m.OFFSET], t[m.K]
+    record = vector(t[m.RECORD], m.R_HEAD)
+    q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
+    scale = vector(t[m.SCALE] + 8 * offset, n)
+    low, high = vector(t[m.LOW] + 8 * offset, n), vector(t[m.HIGH] + 8 * offset, n)
+    longest = vector(t[m.LONGEST] + 8 * offset, n)
+    floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
+    accelerated = t[m.ACCELERATED] != 0
     for j in range(n):
-        floor[j] = max(floor[j], -longest[j])
-        ceiling[j] = min(ceiling[j], longest[j])
-    if t[m.QUICK] != 0:
-        singular_values(t)
-        t[m.QUICK] = 0
+        floor[j] = max(floor[j], -FULL * longest[j])
+        ceiling[j] = min(ceiling[j], FULL * longest[j])
+    all_axes(t, pull_rank)
     motions, looped = matrix(t[m.MOTIONS], k, n), t[m.RANK] > 0
-    lesser, larger = min(p, k), max(p, k)
     axes, size, x = matrix(t[m.AXES], k, k), vector(t[m.SIZE], k), vector(t[m.X], k)
-    spare = t[m.WORK]  # the factors of the loops are needed later
-    scaled_axes(
-        vector(t[m.E], p),
-        p,
-        k,
-        pull_rank,
-        matrix(t[m.U], lesser, lesser),
-        matrix(t[m.B], lesser, larger),
-        vector(t[m.SQUARE], lesser),
-        axes,
-        size,
-        matrix(spare, k, k),
-        vector(t[m.SCRATCH], k),
-        vector(t[m.SCRATCH] + 8 * k, k),
-        vector(t[m.SCRATCH] + 16 * k, k),
-        matrix(spare + 8 * k * k, k, k),
-    )
     held = vector(t[m.STOPPED], n)
-    g, work = matrix(t[m.G], n, k), matrices(spare, 3, k, k)
+    g, work = matrix(t[m.G], n, k), matrices(t[m.WORK], 3, k, k)
     scratch = matrix(t[m.SCRATCH], 6, k)
     if not bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step):
         if accelerated:  # positions and velocities count more
             for j in range(n):
                 if at[j] < 0.0:
-                    floor[j], ceiling[j] = -longest[j], longest[j]
+                    floor[j], ceiling[j] = -FULL * longest[j], FULL * longest[j]
                 else:
                     here = q[int(at[j])]
-                    floor[j] = max(-longest[j], min(0.0, low[j] - here) / scale[j])
-                    ceiling[j] = min(longest[j], max(0.0, high[j] - here) / scale[j])
+                    floor[j] = max(-FULL * longest[j], min(0.0, low[j] - here) / scale[j])
+                    ceiling[j] = min(FULL * longest[j], max(0.0, high[j] - here) / scale[j])
             found = bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step)
         else:
             found = False
@@ -118,8 +117,8 @@ def _at_position_limit(side: float, q: Array, at: float, step: float, low: float
 @compiled
 def _accelerations(t: Table, floor: Array, ceiling: Array) -> None:
     """Narrows the bounds to what accelerations allow: of the next step, and so that a joint can still stop before its
-    position limit. Braking in the direction of the motion always stays possible."""
-    n = t[m.N]
+    position limit. Where loops tie joints together, braking in the direction of the motion always stays possible."""
+    n, looped = t[m.N], t[m.RANK] > 0
     last, limit = vector(t[m.LAST], n), vector(t[m.ACCELERATION] + 8 * t[m.OFFSET], n)
     brake = 0.0  # part of the last step that can go on
     for j in range(n):
@@ -129,11 +128,17 @@ def _accelerations(t: Table, floor: Array, ceiling: Array) -> None:
         if limit[j] == math.inf:
             continue
         down, up = last[j] - limit[j], last[j] + limit[j]
-        # v^2 <= 2 a d, in steps: after a step s there must be room for s + (s - a) + ... = s (s / a + 1) / 2
-        room = ceiling[j]
-        up = min(up, 0.5 * (math.sqrt(limit[j] * limit[j] + 8.0 * limit[j] * room) - limit[j]))
-        room = -floor[j]
-        down = max(down, -0.5 * (math.sqrt(limit[j] * limit[j] + 8.0 * limit[j] * room) - limit[j]))
-        braking = brake * last[j]
+        up = min(up, _stopping(ceiling[j], limit[j]))
+        down = max(down, -_stopping(-floor[j], limit[j]))
+        braking = brake * last[j] if looped else up
         floor[j] = max(floor[j], min(down, braking, up))
         ceiling[j] = min(ceiling[j], max(up, braking, down))
+
+
+@compiled
+def _stopping(room: float, limit: float) -> float:
+    """The longest step s that leaves room to stop: s + (s - a) + (s - 2 a) + ... as long as these are above 0."""
+    if room == math.inf:
+        return math.inf
+    more = math.floor(0.5 * (math.sqrt(1.0 + 8.0 * room / limit) - 1.0))  # steps after this one
+    return (room + 0.5 * limit * more * (more + 1.0)) / (more + 1.0)

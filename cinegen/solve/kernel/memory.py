@@ -34,15 +34,17 @@ SIZES = (
     "factored",  # where the loops are factored: 0 nowhere that is of use, 1 at q, 2 at the trial
     "singular",  # whether the factors are singular vectors: near a type 2 singularity
     "refine",  # whether the pulls are corrected together with the loops
-    "quick",  # whether pulls are far from singular: no singular values were needed
+    "quick",  # how pulls are factored: 0 singular values, 1 triangle, 2 singular values without the joints held
     "accelerated",  # whether accelerations are limited
-    "wishing",  # whether there is something that redundancy should do
+    "wishing",  # whether there is something that redundancy should do in this tick
     "ticks",
     "sweeps",  # of the singular values, in the last tick
     "evaluations",  # of Pinocchio, in the last tick
+    "left_out",  # objectives that made no sense in this tick, as bits
 )
 NQ, NV, N, OFFSET, LOOPS, ROWS, RANK, PULLS, P, K, PULL_RANK, SIGNATURE, PHASE, WARM, TRIES = range(15)
 CORRECTIONS, CLOSES, FACTORED, SINGULAR, REFINE, QUICK, ACCELERATED, WISHING, TICKS, SWEEPS, EVALUATIONS = range(15, 26)
+LEFT_OUT = 26
 
 _FIRST = len(SIZES)
 ARRAYS = (
@@ -63,7 +65,7 @@ ARRAYS = (
     "pull_table",  # (pulls, 48) what the pulls are
     "pull_state",  # (pulls, 32) what they are in this tick
     "moves",  # (pulls, nv)
-    "settings",  # (11,) see below
+    "settings",  # (12,) see below
     "record",  # (.,) what the tick did
     "jc",  # (rows, nv) loops at q or at the trial
     "c",  # (rows,) residual at the trial
@@ -87,7 +89,9 @@ ARRAYS = (
     "triangle",  # (2, p, p)
     "y",
     "wish",  # (nv,) what redundancy would like to do, without unit
-    "wish_free",  # (nv,) the same in the free motions
+    "wish_free",  # (nv,) the part of it that loops and pulls leave, in the free motions
+    "secondary",  # (nv,) what of it is taken
+    "room",  # (3, nv) scratch: how far it may go, and what holds it
     "step",  # (nv,)
     "taken",  # (nv,) part of the step that is tried
     "moved",  # (nv,) what it led to
@@ -148,6 +152,8 @@ ARRAYS = (
     Y,
     WISH,
     WISH_FREE,
+    SECONDARY,
+    ROOM,
     STEP,
     TAKEN,
     MOVED,
@@ -168,9 +174,10 @@ ARRAYS = (
 
 # settings: seconds, characteristic length (m), gain, largest error of a tick, most that a placement bends (lengths per
 # rad^2, infinite where it is not known); then what a tick remembers: the distance it began with, what its step should
-# win, the gap where loops were factored, the last gap, what pulls lacked then, the gap of the last tick
-DT, LENGTH, GAIN, ERROR_CAP, BEND, DISTANCE, GAINED, SHARP, GAP, LACK, CLOSED = range(11)
-SETTINGS_WIDTH = 11
+# win, the gap where loops were factored, the last gap, what pulls lacked then, the gap of the last tick, and the part
+# of its wish that redundancy is trusted with
+DT, LENGTH, GAIN, ERROR_CAP, BEND, DISTANCE, GAINED, SHARP, GAP, LACK, CLOSED, TRUST = range(12)
+SETTINGS_WIDTH = 12
 
 # a loop's row of its table
 KIND, FIRST, SECOND, FIRST_ROW, LOOP_ROWS, FIRST_LOCAL, SECOND_LOCAL = 0, 1, 2, 3, 4, 5, 17
@@ -189,7 +196,8 @@ STATE_WIDTH = 32
 # the record of a tick; then come q, v, error of each pull (m, rad), what each pull wanted, singular values, and which
 # joints stopped it. Errors and singular values may be left out, where the verdict is known without them
 R_VERDICT, R_CLOSURE, R_PACE, R_PULL_RANK, R_SLOWEST, R_EVALUATIONS, R_SWEEPS, R_LOOP_SIGMA = range(8)
-R_MEASURED, R_SIGMA, R_HEAD = 8, 9, 10
+R_MEASURED, R_SIGMA, R_LEFT_OUT, R_HEAD = 8, 9, 10, 11
+MOST_LEFT_OUT = 52  # objectives that are told apart: bits of a double
 WANTED = 25  # numbers for each pull: aim, axes, translation, rotation, weight, whether it holds
 
 

@@ -12,14 +12,15 @@ from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matr
 from cinegen.solve.kernel.directions import singular_values
 from cinegen.solve.kernel.limits import keep_bounds
 from cinegen.solve.kernel.null_space import free_motions
-from cinegen.solve.kernel.resolve import far_from_singular, unbounded
+from cinegen.solve.kernel.redundancy import project_wish
+from cinegen.solve.kernel.resolve import far_from_singular, to_joints, unbounded
 from cinegen.solve.kernel.thresholds import NOISE, REST
 
 
 @compiled
 def propose(t: Table) -> bool:
     """The step from here; False where there is none."""
-    n, offset, rank = t[m.N], t[m.OFFSET], t[m.RANK]
+    n, rank = t[m.N], t[m.RANK]
     settings, record = vector(t[m.SETTINGS], m.SETTINGS_WIDTH), vector(t[m.RECORD], m.R_HEAD)
     t[m.TICKS] += 1
     t[m.TRIES] = 0
@@ -52,31 +53,23 @@ def propose(t: Table) -> bool:
     lesser, larger = min(p, k), max(p, k)
     u, b = matrix(t[m.U], lesser, lesser), matrix(t[m.B], lesser, larger)
     square = vector(t[m.SQUARE], lesser)
-    e, y, wish = vector(t[m.E], p), vector(t[m.Y], k), vector(t[m.WISH_FREE], k)
+    e, y = vector(t[m.E], p), vector(t[m.Y], k)
     if settings[m.DISTANCE] <= NOISE:  # all are there: no step of rounding
         for i in range(p):
             e[i] = 0.0
-    wishing = t[m.WISHING] != 0
-    if wishing:
-        wanted = vector(t[m.WISH] + 8 * offset, n)
-        for i in range(k):
-            if looped:
-                s = 0.0
-                for c in range(n):
-                    s += motions[i, c] * wanted[c]
-                wish[i] = s
-            else:
-                wish[i] = wanted[i]
     pull_rank = min(t[m.PULL_RANK], lesser)
     jp, a = matrix(t[m.JP], p, n), matrix(t[m.A], lesser, larger)
     triangle = matrices(t[m.TRIANGLE], 2, p, p)
     t[m.QUICK] = 0
-    if p == pull_rank and far_from_singular(jp, p, motions, k, n, looped, e, wish, wishing, a, triangle, y):
+    if p == pull_rank and far_from_singular(jp, p, motions, k, n, looped, e, a, triangle, y):
         t[m.QUICK] = 1
     else:
         singular_values(t)
-        unbounded(e, p, k, pull_rank, u, b, square, wish, wishing, y)
-    _to_joints(y, motions, k, n, looped, step)
+        unbounded(e, p, k, pull_rank, u, b, square, y)
+    to_joints(y, motions, k, n, looped, step)
+    wishing = t[m.WISHING] != 0
+    if wishing and not project_wish(t, pull_rank):
+        t[m.WISHING] = 0
     keep_bounds(t, step, y, pull_rank)
     largest = 0.0
     for j in range(n):
@@ -84,9 +77,13 @@ def propose(t: Table) -> bool:
     if not largest > 0.0:
         return False
     settings[m.SHARP] = largest
+    pace = record[m.R_PACE]
     if still and _turns_back(step, vector(t[m.LAST], n), n):  # half of it: no zigzag
+        pace *= 0.5
+        secondary = vector(t[m.SECONDARY], n)
         for j in range(n):
             step[j] *= 0.5
+            secondary[j] *= 0.5
     # what it should win, to first order
     gained = 0.0
     for i in range(p):
@@ -99,7 +96,7 @@ def propose(t: Table) -> bool:
     for j in range(n):
         taken[j] = step[j]
     # pulls are made exact together with the loops where nothing bends or damps them
-    refine = (looped or wishing) and p > 0 and record[m.R_PACE] == 1.0
+    refine = (wishing or (looped and record[m.R_PACE] == 1.0)) and p > 0
     if refine:
         for j in range(n):
             refine = refine and stopped[j] == 0.0
@@ -112,6 +109,9 @@ def propose(t: Table) -> bool:
                 cap = settings[m.ERROR_CAP]
                 refine = refine and state[i, m.METRES] / settings[m.LENGTH] <= cap and state[i, m.RADIANS] <= cap
     t[m.REFINE] = 1 if refine else 0
+    if refine and pace < 1.0:  # then less of them is wanted of this tick
+        for i in range(p):
+            e[i] *= pace
     return True
 
 
@@ -131,7 +131,7 @@ def is_sure(t: Table) -> bool:
             return False
         total += abs(taken[j])
         largest = max(largest, abs(taken[j]))
-    if record[m.R_PACE] != 1.0 or t[m.WISHING] != 0 or largest < 10.0 * REST:
+    if record[m.R_PACE] != 1.0 or t[m.REFINE] != 0 or largest < 10.0 * REST:
         return False
     pulls = t[m.PULLS]
     table = matrix(t[m.PULL_TABLE], pulls, m.PULL_WIDTH)
@@ -153,13 +153,3 @@ def _turns_back(step: Array, last: Array, n: int) -> bool:
         here += step[j] * step[j]
         there += last[j] * last[j]
     return bool(along < 0.0 and along * along > 0.25 * here * there)
-
-
-@compiled
-def _to_joints(y: Array, motions: Array, k: int, n: int, looped: bool, step: Array) -> None:
-    for j in range(n):
-        step[j] = 0.0 if looped else y[j]
-    if looped:
-        for i in range(k):
-            for j in range(n):
-                step[j] += y[i] * motions[i, j]

@@ -41,9 +41,11 @@ def finish(t: Table, accepted: bool) -> None:
     scale = vector(t[m.SCALE] + 8 * offset, n)
     stopped, square = vector(t[m.STOPPED], n), vector(t[m.SQUARE], lesser)
     fastest = 0.0
+    secondary = vector(t[m.SECONDARY], n)
     for j in range(n):
         if not accepted:
             moved[j] = 0.0
+            secondary[j] = 0.0
         last[j] = moved[j]
         fastest = max(fastest, abs(moved[j]))
     if accepted:
@@ -87,7 +89,7 @@ def finish(t: Table, accepted: bool) -> None:
         for i in range(sigmas):
             record[at + i] = math.sqrt(square[i])
             smallest = record[at + i]
-    record[m.R_SIGMA] = 1.0 - t[m.QUICK]
+    record[m.R_SIGMA] = 1.0 if t[m.QUICK] == 0 else 0.0
     at += 6 * pulls
     saturated = False
     for j in range(nv):
@@ -123,3 +125,5 @@ def finish(t: Table, accepted: bool) -> None:
     if record[m.R_SLOWEST] >= 0.0:
         record[m.R_SLOWEST] += offset
     record[m.R_EVALUATIONS], record[m.R_SWEEPS] = t[m.EVALUATIONS], t[m.SWEEPS]
+    record[m.R_LEFT_OUT] = t[m.LEFT_OUT]
+    t[m.WISHING], t[m.LEFT_OUT] = 0, 0  # a wish is for one tick

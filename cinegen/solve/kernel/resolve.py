@@ -74,8 +74,6 @@ def far_from_singular(
     n: int,
     looped: bool,
     e: Array,
-    wish: Array,
-    wishing: bool,
     a: Array,
     triangle: Array,
     y: Array,
@@ -129,25 +127,19 @@ def far_from_singular(
     if inverse * NEAR * NEAR > 1.0:
         return False
     for j in range(k):
-        y[j] = wish[j] if wishing else 0.0
+        y[j] = 0.0
     for i in range(p):
         weight = 0.0
         for c in range(i + 1):
             weight += triangle[1, i, c] * e[c]
-        if wishing:
-            for j in range(k):
-                weight -= a[i, j] * wish[j]
         for j in range(k):
             y[j] += weight * a[i, j]
     return True
 
 
 @compiled
-def unbounded(
-    e: Array, p: int, k: int, pull_rank: int, u: Array, b: Array, square: Array, wish: Array, wishing: bool, y: Array
-) -> None:
-    """What the free motions should do, bounds apart: y (k,), the least of |A y - e|^2 + damping; `wish` (k,) is what
-    they would like to do where no pull asks for anything."""
+def unbounded(e: Array, p: int, k: int, pull_rank: int, u: Array, b: Array, square: Array, y: Array) -> None:
+    """What the free motions should do, bounds apart: y (k,), the least of |A y - e|^2 + damping."""
     error = 0.0
     for i in range(p):
         error += e[i] * e[i]
@@ -155,23 +147,13 @@ def unbounded(
     rows = p <= k
     count = p if rows else k
     for j in range(k):
-        y[j] = wish[j] if wishing else 0.0
+        y[j] = 0.0
     for i in range(count):
         asked = 0.0
         for j in range(p):
             asked += (u[i, j] if rows else b[i, j]) * e[j]
         h = square[i] + damping(square[i], error) if i < pull_rank else RESTING
         weight = asked / h  # of s_i w_i where rows, of w_i else
-        if i < pull_rank and wishing:
-            wished = 0.0
-            if rows and square[i] > _LOST * _LOST * square[0]:
-                for j in range(k):
-                    wished += b[i, j] * wish[j]
-                weight -= wished / square[i]
-            elif not rows:
-                for j in range(k):
-                    wished += u[i, j] * wish[j]
-                weight -= wished
         for j in range(k):
             y[j] += weight * (b[i, j] if rows else u[i, j])
 
@@ -192,8 +174,12 @@ def scaled_axes(
     left: Array,
     tau: Array,
     h: Array,
-) -> None:
-    """All right singular vectors w_i as rows of axes (k, k), and the root of s_i^2 + damping_i, `size` (k,)."""
+) -> int:
+    """All right singular vectors w_i as rows of axes (k, k), and the root of s_i^2 + damping_i, `size` (k,).
+
+    Returns:
+        the first of them that no pull asks for.
+    """
     error = 0.0
     for i in range(p):
         error += e[i] * e[i]
@@ -203,7 +189,7 @@ def scaled_axes(
             for j in range(k):
                 axes[i, j] = u[i, j]
             size[i] = math.sqrt(square[i] + damping(square[i], error) if i < pull_rank else RESTING)
-        return
+        return pull_rank
     known = 0
     for i in range(min(p, pull_rank)):
         if square[i] > _LOST * _LOST * square[0]:
@@ -218,6 +204,26 @@ def scaled_axes(
         free_motions(k, known, tau, h, axes[known:])
     for i in range(known, k):
         size[i] = math.sqrt(damping(0.0, error) if i < pull_rank else RESTING)
+    return known
+
+
+@compiled
+def without_pulls(
+    wish: Array, p: int, k: int, pull_rank: int, quick: bool, a: Array, u: Array, b: Array, square: Array
+) -> None:
+    """Takes from a wish (k,) what moves a pull: what is left are motions that no pull asks for."""
+    rows = p <= k
+    for i in range(min(pull_rank, p)):
+        s, length = 0.0, 1.0
+        if not quick and rows:
+            if square[i] <= _LOST * _LOST * square[0]:
+                continue
+            length = square[i]
+        for j in range(k):
+            s += (a[i, j] if quick else b[i, j] if rows else u[i, j]) * wish[j]
+        s /= length
+        for j in range(k):
+            wish[j] -= s * (a[i, j] if quick else b[i, j] if rows else u[i, j])
 
 
 @compiled
@@ -277,3 +283,14 @@ def within(step: Array, low: Array, high: Array, n: int) -> bool:
     for j in range(n):
         keeps = keeps and low[j] - TOUCH <= step[j] <= high[j] + TOUCH
     return keeps
+
+
+@compiled
+def to_joints(y: Array, motions: Array, k: int, n: int, looped: bool, step: Array) -> None:
+    """The joint step (n,) that free motions y (k,) are."""
+    for j in range(n):
+        step[j] = 0.0 if looped else y[j]
+    if looped:
+        for i in range(k):
+            for j in range(n):
+                step[j] += y[i] * motions[i, j]

@@ -16,18 +16,19 @@ _ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
 _LAST = 1e-6  # a sweep whose rotations are all smaller leaves the square of that, and is the last
 _NOTHING = 1e-15  # rows shorter than this part of the longest are zeros
 _WARM_SWEEPS = 6  # after so many from a guess, it is begun again from nothing
-_COLD_SWEEPS = 30
+COLD_SWEEPS = 30
 
 
 @compiled
-def orthogonalise(b: Array, u: Array, n: int, width: int, square: Array, sweeps: int) -> int:
-    """Turns the first n rows of b (., width) until they are orthogonal, and those of u (., n) with them.
+def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: Array, sweeps: int) -> int:
+    """Turns the first n rows of b (., width) until they are orthogonal, and those of u (., vectors) with them.
 
     Args:
         b: u m, for some matrix m (n, width); becomes the product of the new u with m.
         u: orthogonal.
         n: rows.
         width: columns.
+        vectors: columns of u: n, or 0 if nobody wants it.
         square: (n,) becomes the squared length of each row of b.
         sweeps: at most so many.
 
@@ -40,6 +41,8 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, square: Array, sweeps:
             s = 0.0
             for k in range(width):
                 s += b[i, k] * b[i, k]
+            if not s < math.inf:  # no number, or too large: nothing can be said, and no guess for later comes of it
+                return -1
             square[i] = s
             longest = max(longest, s)
         nothing = _NOTHING * _NOTHING * longest
@@ -86,10 +89,10 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, square: Array, sweeps:
                 for k in range(width):
                     x, y = b[i, k], b[j, k]
                     b[i, k], b[j, k] = c * x - s * y, s * x + c * y
-                for k in range(n):
+                for k in range(vectors):
                     x, y = u[i, k], u[j, k]
                     u[i, k], u[j, k] = c * x - s * y, s * x + c * y
-                square[i], square[j] = p - tangent * dot, q + tangent * dot
+                square[i], square[j] = max(0.0, p - tangent * dot), max(0.0, q + tangent * dot)
         if largest < _LAST:
             return sweep + 1
     return -1
@@ -121,14 +124,14 @@ def decompose(m: Array, n: int, width: int, u: Array, b: Array, square: Array, w
                 for j in range(n):
                     s += u[i, j] * m[j, k]
                 b[i, k] = s
-        used = orthogonalise(b, u, n, width, square, _WARM_SWEEPS)
+        used = orthogonalise(b, u, n, width, n, square, _WARM_SWEEPS)
     if not warm or used < 0:
         for i in range(n):
             for j in range(n):
                 u[i, j] = 1.0 if i == j else 0.0
             for k in range(width):
                 b[i, k] = m[i, k]
-        used = max(used, 0) + orthogonalise(b, u, n, width, square, _COLD_SWEEPS)
+        used = max(used, 0) + orthogonalise(b, u, n, width, n, square, COLD_SWEEPS)
     for i in range(1, n):  # nearly sorted already
         j = i
         while j > 0 and square[j] > square[j - 1]:

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import math
 
+from cinegen.solve.damping import NEAR
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import distance_now
 from cinegen.solve.kernel.closing import factor_loops, loop_correction, loop_rows
 from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
+from cinegen.solve.kernel.directions import singular_values
+from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.record import finish
+from cinegen.solve.kernel.resolve import far_from_singular
 from cinegen.solve.kernel.thresholds import (
     ARMIJO,
     CLOSURE,
@@ -17,10 +21,12 @@ from cinegen.solve.kernel.thresholds import (
     DONE,
     EVALUATE,
     EXACT,
+    LEAST_TRUST,
     NOISE,
     STEP_CAP,
     TIGHT,
     TRIES,
+    WISHES,
 )
 
 
@@ -101,6 +107,9 @@ def judge(t: Table) -> int:
             return EVALUATE
         if looped and not largest <= CLOSURE:
             return _shorten(t, 0.5)
+    wishing = t[m.WISHING] != 0 and t[m.TRIES] < WISHES  # something of it is in this trial
+    if refine and wishing and not rest <= 10.0 * EXACT:
+        return _shorten(t, 0.5)
     settings[m.GAP] = largest
     moved, taken = vector(t[m.MOVED], n), vector(t[m.TAKEN], n)
     longest = vector(t[m.LONGEST] + 8 * t[m.OFFSET], n)
@@ -115,7 +124,10 @@ def judge(t: Table) -> int:
         return _shorten(t, 0.5)
     t[m.CLOSES] = 1
     won, promised = settings[m.DISTANCE] - distance, settings[m.GAINED]
-    if p > 0 and won < ARMIJO * promised - NOISE:
+    noise = NOISE
+    if refine and wishing:  # what is exact enough is no loss
+        noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * settings[m.DISTANCE]))
+    if p > 0 and won < ARMIJO * promised - noise:
         return _shorten(t, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # where a parabola is lowest
     finish(t, True)
     return DONE
@@ -142,7 +154,7 @@ def _refined(t: Table) -> float:
             now[j] = weight * (now[j] - whole[j]) + e[j]
         p += int(table[i, m.TRANSLATION]) + int(table[i, m.ROTATION])
     # only what the free motions can do about it counts
-    if t[m.QUICK] != 0:
+    if t[m.QUICK] == 1:
         for j in range(p):
             largest = max(largest, abs(now[j]))
         return largest
@@ -179,7 +191,7 @@ def _correct(t: Table, largest: float, refine: bool) -> None:
             settings[m.SHARP] = largest
         if t[m.RANK] > 0:
             loop_correction(t, y)
-    if refine and not holding:
+    if refine:
         jp, now = matrix(t[m.JP], p, n), vector(t[m.E_TRIAL], p)
         if t[m.LOOPS] > 0:
             for i in range(p):
@@ -187,7 +199,8 @@ def _correct(t: Table, largest: float, refine: bool) -> None:
                 for c in range(n):
                     s += jp[i, c] * y[c]
                 now[i] -= s
-        _pull_back(t, now, y)
+        if not holding or _without_held(t):
+            _pull_back(t, now, y)
     largest_step = 0.0
     for j in range(n):
         largest_step = max(largest_step, abs(y[j]))
@@ -206,6 +219,34 @@ def _correct(t: Table, largest: float, refine: bool) -> None:
 
 
 @compiled
+def _without_held(t: Table) -> bool:
+    """Factors the pulls again, without the joints that are held; False where too little is left of them."""
+    n, p, k, looped = t[m.N], t[m.P], t[m.K], t[m.RANK] > 0
+    if looped and t[m.SINGULAR] != 0:
+        return False
+    held, jp, motions = vector(t[m.HELD], n), matrix(t[m.JP], p, n), matrix(t[m.MOTIONS], k, n)
+    for i in range(p):
+        for j in range(n):
+            if held[j] != 0.0:
+                jp[i, j] = 0.0
+    if looped:
+        free_motions(n, t[m.RANK], vector(t[m.TAU], n), matrix(t[m.H], t[m.RANK], n), motions)
+    lesser = min(p, k)
+    rank = min(t[m.PULL_RANK], lesser)
+    if p == rank:
+        e, y, triangle = vector(t[m.E_TRIAL], p), vector(t[m.Y], k), matrices(t[m.TRIANGLE], 2, p, p)
+        if far_from_singular(jp, p, motions, k, n, looped, e, matrix(t[m.A], p, k), triangle, y):
+            t[m.QUICK] = 1
+            return True
+    singular_values(t)
+    t[m.QUICK] = 2
+    if rank > 0 and vector(t[m.SQUARE], lesser)[rank - 1] >= NEAR * NEAR:
+        return True
+    t[m.REFINE] = 0
+    return False
+
+
+@compiled
 def _pull_back(t: Table, lack: Array, step: Array) -> None:
     """Adds to a step what takes the pulls' lack (p,) away."""
     n, p, k = t[m.N], t[m.P], t[m.K]
@@ -213,7 +254,7 @@ def _pull_back(t: Table, lack: Array, step: Array) -> None:
     lesser, larger = min(p, k), max(p, k)
     for j in range(k):
         y[j] = 0.0
-    if t[m.QUICK] != 0:
+    if t[m.QUICK] == 1:
         a, triangle = matrix(t[m.A], p, k), matrices(t[m.TRIANGLE], 2, p, p)
         for i in range(p):
             s = 0.0
@@ -241,18 +282,27 @@ def _pull_back(t: Table, lack: Array, step: Array) -> None:
 
 @compiled
 def _shorten(t: Table, part: float) -> int:
-    """Tries again with less of the step; gives up after ten times."""
+    """Tries again with less of the step; gives up after ten times. What redundancy adds gives way first."""
     n = t[m.N]
     settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
+    wishing = t[m.WISHING] != 0
     t[m.TRIES] += 1
-    if t[m.TRIES] >= TRIES:
+    if t[m.TRIES] >= (TRIES + WISHES if wishing else TRIES):
         finish(t, False)
         return DONE
-    taken = vector(t[m.TAKEN], n)
-    for j in range(n):
-        taken[j] *= part
-    settings[m.GAINED] *= part
-    t[m.REFINE] = 0
+    taken, secondary = vector(t[m.TAKEN], n), vector(t[m.SECONDARY], n)
+    if wishing and t[m.P] > 0 and t[m.TRIES] <= WISHES:
+        part = min(part, 0.5) if t[m.TRIES] < WISHES else 0.0
+        for j in range(n):
+            taken[j] -= (1.0 - part) * secondary[j]
+            secondary[j] *= part
+        settings[m.TRUST] = max(part * settings[m.TRUST], LEAST_TRUST)
+    else:
+        for j in range(n):
+            taken[j] *= part
+            secondary[j] *= part
+        settings[m.GAINED] *= part
+        t[m.REFINE] = 0
     if t[m.FACTORED] == 2:
         t[m.FACTORED] = 0
     set_out(t)

@@ -1,0 +1,5 @@
+"""Many configurations at once, as maps need them: where a node is, how motors move it, and how well."""
+
+from cinegen.solve.sample.evaluate import Evaluations, evaluate
+
+__all__ = ["Evaluations", "evaluate"]

@@ -1,0 +1,34 @@
+"""A control loop at 1 kHz in a thread of its own: it is told where to go, and asked where it is."""
+
+import time
+
+import numpy as np
+import pinocchio as pin
+
+import cinegen
+
+PERIOD = 1e-3  # s
+
+delta = cinegen.load("robots/delta4.raff")
+solver = cinegen.Solver(delta, PERIOD)
+hand = solver.pull("platform")
+
+
+def follow(tick: cinegen.Tick) -> pin.SE3:
+    """Goes where the newest command says; what it returns is the loop's newest state."""
+    if tick.command is not None:
+        hand.target.translation = tick.command
+    return delta.placement(solver.step().q, "platform")
+
+
+home = delta.placement(delta.q_home, "platform").translation
+with cinegen.Clock(PERIOD) as clock:
+    clock.start(follow)
+    for frame in range(60):  # one second of a display, or of whatever else the program does
+        clock.command = home + np.array([0.002 * frame, 0.0, -0.001 * frame])
+        time.sleep(1 / 60)
+    x, _, z = clock.state.translation - home
+print(f"the platform went {1000 * x:.0f} mm to the side and {-1000 * z:.0f} mm down")
+
+report = clock.report()
+print(f"kept its {1000 * report.period:g} ms, with time to spare: {report.busy < 0.5}")

@@ -1,0 +1,19 @@
+"""Inverse kinematics at once, loops or not: how long must a Gough platform's legs be, and where can it not go?"""
+
+import numpy as np
+import pinocchio as pin
+
+import cinegen
+
+platform = cinegen.load("robots/gough.raff")
+home = platform.placement(platform.q_home, "platform")
+
+for tilt in (0, 10, 20, 30, 40, 50):
+    target = home.copy()
+    target.rotation = home.rotation @ pin.utils.rotate("x", np.radians(tilt))
+    reached = cinegen.reach(platform, {"platform": target})
+    legs = [1000 * reached.q[platform.q_index(leg)] for leg in platform.actuated]
+    if reached:
+        print(f"tilted by {tilt} degrees, legs of", " ".join(f"{leg:.0f}" for leg in legs), "mm")
+    else:
+        print(f"not by {tilt} degrees: {', '.join(reached.holding)} are as long or short as they can be")

@@ -1,0 +1,128 @@
+"""Many configurations at once say what one at a time says: placements, Jacobians and singular values."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_reach import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
+
+import cinegen
+
+
+def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    return np.array([q[mechanism.q_index(joint)] for joint in mechanism.actuated])
+
+
+def around_home(mechanism: cinegen.Mechanism, count: int, seed: int, size: float = 0.3) -> np.ndarray:
+    """(count, motors) values around home."""
+    scale = np.array([mechanism.length if mechanism.slides(joint) else 1.0 for joint in mechanism.actuated])
+    rng = np.random.default_rng(seed)
+    return motors(mechanism, mechanism.q_home) + rng.uniform(-size, size, (count, len(scale))) * scale
+
+
+@pytest.mark.parametrize("name", SERIAL)
+def test_without_loops_it_is_the_mechanisms_own_jacobian(name: str) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    known = configurations(mechanism, 20, seed=2)
+    found = cinegen.evaluate(mechanism, node, [motors(mechanism, q) for q in known])
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    for i, q in enumerate(known):
+        jacobian = mechanism.jacobian(q, node)
+        np.testing.assert_allclose(found.q[i], q)
+        np.testing.assert_allclose(found.placements[i], mechanism.placement(q, node).homogeneous, atol=1e-13)
+        np.testing.assert_allclose(found.jacobians[i], jacobian[:, columns], atol=1e-12)
+        unit = jacobian * mechanism.scale / np.repeat([mechanism.length, 1.0], 3)[:, None]
+        sigma = np.linalg.svd(unit, compute_uv=False)
+        np.testing.assert_allclose(found.singular_values[i], sigma[: found.singular_values.shape[1]], atol=1e-12)
+    assert not found.closure.any()
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    values = around_home(mechanism, 12, seed=5, size=0.1)
+    found = cinegen.evaluate(mechanism, node, values)
+    closed = np.isfinite(found.closure)
+    assert closed.sum() >= 6
+    for i in np.flatnonzero(closed):
+        q = found.q[i]
+        assert mechanism.closure(q) <= 1e-10
+        np.testing.assert_array_equal(motors(mechanism, q), values[i])
+        place = mechanism.placement(q, node)
+        np.testing.assert_allclose(found.placements[i], place.homogeneous, atol=1e-12 * max(1.0, mechanism.length))
+        if len(mechanism.actuated) != mechanism.mobility:
+            continue
+        for c, joint in enumerate(mechanism.actuated):
+            unit = mechanism.length if mechanism.slides(joint) else 1.0
+            ways = []
+            for sign in (-1.0, 1.0):
+                moved = q.copy()
+                moved[mechanism.q_index(joint)] += sign * 1e-5 * unit
+                moved = mechanism.close(moved, locked=mechanism.actuated)
+                ways.append(place.actInv(mechanism.placement(moved, node)).translation)
+            slope = (ways[1] - ways[0]) / (2e-5 * unit)
+            size = np.abs(found.jacobians[i]).max()
+            np.testing.assert_allclose(found.jacobians[i][:3, c], slope, atol=1e-6 * (1.0 + size))
+
+
+@pytest.mark.parametrize("name", CLOSED)
+@pytest.mark.parametrize(("translation", "rotation"), [(3, 0), (3, 3), (2, 1), (1, 2)])
+def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotation: int) -> None:
+    mechanism = mechanism_of(name)
+    node = end_of(mechanism)
+    found = cinegen.evaluate(mechanism, node, around_home(mechanism, 3, seed=7, size=0.05), translation, rotation)
+    for q, sigma in zip(found.q, found.singular_values, strict=True):
+        if not np.isfinite(q).all():
+            continue
+        solver = cinegen.Solver(mechanism, 0.01, q)
+        solver.pull(node, None, translation, rotation)
+        expected = solver.step().singular_values
+        np.testing.assert_allclose(sigma[: len(expected)], expected, atol=1e-9)
+        np.testing.assert_allclose(sigma[len(expected) :], 0.0, atol=1e-9)
+
+
+def test_a_long_way_of_the_motors_stays_on_the_branch() -> None:
+    mechanism = mechanism_of("delta4")
+    low, high = limits_of(mechanism)
+    ends = [motors(mechanism, np.maximum(low, -0.5)), motors(mechanism, np.minimum(high, 0.6))]
+    there = cinegen.evaluate(mechanism, "platform", [ends[0], ends[1], ends[0]], 3, 0)
+    steps = np.linspace(ends[0], ends[1], 100)
+    slowly = cinegen.evaluate(mechanism, "platform", steps, 3, 0)
+    np.testing.assert_allclose(there.q[1], slowly.q[-1], atol=1e-9)
+    np.testing.assert_allclose(there.q[2], slowly.q[0], atol=1e-9)
+
+
+def test_what_can_not_be_closed_is_no_number_and_does_not_stop_the_others() -> None:
+    mechanism = mechanism_of("five_bar")
+    home = motors(mechanism, mechanism.q_home)
+    away = [home, home + np.array([2.5, -2.5]), [np.nan, 0.0], [1e9, 0.0], home]
+    found = cinegen.evaluate(mechanism, end_of(mechanism), away, 2, 0)
+    np.testing.assert_array_equal(np.isfinite(found.closure)[[0, 2, 3, 4]], [True, False, False, True])
+    for field in (found.q, found.placements, found.jacobians, found.singular_values):
+        np.testing.assert_array_equal(np.isfinite(field).reshape(5, -1).all(axis=1), np.isfinite(found.closure))
+    np.testing.assert_allclose(found.q[0], found.q[4], atol=1e-12)
+
+
+@given(st.integers(0, 10**6))
+@settings(deadline=None, max_examples=20)
+def test_one_at_a_time_or_all_at_once_is_the_same(seed: int) -> None:
+    mechanism = mechanism_of("gough")
+    values = around_home(mechanism, 4, seed, size=0.02)
+    together = cinegen.evaluate(mechanism, "platform", values)
+    for i, value in enumerate(values):
+        alone = cinegen.evaluate(mechanism, "platform", [value])
+        np.testing.assert_allclose(alone.singular_values[0], together.singular_values[i], atol=1e-9)
+        np.testing.assert_allclose(alone.placements[0], together.placements[i], atol=1e-9)
+
+
+def test_nothing_gives_nothing_and_another_shape_is_refused() -> None:
+    mechanism = mechanism_of("delta4")
+    assert cinegen.evaluate(mechanism, "platform", np.zeros((0, 3))).q.shape == (0, 15)
+    with pytest.raises(cinegen.CinegenError, match=r"\(count, 3\)"):
+        cinegen.evaluate(mechanism, "platform", np.zeros((4, 2)))
+    with pytest.raises(cinegen.CinegenError, match="plat"):
+        cinegen.evaluate(mechanism, "plat", np.zeros((4, 3)))

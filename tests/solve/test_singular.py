@@ -1,0 +1,248 @@
+"""Singularities against closed forms: which direction is lost, which motion is gained."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from planar import TWO_R, singular_values, two_r
+
+from cinegen import Solver
+
+DT = 0.01
+seeds = st.integers(0, 2**32 - 1)
+ROBOTS = ["planar_3r", "serial_5dof", "rx90", "arm7", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
+LOOPED = ["four_bar", "five_bar", "planar_hybrid", "delta4", "delta4_linear", "gough", "hybrid", "sr400", "tssm"]
+
+
+def _unit(mechanism):
+    return np.array([mechanism.length] * 3 + [1.0] * 3)
+
+
+def _world(mechanism, q, node):
+    """(6, nv) Jacobian of a node in the world's axes."""
+    turn = np.kron(np.eye(2), mechanism.placement(q, node).rotation)
+    return turn @ mechanism.jacobian(q, node)
+
+
+def _random(mechanism, seed):
+    return mechanism.random_closed(1, seed)[-1]
+
+
+# --- type 1 ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_two_r_arm_loses_what_its_closed_form_says(raff):
+    a, b = 0.4, 0.3
+    arm = raff(TWO_R % {"first": 30, "second": 40, "a": 1000 * a, "b": 1000 * b})
+    for second in (0.6, 0.1, 1e-3, 1e-6, -0.4, math.pi - 0.2):
+        q = arm.configuration({"joint1": 0.7, "joint2": second})
+        solver = Solver(arm, DT, q=q)
+        solver.pull("tool", rotation=0)
+        step = solver.step()
+        lost = step.losing
+        greater, smaller = singular_values(two_r(a, b, 0.7, second) / arm.length)
+        assert lost.sigma == pytest.approx(smaller, abs=1e-12)
+        assert step.singular_values == pytest.approx([greater, smaller], abs=1e-12)
+
+
+def test_a_stretched_arm_loses_the_way_along_itself(raff):
+    a, b, turn = 0.4, 0.3, math.radians(30)
+    arm = raff(TWO_R % {"first": 30, "second": 0, "a": 1000 * a, "b": 1000 * b})
+    solver = Solver(arm, DT)
+    pull = solver.pull("tool", rotation=0)
+    lost = solver.step().losing
+    assert lost.sigma == pytest.approx(0.0, abs=1e-12)
+    along = np.array([math.cos(turn), math.sin(turn), 0.0, 0.0, 0.0, 0.0])
+    assert abs(lost.twists[0] @ along) == pytest.approx(arm.length)
+    assert np.linalg.norm(lost.twists) == pytest.approx(arm.length)
+    # what both joints do to the end cancels
+    assert lost.joints == pytest.approx(np.array([-b, a + b]) / math.hypot(b, a + b), abs=1e-9)
+    solver.release(pull)
+    assert solver.step().losing is None
+
+
+def test_out_of_its_plane_a_planar_robot_loses_nothing(robot):
+    arm = robot("planar_3r")
+    stretched = arm.configuration({"joint1": 0.3, "joint2": 0.0, "joint3": 0.0})
+    solver = Solver(arm, DT, q=stretched)
+    solver.pull("tool")
+    lost = solver.step().losing
+    assert lost.sigma == pytest.approx(0.0, abs=1e-12)
+    assert np.abs(lost.twists[0][[2, 3, 4]]).max() < 1e-9
+    assert abs(lost.twists[0][0] * math.sin(0.3) - lost.twists[0][1] * math.cos(0.3)) < 1e-9  # along the arm
+
+
+@given(seeds, st.sampled_from(ROBOTS))
+def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name):
+    """J v = sigma t, loops closed to first order, both of unit length; nothing moves the pulls less."""
+    mechanism = robot(name)
+    q = _random(mechanism, seed)
+    solver = Solver(mechanism, DT, q=q)
+    solver.pull(mechanism.end)
+    step = solver.step()
+    lost, unit = step.losing, _unit(mechanism)
+    jacobian = _world(mechanism, step.q, mechanism.end)
+    assert jacobian @ lost.joints / unit == pytest.approx(lost.sigma * lost.twists[0] / unit, abs=1e-9)
+    assert np.linalg.norm(lost.joints / mechanism.scale) == pytest.approx(1.0)
+    assert np.linalg.norm(lost.twists[0] / unit) == pytest.approx(1.0)
+    if mechanism.loops:
+        assert mechanism.loop_jacobian(step.q) @ lost.joints == pytest.approx(0.0, abs=1e-9)
+    assert lost.sigma == pytest.approx(step.singular_values[-1], abs=1e-9)
+
+
+@given(seeds)
+def test_several_pulls_of_any_weight_share_one_direction(robot, seed):
+    mechanism, rng = robot("hybrid"), np.random.default_rng(seed)
+    nodes, weights = ("tool", "link2"), rng.uniform(0.2, 5.0, 2)
+    solver = Solver(mechanism, DT, q=_random(mechanism, seed))
+    for node, weight in zip(nodes, weights, strict=True):
+        solver.pull(node, weight=weight, axes=str(rng.choice(["target", "world", "tool"])))
+    step = solver.step()
+    lost, unit = step.losing, _unit(mechanism)
+    total = 0.0
+    for node, weight, twist in zip(nodes, weights / weights.max(), lost.twists, strict=True):
+        moved = _world(mechanism, step.q, node) @ lost.joints
+        assert moved / unit == pytest.approx(lost.sigma * twist / unit, abs=1e-9)
+        total += np.linalg.norm(weight * twist / unit) ** 2
+    assert total == pytest.approx(1.0)
+
+
+def test_a_pull_that_is_left_out_has_no_part_in_it(robot):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    solver.pull("link3").target = None
+    solver.pull("tool")
+    both = solver.step().losing
+    assert not both.twists[0].any()
+    alone = Solver(arm, DT)
+    alone.pull("tool")
+    assert both.twists[1] == pytest.approx(alone.step().losing.twists[0], abs=1e-12)
+
+
+def test_what_is_not_held_is_not_lost(robot):
+    arm = robot("rx90")
+    for translation, rotation, free in ((3, 0, [3, 4, 5]), (2, 2, [2, 5]), (0, 1, [0, 1, 2, 3, 4]), (1, 3, [1, 2])):
+        solver = Solver(arm, DT)
+        solver.pull("tool", translation=translation, rotation=rotation, axes="world")
+        assert solver.step().losing.twists[0][free] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_base_that_rests_has_no_part_in_it(raff):
+    text = """
+      sensor 1 { port "x" translation 3 rotation 3 }
+      robot r { base { }
+        link 1 { parameters { theta 20 } type 2 pred 0 }
+        link 2 { parameters { theta 0 d 300 } type 2 pred 1 }
+        frame 3 { parameters { d 200 } pred 2 name "tool" }
+        constraint { base sensor ( 0 1 ) } }"""
+    solver = Solver(raff(text), DT)
+    solver.pull("tool", rotation=0)
+    lost = solver.step().losing
+    assert lost.sigma == pytest.approx(0.0, abs=1e-12)
+    assert lost.joints[:6] == pytest.approx(0.0)
+    assert np.linalg.norm(lost.joints) == pytest.approx(1.0)
+
+
+# --- type 2 ----------------------------------------------------------------------------------------------------------
+
+
+def _rods(mechanism, q, first, second):
+    """(2, 2) what a four-bar's passive joints do to its cut pin: rods from the nodes' origins to it."""
+    pin_at = mechanism.placement(q, "frame4").translation
+    rods = [pin_at - mechanism.placement(q, node).translation for node in (first, second)]
+    return np.column_stack([[-rod[1], rod[0]] for rod in rods]) * np.array([1.0, -1.0])
+
+
+def test_a_four_bar_gains_a_motion_as_its_closed_form_says(robot):
+    bar = robot("four_bar")
+    for q in bar.random_closed(20, seed=1):
+        solver = Solver(bar, DT, q=q)
+        step = solver.step()
+        expected = singular_values(_rods(bar, q, "link2", "link3") / bar.length)
+        assert step.passive_singular_values == pytest.approx(expected, abs=1e-12)
+        assert step.gaining.sigma == pytest.approx(expected[1], abs=1e-12)
+
+
+ROCKER = """
+  robot r { base { }
+    link 1 { parameters { theta 50 } type 2 pred 0 }
+    link 2 { parameters { theta -25.722522 d 120 } type 2 pred 1 }
+    link 3 { parameters { theta 88.735117 d 400 } type 2 pred 0 actuated 1 }
+    frame 4 { parameters { d 360 } pred 2 }
+    frame 5 { parameters { d 240 } pred 3 }
+    constraint { frame 4 frame 5 type 2 } }"""
+"""The four-bar of robots/, its motor on the rocker: at a dead point its crank and its coupler lie in one line."""
+
+
+def test_a_four_bar_driven_by_its_rocker_has_a_dead_point(raff):
+    bar = raff(ROCKER)
+    a, b, c, d = 0.12, 0.36, 0.24, 0.4
+    crank = math.acos(((a + b) ** 2 + d**2 - c**2) / (2 * (a + b) * d))  # stretched: the law of cosines
+    rocker = math.pi - math.acos((c**2 + d**2 - (a + b) ** 2) / (2 * c * d))
+    q = bar.close(bar.configuration({"joint1": crank, "joint2": 0.0, "joint3": rocker}))
+    assert bar.closure(q) < 1e-12
+    step = Solver(bar, DT, q=q).step()
+    gained = step.gaining
+    assert gained.sigma < 1e-6  # closing leaves the square root of rounding
+    # crank and coupler buckle, the rocker stands: the pin stays where it is to first order
+    expected = {"joint1": b, "joint2": -(a + b), "joint3": 0.0}
+    size = math.hypot(*expected.values())
+    for joint, value in expected.items():
+        assert abs(gained.joints[bar.v_index(joint)]) == pytest.approx(abs(value) / size, abs=1e-6)
+    assert gained.joints[bar.v_index("joint1")] * gained.joints[bar.v_index("joint2")] < 0.0
+    assert bar.loop_jacobian(q) @ gained.joints == pytest.approx(0.0, abs=1e-6)
+    for h in (1e-2, 1e-3):  # moved along it with the motor held, loops open by its square only
+        assert bar.closure(pin.integrate(bar.model, q, h * gained.joints)) < 2.0 * h * h
+
+
+@given(seeds, st.sampled_from(LOOPED))
+def test_along_the_gained_motion_loops_open_by_sigma(robot, seed, name):
+    mechanism = robot(name)
+    q = _random(mechanism, seed)
+    step = Solver(mechanism, DT, q=q).step()
+    gained = step.gaining
+    motors = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    assert not gained.joints[motors].any()
+    assert np.linalg.norm(gained.joints / mechanism.scale) == pytest.approx(1.0)
+    assert gained.sigma == pytest.approx(step.passive_singular_values[-1])
+    assert len(step.passive_singular_values) == mechanism.loop_rank  # of these robots: motors determine all
+    h = 1e-6
+    ahead, behind = (pin.integrate(mechanism.model, q, side * h * gained.joints) for side in (1.0, -1.0))
+    units = np.array([1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components])
+    opened = (mechanism.loop_residual(ahead) - mechanism.loop_residual(behind)) / (2.0 * h) / units
+    assert np.linalg.norm(opened) == pytest.approx(gained.sigma, abs=1e-7)
+
+
+def test_without_loops_nothing_is_gained(robot):
+    step = Solver(robot("arm7"), DT).step()
+    assert step.gaining is None
+    assert step.passive_singular_values.shape == (0,)
+
+
+def test_a_joint_that_no_motor_determines_is_no_singularity(raff):
+    """A coupler's end with a link hanging from it, without a motor: idle everywhere, so nothing is gained there."""
+    idle = raff(ROCKER.replace("frame 4 {", "link 6 { parameters { d 100 } type 2 pred 2 actuated 0 }\n    frame 4 {"))
+    bar = raff(ROCKER, name="plain")
+    assert len(idle.passive_columns) == 3
+    assert idle.passive_rank == 2
+    q = Solver(idle, DT).step()
+    ratio = idle.length / bar.length
+    assert ratio * q.passive_singular_values == pytest.approx(Solver(bar, DT).step().passive_singular_values)
+    assert q.gaining.joints[idle.v_index("joint6")] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_values_do_not_change_with_later_ticks(robot):
+    delta = robot("delta4")
+    solver = Solver(delta, DT)
+    pull = solver.pull("platform")
+    step = solver.step()
+    before = step.losing.joints, step.gaining.joints, step.passive_singular_values
+    pull.target.translation += [0.2, 0.1, -0.1]
+    solver.step()
+    for one, other in zip(before, (step.losing.joints, step.gaining.joints, step.passive_singular_values), strict=True):
+        assert np.array_equal(one, other)
