@@ -1,0 +1,220 @@
+"""Out of reach and back, out of singularities, and away from limits: a robot never stays where it could go on."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from elementary import ROBOTS, document, within_limits
+from test_dragging import what_could_be_won
+
+import cinegen
+from cinegen import Solver
+from cinegen.solve.damping import NEAR
+
+DT = 1 / 60
+FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
+EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
+every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+EXCURSIONS, OUT, BACK = 100, 60, 3000
+
+DEAD_ENDS = {"rx90": 10, "four_bar": 8, "two_arms": 7, "hybrid": 4, "serial_5dof": 4, "arm7": 3}
+"""So many of a hundred excursions may end where limits, or the curve of a four-bar's tool, pulled the robot into a dead
+end: there no motion brings it nearer to first order, and each of them is held to that."""
+
+
+@cache
+def load(name: str, which: str) -> cinegen.Mechanism:
+    return cinegen.load(ROBOTS / f"{name}.raff", which)
+
+
+@cache
+def starts(mechanism: cinegen.Mechanism) -> list[np.ndarray]:
+    """Inside the limits, away from singularities of the whole pose."""
+    node = mechanism.nodes[-1]
+    found = [mechanism.q_home]
+    for seed in range(6):
+        for q in mechanism.random_closed(20, seed):
+            solver = Solver(mechanism, DT, q=q)
+            solver.pull(node)
+            sigma = solver.step().singular_values
+            if within_limits(mechanism, q) and sigma.min(initial=1.0) > NEAR:
+                found.append(q)
+    return found[:20]
+
+
+def could_be_won(solver: Solver) -> float:
+    """The part of a small motion that loops and limits leave for going nearer to the target, to first order; by linear
+    programming."""
+    won, error = what_could_be_won(solver.mechanism, solver.q, solver.pulls[0])
+    return won / (0.05 * error)
+
+
+def is_back(mechanism: cinegen.Mechanism, step: cinegen.Step) -> bool:
+    metres, angle = step.errors[0]
+    return metres < 5e-5 * mechanism.length and angle < 5e-5
+
+
+def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
+    """The last step, where it is back, or at rest."""
+    mechanism = solver.mechanism
+    node, way = mechanism.nodes[-1], rng.normal(size=3)
+    home = mechanism.placement(solver.q, node)
+    far = mechanism.length * 10.0 ** rng.uniform(0.5, 2.0)
+    pull = solver.pull(node, rotation=int(rng.choice([0, 3])))
+    pull.target = pin.SE3(home.rotation, home.translation + far * way / np.linalg.norm(way))
+    for tick in range(OUT + BACK):
+        if tick == OUT:
+            pull.target = home
+        step = solver.step()
+        assert step.closure <= 1e-10
+        assert within_limits(mechanism, step.q)
+        rests = np.abs(step.v / mechanism.scale).max() * DT < 1e-7
+        if tick > OUT + 5 and (rests or is_back(mechanism, step)):
+            break
+    return step
+
+
+@every_robot
+def test_out_of_reach_and_back(name, which):
+    mechanism, rng, dead_ends = load(name, which), np.random.default_rng(0), 0
+    begin = starts(mechanism)
+    for excursion in range(EXCURSIONS):
+        solver = Solver(mechanism, DT, q=begin[excursion % len(begin)])
+        step = out_and_back(solver, rng)
+        if not is_back(mechanism, step):
+            assert could_be_won(solver) < 1e-3, (excursion, step, step.saturated)
+            dead_ends += 1
+    assert dead_ends <= DEAD_ENDS.get(name, 0)
+
+
+# --- out of singularities ----------------------------------------------------------------------------------------
+
+
+def chain(*lengths: float) -> str:
+    """A planar arm of equal joints, all at 0: stretched."""
+    links = [
+        f"link {i + 1} {{ parameters {{ theta 0 d {0 if i == 0 else lengths[i - 1]} }} type 2 pred {i} }}"
+        for i in range(len(lengths))
+    ]
+    end = f'frame 20 {{ parameters {{ d {lengths[-1]} }} pred {len(lengths)} name "tool" }}'
+    return "robot r { base { } " + " ".join([*links, end]) + " }"
+
+
+UR = """robot r { base { }
+  link 1 { parameters { theta 0 r 89 } type 2 pred 0 }
+  link 2 { parameters { theta 0 alpha 90 } type 2 pred 1 }
+  link 3 { parameters { theta 0 d -425 } type 2 pred 2 }
+  link 4 { parameters { theta 0 d -392 r 109 } type 2 pred 3 }
+  link 5 { parameters { theta 0 alpha 90 r 95 } type 2 pred 4 }
+  link 6 { parameters { theta 0 alpha -90 r 82 } type 2 pred 5 }
+  frame 7 { parameters { } pred 6 name "tool" } }"""
+"""Like a UR5: shoulder, elbow and wrist with parallel axes, all stretched."""
+
+STRETCHED = {"2R": chain(400, 300), "3R": chain(400, 300, 200), "5R": chain(*[200] * 5), "ur": UR}
+
+
+def drawn_in(solver: Solver, node: str, away: pin.SE3, ticks: int) -> cinegen.Step:
+    solver.pull(node, away, rotation=0)
+    for _ in range(ticks):
+        step = solver.step()
+    return step
+
+
+@pytest.mark.parametrize("name", STRETCHED)
+@pytest.mark.parametrize("aside", [1e-3, 0.1, -0.5])
+def test_a_stretched_arm_is_drawn_in_by_a_pull_that_is_not_quite_straight(raff, name, aside):
+    arm = raff(STRETCHED[name])
+    solver = Solver(arm, DT)
+    begin = arm.placement(solver.q, "tool").translation
+    inwards = -begin / np.linalg.norm(begin)
+    across = np.cross([0.0, 0.0, 1.0], inwards) if name != "ur" else np.cross([0.0, 1.0, 0.0], inwards)
+    goal = begin + 0.4 * arm.length * (inwards + aside * across)
+    first = solver.q
+    step = drawn_in(solver, "tool", pin.SE3(np.eye(3), goal), 1)
+    assert not np.array_equal(step.q, first)  # at once
+    for _ in range(1500):
+        step = solver.step()
+    assert step.errors[0][0] < 1e-6 * arm.length
+
+
+@pytest.mark.xfail(strict=True, reason="to first order nothing can be won: a resolved-rate step stays where it is")
+@pytest.mark.parametrize("name", ["2R", "3R", "5R"])
+def test_a_stretched_arm_is_drawn_in_by_a_pull_straight_inwards(raff, name):
+    arm = raff(STRETCHED[name])
+    solver = Solver(arm, DT)
+    begin = arm.placement(solver.q, "tool").translation
+    shoulder = arm.placement(solver.q, "link2").translation
+    step = drawn_in(solver, "tool", pin.SE3(np.eye(3), begin + 0.2 * (shoulder - begin)), 600)
+    assert step.errors[0][0] < 1e-6 * arm.length
+
+
+@pytest.mark.parametrize("name", STRETCHED)
+def test_a_stretched_arm_that_was_pulled_there_comes_back_from_it(raff, name):
+    """Not exactly straight, as it is when a hand has pulled it there."""
+    arm = raff(STRETCHED[name])
+    rng = np.random.default_rng(1)
+    for _ in range(10):
+        q = 0.5 * rng.normal(size=arm.model.nq)
+        solver = Solver(arm, DT, q=q)
+        home = arm.placement(q, "tool")
+        pull = solver.pull("tool", rotation=0)
+        pull.target = pin.SE3(home.rotation, 5.0 * home.translation)
+        for _ in range(300):
+            solver.step()
+        pull.target = home
+        for tick in range(400):
+            before, step = solver.q, solver.step()
+            if tick == 0:
+                assert not np.array_equal(step.q, before)
+        assert step.errors[0][0] < 1e-5 * arm.length
+
+
+@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("arm7", "arm"), ("rx90", "arm"), ("sr400", "arm")])
+def test_in_a_singularity_whatever_is_free_moves_at_once(name, which):
+    """All joints at 0: the tool goes in every direction that its Jacobian knows, in the first tick."""
+    arm = load(name, which)
+    q = arm.close(arm.configuration(dict.fromkeys(arm.actuated, 0.0)), arm.actuated)
+    here = arm.placement(q, "tool")
+    motions = np.linalg.svd(arm.system.evaluate(q)[1])[2][arm.loop_rank :] if arm.loops else np.eye(arm.model.nv)
+    u, sigma, _ = np.linalg.svd(here.rotation @ (arm.jacobian(q, "tool") * arm.scale)[:3] @ motions.T / arm.length)
+    for way in u[:, sigma > 2.0 * NEAR].T:
+        for sign in (1.0, -1.0):
+            solver = Solver(arm, DT, q=q)
+            goal = here.translation + sign * 0.01 * arm.length * way
+            solver.pull("tool", pin.SE3(here.rotation, goal), rotation=0)
+            step = solver.step()
+            gone = arm.placement(step.q, "tool").translation - here.translation
+            if not step.saturated:
+                assert sign * way @ gone > 1e-3 * arm.length
+
+
+# --- away from limits --------------------------------------------------------------------------------------------
+
+
+@every_robot
+def test_from_a_limit_it_moves_at_once_in_every_direction_that_is_free(name, which):
+    """Pulled against its limits, then in random directions: it moves wherever the linear problem says it can."""
+    mechanism, rng = load(name, which), np.random.default_rng(2)
+    node, moved, begin = mechanism.nodes[-1], 0, starts(mechanism)
+    for i in range(6):
+        solver = Solver(mechanism, DT, q=begin[i % len(begin)])
+        here, way = mechanism.placement(solver.q, node), rng.normal(size=3)
+        pull = solver.pull(node, rotation=0)
+        pull.target = pin.SE3(here.rotation, here.translation + 20.0 * mechanism.length * way)
+        for _ in range(200):
+            solver.step()
+        q = solver.q
+        here = mechanism.placement(q, node)
+        for _ in range(6):
+            solver.q = q
+            pull.target = pin.SE3(here.rotation, here.translation + 0.05 * mechanism.length * rng.normal(size=3))
+            could = could_be_won(solver)
+            distance = float(np.linalg.norm(pull.target.translation - here.translation))
+            step = solver.step()
+            if could > 0.05:
+                assert step.errors[0][0] < distance * (1.0 - 1e-4), (i, could, step)
+                moved += 1
+    assert moved > 10 or mechanism.mobility == 1

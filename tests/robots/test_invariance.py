@@ -1,0 +1,259 @@
+"""What must not matter: the unit of length and the size of a robot, and which joint of a loop was cut."""
+
+from __future__ import annotations
+
+import tempfile
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from elementary import ROBOTS, document, within_limits
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from making import (
+    FIXED,
+    PRISMATIC,
+    REVOLUTE,
+    Body,
+    Mechanism,
+    axis,
+    bennett,
+    direction,
+    planar,
+    ring,
+    sarrus,
+    somewhere,
+)
+
+import cinegen
+import raff2urdf
+from raff2urdf.document import Document, JointType, Link, Parameters
+
+DT = 1 / 60
+FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
+EVERY = [pytest.param(name, robot.name, id=f"{name}-{robot.name}") for name in FILES for robot in document(name).robots]
+every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+
+
+def loaded(text: str, which: str | None = None) -> cinegen.Mechanism:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "any.raff"
+        path.write_text(text, encoding="utf-8")
+        return cinegen.load(path, which)
+
+
+# --- size --------------------------------------------------------------------------------------------------------
+
+
+def larger(text: Document, factor: float, units: str) -> Document:
+    """All lengths of a document by a factor, its limits and speeds of slides too, in another unit."""
+
+    def longer(p: Parameters) -> Parameters:
+        return replace(p, r=factor * p.r, d=factor * p.d, epsilon=factor * p.epsilon)
+
+    def part(p):
+        p = replace(p, parameters=longer(p.parameters))
+        if isinstance(p, Link) and p.type is JointType.PRISMATIC:
+            limits = None if p.limits is None else tuple(factor * limit for limit in p.limits)
+            p = replace(p, limits=limits, velocity=None if p.velocity is None else factor * p.velocity)
+        return p
+
+    robots = tuple(
+        replace(
+            robot,
+            base=replace(robot.base, parameters=longer(robot.base.parameters)),
+            parts=tuple(part(p) for p in robot.parts),
+        )
+        for robot in text.robots
+    )
+    return replace(text, units=units, robots=robots)
+
+
+@cache
+def of_size(name: str, which: str, factor: float, units: str) -> cinegen.Mechanism:
+    return loaded(raff2urdf.dumps(larger(document(name), factor, units)), which)
+
+
+def reachable(mechanism: cinegen.Mechanism, rng: np.random.Generator) -> list[np.ndarray]:
+    """Closed configurations inside the limits, home among them."""
+    found = [q for q in mechanism.random_closed(60, int(rng.integers(1000))) if within_limits(mechanism, q)]
+    return [mechanism.q_home, *found[:12]]
+
+
+@every_robot
+@pytest.mark.parametrize(("factor", "units"), [(1.0, "um"), (1.0, "m"), (4.0, "cm"), (7e3, "m")])
+def test_a_robot_of_micrometres_or_kilometres_moves_like_its_twin(name, which, factor, units):
+    """Dragged from one reachable pose to the next, at once; some joints against their limits."""
+    one, other = of_size(name, which, 1.0, "mm"), of_size(name, which, factor, units)
+    size = other.length / one.length
+    assert other.q_home / _of_q(other) == pytest.approx(one.q_home / _of_q(one), abs=1e-9)
+    rng = np.random.default_rng(0)
+    poses = [one.placement(q, one.nodes[-1]) for q in reachable(one, rng)]
+    begin = one.q_home / _of_q(one)
+    solvers = [cinegen.Solver(one, DT), cinegen.Solver(other, DT, q=other.close(begin * _of_q(other)))]
+    pulls = [solver.pull(one.nodes[-1], rotation=3) for solver in solvers]
+    moved = 0.0
+    for tick in range(160):
+        if tick % 16 == 0:
+            pose = poses[int(rng.integers(len(poses)))]
+            pulls[0].target, pulls[1].target = pose, pin.SE3(pose.rotation, size * pose.translation)
+        first, second = (solver.step() for solver in solvers)
+        assert second.q / _of_q(other) == pytest.approx(first.q / _of_q(one), abs=1e-9), tick
+        assert second.verdict is first.verdict
+        assert second.saturated == first.saturated
+        moved += float(np.abs(first.v / one.scale).max()) * DT
+    assert moved > 0.5
+
+
+def _of_q(mechanism: cinegen.Mechanism) -> np.ndarray:
+    """What one dimensionless step is in each number of q; none of these robots has a free base."""
+    return np.array(mechanism.scale)
+
+
+# --- cuts --------------------------------------------------------------------------------------------------------
+
+RINGS = {  # how to make them, and a pull that determines their motion: translations, rotations
+    "four-bar": (lambda rng: planar(rng.normal(size=(4, 2))), (1, 0)),
+    "five-bar": (lambda rng: planar(rng.normal(size=(5, 2))), (2, 0)),
+    "six-bar": (lambda rng: planar(rng.normal(size=(6, 2))), (2, 1)),
+    "spherical four-bar": (lambda rng: [axis(z, z) for z in (direction(rng) for _ in range(4))], (1, 0)),
+    "Bennett": (bennett, (1, 0)),
+    "Sarrus": (sarrus, (3, 3)),
+    "seven-bar": (lambda rng: [somewhere(rng) for _ in range(7)], (1, 0)),
+    "eight-bar": (lambda rng: [somewhere(rng) for _ in range(8)], (2, 0)),
+}
+
+
+def exactly(mechanism: Mechanism) -> cinegen.Mechanism:
+    return loaded(f"RAFF any\n{mechanism.text(joint_digits=None)}")
+
+
+def poses_along(mechanism: cinegen.Mechanism, rng: np.random.Generator, far: float) -> list[pin.SE3] | None:
+    """Of the tool, on the way along a free motion from home: what any twin can reach."""
+    q, poses = mechanism.q_home, []
+    motion = rng.normal(size=mechanism.mobility)
+    for _ in range(20):
+        _, sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
+        if sigma[mechanism.loop_rank - 1] < 0.1:
+            return None
+        free = vt[mechanism.loop_rank :]
+        step = free.T @ motion
+        q = mechanism.close(q + far / 20 * step / np.abs(step).max() * mechanism.scale)
+        poses.append(mechanism.placement(q, "tool"))
+        _, _, after = np.linalg.svd(mechanism.system.evaluate(q)[1])
+        motion = after[mechanism.loop_rank :] @ step  # straight on
+    return poses
+
+
+def tool_path(mechanism: cinegen.Mechanism, poses: list[pin.SE3], pull: tuple[int, int]) -> tuple[np.ndarray, float]:
+    """Where the tool is at every tick, and the smallest singular value on the way."""
+    solver = cinegen.Solver(mechanism, 1.0)
+    hand = solver.pull("tool", None, *pull, axes="world")
+    path, smallest = [], np.inf
+    for pose in poses:
+        hand.target = pose
+        for _ in range(5):
+            step = solver.step()
+            smallest = min(smallest, float(step.singular_values[-1]), float(step.loop_singular_values[-1]))
+            if step.pace < 1.0:
+                smallest = 0.0
+            path.append(mechanism.placement(step.q, "tool").homogeneous)
+    return np.array(path), smallest
+
+
+@pytest.mark.parametrize("name", RINGS)
+@settings(max_examples=3, deadline=None, derandomize=True, database=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_where_a_loop_is_cut_does_not_matter(name, seed):
+    """Each pose is approached in five ticks, that need not reach it: where pulls determine the motion, and away from
+    singularities, every tick of it is the same."""
+    make, pull = RINGS[name]
+    rng = np.random.default_rng(seed)
+    axes = make(rng)
+    sigma = ring(axes).singular_values()
+    assume(not ((sigma > 1e-9) & (sigma < 0.1)).any())
+    one = exactly(ring(axes))
+    poses = poses_along(one, rng, 0.3)
+    assume(poses is not None)
+    expected, smallest = tool_path(one, poses, pull)
+    assume(smallest > 0.1)
+    for cut in range(len(axes)):
+        path, _ = tool_path(exactly(ring(axes, None, cut, ("joint", "rigid")[cut % 2])), poses, pull)
+        assert path == pytest.approx(expected, abs=1e-9 * max(1.0, one.length)), cut
+    assert np.abs(expected[-1] - expected[0]).max() > 1e-3  # it did move
+
+
+# how many translations and rotations of the tool determine the motion
+CUTS = {
+    "four_bar": (1, 0),
+    "five_bar": (2, 0),
+    "planar_hybrid": (2, 1),
+    "sr400": (3, 3),
+    "delta4": (3, 0),
+    "delta4_linear": (3, 0),
+}
+
+
+def as_it_is(name: str) -> Mechanism:
+    """A robot of the repository by where everything stands at home; without limits."""
+    there, robot = cinegen.load(ROBOTS / f"{name}.raff"), document(name).robot()
+    bodies = []
+    for part in robot.parts:
+        kind = int(part.type) if isinstance(part, Link) else None
+        more = 'name "tool"' if part is robot.parts[-1] else ""
+        bodies.append(Body(part.number, part.pred, there.placement(there.q_home, part.node).homogeneous, kind, more))
+    loops = tuple((loop.first, loop.second, int(loop.kind)) for loop in robot.loops)
+    return Mechanism(tuple(bodies), loops)
+
+
+def branch(mechanism: Mechanism) -> list[int]:
+    """The bodies that only the first loop's second end stands on, from that end inwards."""
+    pred = {body.number: body.pred for body in mechanism.bodies}
+    first, second, _ = mechanism.loops[0]
+    kept = {0}
+    while first:
+        kept.add(first)
+        first = pred[first]
+    chain = []
+    while second not in kept:
+        chain.append(second)
+        second = pred[second]
+    return chain
+
+
+def cut_at(mechanism: Mechanism, number: int) -> Mechanism:
+    """The first loop cut at the joint of a body of that branch: what was beyond hangs on the first end now, by the
+    joint that was cut, and all joints between are led the other way."""
+    bodies = {body.number: body for body in mechanism.bodies}
+    first, _, kind = mechanism.loops[0]
+    pred, place = first, bodies[first].place
+    for i in branch(mechanism):
+        old = bodies[i]
+        bodies[i] = Body(i, pred, place, kind, old.more)
+        pred, place, kind = i, old.place, FIXED if old.kind is None else old.kind
+        if i == number:
+            break
+    bodies[901], bodies[902] = Body(901, old.pred, place, None), Body(902, number, place, None)
+    return Mechanism(tuple(bodies.values()), ((901, 902, kind), *mechanism.loops[1:]))
+
+
+@pytest.mark.parametrize("name", CUTS)
+def test_where_the_loop_of_a_file_is_cut_does_not_matter(name):
+    mechanism, pull, rng = as_it_is(name), CUTS[name], np.random.default_rng(1)
+    one = exactly(mechanism)
+    poses = poses_along(one, rng, 0.2)
+    assert poses is not None
+    expected, smallest = tool_path(one, poses, pull)
+    assert smallest > 0.05
+    assert np.abs(expected[-1] - expected[0]).max() > 1e-3 * one.length
+    kinds = {body.number: body.kind for body in mechanism.bodies}
+    cuts = [number for number in branch(mechanism) if kinds[number] in (PRISMATIC, REVOLUTE)]
+    assert cuts
+    for cut in cuts:
+        other = exactly(cut_at(mechanism, cut))
+        assert other.mobility == one.mobility
+        path, _ = tool_path(other, poses, pull)
+        assert path == pytest.approx(expected, abs=1e-9 * max(1.0, one.length)), cut

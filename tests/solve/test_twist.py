@@ -1,0 +1,282 @@
+"""Pulls by a speed, and pulls that are another thing in every tick."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+import raff2urdf
+from cinegen import Solver, Verdict
+
+DT = 1 / 240
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+EVERY = [
+    pytest.param(path.stem, robot.name, id=f"{path.stem}-{robot.name}")
+    for path in sorted(ROBOTS.glob("*.raff"))
+    for robot in raff2urdf.load(path).robots
+]
+every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+
+SIX = """robot r { base { }
+  link 1 { parameters { r 500 theta 90 alpha 90 } type 1 pred 0 }
+  link 2 { parameters { r 500 theta 90 alpha 90 } type 1 pred 1 }
+  link 3 { parameters { r 500 theta 90 alpha 90 } type 1 pred 2 }
+  link 4 { parameters { theta 40 } type 2 pred 3 }
+  link 5 { parameters { theta 70 alpha 90 } type 2 pred 4 }
+  link 6 { parameters { theta 20 alpha -90 } type 2 pred 5 }
+  frame 7 { parameters { r 100 } pred 6 name "tool" } }"""
+"""Three slides at right angles and a wrist: goes anywhere, without limits."""
+
+
+def carried(begin: pin.SE3, twist: np.ndarray, seconds: float, axes: str) -> pin.SE3:
+    """Where a constant twist leads: the origin along its line (its screw, in the node's own axes), turned apart."""
+    linear, angular = seconds * twist[:3], seconds * twist[3:]
+    if axes == "world":
+        return pin.SE3(pin.exp3(angular) @ begin.rotation, begin.translation + linear)
+    return pin.SE3(begin.rotation @ pin.exp3(angular), begin.translation + begin.rotation @ linear)
+
+
+@pytest.mark.parametrize("axes", ["world", "target", "tool", "base"])
+@pytest.mark.parametrize("way", [*range(6), "line", "turn", "both"])
+def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
+    arm = raff(SIX)
+    twist = np.zeros(6)
+    if isinstance(way, int):
+        twist[way] = 0.2
+    else:
+        twist[:3] = [0.1, -0.2, 0.05] if way in ("line", "both") else 0.0
+        twist[3:] = [0.0, 0.0, 0.2] if way == "both" else [0.1, -0.2, 0.3] if way == "turn" else 0.0
+    solver = Solver(arm, DT)
+    begin = arm.placement(solver.q, "tool")
+    pull = solver.pull("tool", axes=axes)
+    pull.twist = twist
+    turning = axes in ("target", "tool")
+    for seconds in (1, 2):
+        for _ in range(240):
+            step = solver.step()
+            assert step.verdict is Verdict.FOLLOWING
+        expected = carried(begin, twist, seconds, "tool" if turning else "world")
+        if turning and way == "both":  # the line turns with the node, tick by tick
+            expected = begin
+            for _ in range(240 * seconds):
+                expected = carried(expected, twist, DT, "tool")
+        there = arm.placement(solver.q, "tool")
+        late = 0.5 * (DT * float(np.linalg.norm(twist[3:]))) ** 2  # of second order in the last tick alone
+        assert there.translation == pytest.approx(expected.translation, abs=late + 1e-11)
+        assert there.rotation == pytest.approx(expected.rotation, abs=late + 1e-11)
+    pull.twist = np.zeros(6)
+    solver.step()
+    there = arm.placement(solver.q, "tool")  # exactly, now that it rests
+    # but axes that turn with the node are taken where it is, not where it should be: of second order in a tick
+    exact = 1e-6 if turning and twist[3:].any() else 1e-11
+    assert there.translation == pytest.approx(expected.translation, abs=exact)
+    assert there.rotation == pytest.approx(expected.rotation, abs=exact)
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "planar_hybrid"])
+def test_so_it_does_with_a_closed_robot(robot, name):
+    mechanism = robot(name)
+    node = mechanism.nodes[-1]
+    solver = Solver(mechanism, DT)
+    begin = mechanism.placement(solver.q, node)
+    speed = 0.05 * mechanism.length
+    solver.pull(node, rotation=0, axes="world").twist = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
+    for _ in range(120):
+        solver.step()
+    gone = mechanism.placement(solver.q, node).translation - begin.translation
+    assert gone == pytest.approx([0.5 * speed, 0.0, 0.0], abs=1e-9 * mechanism.length)
+
+
+@pytest.mark.parametrize("axes", ["target", "world"])
+def test_what_is_0_in_a_twist_does_not_drift_in_ten_thousand_ticks(raff, axes):
+    arm = raff(SIX)
+    solver = Solver(arm, 1e-3)
+    begin = arm.placement(solver.q, "tool")
+    pull = solver.pull("tool", axes=axes)
+    for tick in range(10_000):
+        pull.twist = [0.1 * math.sin(1e-3 * tick), 0.0, 0.0, 0.0, 0.0, 0.0]
+        solver.step()
+    gone = arm.placement(solver.q, "tool")
+    along = (
+        begin.rotation.T @ (gone.translation - begin.translation)
+        if axes == "target"
+        else (gone.translation - begin.translation)
+    )
+    assert abs(along[0]) > 0.1
+    assert along[1:] == pytest.approx([0.0, 0.0], abs=1e-11)
+    assert gone.rotation == pytest.approx(begin.rotation, abs=1e-11)
+
+
+def test_a_twist_of_0_holds_the_node_where_it_is(raff):
+    arm = raff(SIX)
+    solver = Solver(arm, 1e-3)
+    solver.pull("tool").twist = np.zeros(6)
+    begin = solver.q
+    for _ in range(1000):
+        step = solver.step()
+    assert step.q == pytest.approx(begin, abs=1e-12)
+    assert step.verdict is Verdict.FOLLOWING
+
+
+@pytest.mark.parametrize(("name", "way"), [("serial_5dof", 2), ("delta4", 2), ("planar_3r", 0), ("five_bar", 1)])
+def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, name, way):
+    mechanism = robot(name)
+    node = mechanism.nodes[-1]
+    solver = Solver(mechanism, 1 / 60)
+    pull = solver.pull(node, rotation=0, axes="world")
+    twist = np.zeros(6)
+    twist[way] = -0.3 * mechanism.length
+    pull.twist = twist
+    for _ in range(1200):  # six lengths
+        step = solver.step()
+    assert step.verdict in (Verdict.AT_LIMIT, Verdict.SINGULAR, Verdict.OUT_OF_REACH)
+    at_the_wall = mechanism.placement(step.q, node).translation[way]
+    pull.twist = -twist
+    for tick in range(30):
+        step = solver.step()
+        if tick == 2:
+            assert mechanism.placement(step.q, node).translation[way] > at_the_wall + 1e-4 * mechanism.length
+    assert mechanism.placement(step.q, node).translation[way] > at_the_wall + 0.05 * mechanism.length
+
+
+def test_a_twist_that_is_no_number_is_left_out_and_moves_nothing(robot):
+    delta = robot("delta4")
+    solver = Solver(delta, DT)
+    pull = solver.pull("platform", rotation=0, axes="world")
+    pull.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    moving = solver.step()
+    assert moving.verdict is Verdict.FOLLOWING
+    before = solver.q
+    for bad in ([math.nan] * 6, [0.0, math.inf, 0.0, 0.0, 0.0, 0.0], [1.0, 2.0], "fast", object()):
+        pull.twist = bad
+        step = solver.step()
+        assert step.verdict is Verdict.BAD_TARGET
+        assert np.array_equal(step.q, before)
+        assert np.isnan(step.errors[0]).all()
+    pull.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    step = solver.step()
+    assert step.verdict is Verdict.FOLLOWING
+    assert not np.array_equal(step.q, before)
+
+
+@every_robot
+def test_twists_as_far_as_numbers_go_are_survived(name, which):
+    mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
+    solver = Solver(mechanism, DT)
+    pull = solver.pull(mechanism.nodes[-1])
+    for fast in (1e-300, 1e3, 1e30, 1e150, 1e300, 1.7e308):
+        for twist in (*np.eye(6), -np.ones(6)):
+            pull.twist = fast * twist
+            for _ in range(2):
+                check(mechanism, solver.step())
+    # and nothing of it is left
+    goal = mechanism.placement(mechanism.random_closed(1, seed=3)[0], mechanism.nodes[-1])
+    other = Solver(mechanism, DT, q=solver.q)
+    other.pull(mechanism.nodes[-1], goal)
+    pull.target = goal
+    for _ in range(20):
+        assert solver.step().q == pytest.approx(other.step().q, abs=1e-9)
+    assert not np.array_equal(solver.q, mechanism.q_home)
+
+
+def test_a_target_and_a_twist_in_turn_end_each_other(raff):
+    """Back by the target and on by the twist, tick by tick: it gets nowhere, and does not drift."""
+    arm = raff(SIX)
+    solver = Solver(arm, DT)
+    begin = arm.placement(solver.q, "tool")
+    pull = solver.pull("tool", axes="world")
+    twist = np.array([0.3, 0.1, 0.0, 0.0, 0.0, 0.2])
+    for tick in range(400):
+        if tick % 2 == 0:
+            pull.twist = twist
+            assert pull.twist == pytest.approx(twist)
+        else:
+            pull.target = begin
+            assert pull.twist is None
+        step = solver.step()
+        gone = arm.placement(step.q, "tool").translation - begin.translation
+        assert gone == pytest.approx(DT * twist[:3] if tick % 2 == 0 else np.zeros(3), abs=1e-4)
+
+
+# --- another thing in every tick ---------------------------------------------------------------------------------
+
+
+def check(mechanism: cinegen.Mechanism, step: cinegen.Step) -> None:
+    model = mechanism.model
+    assert isinstance(step.verdict, Verdict)
+    assert np.isfinite(step.q).all()
+    assert np.isfinite(step.v).all()
+    assert (step.q >= model.lowerPositionLimit).all()
+    assert (step.q <= model.upperPositionLimit).all()
+    assert (np.abs(step.v) <= model.upperVelocityLimit * (1.0 + 1e-9)).all()
+    assert step.closure <= 1e-10
+    assert mechanism.closure(step.q) <= 1e-10
+    assert 0.0 <= step.pace <= 1.0
+    assert not np.isnan(step.singular_values).any()
+
+
+class Whim:
+    """Does something else to the pulls before every tick, sense or nonsense."""
+
+    def __init__(self, mechanism: cinegen.Mechanism, solver: Solver, seed: int) -> None:
+        self.mechanism, self.solver, self.rng = mechanism, solver, np.random.default_rng(seed)
+        self.poses = [mechanism.q_home, *mechanism.random_closed(6, seed)]
+
+    def pose(self, node: str) -> pin.SE3:
+        there = self.mechanism.placement(self.poses[self.rng.integers(len(self.poses))], node)
+        if self.rng.random() < 0.05:
+            there.translation = there.translation + 10.0 ** self.rng.uniform(0.0, 300.0)
+        if self.rng.random() < 0.05:
+            there.translation = np.full(3, self.rng.choice([math.nan, math.inf]))
+        return there
+
+    def act(self) -> None:
+        rng, solver, mechanism = self.rng, self.solver, self.mechanism
+        pulls = solver.pulls
+        if len(pulls) < 5 and rng.random() < 0.3:
+            node = str(rng.choice(mechanism.nodes))
+            axes = str(rng.choice(["target", "world", *mechanism.nodes]))
+            solver.pull(node, self.pose(node), int(rng.integers(4)), int(rng.integers(4)), axes=axes)
+        if pulls and rng.random() < 0.25:
+            solver.release(pulls[rng.integers(len(pulls))])
+        for pull in solver.pulls:
+            match rng.integers(8):
+                case 0:
+                    pull.target = self.pose(pull.node)
+                case 1:
+                    pull.twist = rng.normal(size=6) * 10.0 ** rng.uniform(-3.0, 2.0)
+                case 2:
+                    pull.weight = 10.0 ** rng.uniform(-12.0, 12.0)
+                case 3:
+                    pull.translation = int(rng.integers(4))
+                case 4:
+                    pull.rotation = int(rng.integers(4))
+                case 5 if rng.random() < 0.1:
+                    pull.weight = float(rng.choice([0.0, -1.0, math.nan]))
+                case 6 if rng.random() < 0.1:
+                    pull.twist = [math.nan] * 6
+
+
+@every_robot
+@pytest.mark.parametrize("acceleration", [None, 10.0])
+def test_whatever_becomes_of_the_pulls_there_is_a_verdict_and_nothing_breaks(name, which, acceleration):
+    mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
+    solver = Solver(mechanism, 1 / 60, acceleration=acceleration)
+    whim = Whim(mechanism, solver, 0)
+    verdicts = set()
+    for _ in range(300):
+        whim.act()
+        before = solver.q
+        step = solver.step()
+        check(mechanism, step)
+        assert (step.verdict is Verdict.IDLE) == (not solver.pulls)
+        assert len(step.errors) == len(solver.pulls)
+        if step.verdict is Verdict.REFUSED:
+            assert np.array_equal(step.q, before)
+        verdicts.add(step.verdict)
+    assert {Verdict.IDLE, Verdict.BAD_TARGET} < verdicts
