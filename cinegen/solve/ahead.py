@@ -129,7 +129,7 @@ class Ahead:
         arrays["settings"][[m.CLOSED, m.TRUST]] = others["settings"][[m.CLOSED, m.TRUST]]
         arrays["acceleration"][:] = others["acceleration"] * (ratio * ratio)
         goes_on = twin._table[m.OFFSET] == solver._table[m.OFFSET]
-        for name in ("last", "secondary"):  # of the last tick
+        for name in ("last", "drift", "secondary"):  # of the last tick
             arrays[name][:] = others[name] * ratio if goes_on else 0.0
         twin._table[[m.ACCELERATED, m.TICKS]] = solver._table[[m.ACCELERATED, m.TICKS]]
         twin._table[m.WARM] = 0

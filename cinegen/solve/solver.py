@@ -111,8 +111,8 @@ class Solver:
             raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {closure:.2g}: close it")
         self._q[:] = full
         self._memory.arrays["settings"][m.CLOSED] = closure
-        self._memory.arrays["last"][:] = 0.0
-        self._memory.arrays["secondary"][:] = 0.0
+        for name in ("last", "drift", "secondary"):
+            self._memory.arrays[name][:] = 0.0
         self._memory.arrays["settings"][m.TRUST] = 1.0
         self._table[m.PHASE] = ASTRAY
         self._changed = True  # pulls forget what they followed
@@ -246,7 +246,7 @@ class Solver:
             moves[i] = _moves(self._model, frame.parentJoint)
         offset = 6 if self._rests() else 0
         if offset != self._table[m.OFFSET]:
-            memory.arrays["last"][:] = 0.0
+            memory.arrays["last"][:] = memory.arrays["drift"][:] = 0.0
         self._table[m.OFFSET], self._table[m.N] = offset, self._model.nv - offset
         self._table[m.PULLS], self._table[m.SIGNATURE], self._table[m.WARM] = len(pulls), -1, 0
         memory.put("pull_table", table)
@@ -426,9 +426,22 @@ def _memory(mechanism: Mechanism, data: pin.Data, dt: float, gain: float) -> Mem
     memory = Memory(nq=model.nq, nv=nv, n=nv, loops=len(loops), rows=rows, rank=rank)
     for name in ("q", "trial", "before"):
         memory.put(name, np.zeros(model.nq))
-    for name in ("delta", "wish", "wish_free", "secondary", "step", "taken", "moved", "last", "held", "stopped"):
+    for name in (
+        "delta",
+        "wish",
+        "wish_free",
+        "secondary",
+        "step",
+        "taken",
+        "moved",
+        "last",
+        "drift",
+        "braking",
+        "held",
+        "stopped",
+    ):
         memory.put(name, np.zeros(nv))
-    for name in ("floor", "ceiling", "y", "x", "size"):
+    for name in ("held", "stopped", "floor", "ceiling", "y", "x", "size"):
         memory.put(name, np.zeros(nv))
     memory.put("room", np.zeros((3, nv)))
     for name in ("motions", "axes", "g"):

@@ -9,6 +9,21 @@ from cinegen.solve.kernel.svd import straighten
 
 
 @compiled
+def promise(t: Table) -> None:
+    """What the part of the step that is tried should win, to first order."""
+    n, p = t[m.N], t[m.P]
+    settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
+    jp, e, taken = matrix(t[m.JP], p, n), vector(t[m.E], p), vector(t[m.TAKEN], n)
+    gained = 0.0
+    for i in range(p):
+        s = 0.0
+        for c in range(n):
+            s += jp[i, c] * taken[c]
+        gained += e[i] * s
+    settings[m.GAINED] = gained / settings[m.GAIN]
+
+
+@compiled
 def singular_values(t: Table) -> None:
     """Of the pulls on the free motions."""
     n, p, k = t[m.N], t[m.P], t[m.K]

@@ -14,9 +14,17 @@ from cinegen.solve.kernel.thresholds import FULL
 
 
 @compiled
-def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int) -> None:
+def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) -> None:
     """Bends and shortens the step so that positions, velocities and accelerations stay within their limits; what
-    redundancy would like is added as far as it keeps them."""
+    redundancy would like is added as far as it keeps them.
+
+    Args:
+        t: the table.
+        step: (n,) becomes what is left of it.
+        y: (k,) the same in the free motions.
+        pull_rank: the pulls' generic rank.
+        room: the way to the targets, in such steps, if the robot is to stop there; else infinite.
+    """
     n, offset, k = t[m.N], t[m.OFFSET], t[m.K]
     record = vector(t[m.RECORD], m.R_HEAD)
     q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
@@ -35,8 +43,14 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int) -> None:
             here = q[int(at[j])]
             floor[j] = min(0.0, low[j] - here) / scale[j]
             ceiling[j] = max(0.0, high[j] - here) / scale[j]
-    if excess > FULL:  # slower, in the same direction
-        pace = FULL / excess
+    pace = FULL / excess if excess > FULL else 1.0
+    if t[m.ACCELERATED] != 0 and room < math.inf:
+        limit = vector(t[m.ACCELERATION] + 8 * offset, n)
+        for j in range(n):
+            way = abs(step[j])
+            if limit[j] < math.inf and _stopping(room * way, limit[j]) < pace * way:
+                pace, slowest = _stopping(room * way, limit[j]) / way, j
+    if pace < 1.0:  # slower, in the same direction
         record[m.R_PACE], record[m.R_SLOWEST] = pace, slowest
         for j in range(n):
             step[j] *= pace
@@ -74,7 +88,14 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
     g, work = matrix(t[m.G], n, k), matrices(t[m.WORK], 3, k, k)
     scratch = matrix(t[m.SCRATCH], 6, k)
     if not bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step):
-        if accelerated:  # positions and velocities count more
+        if accelerated:  # positions and velocities count more; within these, as near to braking as can be
+            braking = vector(t[m.BRAKING], n)
+            for i in range(k):
+                s = 0.0 if looped else braking[i]
+                if looped:
+                    for j in range(n):
+                        s += motions[i, j] * braking[j]
+                y[i] = s
             for j in range(n):
                 if at[j] < 0.0:
                     floor[j], ceiling[j] = -FULL * longest[j], FULL * longest[j]
@@ -117,22 +138,31 @@ def _at_position_limit(side: float, q: Array, at: float, step: float, low: float
 @compiled
 def _accelerations(t: Table, floor: Array, ceiling: Array) -> None:
     """Narrows the bounds to what accelerations allow: of the next step, and so that a joint can still stop before its
-    position limit. Where loops tie joints together, braking in the direction of the motion always stays possible."""
+    position limit. Where loops tie joints together, braking in the direction of the motion always stays possible.
+
+    What closing the loops added to the last step, it will add to this one, too (`drift`)."""
     n, looped = t[m.N], t[m.RANK] > 0
     last, limit = vector(t[m.LAST], n), vector(t[m.ACCELERATION] + 8 * t[m.OFFSET], n)
-    brake = 0.0  # part of the last step that can go on
+    drift, braking = vector(t[m.DRIFT], n), vector(t[m.BRAKING], n)
+    goes_on = 0.0  # part of the last step
     for j in range(n):
         if abs(last[j]) > limit[j]:
-            brake = max(brake, 1.0 - limit[j] / abs(last[j]))
+            goes_on = max(goes_on, 1.0 - FULL * limit[j] / abs(last[j]))
     for j in range(n):
+        if looped:
+            braking[j] = goes_on * last[j] - drift[j]
+        else:
+            least = max(0.0, abs(last[j]) - FULL * limit[j])
+            braking[j] = least if last[j] > 0.0 else -least
         if limit[j] == math.inf:
             continue
-        down, up = last[j] - limit[j], last[j] + limit[j]
-        up = min(up, _stopping(ceiling[j], limit[j]))
-        down = max(down, -_stopping(-floor[j], limit[j]))
-        braking = brake * last[j] if looped else up
-        floor[j] = max(floor[j], min(down, braking, up))
-        ceiling[j] = min(ceiling[j], max(up, braking, down))
+        most = FULL * limit[j]
+        down, up = last[j] - most - drift[j], last[j] + most - drift[j]
+        up = min(up, _stopping(ceiling[j], most))
+        down = max(down, -_stopping(-floor[j], most))
+        allowed = braking[j] if looped else up
+        floor[j] = max(floor[j], min(down, allowed, up))
+        ceiling[j] = min(ceiling[j], max(up, allowed, down))
 
 
 @compiled

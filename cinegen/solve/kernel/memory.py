@@ -96,6 +96,8 @@ ARRAYS = (
     "taken",  # (nv,) part of the step that is tried
     "moved",  # (nv,) what it led to
     "last",  # (nv,) what was moved in the last tick
+    "drift",  # (nv,) what of it was not in its step: what closed the loops
+    "braking",  # (nv,) the step that slows down as much as accelerations allow
     "held",  # (nv,) joints at their limits while loops are closed
     "stopped",  # (nv,) bounds that hold the step back
     "floor",  # (nv,) bounds of the step
@@ -158,6 +160,8 @@ ARRAYS = (
     TAKEN,
     MOVED,
     LAST,
+    DRIFT,
+    BRAKING,
     HELD,
     STOPPED,
     FLOOR,

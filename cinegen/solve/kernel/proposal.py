@@ -9,7 +9,7 @@ from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import aim_at, distance_left
 from cinegen.solve.kernel.closing import factor_loops, loop_rows
 from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
-from cinegen.solve.kernel.directions import singular_values
+from cinegen.solve.kernel.directions import promise, singular_values
 from cinegen.solve.kernel.limits import keep_bounds
 from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.redundancy import project_wish
@@ -70,7 +70,7 @@ def propose(t: Table) -> bool:
     wishing = t[m.WISHING] != 0
     if wishing and not project_wish(t, pull_rank):
         t[m.WISHING] = 0
-    keep_bounds(t, step, y, pull_rank)
+    keep_bounds(t, step, y, pull_rank, _room(t) if still else math.inf)
     largest = 0.0
     for j in range(n):
         largest = max(largest, abs(step[j]))
@@ -80,21 +80,14 @@ def propose(t: Table) -> bool:
     pace = record[m.R_PACE]
     if still and _turns_back(step, vector(t[m.LAST], n), n):  # half of it: no zigzag
         pace *= 0.5
-        secondary = vector(t[m.SECONDARY], n)
+        secondary, braking = vector(t[m.SECONDARY], n), vector(t[m.BRAKING], n)
         for j in range(n):
-            step[j] *= 0.5
+            step[j] = braking[j] + 0.5 * (step[j] - braking[j])
             secondary[j] *= 0.5
-    # what it should win, to first order
-    gained = 0.0
-    for i in range(p):
-        s = 0.0
-        for c in range(n):
-            s += jp[i, c] * step[c]
-        gained += e[i] * s
-    settings[m.GAINED] = gained / settings[m.GAIN]
     taken = vector(t[m.TAKEN], n)
     for j in range(n):
         taken[j] = step[j]
+    promise(t)
     # pulls are made exact together with the loops where nothing bends or damps them
     refine = (wishing or (looped and record[m.R_PACE] == 1.0)) and p > 0
     if refine:
@@ -113,6 +106,19 @@ def propose(t: Table) -> bool:
         for i in range(p):
             e[i] *= pace
     return True
+
+
+@compiled
+def _room(t: Table) -> float:
+    """How many of the step that makes the capped errors good lead to the targets; at least 1."""
+    settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
+    state = matrix(t[m.PULL_STATE], t[m.PULLS], m.STATE_WIDTH)
+    most = 1.0
+    for i in range(t[m.PULLS]):
+        if state[i, m.HOLDS] != 0.0:
+            most = max(most, state[i, m.METRES] / settings[m.LENGTH] / settings[m.ERROR_CAP])
+            most = max(most, state[i, m.RADIANS] / settings[m.ERROR_CAP])
+    return float(most / settings[m.GAIN])
 
 
 @compiled

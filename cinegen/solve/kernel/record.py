@@ -38,6 +38,7 @@ def finish(t: Table, accepted: bool) -> None:
     table = matrix(t[m.PULL_TABLE], pulls, m.PULL_WIDTH)
     q, trial = vector(t[m.Q], t[m.NQ]), vector(t[m.TRIAL], t[m.NQ])
     moved, last = vector(t[m.MOVED], n), vector(t[m.LAST], n)
+    taken, drift = vector(t[m.TAKEN], n), vector(t[m.DRIFT], n)
     scale = vector(t[m.SCALE] + 8 * offset, n)
     stopped, square = vector(t[m.STOPPED], n), vector(t[m.SQUARE], lesser)
     fastest = 0.0
@@ -47,6 +48,7 @@ def finish(t: Table, accepted: bool) -> None:
             moved[j] = 0.0
             secondary[j] = 0.0
         last[j] = moved[j]
+        drift[j] = moved[j] - taken[j] if accepted else 0.0
         fastest = max(fastest, abs(moved[j]))
     if accepted:
         for i in range(size):

@@ -9,7 +9,7 @@ from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import distance_now
 from cinegen.solve.kernel.closing import factor_loops, loop_correction, loop_rows
 from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
-from cinegen.solve.kernel.directions import singular_values
+from cinegen.solve.kernel.directions import promise, singular_values
 from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.record import finish
 from cinegen.solve.kernel.resolve import far_from_singular
@@ -127,7 +127,8 @@ def judge(t: Table) -> int:
     noise = NOISE
     if refine and wishing:  # what is exact enough is no loss
         noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * settings[m.DISTANCE]))
-    if p > 0 and won < ARMIJO * promised - noise:
+    forced = t[m.ACCELERATED] != 0 and (promised <= 0.0 or t[m.TRIES] == _most_tries(t) - 1)  # it can't stop at once
+    if p > 0 and not forced and won < ARMIJO * promised - noise:
         return _shorten(t, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # where a parabola is lowest
     finish(t, True)
     return DONE
@@ -281,13 +282,18 @@ def _pull_back(t: Table, lack: Array, step: Array) -> None:
 
 
 @compiled
+def _most_tries(t: Table) -> int:
+    return TRIES + WISHES if t[m.WISHING] != 0 else TRIES
+
+
+@compiled
 def _shorten(t: Table, part: float) -> int:
     """Tries again with less of the step; gives up after ten times. What redundancy adds gives way first."""
     n = t[m.N]
     settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
-    wishing = t[m.WISHING] != 0
+    wishing, accelerated = t[m.WISHING] != 0, t[m.ACCELERATED] != 0
     t[m.TRIES] += 1
-    if t[m.TRIES] >= (TRIES + WISHES if wishing else TRIES):
+    if t[m.TRIES] >= _most_tries(t):
         finish(t, False)
         return DONE
     taken, secondary = vector(t[m.TAKEN], n), vector(t[m.SECONDARY], n)
@@ -298,10 +304,15 @@ def _shorten(t: Table, part: float) -> int:
             secondary[j] *= part
         settings[m.TRUST] = max(part * settings[m.TRUST], LEAST_TRUST)
     else:
+        if accelerated and t[m.TRIES] == _most_tries(t) - 1:
+            part = 0.0
+        braking = vector(t[m.BRAKING], n)  # 0 where accelerations are not limited
         for j in range(n):
-            taken[j] *= part
+            taken[j] = braking[j] + part * (taken[j] - braking[j])
             secondary[j] *= part
         settings[m.GAINED] *= part
+        if accelerated:
+            promise(t)
         t[m.REFINE] = 0
     if t[m.FACTORED] == 2:
         t[m.FACTORED] = 0
