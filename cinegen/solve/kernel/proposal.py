@@ -10,11 +10,12 @@ from cinegen.solve.kernel.aims import aim_at, distance_left
 from cinegen.solve.kernel.closing import factor_loops, loop_rows
 from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel.directions import promise, singular_values
+from cinegen.solve.kernel.escape import nudge
 from cinegen.solve.kernel.limits import keep_bounds
 from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.redundancy import project_wish
 from cinegen.solve.kernel.resolve import far_from_singular, to_joints, unbounded
-from cinegen.solve.kernel.thresholds import NOISE, REST
+from cinegen.solve.kernel.thresholds import ARRIVED, NOISE, REST
 
 
 @compiled
@@ -71,14 +72,19 @@ def propose(t: Table) -> bool:
     if wishing and not project_wish(t, pull_rank):
         t[m.WISHING] = 0
     keep_bounds(t, step, y, pull_rank, _room(t) if still else math.inf)
-    largest = 0.0
-    for j in range(n):
-        largest = max(largest, abs(step[j]))
+    largest = _largest(step, n)
+    t[m.NUDGED] = 0
+    to_win = 0.0
+    if largest < REST and p > 0 and not wishing and settings[m.DISTANCE] > ARRIVED * ARRIVED:
+        to_win = nudge(t, step, pull_rank)
+        if to_win > 0.0:
+            t[m.NUDGED] = 1
+            largest = _largest(step, n)
     if not largest > 0.0:
         return False
     settings[m.SHARP] = largest
     pace = record[m.R_PACE]
-    if still and _turns_back(step, vector(t[m.LAST], n), n):  # half of it: no zigzag
+    if still and t[m.NUDGED] == 0 and _turns_back(step, vector(t[m.LAST], n), n):  # half of it: no zigzag
         pace *= 0.5
         secondary, braking = vector(t[m.SECONDARY], n), vector(t[m.BRAKING], n)
         for j in range(n):
@@ -88,8 +94,10 @@ def propose(t: Table) -> bool:
     for j in range(n):
         taken[j] = step[j]
     promise(t)
+    if t[m.NUDGED] != 0:
+        settings[m.GAINED] = to_win * math.sqrt(2.0 * settings[m.DISTANCE])
     # pulls are made exact together with the loops where nothing bends or damps them
-    refine = (wishing or (looped and record[m.R_PACE] == 1.0)) and p > 0
+    refine = (wishing or (looped and record[m.R_PACE] == 1.0)) and p > 0 and t[m.NUDGED] == 0
     if refine:
         for j in range(n):
             refine = refine and stopped[j] == 0.0
@@ -106,6 +114,14 @@ def propose(t: Table) -> bool:
         for i in range(p):
             e[i] *= pace
     return True
+
+
+@compiled
+def _largest(step: Array, n: int) -> float:
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, abs(step[j]))
+    return largest
 
 
 @compiled
@@ -137,7 +153,7 @@ def is_sure(t: Table) -> bool:
             return False
         total += abs(taken[j])
         largest = max(largest, abs(taken[j]))
-    if record[m.R_PACE] != 1.0 or t[m.REFINE] != 0 or largest < 10.0 * REST:
+    if record[m.R_PACE] != 1.0 or t[m.REFINE] != 0 or t[m.NUDGED] != 0 or largest < 10.0 * REST:
         return False
     pulls = t[m.PULLS]
     table = matrix(t[m.PULL_TABLE], pulls, m.PULL_WIDTH)

@@ -293,7 +293,7 @@ def _shorten(t: Table, part: float) -> int:
     settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
     wishing, accelerated = t[m.WISHING] != 0, t[m.ACCELERATED] != 0
     t[m.TRIES] += 1
-    if t[m.TRIES] >= _most_tries(t):
+    if t[m.TRIES] >= _most_tries(t) or t[m.NUDGED] != 0:
         finish(t, False)
         return DONE
     taken, secondary = vector(t[m.TAKEN], n), vector(t[m.SECONDARY], n)
