@@ -21,7 +21,7 @@ from cinegen.solve import plain
 from cinegen.solve.damping import NEAR
 from cinegen.solve.kernel import aims, bounds, closing, null_space, svd
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.thresholds import FULL, REST, HEALTHY
+from cinegen.solve.kernel.thresholds import FULL, HEALTHY, REST
 from cinegen.solve.resolve import resolve
 from raff2urdf.loops import gap
 
