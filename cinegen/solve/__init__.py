@@ -4,6 +4,7 @@ from cinegen.solve.clock import Clock, ClockError, Tick
 from cinegen.solve.forecast import Event, EventKind, Forecast
 from cinegen.solve.inverse import Reached, reach
 from cinegen.solve.objectives import LimitMargin, Manipulability, Objective, Posture, State
+from cinegen.solve.persistent import PersistentSolver
 from cinegen.solve.pull import Pull
 from cinegen.solve.sample import Evaluations, evaluate
 from cinegen.solve.singular import Gained, Lost
@@ -22,6 +23,7 @@ __all__ = [
     "Lost",
     "Manipulability",
     "Objective",
+    "PersistentSolver",
     "Posture",
     "Pull",
     "Reached",

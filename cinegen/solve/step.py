@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 class Verdict(Enum):
     """What became of a tick. Where several are true, this one is said: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
-    targets reached), AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
+    targets reached), DETOUR, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
 
     BAD_TARGET = "a pull was set to what can't be followed: it is left out"
     REFUSED = "the loops could not be closed after any part of the step: the last state stays"
@@ -32,6 +32,7 @@ class Verdict(Enum):
     OUT_OF_REACH = "nothing moves any more and a target is not reached"
     FOLLOWING = "every pull is followed"
     IDLE = "nothing is pulled"
+    DETOUR = "on the way to the targets by another posture"
 
 
 VERDICTS = tuple(Verdict)  # in the kernel's order

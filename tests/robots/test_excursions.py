@@ -11,7 +11,7 @@ from elementary import ROBOTS, document, within_limits
 from test_dragging import what_could_be_won
 
 import cinegen
-from cinegen import Solver
+from cinegen import PersistentSolver, Solver, Verdict
 from cinegen.solve.damping import NEAR
 
 DT = 1 / 60
@@ -65,14 +65,15 @@ def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
     far = mechanism.length * 10.0 ** rng.uniform(0.5, 2.0)
     pull = solver.pull(node, rotation=int(rng.choice([0, 3])))
     pull.target = pin.SE3(home.rotation, home.translation + far * way / np.linalg.norm(way))
+    rests = 0
     for tick in range(OUT + BACK):
         if tick == OUT:
             pull.target = home
         step = solver.step()
         assert step.closure <= 1e-10
         assert within_limits(mechanism, step.q)
-        rests = np.abs(step.v / mechanism.scale).max() * DT < 1e-7
-        if tick > OUT + 5 and (rests or is_back(mechanism, step)):
+        rests = rests + 1 if np.abs(step.v / mechanism.scale).max() * DT < 1e-7 else 0
+        if tick > OUT + 5 and (rests > 4 or is_back(mechanism, step)):
             break
     return step
 
@@ -88,6 +89,63 @@ def test_out_of_reach_and_back(name, which):
             assert could_be_won(solver) < 1e-3, (excursion, step, step.saturated)
             dead_ends += 1
     assert dead_ends <= DEAD_ENDS.get(name, 0)
+
+
+@every_robot
+def test_out_of_reach_and_back_a_persistent_solver_always_comes(name, which):
+    mechanism, rng = load(name, which), np.random.default_rng(0)
+    begin = starts(mechanism)
+    for excursion in range(EXCURSIONS):
+        step = out_and_back(PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)]), rng)
+        assert is_back(mechanism, step), (excursion, step)
+
+
+def test_on_a_detour_it_says_so_and_its_limits_of_speed_are_kept():
+    mechanism, rng, seen = load("rx90", "arm"), np.random.default_rng(0), set()
+    begin, limit = starts(mechanism), mechanism.model.upperVelocityLimit
+    for excursion in range(12):
+        solver = PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)])
+        step = out_and_back(solver, rng)
+        solver.pulls[0].target = mechanism.placement(begin[0], mechanism.nodes[-1])
+        for _ in range(600):
+            step = solver.step()
+            seen.add(step.verdict)
+            assert (np.abs(step.v) <= limit * (1.0 + 1e-9)).all()
+        assert is_back(mechanism, step)
+    assert {Verdict.DETOUR, Verdict.FOLLOWING} <= seen
+
+
+def test_what_is_really_out_of_reach_is_looked_for_once():
+    mechanism = load("rx90", "arm")
+    solver = PersistentSolver(mechanism, DT)
+    home = mechanism.placement(solver.q, mechanism.nodes[-1])
+    pull = solver.pull(mechanism.nodes[-1])
+    pull.target = pin.SE3(home.rotation, home.translation + 20.0 * mechanism.length)
+    for _ in range(400):
+        step = solver.step()
+        assert step.verdict is not Verdict.DETOUR
+    assert step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH)
+
+
+def test_a_new_target_ends_a_detour_at_once():
+    mechanism, rng = load("rx90", "arm"), np.random.default_rng(0)
+    begin = starts(mechanism)
+    for excursion in range(8):
+        solver = PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)])
+        node, way = mechanism.nodes[-1], rng.normal(size=3)
+        home = mechanism.placement(solver.q, node)
+        pull = solver.pull(node)
+        pull.target = pin.SE3(home.rotation, home.translation + 5.0 * mechanism.length * way / np.linalg.norm(way))
+        for tick in range(800):
+            if tick == OUT:
+                pull.target = home
+            step = solver.step()
+            if step.verdict is Verdict.DETOUR:
+                pull.target = mechanism.placement(step.q, node)
+                assert solver.step().verdict is not Verdict.DETOUR
+                assert not solver.objectives
+                return
+    raise AssertionError("no detour was made")
 
 
 # --- out of singularities ----------------------------------------------------------------------------------------

@@ -42,10 +42,11 @@ SIZES = (
     "evaluations",  # of Pinocchio, in the last tick
     "left_out",  # objectives that made no sense in this tick, as bits
     "nudged",  # whether the step is one out of a singularity
+    "detour",  # whether pulls wait, while redundancy leads elsewhere
 )
 NQ, NV, N, OFFSET, LOOPS, ROWS, RANK, PULLS, P, K, PULL_RANK, SIGNATURE, PHASE, WARM, TRIES = range(15)
 CORRECTIONS, CLOSES, FACTORED, SINGULAR, REFINE, QUICK, ACCELERATED, WISHING, TICKS, SWEEPS, EVALUATIONS = range(15, 26)
-LEFT_OUT, NUDGED = 26, 27
+LEFT_OUT, NUDGED, DETOUR = 26, 27, 28
 
 _FIRST = len(SIZES)
 ARRAYS = (

@@ -35,6 +35,8 @@ def propose(t: Table) -> bool:
         stopped[j] = 0.0
         step[j] = 0.0
     still = aim_at(t)
+    if t[m.DETOUR] != 0:
+        t[m.P] = 0
     k = n - rank
     t[m.K] = k
     settings[m.DISTANCE] = distance_left(t)

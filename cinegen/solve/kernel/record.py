@@ -17,6 +17,7 @@ from cinegen.solve.kernel.thresholds import (
     FOLLOWING,
     IDLE,
     NEAR_TYPE_2,
+    ON_DETOUR,
     OUT_OF_REACH,
     REFUSED,
     REST,
@@ -56,7 +57,7 @@ def finish(t: Table, accepted: bool) -> None:
     if not accepted:
         # what is left is what was left before
         p = 0
-        e = vector(t[m.E_WHOLE], t[m.P])
+        e = vector(t[m.E_WHOLE], 6 * pulls)
         for i in range(pulls):
             if state[i, m.HOLDS] != 0.0:
                 translation, angular = int(table[i, m.TRANSLATION]), int(table[i, m.ROTATION])
@@ -106,6 +107,8 @@ def finish(t: Table, accepted: bool) -> None:
         verdict = REFUSED
     elif left <= ARRIVED:
         verdict = FOLLOWING
+    elif t[m.DETOUR] != 0:
+        verdict = ON_DETOUR
     elif saturated:
         verdict = AT_LIMIT
     elif fastest < REST:

@@ -1,7 +1,7 @@
 """What a tick asks for, says and remembers, as numbers; and the thresholds of all its decisions."""
 
 DONE, EVALUATE, EVALUATE_HERE, RANK_PLEASE, ACCEPTED = range(5)
-BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE = range(7)
+BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, ON_DETOUR = range(8)
 BEGIN, JUDGE, ASTRAY = range(3)
 
 CLOSURE = 1e-10
