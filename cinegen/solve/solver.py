@@ -11,19 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.model import Mechanism
-from cinegen.model.mechanism import translations
 from cinegen.solve.ahead import Ahead
 from cinegen.solve.blend import Blend
 from cinegen.solve.damping import NEAR
 from cinegen.solve.forecast import TICKS, Forecast, foresee
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.memory import Memory
 from cinegen.solve.kernel.thresholds import (
     ACCEPTED,
     ASTRAY,
     CLOSURE,
     DONE,
-    ERROR_CAP,
     EVALUATE,
     EVALUATE_HERE,
     STEP_CAP,
@@ -32,14 +29,13 @@ from cinegen.solve.kernel.tick import prepare, tick
 from cinegen.solve.objectives import Objective, State
 from cinegen.solve.plain import pull_rank
 from cinegen.solve.pull import Pull
+from cinegen.solve.setup import curved, memory_of, moves
 from cinegen.solve.singular import NEAR_PASSIVE
 from cinegen.solve.step import Layout, Step
-from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
 
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
-_KINDS = (LoopKind.RIGID, LoopKind.PRISMATIC, LoopKind.REVOLUTE, LoopKind.BALL)  # as the kernels number them
 
 
 class Solver:
@@ -80,12 +76,12 @@ class Solver:
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
         self._ranks: dict[tuple[object, ...], int] = {}
-        self._memory = _memory(mechanism, self._data, dt, gain)
+        self._memory = memory_of(mechanism, self._data, dt, gain)
         self._table = self._memory.table
         self._q, self._trial = np.zeros(self._model.nq), np.zeros(self._model.nq)
         if self._model.nq:
             self._q, self._trial = self._memory.arrays["q"], self._memory.arrays["trial"]
-        self._curved = _curved(self._model)
+        self._curved = curved(self._model)
         self._limit_accelerations(acceleration)
         self._changed = True
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
@@ -232,7 +228,7 @@ class Solver:
         """Makes room for the pulls as they are."""
         mechanism, memory, pulls = self.mechanism, self._memory, self._pulls
         table = np.zeros((max(len(pulls), 1), m.PULL_WIDTH))
-        moves = np.zeros((max(len(pulls), 1), self._model.nv))
+        moved_by = np.zeros((max(len(pulls), 1), self._model.nv))
         for i, pull in enumerate(pulls):
             pull.lies_in(table[i])
             frame = self._model.frames[pull.frame]
@@ -243,7 +239,7 @@ class Solver:
                 axes = self._model.frames[mechanism.frame_id(pull.axes)]
                 table[i, m.AXES_JOINT] = axes.parentJoint
                 table[i, m.AXES_LOCAL : m.AXES_LOCAL + 9] = axes.placement.rotation.ravel()
-            moves[i] = _moves(self._model, frame.parentJoint)
+            moved_by[i] = moves(self._model, frame.parentJoint)
         offset = 6 if self._rests() else 0
         if offset != self._table[m.OFFSET]:
             memory.arrays["last"][:] = memory.arrays["drift"][:] = 0.0
@@ -253,7 +249,7 @@ class Solver:
         for i, pull in enumerate(pulls):
             pull.lies_in(memory.arrays["pull_table"][i])
         memory.put("pull_state", np.zeros((max(len(pulls), 1), m.STATE_WIDTH)))
-        memory.put("moves", moves)
+        memory.put("moves", moved_by)
         self._make_room(6 * len(pulls))
         self._layout = Layout(mechanism, tuple((pull.node, pull.axes) for pull in pulls), offset)
         self._record = memory.put("record", np.zeros(self._layout.starts[-1]))
@@ -417,128 +413,3 @@ class Solver:
 
 def _nothing() -> None:
     """Nobody is to be told."""
-
-
-def _memory(mechanism: Mechanism, data: pin.Data, dt: float, gain: float) -> Memory:
-    """All that does not depend on pulls."""
-    model, loops = mechanism.model, mechanism.loops
-    nv, rank, rows = model.nv, mechanism.loop_rank, sum(loop.rows for loop in loops)
-    memory = Memory(nq=model.nq, nv=nv, n=nv, loops=len(loops), rows=rows, rank=rank)
-    for name in ("q", "trial", "before"):
-        memory.put(name, np.zeros(model.nq))
-    for name in (
-        "delta",
-        "wish",
-        "wish_free",
-        "secondary",
-        "step",
-        "taken",
-        "moved",
-        "last",
-        "drift",
-        "braking",
-        "held",
-        "stopped",
-    ):
-        memory.put(name, np.zeros(nv))
-    for name in ("held", "stopped", "floor", "ceiling", "y", "x", "size"):
-        memory.put(name, np.zeros(nv))
-    memory.put("room", np.zeros((3, nv)))
-    for name in ("motions", "axes", "g"):
-        memory.put(name, np.zeros((nv, nv)))
-    memory.put("work", np.zeros((3, nv, nv)))
-    memory.put("scratch", np.zeros((6, nv)))
-    memory.put("f", np.zeros((max(rows, nv), nv)))
-    memory.put("h", np.zeros((nv, nv)))
-    for name in ("order", "left", "tau"):
-        memory.put(name, np.zeros(max(rows, nv)))
-    memory.put("jc", np.zeros((rows, nv)))
-    memory.put("c", np.zeros(rows))
-    memory.put("loop_u", np.zeros((rows, rows)))
-    memory.put("loop_b", np.zeros((rows, nv)))
-    memory.put("loop_square", np.zeros(rows))
-    memory.put("w", np.zeros((16, 3)))
-    memory.put("r", np.zeros((4, 3)))
-    memory.put("scale", mechanism.scale)
-    settings = memory.put("settings", np.zeros(m.SETTINGS_WIDTH))
-    settings[m.DT], settings[m.LENGTH], settings[m.GAIN], settings[m.ERROR_CAP] = dt, mechanism.length, gain, ERROR_CAP
-    settings[m.BEND] = _bend(model, mechanism.length)
-    settings[m.TRUST] = 1.0
-    _put_limits(memory, mechanism, dt)
-    _put_loops(memory, mechanism)
-    if nv:
-        memory.point("columns", m.address(data.J))
-    memory.point("placements", m.placements_address(data))
-    return memory
-
-
-def _put_limits(memory: Memory, mechanism: Mechanism, dt: float) -> None:
-    model, scale = mechanism.model, mechanism.scale
-    at, low, high = np.full(model.nv, -1.0), np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
-    longest = np.full(model.nv, np.inf)
-    for joint in model.joints:
-        if joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0:
-            i, k = joint.idx_q, joint.idx_v
-            at[k], low[k], high[k] = i, model.lowerPositionLimit[i], model.upperPositionLimit[i]
-            fastest = model.upperVelocityLimit[k]
-            longest[k] = min(fastest * dt / scale[k], STEP_CAP) if fastest > 0.0 else STEP_CAP
-    memory.put("at", at)
-    memory.put("low", low)
-    memory.put("high", high)
-    memory.put("longest", longest)
-    memory.put("acceleration", np.full(model.nv, np.inf))
-
-
-def _put_loops(memory: Memory, mechanism: Mechanism) -> None:
-    model = mechanism.model
-    table = np.zeros((max(len(mechanism.loops), 1), m.LOOP_WIDTH))
-    signs = np.zeros((max(len(mechanism.loops), 1), model.nv))
-    row = 0
-    for i, loop in enumerate(mechanism.loops):
-        first, second = (model.frames[mechanism.frame_id(node)] for node in (loop.first, loop.second))
-        table[i, : m.FIRST_LOCAL] = (
-            _KINDS.index(loop.kind),
-            first.parentJoint,
-            second.parentJoint,
-            row,
-            loop.rows,
-        )
-        table[i, m.FIRST_LOCAL : m.FIRST_LOCAL + 12] = m.columns_of(first.placement * loop.first_placement)
-        table[i, m.SECOND_LOCAL : m.SECOND_LOCAL + 12] = m.columns_of(second.placement * loop.second_placement)
-        signs[i] = _moves(model, second.parentJoint) - _moves(model, first.parentJoint)
-        row += loop.rows
-    memory.put("loop_table", table)
-    memory.put("signs", signs)
-
-
-def _moves(model: pin.Model, joint: int) -> Array:
-    """(nv,) 1 for each column that moves what a joint carries, else 0."""
-    moves = np.zeros(model.nv)
-    for j in model.supports[joint]:
-        if j > 0:
-            moves[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1.0
-    return moves
-
-
-def _curved(model: pin.Model) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Where in q and in v the joints stand whose configuration is no number; None without any."""
-    curved = [joint for joint in model.joints if joint.idx_v >= 0 and not (joint.nq == 1 and joint.nv == 1)]
-    if not curved:
-        return None
-    at_q = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in curved])
-    at_v = np.concatenate([np.arange(joint.idx_v, joint.idx_v + joint.nv) for joint in curved])
-    return at_q, at_v
-
-
-def _bend(model: pin.Model, length: float) -> float:
-    """A bound on the second derivative of any placement by the joints, in characteristic lengths; infinite where a
-    joint may slide without end or is no number."""
-    reach = sum(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
-    reach += max(float(np.linalg.norm(frame.placement.translation)) for frame in model.frames)
-    for joint in model.joints:
-        if joint.idx_v >= 0 and not (joint.nq == 1 and joint.nv == 1):
-            return np.inf
-        if joint.idx_v >= 0 and translations(joint):
-            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            reach += max(abs(low), abs(high))
-    return reach / length + 1.0
