@@ -41,9 +41,9 @@ bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots g
 		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
 	$(BIN)/python benchmarks/compare.py
 
-# Nothing else waits for the compiler then, half a minute where a kernel has changed.
+# Nothing else waits for the compiler then, a minute where a kernel has changed.
 kernels: .venv/runtime-installed
-	@$(BIN)/python -m cinegen.solve.kernel
+	@$(BIN)/python -m cinegen.solve
 
 generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff

@@ -25,7 +25,7 @@ from cinegen.solve.kernel.thresholds import (
     EVALUATE_HERE,
     STEP_CAP,
 )
-from cinegen.solve.kernel.tick import prepare, tick
+from cinegen.solve.kernel.tick import prepare_tick, tick
 from cinegen.solve.objectives import Objective, State
 from cinegen.solve.plain import pull_rank
 from cinegen.solve.pull import Pull
@@ -67,7 +67,7 @@ class Solver:
             raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
         if not 0.0 < gain <= 1.0:
             raise CinegenError(f"gain must be in (0, 1], not {gain}")
-        prepare()
+        prepare_tick()
         self.mechanism, self.dt, self.gain = mechanism, dt, gain
         self._system = mechanism.own_system()  # scratch of its own: no other thread or solver disturbs it
         self._model, self._data = self._system.model, self._system.data

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 import math
 
+from numba import types
+
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import aim_at, holding
 from cinegen.solve.kernel.closing import loop_rows
-from cinegen.solve.kernel.compiled import Array, Table, compiled, entry, matrix, vector
+from cinegen.solve.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
 
 FOUND, ONWARD, STUCK = range(3)
 
@@ -204,3 +206,9 @@ def nearest_start(features: Array, goal: Array, used: Array) -> int:
             if s < nearest:
                 best, nearest = i, s
     return best
+
+
+def prepare_seek() -> None:
+    """Compiles these kernels, or loads them from disk."""
+    prepare(seek, TABLE, types.int64)
+    prepare(nearest_start, types.float64[:, ::1], types.float64[::1], types.float64[::1])

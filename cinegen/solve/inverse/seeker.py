@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
 from cinegen.solve.inverse import kernel
-from cinegen.solve.inverse.kernel import FOUND, ONWARD, nearest_start, scratch_size, seek
+from cinegen.solve.inverse.kernel import FOUND, ONWARD, nearest_start, prepare_seek, scratch_size, seek
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.memory import address
 from cinegen.solve.pull import Pull
@@ -30,6 +30,7 @@ class Seeker(Solver):
     """
 
     def __init__(self, mechanism: Mechanism, pulls: tuple[Pull, ...] = (), limits: bool = True) -> None:
+        prepare_seek()
         super().__init__(mechanism, dt=1.0)
         arrays, model = self._memory.arrays, self._model
         arrays["longest"][:] = np.inf

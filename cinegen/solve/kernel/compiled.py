@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -15,6 +16,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Table = NDArray[np.int64]
+TABLE = types.int64[::1]
+"""Numba's type of a table."""
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 _OPTIONS: dict[str, Any] = {
@@ -54,7 +58,15 @@ def _stamp(own: Path) -> str:
     return digest.hexdigest()
 
 
-def is_kept(function: Any) -> bool:
+def prepare(function: Any, *arguments: types.Type) -> None:
+    """Compiles an `entry` for arguments of these types, or loads it from disk, so that no tick has to wait for that."""
+    if not getattr(function, "signatures", ()):
+        if not _is_kept(function):
+            logging.getLogger("cinegen").warning("compiling %s, once: this takes a while ...", function.__name__)
+        function.compile(arguments)
+
+
+def _is_kept(function: Any) -> bool:
     """Whether a compiled function's result lies on disk already; True where that can't be known."""
     kept = getattr(getattr(function, "_cache", None), "_cache_file", None)
     try:

@@ -7,13 +7,9 @@ either accepts or tries a shorter step. What it does is described in docs/how-it
 
 from __future__ import annotations
 
-import logging
-
-from numba import types
-
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import holding
-from cinegen.solve.kernel.compiled import Table, entry, is_kept
+from cinegen.solve.kernel.compiled import TABLE, Table, entry, prepare
 from cinegen.solve.kernel.proposal import is_sure, propose
 from cinegen.solve.kernel.record import finish
 from cinegen.solve.kernel.thresholds import ACCEPTED, ASTRAY, BEGIN, DONE, EVALUATE, EVALUATE_HERE, JUDGE, RANK_PLEASE
@@ -47,9 +43,6 @@ def tick(t: Table) -> int:
     return EVALUATE
 
 
-def prepare() -> None:
-    """Compiles all kernels, or loads them from disk: a tick never waits for that."""
-    if not tick.signatures:  # type: ignore[attr-defined]
-        if not is_kept(tick):
-            logging.getLogger("cinegen").warning("compiling the solver's kernels, once: half a minute ...")
-        tick.compile((types.int64[::1],))  # type: ignore[attr-defined]
+def prepare_tick() -> None:
+    """Compiles it, or loads it from disk: half a minute, or a quarter of a second."""
+    prepare(tick, TABLE)

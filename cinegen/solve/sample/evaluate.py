@@ -12,7 +12,7 @@ from cinegen.model import Mechanism
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.memory import address
 from cinegen.solve.sample import kernel
-from cinegen.solve.sample.kernel import go_on, measure_next, work_size
+from cinegen.solve.sample.kernel import go_on, measure_next, prepare_sample, work_size
 from cinegen.solve.solver import Solver
 
 Array = NDArray[np.float64]
@@ -70,6 +70,7 @@ class _Sampler(Solver):
     """A solver that is led by its motors."""
 
     def __init__(self, mechanism: Mechanism, node: str, translation: int, rotation: int) -> None:
+        prepare_sample()
         super().__init__(mechanism, dt=1.0)
         self.pull(node, None, translation, rotation, axes=node)
         self._arrange()

@@ -6,7 +6,7 @@ import math
 
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.closing import factor_loops, loop_correction, loop_rows
-from cinegen.solve.kernel.compiled import Array, Table, compiled, entry, matrix, vector
+from cinegen.solve.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
 from cinegen.solve.kernel.equations import compose
 from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.svd import COLD_SWEEPS, orthogonalise
@@ -427,3 +427,9 @@ def _factor(b: Array, low: Array, n: int, width: int) -> None:
             low[other, i] = dot
             for k in range(width):
                 b[other, k] -= dot * b[i, k]
+
+
+def prepare_sample() -> None:
+    """Compiles these kernels, or loads them from disk."""
+    prepare(measure_next, TABLE, TABLE)
+    prepare(go_on, TABLE, TABLE)
