@@ -14,6 +14,7 @@ from cinegen.solve.kernel.compiled import Array, compiled
 
 _ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
 _LAST = 1e-6  # a sweep whose rotations are all smaller leaves the square of that, and is the last
+_LAST_OF_VALUES = 1e-4  # values alone are known to the square of what is left
 _NOTHING = 1e-15  # rows shorter than this part of the longest are zeros
 _WARM_SWEEPS = 6  # after so many from a guess, it is begun again from nothing
 COLD_SWEEPS = 30
@@ -35,6 +36,7 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: 
     Returns:
         sweeps that were needed; -1 where they were too few.
     """
+    last = _LAST if vectors > 0 else _LAST_OF_VALUES
     for sweep in range(sweeps):
         longest = 0.0
         for i in range(n):
@@ -93,7 +95,7 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: 
                     x, y = u[i, k], u[j, k]
                     u[i, k], u[j, k] = c * x - s * y, s * x + c * y
                 square[i], square[j] = max(0.0, p - tangent * dot), max(0.0, q + tangent * dot)
-        if largest < _LAST:
+        if largest < last:
             return sweep + 1
     return -1
 
