@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import pinocchio as pin
 
@@ -36,6 +38,16 @@ class PersistentSolver(Solver):
     _own: tuple[Objective, ...] = ()  # objectives that wait
     _resting = 0  # ticks
     _tried: tuple[bytes, ...] = ()  # where the targets were when a posture was looked for
+
+    @property
+    def objectives(self) -> tuple[Objective, ...]:
+        """See `Solver`; on a detour they wait."""
+        return self._objectives if self._goal is None else self._own
+
+    @objectives.setter
+    def objectives(self, objectives: Iterable[Objective]) -> None:
+        self._take_over()
+        Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
 
     def step(self) -> Step:
         """One tick of dt. Never raises: the verdict says what happened."""
@@ -76,6 +88,8 @@ class PersistentSolver(Solver):
 
     def _take_over(self) -> None:
         """The pulls do, again."""
+        if self._goal is None:
+            return
         self._goal, self._objectives, self._own = None, self._own, ()
         self._table[m.DETOUR] = self._table[m.WISHING] = 0
         self._resting = 0
