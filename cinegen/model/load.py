@@ -4,19 +4,20 @@ its conversion are the same mechanism, bit for bit."""
 from __future__ import annotations
 
 import warnings
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from lxml import etree
 from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
 from cinegen.model.loops import Loop
 from cinegen.model.mechanism import Mechanism, Source
+from cinegen.model.urdf import free, parsed
 from raff2urdf import constraints as beside
 from raff2urdf.analysis import loop_kind
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, why_open
@@ -88,10 +89,10 @@ def build(
         LoadError: no URDF, or it lacks what the constraints name.
         ClosureError: the loops can't be closed.
     """
-    tree = _parse(urdf, name)
-    unlimited = _bound_continuous(tree)
+    tree = parsed(urdf, name)
+    unlimited = free(tree, name)
     try:
-        model = pin.buildModelFromXML(ElementTree.tostring(tree, encoding="unicode"))
+        model = pin.buildModelFromXML(etree.tostring(tree, encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
     if constraints is None:
@@ -126,32 +127,7 @@ def build(
     return mechanism
 
 
-def _parse(urdf: str, name: str) -> ElementTree.Element:
-    try:
-        tree = ElementTree.fromstring(urdf)
-    except ElementTree.ParseError as error:
-        raise LoadError(f"{name}: no XML: {error}") from None
-    if tree.tag != "robot":
-        raise LoadError(f"{name}: this is no URDF: its first element is <{tree.tag}>, not <robot>")
-    return tree
-
-
-def _bound_continuous(tree: ElementTree.Element) -> set[str]:
-    """Makes continuous joints revolute (one number each, where Pinocchio takes cos and sin); returns their names."""
-    names = set()
-    for joint in tree.iter("joint"):
-        if joint.get("type") == "continuous":
-            joint.set("type", "revolute")
-            limit = joint.find("limit")
-            if limit is None:
-                limit = ElementTree.SubElement(joint, "limit", effort="0", velocity="0")
-            limit.set("lower", "-1")
-            limit.set("upper", "1")
-            names.add(joint.get("name", ""))
-    return names
-
-
-def _of_tree(tree: ElementTree.Element, model: pin.Model) -> beside.Constraints:
+def _of_tree(tree: Any, model: pin.Model) -> beside.Constraints:
     """What the constraints of a URDF without loops would say."""
     links = [link.get("name", "") for link in tree.iter("link")]
     children = {child.get("link") for child in tree.iter("child")}

@@ -124,6 +124,67 @@ def test_a_urdf_that_is_none_is_refused(text, says, tmp_path):
         cinegen.load(path)
 
 
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="tool"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/>
+    <child link="tool"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="1" velocity="3"/>
+  </joint>
+</robot>"""
+
+
+FOREIGN = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="arm">'
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("0 0 1", "0 0 0"), r":7: the axis '0 0 0' of joint 'turn' must be three numbers, not all 0"),
+        (("0 0 1", "0 0"), r":7: the axis"),
+        (("0 0 1", "0 0 inf"), r":7: the axis"),
+        (("0 0 1", "up"), r":7: the axis 'up'"),
+        (('lower="-1"', 'lower="nan"'), r":8: joint 'turn': its lower limit 'nan' is no number"),
+        (('upper="2"', 'upper="two"'), r":8: joint 'turn': its upper limit 'two' is no number"),
+        (('upper="2"', 'upper="-2"'), r":8: joint 'turn': its lower limit of -1 is above its upper one of -2"),
+        (('velocity="3"', 'velocity="-3"'), r":8: joint 'turn': its limit of velocity is -3, below 0"),
+        (("</joint>", ""), r":\d+: no XML"),
+        (('<robot name="arm">', f"{FOREIGN}&a;"), "entity 'a': entities are not read"),
+        (('<robot name="arm">', FOREIGN.replace("SYSTEM ", "")), "entities are not read"),
+    ],
+)
+def test_what_is_wrong_in_a_urdf_is_told_by_its_line(change, says, tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    assert cinegen.load(path).mobility == 1
+    path.write_text(ARM.replace(*change))
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(path)
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("limit", ["", '<limit effort="1" velocity="3"/>'])
+def test_a_joint_whose_limits_are_left_out_has_none_and_one_warning_says_so(kind, limit, tmp_path):
+    path = tmp_path / "arm.urdf"
+    told = ARM.replace('<limit lower="-1" upper="2" effort="1" velocity="3"/>', limit).replace("revolute", kind)
+    path.write_text(told)
+    with pytest.warns(cinegen.CinegenWarning, match="'turn': no lower and upper limit") as seen:
+        mechanism = cinegen.load(path)
+    assert len(seen) == 1
+    assert mechanism.model.lowerPositionLimit[0] == -np.inf
+    assert mechanism.model.upperPositionLimit[0] == np.inf
+    assert mechanism.slides("turn") == (kind == "prismatic")
+
+
+def test_where_one_limit_is_given_the_other_is_0(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM.replace('lower="-1" ', ""))
+    mechanism = cinegen.load(path)
+    assert (mechanism.model.lowerPositionLimit[0], mechanism.model.upperPositionLimit[0]) == (0.0, 2.0)
+
+
 def test_files_that_cant_be_read_are_refused(tmp_path):
     with pytest.raises(cinegen.CinegenError, match="can't be read"):
         cinegen.load(tmp_path / "none.urdf")
