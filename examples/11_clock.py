@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 import cinegen
+from cinegen.solve import Tick
 
 PERIOD = 1e-3  # s
 
@@ -14,7 +15,7 @@ solver = cinegen.Solver(delta, PERIOD)
 hand = solver.pull("platform")
 
 
-def follow(tick: cinegen.Tick) -> pin.SE3:
+def follow(tick: Tick) -> pin.SE3:
     """Goes where the newest command says; what it returns is the loop's newest state."""
     if tick.command is not None:
         hand.target.translation = tick.command

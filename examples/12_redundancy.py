@@ -3,6 +3,7 @@
 import math
 
 import cinegen
+from cinegen.solve import LimitMargin, Manipulability, Objective, Posture, State
 
 arm = cinegen.load("robots/arm7.raff")
 solver = cinegen.Solver(arm, dt=1 / 240)
@@ -13,13 +14,13 @@ home = arm.placement(arm.q_home, "link4").translation
 class Lift:
     """An objective of one's own: the elbow goes up."""
 
-    def velocity(self, state: cinegen.State):
+    def velocity(self, state: State):
         """How fast the joints should move, rad/s: the way that raises it fastest."""
         up = state.mechanism.placement(state.q, "link4").rotation[2]  # the world's z, seen from the elbow
         return 20.0 * up @ state.mechanism.jacobian(state.q, "link4")[:3]
 
 
-def serve(*objectives: cinegen.Objective) -> None:
+def serve(*objectives: Objective) -> None:
     """Five seconds with some objectives."""
     solver.objectives = objectives
     for _ in range(1200):
@@ -30,7 +31,7 @@ def serve(*objectives: cinegen.Objective) -> None:
     print(f"    manipulability {math.prod(step.singular_values):.4f}")
 
 
-serve(cinegen.Manipulability())  # away from singularities
-serve(cinegen.Manipulability(), cinegen.LimitMargin(0.4, rate=5.0))  # rates say how much each counts
-serve(cinegen.Posture(rate=2.0))  # home again
+serve(Manipulability())  # away from singularities
+serve(Manipulability(), LimitMargin(0.4, rate=5.0))  # rates say how much each counts
+serve(Posture(rate=2.0))  # home again
 serve(Lift())

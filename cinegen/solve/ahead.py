@@ -125,13 +125,13 @@ class Ahead:
         if twin._changed:
             twin._arrange()
         arrays, others, ratio = twin._memory.arrays, solver._memory.arrays, self.dt / solver.dt
-        twin._q[:], twin._objectives = solver._q, solver.objectives
+        twin._q[:], twin._objectives = solver._q, solver._objectives
         arrays["settings"][[m.CLOSED, m.TRUST]] = others["settings"][[m.CLOSED, m.TRUST]]
         arrays["acceleration"][:] = others["acceleration"] * (ratio * ratio)
         goes_on = twin._table[m.OFFSET] == solver._table[m.OFFSET]
         for name in ("last", "drift", "secondary"):  # of the last tick
             arrays[name][:] = others[name] * ratio if goes_on else 0.0
-        twin._table[[m.ACCELERATED, m.TICKS]] = solver._table[[m.ACCELERATED, m.TICKS]]
+        twin._table[[m.ACCELERATED, m.TICKS, m.DETOUR]] = solver._table[[m.ACCELERATED, m.TICKS, m.DETOUR]]
         twin._table[m.WARM] = 0
         for j, (i, _) in enumerate(held):
             arrays["pull_state"][j] = 0.0 if solver._changed else others["pull_state"][i]

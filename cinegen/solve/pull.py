@@ -10,13 +10,11 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.solve.kernel import memory as m
+from cinegen.solve.kernel.equations import FURTHEST
 from cinegen.solve.kernel.memory import TARGET, address_of_copy
 from raff2urdf.loops import log, log_derivative, swing
 
 Array = NDArray[np.float64]
-
-
-_FURTHEST = 1e100  # m: a target beyond is aimed at from here all the same, and no square overflows
 
 
 class Pull:
@@ -167,7 +165,7 @@ class Pull:
             axes: (3, 3) those axes in the world; the target's unless given.
         """
         axes = self.target.rotation if axes is None else axes
-        way = np.clip(self.target.translation, -_FURTHEST, _FURTHEST) - placement.translation
+        way = np.clip(self.target.translation, -FURTHEST, FURTHEST) - placement.translation
         straight = axes.T @ way
         if self.rotation == 2:
             return straight[: self.translation], -swing(self._seen(placement, axes)[:, 2])[0]

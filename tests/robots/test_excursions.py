@@ -11,7 +11,8 @@ from elementary import ROBOTS, document, within_limits
 from test_dragging import what_could_be_won
 
 import cinegen
-from cinegen import PersistentSolver, Posture, Solver, Verdict
+from cinegen import PersistentSolver, Solver, Verdict
+from cinegen.solve import Posture
 from cinegen.solve.damping import NEAR
 
 DT = 1 / 60
@@ -141,6 +142,7 @@ def test_a_new_target_ends_a_detour_at_once():
                 pull.target = home
             step = solver.step()
             if step.verdict is Verdict.DETOUR:
+                assert np.abs(solver.forecast(5 * DT, dt=DT).q[-1] - step.q).max() > 1e-3  # it goes on, and not to rest
                 own = Posture()
                 assert solver.objectives == ()
                 solver.objectives = [own]  # that ends it too

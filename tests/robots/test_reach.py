@@ -195,6 +195,27 @@ def test_the_same_question_has_the_same_answer() -> None:
     np.testing.assert_array_equal(first.q, other.q)
 
 
+def test_what_was_asked_before_makes_no_difference() -> None:
+    """Not even where starts at random are needed."""
+    mechanism = mechanism_of("panda")
+    poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 200, seed=11)]
+    first = [cinegen.reach(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
+    assert max(reached.starts for reached in first) > 9
+    for pose, before in reversed(list(zip(poses, first, strict=True))):
+        again = cinegen.reach(mechanism, {"panda_hand": pose}, seed=3)
+        np.testing.assert_array_equal(again.q, before.q)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+def test_no_more_is_left_than_the_tolerance(tolerance: float) -> None:
+    mechanism = mechanism_of("sr400")
+    node = end_of(mechanism)
+    for known in configurations(mechanism, 20, seed=6):
+        reached = cinegen.reach(mechanism, {node: mechanism.placement(known, node)}, tolerance=tolerance)
+        assert reached
+        assert max(reached.errors[0]) <= tolerance
+
+
 def test_what_makes_no_sense_is_refused() -> None:
     mechanism = mechanism_of("rx90")
     node = end_of(mechanism)

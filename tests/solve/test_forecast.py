@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planar import TWO_R, root, singular_values, two_r
 
-from cinegen import CinegenError, LimitMargin, Posture, Solver
+from cinegen import CinegenError, Solver
+from cinegen.solve import LimitMargin, Posture
 from cinegen.solve.damping import NEAR
 from cinegen.solve.forecast import EventKind
 from cinegen.solve.singular import NEAR_PASSIVE, passive_singular_values

@@ -14,7 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen import LimitMargin, Manipulability, Posture, Solver, State, Verdict
+from cinegen import Solver, Verdict
+from cinegen.solve import LimitMargin, Manipulability, Posture, State
 from cinegen.solve.resolve import free_motions
 
 DT = 0.01

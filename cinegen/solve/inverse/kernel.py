@@ -34,7 +34,7 @@ _ROUNDING = 1e-12  # rad or lengths
 
 def scratch_size(rows: int, n: int) -> int:
     """Numbers that `seek` needs."""
-    return HEAD + rows * n + rows * rows + 3 * rows + 2 * n
+    return HEAD + rows * n + rows * rows + 2 * rows + n
 
 
 @entry

@@ -29,7 +29,7 @@ _KEPT = 16  # mechanisms and nodes whose starts are kept
 _APPROACH = 400  # ticks towards what can't be reached
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reached:
     """What `reach` has found; true if all targets were reached.
 
@@ -126,10 +126,10 @@ class _Finder:
     def __init__(self, mechanism: Mechanism, pulls: tuple[Pull, ...], limits: bool, seed: int) -> None:
         self.mechanism = mechanism
         self.seeker = Seeker(mechanism, pulls, limits)
-        self._rng = np.random.default_rng(seed)
+        self._seed = seed
         self._weights = [_weights(pull, mechanism.length) for pull in pulls]
         closer = Seeker(mechanism, (), limits) if mechanism.loops else self.seeker
-        self._spread = closer.spread(_SPREAD_CLOSED if mechanism.loops else _SPREAD, self._rng)
+        self._spread = closer.spread(_SPREAD_CLOSED if mechanism.loops else _SPREAD, np.random.default_rng(seed))
         self._features = np.array([self._feature(self.seeker.placements(q)) for q in self._spread])
         self._used = np.zeros(len(self._spread))
 
@@ -144,7 +144,8 @@ class _Finder:
         seeker = self.seeker
         for pull, target in zip(seeker.pulls, targets, strict=True):
             pull.target = target
-        goal = min(tolerance, tolerance / self.mechanism.length)
+        goal = 0.5 * min(tolerance, tolerance / self.mechanism.length)  # of each of up to three residuals
+        rng: np.random.Generator | None = None  # begun anew: what was asked before makes no difference
         point = self._feature(targets)
         self._used[:] = 0.0
         iterations = 0
@@ -152,12 +153,16 @@ class _Finder:
         for count in range(starts):
             if count == 0 and q is not None:
                 start = q
-            elif count < _NEAREST or count % 2 == 0:
-                nearest = nearest_start(self._features, point, self._used)
-                start = self._spread[nearest] if nearest >= 0 else seeker.anywhere(self._rng)
-                self._used[max(nearest, 0)] = 1.0
             else:
-                start = seeker.anywhere(self._rng)
+                nearest = -1
+                if count < _NEAREST or count % 2 == 0:
+                    nearest = nearest_start(self._features, point, self._used)
+                if nearest >= 0:
+                    start = self._spread[nearest]
+                    self._used[nearest] = 1.0
+                else:
+                    rng = rng or np.random.default_rng(self._seed)
+                    start = seeker.anywhere(rng)
             found = seeker.seek(start, goal)
             iterations += seeker.iterations
             if found:

@@ -40,7 +40,7 @@ class Seeker(Solver):
             self.pull(pull.node, None, pull.translation, pull.rotation, pull.weight, pull.axes)
         self._arrange()
         rows = 6 * len(pulls) + int(self._table[m.ROWS])
-        self._scratch = np.zeros(scratch_size(rows, model.nv) + 1)
+        self._scratch = np.zeros(scratch_size(rows, model.nv))
         self._scratch[kernel.MOST] = MOST
         self._s = address(self._scratch)
         self._numbers = arrays["at"] >= 0.0  # joints that are one number each

@@ -27,9 +27,6 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) ->
     """
     n, offset, k = t[m.N], t[m.OFFSET], t[m.K]
     record = vector(t[m.RECORD], m.R_HEAD)
-    q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
-    scale = vector(t[m.SCALE] + 8 * offset, n)
-    low, high = vector(t[m.LOW] + 8 * offset, n), vector(t[m.HIGH] + 8 * offset, n)
     longest = vector(t[m.LONGEST] + 8 * offset, n)
     floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
     excess, slowest = 0.0, -1
@@ -37,12 +34,7 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) ->
         part = abs(step[j]) / longest[j]
         if part > excess:
             excess, slowest = part, j
-        if at[j] < 0.0:
-            floor[j], ceiling[j] = -math.inf, math.inf
-        else:
-            here = q[int(at[j])]
-            floor[j] = min(0.0, low[j] - here) / scale[j]
-            ceiling[j] = max(0.0, high[j] - here) / scale[j]
+    _positions(t, floor, ceiling)
     pace = FULL / excess if excess > FULL else 1.0
     if t[m.ACCELERATED] != 0 and room < math.inf:
         limit = vector(t[m.ACCELERATION] + 8 * offset, n)
@@ -68,6 +60,31 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) ->
 
 
 @compiled
+def _positions(t: Table, floor: Array, ceiling: Array) -> None:
+    """The bounds (n,) of a step that limits of position give: none leads further beyond."""
+    n, offset = t[m.N], t[m.OFFSET]
+    q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
+    scale = vector(t[m.SCALE] + 8 * offset, n)
+    low, high = vector(t[m.LOW] + 8 * offset, n), vector(t[m.HIGH] + 8 * offset, n)
+    for j in range(n):
+        if at[j] < 0.0:
+            floor[j], ceiling[j] = -math.inf, math.inf
+        else:
+            here = q[int(at[j])]
+            floor[j] = min(0.0, low[j] - here) / scale[j]
+            ceiling[j] = max(0.0, high[j] - here) / scale[j]
+
+
+@compiled
+def _speeds(t: Table, floor: Array, ceiling: Array) -> None:
+    """Narrows the bounds (n,) to what limits of velocity allow."""
+    longest = vector(t[m.LONGEST] + 8 * t[m.OFFSET], t[m.N])
+    for j in range(t[m.N]):
+        floor[j] = max(floor[j], -FULL * longest[j])
+        ceiling[j] = min(ceiling[j], FULL * longest[j])
+
+
+@compiled
 def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
     """The step that does most for the pulls within all bounds."""
     n, offset, k = t[m.N], t[m.OFFSET], t[m.K]
@@ -75,12 +92,9 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
     q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
     scale = vector(t[m.SCALE] + 8 * offset, n)
     low, high = vector(t[m.LOW] + 8 * offset, n), vector(t[m.HIGH] + 8 * offset, n)
-    longest = vector(t[m.LONGEST] + 8 * offset, n)
     floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
     accelerated = t[m.ACCELERATED] != 0
-    for j in range(n):
-        floor[j] = max(floor[j], -FULL * longest[j])
-        ceiling[j] = min(ceiling[j], FULL * longest[j])
+    _speeds(t, floor, ceiling)
     all_axes(t, pull_rank)
     motions, looped = matrix(t[m.MOTIONS], k, n), t[m.RANK] > 0
     axes, size, x = matrix(t[m.AXES], k, k), vector(t[m.SIZE], k), vector(t[m.X], k)
@@ -96,13 +110,8 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
                     for j in range(n):
                         s += motions[i, j] * braking[j]
                 y[i] = s
-            for j in range(n):
-                if at[j] < 0.0:
-                    floor[j], ceiling[j] = -FULL * longest[j], FULL * longest[j]
-                else:
-                    here = q[int(at[j])]
-                    floor[j] = max(-FULL * longest[j], min(0.0, low[j] - here) / scale[j])
-                    ceiling[j] = min(FULL * longest[j], max(0.0, high[j] - here) / scale[j])
+            _positions(t, floor, ceiling)
+            _speeds(t, floor, ceiling)
             found = bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step)
         else:
             found = False

@@ -77,7 +77,7 @@ def propose(t: Table) -> bool:
     largest = _largest(step, n)
     t[m.NUDGED] = 0
     to_win = 0.0
-    if largest < REST and p > 0 and not wishing and settings[m.DISTANCE] > ARRIVED * ARRIVED:
+    if largest < REST and p > 0 and t[m.WISHING] == 0 and settings[m.DISTANCE] > ARRIVED * ARRIVED:
         to_win = nudge(t, step, pull_rank)
         if to_win > 0.0:
             t[m.NUDGED] = 1

@@ -18,7 +18,7 @@ from cinegen.solve.solver import Solver
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Evaluations:
     """Of a node at each of (count,) configurations.
 
