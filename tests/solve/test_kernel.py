@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import types
 from scipy.optimize import linprog, nnls
 
 import cinegen
@@ -19,7 +20,7 @@ import raff2urdf
 from cinegen import Solver
 from cinegen.solve import plain
 from cinegen.solve.damping import NEAR
-from cinegen.solve.kernel import aims, bounds, closing, null_space, svd
+from cinegen.solve.kernel import aims, bounds, closing, compiled, null_space, svd
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.thresholds import FULL, HEALTHY, REST
 from cinegen.solve.resolve import resolve
@@ -565,3 +566,22 @@ def test_ticks_leave_nothing_behind(name, which):
     collected = gc.get_stats()[0]["collections"]
     assert run(50_000) - before < 100
     assert gc.get_stats()[0]["collections"] - collected < 200  # a step is no cycle that the collector has to find
+
+
+def test_where_nothing_can_be_kept_kernels_run_all_the_same(monkeypatch):
+    compile_it = compiled.njit
+
+    def nowhere(**options):
+        if options.pop("cache", False):
+            raise RuntimeError("no locator available")
+        return compile_it(**options)
+
+    monkeypatch.setattr(compiled, "njit", nowhere)
+
+    @compiled.entry
+    def twice(x: int) -> int:
+        return 2 * x
+
+    compiled.prepare(twice, types.int64)
+    assert twice(21) == 42
+    assert len(twice.signatures) == 1
