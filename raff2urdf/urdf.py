@@ -31,7 +31,13 @@ _WORLD = "world"
 
 
 def urdf(document: Document, robot: Robot, beside: Path, out: Path | None = None) -> tuple[str, list[str]]:
-    """The robot's tree as URDF text.
+    """The robot's tree as URDF text; see `tree` for arguments and what could not be shown."""
+    model, missing = tree(document, robot, beside, out)
+    return dumps(model), missing
+
+
+def tree(document: Document, robot: Robot, beside: Path, out: Path | None = None) -> tuple[yourdfpy.Robot, list[str]]:
+    """The robot's tree as yourdfpy's classes.
 
     Args:
         document: that holds the robot.
@@ -40,7 +46,7 @@ def urdf(document: Document, robot: Robot, beside: Path, out: Path | None = None
         out: the folder the URDF will stand in, from which it names its meshes; absolute names if there is none.
 
     Returns:
-        the text, and what could not be shown: one line for each node without its graphics.
+        the tree, and what could not be shown: one line for each node without its graphics.
     """
     missing: list[str] = []
     skeleton = Skeleton(document, robot)
@@ -66,13 +72,18 @@ def urdf(document: Document, robot: Robot, beside: Path, out: Path | None = None
     for part in robot.parts:
         links.append(body(part))
         joints.append(_joint(document, robot, part))
-    model = _Exact(
-        yourdfpy.Robot(name=robot.name, links=links, joints=joints),
+    return yourdfpy.Robot(name=robot.name, links=links, joints=joints), missing
+
+
+def dumps(model: yourdfpy.Robot) -> str:
+    """The text of a URDF."""
+    exact = _Exact(
+        model,
         build_scene_graph=False,
         filename_handler=yourdfpy.filename_handler_null,  # mesh names are right as they stand
     )
-    text = etree.tostring(model.write_xml(), xml_declaration=True, encoding="utf-8", pretty_print=True)
-    return text.decode(), missing
+    text: bytes = etree.tostring(exact.write_xml(), xml_declaration=True, encoding="utf-8", pretty_print=True)
+    return text.decode()
 
 
 def _joint(document: Document, robot: Robot, part: Link | Frame) -> yourdfpy.Joint:

@@ -58,6 +58,10 @@ def poses(scene: Scene) -> list[NDArray[np.float64]]:
 
 def serve(make: Callable[[Scene], Peer]) -> None:
     """Loads the scene and answers until stdin ends."""
+    # All on one core, where the system has such a thing: they take turns, and a core that is busier, or just warmer,
+    # than another would be counted for or against the library that happened to be there.
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     with open(sys.argv[1]) as file:
         scene: Scene = json.load(file)
     out = os.fdopen(os.dup(1), "w")  # what libraries print themselves goes to stderr
