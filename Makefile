@@ -37,6 +37,7 @@ bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots g
 	$(BIN)/python benchmarks/tick.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reach.py
+	$(BIN)/python benchmarks/close.py
 	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
 	$(BIN)/python benchmarks/compare.py

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import os
 import sys
@@ -46,6 +47,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     drive.add_argument("--no-browser", action="store_true", help="only print the page's address")
     drive.set_defaults(run=_drive)
 
+    close = commands.add_parser(
+        "close", help="a filter: values of actuated joints in, values of all joints out, loops closed",
+        description="Reads lines such as {\"joint1\": 0.1} from its input (rad, m) and answers each with a line of all "
+        "joints, on the same branch as the line before; the first begins at home. Joints that are not named stay. What "
+        "can't be is answered by {\"error\": \"...\"}, and moves nothing.",
+    )  # fmt: skip
+    _of_files(close, several=False)
+    close.add_argument("--start", metavar="FILE", help="begin where an answer says, kept in a file, instead of at home")
+    close.set_defaults(run=_close)
+
     options = parser.parse_args(arguments)
     from cinegen.errors import CinegenError
 
@@ -63,8 +74,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return code
 
 
-def _of_files(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("files", nargs="+", metavar="FILE", help="RAFF file, or URDF with its constraints beside it")
+def _of_files(parser: argparse.ArgumentParser, several: bool = True) -> None:
+    count = "+" if several else 1
+    parser.add_argument("files", nargs=count, metavar="FILE", help="RAFF file, or URDF with its constraints beside it")
     parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
     parser.add_argument(
         "--loop", action="append", default=[], metavar="NAME=KIND",
@@ -84,8 +96,8 @@ def _seconds(text: str) -> float:
 
 def _mechanisms(options: argparse.Namespace) -> dict[str, Mechanism]:
     """All robots of all files, by a name that is theirs alone."""
-    import raff2urdf
     from cinegen.errors import CinegenError
+    import raff2urdf
     from cinegen.model import load
 
     loops = {}
@@ -217,6 +229,41 @@ def _write(path: Path, text: str) -> None:
     except OSError as error:
         raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
     print(f"page without a server: {path.resolve()}")
+
+
+# --- close -------------------------------------------------------------------------------------------------------
+
+
+def _close(options: argparse.Namespace) -> int:
+    from cinegen.errors import CinegenError
+
+    mechanisms = _mechanisms(options)
+    if len(mechanisms) != 1:
+        names = ", ".join(mechanism.name for mechanism in mechanisms.values())
+        raise CinegenError(f"{options.files[0]} holds several robots: name one by --robot ({names})")
+    (mechanism,) = mechanisms.values()
+    from cinegen.model import ForwardKinematics
+    from cinegen.sense import Lines, start_from
+
+    motion = ForwardKinematics(mechanism) if options.start is None else start_from(mechanism, _read(options.start))
+    if sys.stdin is not None:
+        with contextlib.suppress(KeyboardInterrupt):
+            Lines(motion).serve(sys.stdin.buffer, _say_at_once)
+    return 0
+
+
+def _say_at_once(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+def _read(file: str) -> str:
+    from cinegen.errors import CinegenError
+
+    try:
+        return Path(file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CinegenError(f"{file}: can't be read: {error}") from None
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:

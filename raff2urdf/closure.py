@@ -21,8 +21,8 @@ Mask = NDArray[np.bool_]
 CLOSED = 1e-12
 """Loops count as closed below this residual (rad, or characteristic lengths)."""
 
-_ROUNDING = 2e-15  # no residual is expected to get below this: Gauss-Newton stops
-_STEP_CAP = 0.6  # rad: a longer Gauss-Newton step leaves what its linearisation knows
+ROUNDING = 2e-15  # no residual is expected to get below this: Gauss-Newton stops
+STEP_CAP = 0.6  # rad: a longer Gauss-Newton step leaves what its linearisation knows
 _RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
 _NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
 _WALK = 0.3  # rad: length of a step between the random closed configurations
@@ -71,7 +71,7 @@ def close(system: LoopSystem, q: Array, free: Mask | None = None, iterations: in
     best = _largest(c)
     damping = 1.0
     for _ in range(iterations):
-        if best <= _ROUNDING:
+        if best <= ROUNDING:
             break
         rows = jacobian if free is None else jacobian[:, free]
         if rows.shape[1] == 0:
@@ -82,7 +82,7 @@ def close(system: LoopSystem, q: Array, free: Mask | None = None, iterations: in
         s, vt = s[kept], vt[kept]
         step = np.zeros(jacobian.shape[1])
         short = -vt.T @ (s / (s * s + damping * float(c @ c)) * along)
-        short *= min(1.0, _STEP_CAP / max(_largest(short), 1e-300))
+        short *= min(1.0, STEP_CAP / max(_largest(short), 1e-300))
         step[slice(None) if free is None else free] = short
         there = system.integrate(q, step)
         c_there, jacobian_there = system.evaluate(there)

@@ -75,7 +75,7 @@ class ClosedLoops:
         scale: Array,
     ) -> None:
         self.model, self.loops, self.length, self.scale = model, tuple(loops), length, scale
-        self._anchors = anchors
+        self.anchors = anchors
         self.data = model.createData()
         self.rows = sum(loop.rows for loop in loops)
         self._constraints: list[Any] = [pin.FrameAnchorConstraintModel(model, *anchor) for anchor in anchors]
@@ -85,7 +85,7 @@ class ClosedLoops:
     def with_kinds(self, kinds: Sequence[LoopKind]) -> ClosedLoops:
         """The same loops, closed by other kinds of joints."""
         loops = [replace(loop, kind=kind) for loop, kind in zip(self.loops, kinds, strict=True)]
-        return ClosedLoops(self.model, loops, self._anchors, self.length, self.scale)
+        return ClosedLoops(self.model, loops, self.anchors, self.length, self.scale)
 
     def integrate(self, q: Array, step: Array) -> Array:
         """The configuration reached from q (nq,) by a dimensionless step (nv,)."""

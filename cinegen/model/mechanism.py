@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.loops import ClosedLoops, Loop
+from cinegen.model.newton import Newton
 from cinegen.model.shapes import shapes
 from raff2urdf import closure
 
@@ -330,20 +331,36 @@ class Mechanism:
             UnknownNameError: no such joint.
             ConfigurationError: q is no configuration.
         """
+        names = (locked,) if isinstance(locked, str) else tuple(locked)
+        newton: Newton | None = getattr(self._scratch, "newton", None)
+        near = newton.close(q, names) if newton is not None else None
+        if near is not None:
+            return near
         start = self.checked(q)
         free = np.ones(self.model.nv, dtype=bool)
-        for name in [locked] if isinstance(locked, str) else locked:
+        for name in names:
             free[self.v_index(name)] = False
         if not self.loops:
             return start.copy()
         system = self.system
+        self._expect_again(system, names, ~free)
         closing = closure.close(system, start, free)
         if not closing.closed:
             gaps = zip(self.loops, system.gaps(closing.q), strict=True)
             listed = ", ".join(f"'{loop.name}' by {gap:.2g}" for loop, gap in gaps if gap > closure.CLOSED)
             held = f" with {int((~free).sum())} joints locked" if not free.all() else ""
             raise ClosureError(f"{self.name} can't be closed from there{held}: open stay {listed} (rad or lengths)")
-        return closing.q
+        return closing.q.copy()  # never what the caller gave
+
+    def _expect_again(self, system: ClosedLoops, locked: tuple[str, ...], held: Mask) -> None:
+        """From the second time on in this thread, loops are closed by what is compiled: once is no reason to wait."""
+        scratch = self._scratch
+        if not hasattr(scratch, "newton"):
+            scratch.newton = None
+        elif scratch.newton is None and self.model.nv > 0:
+            scratch.newton = Newton(system, self.loop_rank)
+        if scratch.newton is not None:
+            scratch.newton.expect(locked, held)
 
     @cached_property
     def samples(self) -> tuple[Array, ...]:

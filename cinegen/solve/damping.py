@@ -10,16 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.solve.kernel.thresholds import NEAR, RESTING
+
 Array = NDArray[np.float64]
-
-NEAR = 0.05
-"""A singular value (dimensionless) below this is near a singularity: damping sets in, smoothly."""
-
-RESTING = 6.25e-4
-"""NEAR^2 / 4: what is added to a squared singular value of 0, at least.
-
-Much less, and a robot at its limits would swing through all its redundancy to win next to nothing.
-"""
 
 
 def damping(sigma: Array, error: float) -> Array:

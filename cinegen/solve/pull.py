@@ -10,8 +10,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.equations import FURTHEST
 from cinegen.solve.kernel.memory import TARGET, address_of_copy
+from cinegen.solve.kernel.pulls import FURTHEST
 from raff2urdf.loops import log, log_derivative, swing
 
 Array = NDArray[np.float64]

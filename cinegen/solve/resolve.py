@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 
-from cinegen.solve.damping import RESTING, damping
+from cinegen.solve.damping import damping
+from cinegen.solve.kernel.thresholds import RESTING
 
 Array = NDArray[np.float64]
 

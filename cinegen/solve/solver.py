@@ -10,26 +10,27 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.kernel.thresholds import CLOSURE
 from cinegen.model import Mechanism
+from cinegen.model.memory import curved, moves
 from cinegen.solve.ahead import Ahead
 from cinegen.solve.blend import Blend
-from cinegen.solve.damping import NEAR
 from cinegen.solve.forecast import TICKS, Forecast, foresee
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.thresholds import (
     ACCEPTED,
     ASTRAY,
-    CLOSURE,
     DONE,
     EVALUATE,
     EVALUATE_HERE,
+    NEAR,
     STEP_CAP,
 )
 from cinegen.solve.kernel.tick import prepare_tick, tick
 from cinegen.solve.objectives import Objective, State
 from cinegen.solve.plain import pull_rank
 from cinegen.solve.pull import Pull
-from cinegen.solve.setup import curved, memory_of, moves
+from cinegen.solve.setup import memory_of
 from cinegen.solve.singular import NEAR_PASSIVE
 from cinegen.solve.step import Layout, Step
 
@@ -76,7 +77,7 @@ class Solver:
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
         self._ranks: dict[tuple[object, ...], int] = {}
-        self._memory = memory_of(mechanism, self._data, dt, gain)
+        self._memory = memory_of(mechanism, self._system, dt, gain)
         self._table = self._memory.table
         self._q, self._trial = np.zeros(self._model.nq), np.zeros(self._model.nq)
         if self._model.nq:

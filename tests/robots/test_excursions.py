@@ -13,7 +13,7 @@ from test_dragging import what_could_be_won
 import cinegen
 from cinegen import PersistentSolver, Solver, Verdict
 from cinegen.solve import Posture
-from cinegen.solve.damping import NEAR
+from cinegen.solve.kernel.thresholds import NEAR
 
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))

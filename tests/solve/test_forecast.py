@@ -13,8 +13,8 @@ from planar import TWO_R, root, singular_values, two_r
 
 from cinegen import CinegenError, Solver
 from cinegen.solve import LimitMargin, Posture
-from cinegen.solve.damping import NEAR
 from cinegen.solve.forecast import EventKind
+from cinegen.solve.kernel.thresholds import NEAR
 from cinegen.solve.singular import NEAR_PASSIVE, passive_singular_values
 
 DT = 0.01

@@ -18,11 +18,12 @@ from scipy.optimize import linprog, nnls
 import cinegen
 import raff2urdf
 from cinegen import Solver
+from cinegen.kernel import closing, compiled, null_space, svd
+from cinegen.kernel.thresholds import HEALTHY
 from cinegen.solve import plain
-from cinegen.solve.damping import NEAR
-from cinegen.solve.kernel import aims, bounds, closing, compiled, null_space, svd
+from cinegen.solve.kernel import aims, bounds
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.thresholds import FULL, HEALTHY, REST
+from cinegen.solve.kernel.thresholds import FULL, NEAR, REST
 from cinegen.solve.resolve import resolve
 from raff2urdf.loops import gap
 

@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import LinearConstraint, minimize
 
-from cinegen.solve.damping import NEAR, RESTING, damping
+from cinegen.solve.damping import damping
+from cinegen.solve.kernel.thresholds import NEAR, RESTING
 from cinegen.solve.resolve import free_motions, resolve
 
 seeds = st.integers(0, 2**32 - 1)

@@ -12,10 +12,10 @@ import math
 
 from numba import types
 
+from cinegen.kernel.closing import loop_rows
+from cinegen.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import aim_at, holding
-from cinegen.solve.kernel.closing import loop_rows
-from cinegen.solve.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
 
 FOUND, ONWARD, STUCK = range(3)
 

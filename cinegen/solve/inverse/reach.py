@@ -13,10 +13,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.kernel.thresholds import CLOSURE
 from cinegen.model import Mechanism
 from cinegen.solve.inverse.kernel import nearest_start
 from cinegen.solve.inverse.seeker import Seeker
-from cinegen.solve.kernel.thresholds import CLOSURE
 from cinegen.solve.pull import Pull
 from cinegen.solve.step import Verdict
 

@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.kernel.memory import address
 from cinegen.model import Mechanism
 from cinegen.solve.inverse import kernel
 from cinegen.solve.inverse.kernel import FOUND, ONWARD, nearest_start, prepare_seek, scratch_size, seek
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.memory import address
 from cinegen.solve.pull import Pull
 from cinegen.solve.solver import Solver
 

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
+from cinegen.kernel import rotation
+from cinegen.kernel.compiled import Array, Table, compiled, matrix, vector
+from cinegen.kernel.placement import compose, rotation_of
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel import rotation
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrix, vector
-from cinegen.solve.kernel.equations import FURTHEST, compose, pull_error, pull_rows, rotation_of
+from cinegen.solve.kernel.pulls import FURTHEST, pull_error, pull_rows
 
 
 @compiled

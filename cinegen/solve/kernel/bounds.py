@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.kernel.compiled import Array, compiled
+from cinegen.kernel.compiled import Array, compiled
 
 TOUCH = 1e-12  # a step that ends this little beyond a bound ends on it
 _DEPENDENT = 1e-10  # part of a normal that must be left for it to be independent of those that hold already

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from cinegen.kernel.compiled import Table, compiled, matrix, vector
+from cinegen.kernel.svd import straighten
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.compiled import Table, compiled, matrix, vector
 from cinegen.solve.kernel.resolve import pull_along, scaled_axes
-from cinegen.solve.kernel.svd import straighten
 
 
 @compiled

@@ -6,11 +6,11 @@ rest one small step is tried in each tick along these directions, one after the 
 
 from __future__ import annotations
 
-from cinegen.solve.damping import NEAR
+from cinegen.kernel.compiled import Array, Table, compiled, matrix, vector
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrix, vector
 from cinegen.solve.kernel.directions import all_axes
 from cinegen.solve.kernel.resolve import to_joints
+from cinegen.solve.kernel.thresholds import NEAR
 
 _NUDGE = 0.02  # rad or lengths of the step
 _WINS = 0.01  # of what curvature might give at the best: then it was worth it

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from cinegen.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.bounds import TOUCH
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel.directions import all_axes
 from cinegen.solve.kernel.redundancy import add_wish
 from cinegen.solve.kernel.resolve import bounded, within

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.damping import NEAR
+from cinegen.kernel.closing import factor_loops, loop_rows
+from cinegen.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
+from cinegen.kernel.null_space import free_motions
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import aim_at, distance_left
-from cinegen.solve.kernel.closing import factor_loops, loop_rows
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel.directions import promise, singular_values
 from cinegen.solve.kernel.escape import nudge
 from cinegen.solve.kernel.limits import keep_bounds
-from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.redundancy import project_wish
 from cinegen.solve.kernel.resolve import far_from_singular, to_joints, unbounded
-from cinegen.solve.kernel.thresholds import ARRIVED, NOISE, REST
+from cinegen.solve.kernel.thresholds import ARRIVED, NEAR, NOISE, REST
 
 
 @compiled
@@ -29,7 +28,7 @@ def propose(t: Table) -> bool:
     t[m.EVALUATIONS] = 0
     t[m.SWEEPS] = 0
     t[m.QUICK] = 0
-    record[m.R_PACE], record[m.R_SLOWEST], record[m.R_LOOP_SIGMA] = 1.0, -1.0, math.inf
+    record[m.R_PACE], record[m.R_SLOWEST], settings[m.LOOP_SIGMA] = 1.0, -1.0, math.inf
     stopped, step = vector(t[m.STOPPED], n), vector(t[m.STEP], n)
     for j in range(n):
         stopped[j] = 0.0

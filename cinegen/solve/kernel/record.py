@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.damping import NEAR
+from cinegen.kernel.compiled import Table, compiled, matrix, vector
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import measure
-from cinegen.solve.kernel.compiled import Table, compiled, matrix, vector
 from cinegen.solve.kernel.thresholds import (
     ARRIVED,
     ASTRAY,
@@ -16,6 +15,7 @@ from cinegen.solve.kernel.thresholds import (
     BEGIN,
     FOLLOWING,
     IDLE,
+    NEAR,
     NEAR_TYPE_2,
     ON_DETOUR,
     OUT_OF_REACH,
@@ -113,7 +113,7 @@ def finish(t: Table, accepted: bool) -> None:
         verdict = AT_LIMIT
     elif fastest < REST:
         verdict = OUT_OF_REACH
-    elif smallest < NEAR or record[m.R_LOOP_SIGMA] < NEAR_TYPE_2:
+    elif smallest < NEAR or settings[m.LOOP_SIGMA] < NEAR_TYPE_2:
         verdict = SINGULAR
     else:
         verdict = FOLLOWING

@@ -8,9 +8,9 @@ framework to inequality task", 2011).
 
 from __future__ import annotations
 
+from cinegen.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.bounds import nearest
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel.directions import all_axes
 from cinegen.solve.kernel.resolve import to_joints, within, without_pulls
 from cinegen.solve.kernel.thresholds import IDLE_WISH, LEAST_TRUST, SPARE_SPEED, TRUST_GROWS

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.damping import NEAR, RESTING
+from cinegen.kernel.compiled import Array, compiled
+from cinegen.kernel.null_space import factor, free_motions
+from cinegen.kernel.svd import decompose
 from cinegen.solve.kernel.bounds import TOUCH, nearest
-from cinegen.solve.kernel.compiled import Array, compiled
-from cinegen.solve.kernel.null_space import factor, free_motions
-from cinegen.solve.kernel.svd import decompose
+from cinegen.solve.kernel.thresholds import NEAR, RESTING
 
 _LOST = 1e-12  # a singular value below this part of the largest says nothing of its direction
 

@@ -4,20 +4,23 @@ DONE, EVALUATE, EVALUATE_HERE, RANK_PLEASE, ACCEPTED = range(5)
 BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, ON_DETOUR = range(8)
 BEGIN, JUDGE, ASTRAY = range(3)
 
-CLOSURE = 1e-10
-"""A tick whose loops can't be closed to this (rad, characteristic lengths) is refused."""
-
 TIGHT = 1e-12
 """Loops are corrected until their gap is below this (rad, characteristic lengths)."""
+
+NEAR = 0.05
+"""A singular value (dimensionless) below this is near a singularity: damping sets in, smoothly."""
+
+RESTING = 6.25e-4
+"""NEAR^2 / 4: what is added to a squared singular value of 0, at least.
+
+Much less, and a robot at its limits would swing through all its redundancy to win next to nothing.
+"""
 
 STEP_CAP = 0.1
 """rad or lengths in a tick: what the linearisation is good for, even without a velocity limit."""
 
 ERROR_CAP = 0.2
 """rad or lengths: what a tick tries to make good at most; a far target is approached."""
-
-CORRECTION = 0.5
-"""Part of the step that closing the loops again may add; more would be another assembly mode."""
 
 ARMIJO = 0.1
 """Part of what a step promises to first order that it must win; the best step wins half of it."""
@@ -30,9 +33,6 @@ ARRIVED = 1e-6
 
 REST = 1e-7
 """rad or lengths in a tick: slower than this nothing moves."""
-
-HEALTHY = 2e-2
-"""Where a row of the loops adds less than this part of the first, singular vectors are used."""
 
 FULL = 1.0 - 1e-9  # part of a velocity limit that is used: rounding never goes beyond it
 NOISE = 1e-26  # of `distance`: rounding where a target is reached

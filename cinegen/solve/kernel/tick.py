@@ -7,9 +7,9 @@ either accepts or tries a shorter step. What it does is described in docs/how-it
 
 from __future__ import annotations
 
+from cinegen.kernel.compiled import TABLE, Table, entry, prepare
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import holding
-from cinegen.solve.kernel.compiled import TABLE, Table, entry, prepare
 from cinegen.solve.kernel.proposal import is_sure, propose
 from cinegen.solve.kernel.record import finish
 from cinegen.solve.kernel.thresholds import ACCEPTED, ASTRAY, BEGIN, DONE, EVALUATE, EVALUATE_HERE, JUDGE, RANK_PLEASE

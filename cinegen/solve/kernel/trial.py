@@ -4,24 +4,23 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.damping import NEAR
+from cinegen.kernel.closing import factor_loops, loop_correction, loop_rows, squared_gap
+from cinegen.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
+from cinegen.kernel.null_space import free_motions
+from cinegen.kernel.thresholds import CLOSURE, CORRECTION
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import distance_now
-from cinegen.solve.kernel.closing import factor_loops, loop_correction, loop_rows
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrices, matrix, vector
 from cinegen.solve.kernel.directions import promise, singular_values
-from cinegen.solve.kernel.null_space import free_motions
 from cinegen.solve.kernel.record import finish
 from cinegen.solve.kernel.resolve import far_from_singular
 from cinegen.solve.kernel.thresholds import (
     ARMIJO,
-    CLOSURE,
-    CORRECTION,
     CORRECTIONS,
     DONE,
     EVALUATE,
     EXACT,
     LEAST_TRUST,
+    NEAR,
     NOISE,
     STEP_CAP,
     TIGHT,
@@ -191,7 +190,7 @@ def _correct(t: Table, largest: float, refine: bool) -> None:
             t[m.FACTORED] = 2
             settings[m.SHARP] = largest
         if t[m.RANK] > 0:
-            loop_correction(t, y)
+            loop_correction(t, squared_gap(t), y)
     if refine:
         jp, now = matrix(t[m.JP], p, n), vector(t[m.E_TRIAL], p)
         if t[m.LOOPS] > 0:

@@ -8,14 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.kernel.memory import address
+from cinegen.kernel.thresholds import CORRECTION
 from cinegen.model import Mechanism
+from cinegen.model.memory import put_motors
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.memory import address
 from cinegen.solve.sample import kernel
-from cinegen.solve.sample.kernel import go_on, measure_next, prepare_sample, work_size
+from cinegen.solve.sample.kernel import measure_closed, measure_next, prepare_sample, work_size
 from cinegen.solve.solver import Solver
 
 Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-11  # rad or lengths: loops are closed to this
+_STRIDE = 0.3  # rad or lengths: a longer way of a joint is gone in parts, so that no branch is left
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +93,19 @@ class _Sampler(Solver):
             np.full(count, np.nan),
         )
         n = int(self._table[m.N])
-        columns = np.array([mechanism.v_index(joint) for joint in mechanism.actuated], dtype=float)
-        places = np.array([mechanism.q_index(joint) for joint in mechanism.actuated], dtype=float)
-        way, anchor, work = np.zeros(n), np.zeros(model.nq), np.zeros(work_size(n, n - mechanism.loop_rank))
+        places = [mechanism.q_index(joint) for joint in mechanism.actuated]
+        put_motors(self._memory, [mechanism.v_index(joint) for joint in mechanism.actuated], places)
+        settings = self._memory.arrays["settings"]
+        settings[m.TOLERANCE], settings[m.STRIDE], settings[m.ASTRAY] = _TOLERANCE, _STRIDE, CORRECTION
+        anchor, work = np.zeros(model.nq), np.zeros(work_size(n, n - mechanism.loop_rank))
         todo = np.zeros(kernel.SIZE, dtype=np.int64)
-        todo[kernel.COUNT], todo[kernel.MOTORS], todo[kernel.WIDTH] = count, motors, self._rows
+        todo[kernel.COUNT], todo[kernel.WIDTH] = count, self._rows
         results = (done.q, done.placements, done.jacobians, done.singular_values, done.closure)
-        todo[kernel.COLUMNS :] = [address(array) for array in (columns, places, values, way, anchor, work, *results)]
+        todo[kernel.VALUES :] = [address(array) for array in (values, anchor, work, *results)]
         table, evaluate, trial = self._table, self._evaluate, self._trial
         if not mechanism.loops:
             done.q[:] = mechanism.q_home
-            done.q[:, places.astype(int)] = values
+            done.q[:, places] = values
             done.closure[:] = 0.0
             for q in done.q:
                 evaluate(model, data, q)
@@ -106,7 +113,7 @@ class _Sampler(Solver):
             return done
         trial[:] = self._q
         evaluate(model, data, trial)
-        while go_on(table, todo):
+        while measure_closed(table, todo):
             if self._curved is not None:
                 self._integrate(*self._curved)
             evaluate(model, data, trial)

@@ -4,65 +4,50 @@ from __future__ import annotations
 
 import math
 
+from cinegen.kernel.closing import factor_loops, loop_rows
+from cinegen.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
+from cinegen.kernel.null_space import free_motions
+from cinegen.kernel.placement import compose
+from cinegen.kernel.svd import COLD_SWEEPS, orthogonalise
+from cinegen.kernel.walk import ARRIVED, ONWARD, go_on, set_out
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.closing import factor_loops, loop_correction, loop_rows
-from cinegen.solve.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
-from cinegen.solve.kernel.equations import compose
-from cinegen.solve.kernel.null_space import free_motions
-from cinegen.solve.kernel.svd import COLD_SWEEPS, orthogonalise
-from cinegen.solve.kernel.thresholds import CLOSURE, CORRECTION
 
-# the list of what is to be done: how many configurations, which is the next, whether one is under way, how often a step
-# towards it was halved, whether this step leads all the way, how many motors, singular values; then addresses of the
-# motors' columns (motors,), their places in q (motors,), their values (count, motors), the step that all joints are
-# foreseen to make (n,), the last configuration of the list that was closed (nq,), scratch; and of the results: q
-# (count, nq), placements (count, 4, 4), Jacobians (count, 6, motors), singular values, closures
-COUNT, NEXT, BEGUN, HALVED, WHOLE, MOTORS, WIDTH, COLUMNS, PLACES, VALUES, WAY, ANCHOR, WORK = range(13)
-Q, PLACEMENTS, JACOBIANS, SINGULAR_VALUES, CLOSURES, SIZE = range(13, 19)
-
-_STRIDE = 0.3  # rad or lengths: a longer way of a joint is gone in parts, so that no branch is left
-_MOST_HALVED = 6
-_FAR = 1e6  # rad or lengths: no joint goes there
-_TIGHT = 1e-11  # rad or lengths: loops are closed to this
-_MOST = 12  # iterations that closing the loops may take
-_LONGEST = 0.6  # rad or lengths of one joint in an iteration
+# the list of what is to be done: how many configurations, which is the next, whether one is under way, how many
+# singular values; then addresses of the motors' values (count, motors), the last configuration of the list that was
+# closed (nq,), scratch; and of the results: q (count, nq), placements (count, 4, 4), Jacobians (count, 6, motors),
+# singular values, closures
+COUNT, NEXT, BEGUN, WIDTH, VALUES, ANCHOR, WORK = range(7)
+Q, PLACEMENTS, JACOBIANS, SINGULAR_VALUES, CLOSURES, SIZE = range(7, 13)
 
 
 @entry
 def measure_next(t: Table, todo: Table) -> None:
     """Without loops: writes down what Pinocchio was evaluated at."""
-    _measure(t, todo)
+    _measure(t, todo, todo[NEXT])
     todo[NEXT] += 1
 
 
 @entry
-def go_on(t: Table, todo: Table) -> bool:
+def measure_closed(t: Table, todo: Table) -> bool:
     """With loops: whether Pinocchio's Jacobians are wanted at the new `trial`, that is at `before` moved by `delta`.
 
     To be called until it returns False, from `trial` = q = a closed configuration that Pinocchio was evaluated at. Of a
     configuration that can't be closed nothing is written.
     """
-    q, trial = vector(t[m.Q], t[m.NQ]), vector(t[m.TRIAL], t[m.NQ])
     if todo[BEGUN] == 0:
         todo[BEGUN] = 1
-        _find_motions(t)
         return _begin(t, todo)
-    if _improve(t, todo):
+    asked = go_on(t)
+    if asked == ONWARD:
         return True
-    if _is_near(t, todo):
-        for i in range(t[m.NQ]):
-            q[i] = trial[i]
-        if todo[WHOLE] == 0:
-            _find_motions(t)
-        else:
-            _measure(t, todo)
-            todo[NEXT] += 1
-            return _begin(t, todo)
-    else:
-        todo[HALVED] += 1
-    if todo[HALVED] <= _MOST_HALVED and _lead(t, todo):
-        return True
-    return _give_up(t, todo)
+    if asked != ARRIVED:
+        return _give_up(t, todo)
+    here = todo[NEXT]
+    todo[NEXT] += 1
+    more = _begin(t, todo)  # from the factors of the loops that will be lost
+    _measure(t, todo, here)
+    t[m.FACTORED] = 0
+    return more
 
 
 @compiled
@@ -71,9 +56,12 @@ def _begin(t: Table, todo: Table) -> bool:
     q, anchor = vector(t[m.Q], t[m.NQ]), vector(todo[ANCHOR], t[m.NQ])
     for i in range(t[m.NQ]):
         anchor[i] = q[i]
+    goal = vector(t[m.GOAL], t[m.MOTORS])
     while todo[NEXT] < todo[COUNT]:
-        todo[HALVED] = 0
-        if _lead(t, todo):
+        values = vector(todo[VALUES] + 8 * t[m.MOTORS] * todo[NEXT], t[m.MOTORS])
+        for motor in range(t[m.MOTORS]):
+            goal[motor] = values[motor]
+        if set_out(t):
             return True
         todo[NEXT] += 1
     return False
@@ -86,139 +74,22 @@ def _give_up(t: Table, todo: Table) -> bool:
     for i in range(t[m.NQ]):
         q[i] = trial[i] = anchor[i]
     todo[NEXT] += 1
-    todo[BEGUN] = 0  # free motions must be found there again
-    return bool(todo[NEXT] < todo[COUNT])
-
-
-@compiled
-def _lead(t: Table, todo: Table) -> bool:
-    """Moves `trial` from q one step towards the next configuration; False where no step makes sense.
-
-    All joints are moved as the free motions at q (k, n) foresee, so that what the loops add tells how far one may go.
-    """
-    n, offset, count = t[m.N], t[m.OFFSET], todo[MOTORS]
-    k = n - t[m.RANK]
-    q, trial, way = vector(t[m.Q], t[m.NQ]), vector(t[m.TRIAL], t[m.NQ]), vector(todo[WAY], n)
-    columns, places = vector(todo[COLUMNS], count), vector(todo[PLACES], count)
-    values = vector(todo[VALUES] + 8 * count * todo[NEXT], count)
-    scale, motions = vector(t[m.SCALE] + 8 * offset, n), matrix(t[m.MOTIONS], k, n)
-    for j in range(n):
-        way[j] = 0.0
-    if count == k:
-        a = matrix(todo[WORK], k, k + 1)
-        for c in range(k):
-            j = int(columns[c]) - offset
-            for i in range(k):
-                a[c, i] = motions[i, j]
-            a[c, k] = (values[c] - q[int(places[c])]) / scale[j]
-        _eliminate(a, k, 1)
-        for i in range(k):
-            for j in range(n):
-                way[j] += a[i, k] * motions[i, j]
-    else:
-        for c in range(count):
-            way[int(columns[c]) - offset] = (values[c] - q[int(places[c])]) / scale[int(columns[c]) - offset]
-    furthest = 0.0
-    for j in range(n):
-        if not abs(way[j]) <= furthest:  # so that what is no number is far
-            furthest = abs(way[j])
-    if not furthest < _FAR:
-        return False
-    part = min(1.0, _STRIDE * 0.5 ** todo[HALVED] / max(furthest, 1e-300))
-    todo[WHOLE] = 1 if part == 1.0 else 0
-    for j in range(n):
-        way[j] *= part
-    for i in range(t[m.NQ]):
-        trial[i] = q[i]
-    _move(t, way)
-    for c in range(count):
-        i = int(places[c])
-        trial[i] = values[c] if part == 1.0 else q[i] + part * (values[c] - q[i])
-    t[m.CORRECTIONS] = 0
+    todo[BEGUN] = 0  # the way from there must be found there again
     t[m.FACTORED] = 0
-    return True
-
-
-@compiled
-def _is_near(t: Table, todo: Table) -> bool:
-    """Whether `trial` is closed, and not much further than was foreseen: else it is another branch."""
-    if not vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.CLOSED] <= CLOSURE:
-        return False
-    n, offset = t[m.N], t[m.OFFSET]
-    q, trial, way = vector(t[m.Q], t[m.NQ]), vector(t[m.TRIAL], t[m.NQ]), vector(todo[WAY], n)
-    at, scale = vector(t[m.AT] + 8 * offset, n), vector(t[m.SCALE] + 8 * offset, n)
-    astray, size = 0.0, 0.0
-    for j in range(n):
-        size = max(size, abs(way[j]))
-        if at[j] >= 0.0:
-            i = int(at[j])
-            astray = max(astray, abs((trial[i] - q[i]) / scale[j] - way[j]))
-    return bool(astray <= CORRECTION * size + CLOSURE)
-
-
-@compiled
-def _improve(t: Table, todo: Table) -> bool:
-    """One Newton step on the loops at `trial`, motors held; False where they are closed, or won't be."""
-    n, count = t[m.N], todo[MOTORS]
-    settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
-    largest = loop_rows(t, False)
-    rounding = t[m.CORRECTIONS] > 0 and largest > 0.5 * settings[m.GAP]
-    settings[m.CLOSED] = largest
-    if largest <= _TIGHT or (largest <= CLOSURE and rounding) or t[m.CORRECTIONS] >= _MOST or not largest < 1e30:
-        return False
-    # old factors shrink a gap by about the distance to where they were made
-    if t[m.FACTORED] == 0 or largest * settings[m.SHARP] > _TIGHT:
-        held, columns = vector(t[m.HELD], n), vector(todo[COLUMNS], count)
-        for j in range(n):
-            held[j] = 0.0
-        for c in range(count):
-            held[int(columns[c]) - t[m.OFFSET]] = 1.0
-        loop_rows(t, True)
-        factor_loops(t, True)
-        t[m.FACTORED] = 1
-        settings[m.SHARP] = largest
-    settings[m.GAP] = largest
-    t[m.CORRECTIONS] += 1
-    step, held = vector(t[m.STEP], n), vector(t[m.HELD], n)
-    loop_correction(t, step)
-    longest = 0.0
-    for j in range(n):
-        if held[j] != 0.0:
-            step[j] = 0.0
-        longest = max(longest, abs(step[j]))
-    cut = min(1.0, _LONGEST / max(longest, 1e-300))
-    for j in range(n):
-        step[j] *= cut
-    _move(t, step)
-    return True
-
-
-@compiled
-def _move(t: Table, step: Array) -> None:
-    """Moves `trial` by a step (n,) without unit."""
-    n, offset = t[m.N], t[m.OFFSET]
-    trial, before = vector(t[m.TRIAL], t[m.NQ]), vector(t[m.BEFORE], t[m.NQ])
-    at, delta = vector(t[m.AT] + 8 * offset, n), vector(t[m.DELTA] + 8 * offset, n)
-    scale = vector(t[m.SCALE] + 8 * offset, n)
-    for i in range(t[m.NQ]):
-        before[i] = trial[i]
-    for j in range(n):
-        delta[j] = step[j] * scale[j]
-        if at[j] >= 0.0:
-            trial[int(at[j])] += delta[j]
+    return bool(todo[NEXT] < todo[COUNT])
 
 
 # --- what is measured -----------------------------------------------------------------------------------------------
 
 
 @compiled
-def _measure(t: Table, todo: Table) -> None:
-    """Placement, Jacobian, singular values and closure where Pinocchio was evaluated last, loops closed."""
-    n, offset, count, i = t[m.N], t[m.OFFSET], todo[MOTORS], todo[NEXT]
+def _measure(t: Table, todo: Table, i: int) -> None:
+    """Placement, Jacobian, singular values and closure where Pinocchio was evaluated last, that is at q."""
+    n, offset, count = t[m.N], t[m.OFFSET], t[m.MOTORS]
     k = n - t[m.RANK]
     placement, jacobian = matrix(todo[PLACEMENTS] + 128 * i, 4, 4), matrix(todo[JACOBIANS] + 48 * count * i, 6, count)
     values = vector(todo[SINGULAR_VALUES] + 8 * todo[WIDTH] * i, todo[WIDTH])
-    motors = vector(todo[COLUMNS], count)
+    motors = vector(t[m.MOTOR_COLUMNS], count)
     rows, moved = matrix(todo[WORK], 6, n), matrix(todo[WORK] + 48 * n, 6, k)
     spare = todo[WORK] + 48 * (n + k)
     _place(t, placement)
@@ -245,9 +116,9 @@ def _measure(t: Table, todo: Table) -> None:
             jacobian[a, c] *= (length if a < 3 else 1.0) / scale[int(motors[c]) - offset]
     _values(t, moved, k, spare, values)
     vector(todo[CLOSURES] + 8 * i, 1)[0] = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.CLOSED]
-    q, trial = vector(todo[Q] + 8 * t[m.NQ] * i, t[m.NQ]), vector(t[m.TRIAL], t[m.NQ])
+    written, q = vector(todo[Q] + 8 * t[m.NQ] * i, t[m.NQ]), vector(t[m.Q], t[m.NQ])
     for a in range(t[m.NQ]):
-        q[a] = trial[a]
+        written[a] = q[a]
 
 
 @compiled
@@ -432,4 +303,4 @@ def _factor(b: Array, low: Array, n: int, width: int) -> None:
 def prepare_sample() -> None:
     """Compiles these kernels, or loads them from disk."""
     prepare(measure_next, TABLE, TABLE)
-    prepare(go_on, TABLE, TABLE)
+    prepare(measure_closed, TABLE, TABLE)

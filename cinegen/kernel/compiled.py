@@ -51,9 +51,11 @@ def entry(function: Function) -> Function:
 
 
 def _stamp(own: Path) -> str:
-    """Of a kernel's own file and of all that it may have taken in."""
+    """Of a kernel's own file and of all that it may have taken in: these here, or all that lie in a folder `kernel`."""
+    here = Path(__file__).parent
+    taken = here.glob("*.py") if own.parent == here else here.parent.rglob("kernel/*.py")
     digest = hashlib.sha256()
-    for path in (own, *sorted(Path(__file__).parent.glob("*.py")), Path(__file__).parents[1] / "damping.py"):
+    for path in (own, *sorted(taken)):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 

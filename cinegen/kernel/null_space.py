@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.kernel.compiled import Array, compiled
+from cinegen.kernel.compiled import Array, compiled
 
 _ZERO = 1e-13  # a row adds nothing if less than this part of the longest is left of it
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.kernel.compiled import Array, compiled
+from cinegen.kernel.compiled import Array, compiled
 
 _ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
 _LAST = 1e-6  # a sweep whose rotations are all smaller leaves the square of that, and is the last

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from cinegen.solve.kernel.compiled import Array, compiled
+from cinegen.kernel.compiled import Array, compiled
 
 
 @compiled

@@ -1,15 +1,15 @@
-"""The loops in a tick: their gap, their rows and factors, and the correction that closes them."""
+"""All loops at once: their gap, their rows and factors, and the correction that closes them."""
 
 from __future__ import annotations
 
 import math
 
-from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.compiled import Array, Table, compiled, matrix, vector
-from cinegen.solve.kernel.equations import loop_equations
-from cinegen.solve.kernel.null_space import factor, shortest_correction
-from cinegen.solve.kernel.svd import decompose
-from cinegen.solve.kernel.thresholds import HEALTHY
+from cinegen.kernel import memory as m
+from cinegen.kernel.compiled import Array, Table, compiled, matrix, vector
+from cinegen.kernel.loops import loop_equations
+from cinegen.kernel.null_space import factor, shortest_correction
+from cinegen.kernel.svd import decompose
+from cinegen.kernel.thresholds import HEALTHY
 
 
 @compiled
@@ -58,10 +58,10 @@ def factor_loops(t: Table, holding: bool) -> None:
     order, left, tau = vector(t[m.ORDER], rows), vector(t[m.LEFT], rows), vector(t[m.TAU], n)
     h = matrix(t[m.H], rank, n)
     t[m.SINGULAR] = 0
-    record = vector(t[m.RECORD], m.R_HEAD)
+    settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
     if factor(f, rows, n, rank, order, left, tau, h) >= HEALTHY:
         if not holding:
-            record[m.R_LOOP_SIGMA] = 1.0
+            settings[m.LOOP_SIGMA] = 1.0
         return
     # near a type 2 singularity, or with joints held: singular vectors
     t[m.SINGULAR] = 1
@@ -71,7 +71,7 @@ def factor_loops(t: Table, holding: bool) -> None:
             f[i, k] = 0.0 if holding and held[k] != 0.0 else jc[i, k]
     decompose(f, rows, n, u, b, square, False)
     if not holding:
-        record[m.R_LOOP_SIGMA] = math.sqrt(square[rank - 1])
+        settings[m.LOOP_SIGMA] = math.sqrt(square[rank - 1])
         for i in range(rank):
             s = 1.0 / math.sqrt(square[i]) if square[i] > 1e-30 * square[0] else 0.0
             for k in range(n):
@@ -80,9 +80,9 @@ def factor_loops(t: Table, holding: bool) -> None:
 
 
 @compiled
-def loop_correction(t: Table, out: Array) -> None:
+def loop_correction(t: Table, damping: float, out: Array) -> None:
     """(n,) the shortest step that closes the loops, from the factors: Newton's, or near a singularity Levenberg's and
-    Marquardt's with damping c^T c, as `raff2urdf.closure.close`."""
+    Marquardt's with some damping."""
     n, rows, rank = t[m.N], t[m.ROWS], t[m.RANK]
     c = vector(t[m.C], rows)
     if t[m.SINGULAR] == 0:
@@ -90,9 +90,6 @@ def loop_correction(t: Table, out: Array) -> None:
         shortest_correction(f, n, rank, vector(t[m.ORDER], rows), vector(t[m.TAU], n), h, c, out)
         return
     u, b, square = matrix(t[m.LOOP_U], rows, rows), matrix(t[m.LOOP_B], rows, n), vector(t[m.LOOP_SQUARE], rows)
-    damping = 0.0
-    for i in range(rows):
-        damping += c[i] * c[i]
     for k in range(n):
         out[k] = 0.0
     for i in range(rows):
@@ -104,3 +101,29 @@ def loop_correction(t: Table, out: Array) -> None:
         s /= square[i] + damping
         for k in range(n):
             out[k] -= s * b[i, k]
+
+
+@compiled
+def squared_gap(t: Table) -> float:
+    """c^T c of the residual c: with it as damping, Levenberg's and Marquardt's steps go on to converge quadratically
+    where rows depend on each other (N. Yamashita and M. Fukushima, 2001; see `raff2urdf.closure.close`)."""
+    c = vector(t[m.C], t[m.ROWS])
+    squared = 0.0
+    for i in range(t[m.ROWS]):
+        squared += c[i] * c[i]
+    return squared
+
+
+@compiled
+def move(t: Table, step: Array) -> None:
+    """Moves `trial` by a step (n,) without unit: here where joints are numbers, where not by `delta` from `before`."""
+    n, offset = t[m.N], t[m.OFFSET]
+    trial, before = vector(t[m.TRIAL], t[m.NQ]), vector(t[m.BEFORE], t[m.NQ])
+    at, delta = vector(t[m.AT] + 8 * offset, n), vector(t[m.DELTA] + 8 * offset, n)
+    scale = vector(t[m.SCALE] + 8 * offset, n)
+    for i in range(t[m.NQ]):
+        before[i] = trial[i]
+    for k in range(n):
+        delta[k] = step[k] * scale[k]
+        if at[k] >= 0.0:
+            trial[int(at[k])] += delta[k]

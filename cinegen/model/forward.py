@@ -1,0 +1,173 @@
+"""`ForwardKinematics`: where all joints go when the actuated ones are told where to be."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Mapping
+from numbers import Real
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.kernel import memory as m
+from cinegen.kernel.walk import ARRIVED, ONWARD, prepare_walk, walk
+from cinegen.model.mechanism import Mechanism
+from cinegen.model.memory import curved, memory_of, put_motors
+from raff2urdf.closure import CLOSED
+
+Array = NDArray[np.float64]
+
+_TOLERANCE = 1e-13  # rad or lengths: loops are closed to this, or to rounding
+_STRIDE = 0.1  # rad or lengths: a longer way of a joint is gone in parts, so that no branch is left
+_ASTRAY = 0.25  # part of a step that closing the loops may add
+_FURTHEST = 1000.0  # rad or lengths: a joint that is sent further at once was not meant to
+
+
+class ForwardKinematics:
+    """Follows the actuated joints of a mechanism on one branch: its assembly mode stays what it is.
+
+    The actuated joints are led straight to where they should be, in steps, and the loops are closed after each. A step
+    counts only if closing them added little to what was foreseen; else half of it is tried. So a jump, however far,
+    ends where a slow motion would. `Mechanism.close` finds a way to close the loops that is near instead, which after a
+    jump may be on another branch.
+
+    One thread at a time; the mechanism may serve others meanwhile. Joint limits apart.
+
+    Args:
+        mechanism: which.
+        q: (nq,) where to begin, loops closed; home unless given. A base that can move stays there.
+
+    Raises:
+        ConfigurationError: q is no configuration.
+        CinegenError: q leaves loops open, or an actuated joint is more than one number.
+    """
+
+    def __init__(self, mechanism: Mechanism, q: ArrayLike | None = None) -> None:
+        self.mechanism = mechanism
+        self._system = mechanism.own_system()  # Pinocchio's data stays at q between two calls
+        self._model, self._data = self._system.model, self._system.data
+        names = mechanism.actuated
+        for name in names:
+            if self._model.joints[self._model.getJointId(name)].nq != 1:
+                raise CinegenError(f"joint '{name}' of {mechanism.name} is more than one number: it can't be led")
+        self._places = [mechanism.q_index(name) for name in names]
+        columns = [mechanism.v_index(name) for name in names]
+        self._motors = {
+            name: (i, float(mechanism.scale[column]))
+            for i, (name, column) in enumerate(zip(names, columns, strict=True))
+        }
+        memory = memory_of(self._system, mechanism.loop_rank)
+        self._goal = put_motors(memory, columns, self._places)[: len(names)]
+        signs, self._settings = memory.arrays["signs"], memory.arrays["settings"]
+        self._settings[[m.TOLERANCE, m.STRIDE, m.ASTRAY]] = _TOLERANCE, _STRIDE, _ASTRAY
+        self._memory, self._table = memory, memory.table
+        self._here, self._trial = memory.arrays["q"], memory.arrays["trial"]
+        self._curved = curved(self._model, (signs != 0.0).any(axis=0))
+        if mechanism.loops:
+            prepare_walk()
+        self.q = mechanism.q_home if q is None else q
+
+    def __reduce__(self) -> tuple[type[ForwardKinematics], tuple[Mechanism, Array]]:
+        return type(self), (self.mechanism, self.q)
+
+    @property
+    def q(self) -> Array:
+        """(nq,) where the mechanism is. May be set: then it is there at once, on the branch that this is on.
+
+        Raises:
+            ConfigurationError: set to what is no configuration.
+            CinegenError: set to where loops are open.
+        """
+        return self._q.copy()
+
+    @q.setter
+    def q(self, q: ArrayLike) -> None:
+        full = self.mechanism.checked(q)
+        gap = self.mechanism.closure(full)
+        if gap > CLOSED:
+            raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {gap:.2g}: close it")
+        self._stand(full.copy())
+
+    def _stand(self, q: Array) -> None:
+        self._q = q
+        self._goal[:] = q[self._places]
+        if self.mechanism.loops and self._model.nv > 0:
+            self._here[:] = self._trial[:] = q
+            self._table[m.FACTORED] = self._table[m.BEGUN] = 0
+            pin.computeJointJacobians(self._model, self._data, self._trial)
+
+    def move(self, values: Mapping[str, float]) -> Array:
+        """Moves actuated joints; those that are not named stay. Where that fails, all do.
+
+        Args:
+            values: joint name -> value, rad or m.
+
+        Returns:
+            (nq,) where all joints are then: those named exactly where they should be, loops closed to 1e-12.
+
+        Raises:
+            UnknownNameError: no such joint.
+            ConfigurationError: a value that is no finite number, or further away than any joint is sent at once.
+            CinegenError: a joint that is not actuated.
+            ClosureError: the loops can't follow on this branch; says how far they could.
+        """
+        goal, motors = self._goal, self._motors
+        try:
+            for name, value in values.items():
+                motor, scale = motors[name]
+                if type(value) is not float:
+                    value = _number(name, value)
+                if not abs(value - goal[motor]) <= _FURTHEST * scale:
+                    raise ConfigurationError(_too_far(name, value, float(goal[motor])))
+                goal[motor] = value
+        except (KeyError, CinegenError) as error:
+            goal[:] = self._q[self._places]
+            raise (self._no_motor(name) if isinstance(error, KeyError) else error) from None
+        if not self.mechanism.loops:
+            self._q = self._q.copy()
+            self._q[self._places] = goal
+        elif self._model.nv > 0:
+            self._follow()
+        return self._q.copy()
+
+    def _follow(self) -> None:
+        """Leads the actuated joints to their goal."""
+        table, model, data, trial = self._table, self._model, self._data, self._trial
+        request = walk(table)
+        while request == ONWARD:
+            if self._curved is not None:
+                at_q, _ = self._curved
+                arrays = self._memory.arrays
+                trial[at_q] = pin.integrate(model, arrays["before"], arrays["delta"])[at_q]
+            pin.computeJointJacobians(model, data, trial)
+            request = walk(table)
+        if request == ARRIVED and self._settings[m.CLOSED] <= CLOSED:
+            self._q = self._here.copy()
+            return
+        reached = ", ".join(f"{name} {self._here[i]:.5g}" for name, i in zip(self._motors, self._places, strict=True))
+        self._stand(self._q)
+        raise ClosureError(
+            f"the motors of {self.mechanism.name} can't go there on this branch: the way ends at {reached}"
+        )
+
+    def _no_motor(self, name: str) -> CinegenError:
+        joints, actuated = self.mechanism.joints, self.mechanism.actuated
+        if name not in joints:
+            return UnknownNameError("joint", name, actuated)
+        return CinegenError(f"joint '{name}' is not actuated, it follows (actuated: {', '.join(actuated)})")
+
+
+def _number(name: str, value: object) -> float:
+    if not isinstance(value, bool) and isinstance(value, Real):
+        with contextlib.suppress(OverflowError):
+            return float(value)
+    raise ConfigurationError(f"the value of joint '{name}' is no finite number: {value!r:.40}")
+
+
+def _too_far(name: str, value: float, now: float) -> str:
+    if not math.isfinite(value):
+        return f"the value of joint '{name}' is no finite number: {value}"
+    return f"joint '{name}' is sent from {now:.5g} to {value:.5g} at once: that is too far"

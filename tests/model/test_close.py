@@ -1,0 +1,259 @@
+"""Closing loops quickly is closing loops: `Mechanism.close` beside `raff2urdf.closure.close`, which it stands for."""
+
+from __future__ import annotations
+
+import pickle
+import threading
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.model import ForwardKinematics, Loop
+from raff2urdf import closure
+from raff2urdf.document import LoopKind
+
+CLOSED = (
+    "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm",
+)  # fmt: skip
+seeds = st.integers(0, 2**32 - 1)
+
+
+def law(examples: int):
+    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+
+
+def expecting(mechanism: cinegen.Mechanism, locked: tuple[str, ...]):
+    """What `close` tries first, once it has been asked before."""
+    for _ in range(2):
+        mechanism.close(mechanism.q_home, locked)
+    return mechanism._scratch.newton
+
+
+def by_numpy(mechanism: cinegen.Mechanism, q: np.ndarray, locked: tuple[str, ...]) -> closure.Closing:
+    free = np.ones(mechanism.model.nv, dtype=bool)
+    for joint in locked:
+        free[mechanism.v_index(joint)] = False
+    return closure.close(mechanism.system, q, free)
+
+
+def some_locked(mechanism: cinegen.Mechanism, rng: np.random.Generator) -> tuple[str, ...]:
+    """None, all motors, some of them, or any joints."""
+    actuated, count = list(mechanism.actuated), int(rng.integers(1, mechanism.mobility + 1))
+    ways = [[], actuated, actuated, rng.choice(actuated, min(count, len(actuated)), replace=False)]
+    return tuple(map(str, [*ways, rng.choice(mechanism.joints, count, replace=False)][rng.integers(5)]))
+
+
+@pytest.mark.parametrize("name", CLOSED)
+@law(25)
+@given(seed=seeds, away=st.sampled_from((1e-6, 1e-3, 0.03, 0.2, 0.6)))
+def test_it_is_the_configuration_that_gauss_newton_reaches(robot, name, seed, away):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    locked = some_locked(mechanism, rng)
+    expecting(mechanism, locked)
+    for q in mechanism.random_closed(2, seed=seed % 1000):
+        start = pin.integrate(mechanism.model, q, away * rng.normal(size=mechanism.model.nv) * mechanism.scale)
+        expected = by_numpy(mechanism, start, locked)
+        if not expected.closed:
+            with pytest.raises(cinegen.ClosureError):
+                mechanism.close(start, locked)
+            continue
+        before = start.copy()
+        found = mechanism.close(start, locked)
+        assert np.array_equal(start, before)
+        assert mechanism.closure(found) <= 1e-12
+        assert found == pytest.approx(expected.q, abs=1e-9)
+        held = [mechanism.q_index(joint) for joint in locked]
+        assert found[held].tobytes() == start[held].tobytes()
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_near_by_it_is_compiled_and_takes_the_same_steps(robot, name):
+    """Else it would be right, but not quick: nothing else here would notice."""
+    mechanism, rng = robot(name), np.random.default_rng(1)
+    for locked in ((), mechanism.actuated):
+        newton, quick, asked = expecting(mechanism, tuple(locked)), 0, 0
+        for q in mechanism.random_closed(30, seed=4):
+            columns = [mechanism.v_index(joint) for joint in mechanism.joints if joint not in locked]
+            sigma = np.linalg.svd(mechanism.system.evaluate(q)[1][:, columns], compute_uv=False)
+            if sigma[mechanism.loop_rank - 1] < 0.05:
+                continue
+            start = pin.integrate(mechanism.model, q, 0.01 * rng.uniform(-1, 1, mechanism.model.nv) * mechanism.scale)
+            asked += 1
+            found = newton.close(start, tuple(locked))
+            if found is not None:
+                quick += 1
+                assert found == pytest.approx(by_numpy(mechanism, start, tuple(locked)).q, abs=1e-12)
+        assert asked >= 3
+        assert quick >= 0.8 * asked
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-12, 1e-9, 1e-6, 1e-3])
+def test_where_loops_lose_a_rank_too(raff, off):
+    """A parallelogram that lies flat."""
+    mechanism = raff("""robot r { base { }
+      link 1 { parameters { theta 20 } type 2 pred 0 }
+      link 2 { parameters { theta -20 d 200 } type 2 pred 1 }
+      link 3 { parameters { d 500 theta 20 } type 2 pred 0 }
+      frame 4 { parameters { d 500 } pred 2 }
+      frame 5 { parameters { d 200 } pred 3 }
+      constraint { frame 4 frame 5 type 2 } }""")
+    rng = np.random.default_rng(0)
+    for locked in ((), ("joint1",), ("joint1", "joint3")):
+        expecting(mechanism, locked)
+        for _ in range(10):
+            start = mechanism.configuration({"joint1": off, "joint2": -off, "joint3": off}) + 1e-4 * rng.normal(size=3)
+            expected = by_numpy(mechanism, start, locked)
+            if not expected.closed:
+                with pytest.raises(cinegen.ClosureError):
+                    mechanism.close(start, locked)
+                continue
+            found = mechanism.close(start, locked)
+            assert mechanism.closure(found) <= 1e-12
+            assert found == pytest.approx(expected.q, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_too_many_joints_locked_are_closed_only_where_they_are_closed(robot, name):
+    mechanism = robot(name)
+    q = mechanism.random_closed(1, seed=2)[0]
+    for _ in range(3):
+        assert np.array_equal(mechanism.close(q, mechanism.joints), q)
+        with pytest.raises(cinegen.ClosureError, match=f"with {len(mechanism.joints)} joints locked"):
+            mechanism.close(q + 0.1 * mechanism.scale * np.arange(1, len(q) + 1), mechanism.joints)
+
+
+def test_what_is_given_is_not_what_comes_back(robot):
+    """Closed already or not: who changes one does not change the other."""
+    delta = robot("delta4")
+    for _ in range(3):
+        q = delta.q_home.copy()
+        closed = delta.close(q, delta.actuated)
+        closed[:] = 0.0
+        assert np.array_equal(q, delta.q_home)
+
+
+def test_errors_are_the_same_however_often_it_was_asked(robot):
+    bar = robot("four_bar")
+    for _ in range(4):
+        assert bar.closure(bar.close(bar.q_home, locked="joint1")) <= 1e-12
+        assert bar.closure(bar.close(bar.q_home, locked=(joint for joint in ["joint1"]))) <= 1e-12
+        with pytest.raises(cinegen.CinegenError, match="no joint 'joint11': did you mean 'joint1'"):
+            bar.close(bar.q_home, locked=["joint11"])
+        for wrong in (np.full(3, np.nan), np.array([0.0, np.inf, 0.0]), np.zeros(4), np.zeros((1, 3)), 0.5):
+            with pytest.raises(cinegen.CinegenError, match="a configuration of"):
+                bar.close(wrong, locked=["joint1"])
+        with pytest.raises(cinegen.ClosureError, match=f"with 3 joints locked: open stay '{bar.loops[0].name}' by"):
+            bar.close(bar.q_home + 0.3, locked=bar.joints)
+
+
+def test_a_joint_outside_all_loops_that_is_no_number_is_refused(robot):
+    hybrid = robot("hybrid")
+    hand = next(
+        joint
+        for joint in reversed(hybrid.joints)
+        if not hybrid.loop_jacobian(hybrid.q_home)[:, hybrid.v_index(joint)].any()
+    )
+    expecting(hybrid, hybrid.actuated)
+    with pytest.raises(cinegen.CinegenError, match="not finite"):
+        hybrid.close(hybrid.configuration({hand: 0.0}) + np.eye(len(hybrid.q_home))[hybrid.q_index(hand)] * np.nan)
+
+
+def test_a_base_that_can_move_stays_where_it_is(raff):
+    mechanism = raff("""
+      sensor 1 { port "x" translation 3 rotation 3 }
+      robot r { base { }
+        link 1 { parameters { theta 50 } type 2 pred 0 }
+        link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
+        link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
+        frame 4 { parameters { d 360 } pred 2 }
+        frame 5 { parameters { d 240 } pred 3 }
+        constraint { frame 4 frame 5 type 2 }
+        constraint { base sensor ( 0 1 ) } }""")
+    newton = expecting(mechanism, ("joint1",))
+    rng = np.random.default_rng(3)
+    for _ in range(10):
+        away = np.concatenate([rng.normal(size=6), np.zeros(3)])
+        q = pin.integrate(mechanism.model, mechanism.q_home, away)
+        q[-3:] += rng.uniform(-0.05, 0.05, 3)
+        found = newton.close(q, ("joint1",))
+        assert np.array_equal(found[:7], q[:7])
+        assert mechanism.closure(found) <= 1e-12
+        assert found == pytest.approx(by_numpy(mechanism, q, ("joint1",)).q, abs=1e-12)
+
+
+def test_threads_and_copies_have_scratch_of_their_own(robot):
+    gough = pickle.loads(pickle.dumps(robot("gough")))
+    rng = np.random.default_rng(5)
+    starts = [q + 1e-3 * rng.normal(size=len(q)) * gough.scale for q in gough.random_closed(4, seed=3)]
+    expected = [by_numpy(gough, start, gough.actuated).q for start in starts]
+    wrong = []
+
+    def work():
+        for _ in range(300):
+            for start, q in zip(starts, expected, strict=True):
+                if not np.allclose(gough.close(start, gough.actuated), q, rtol=0.0, atol=1e-9):
+                    wrong.append(start)
+
+    threads = [threading.Thread(target=work) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+def test_many_ways_of_locking_are_forgotten_again(robot):
+    delta = robot("delta4")
+    for i in range(2**8):
+        locked = [joint for k, joint in enumerate(delta.joints[:8]) if i >> k & 1]
+        assert delta.closure(delta.close(delta.q_home, locked)) <= 1e-12
+    assert len(delta._scratch.newton._expected) <= 64
+
+
+def rod_between_balls() -> cinegen.Mechanism:
+    """A crank and a rocker about axes that do not meet, joined by a rod with a ball at either end (RSSR).
+
+    The first ball is a joint of the tree, whose configuration is a quaternion; the second is cut.
+    """
+    model = pin.Model()
+    still, inertia = pin.SE3.Identity(), pin.Inertia.Random()
+    crank = model.addJoint(0, pin.JointModelRZ(), still, "crank")
+    along = pin.SE3(np.eye(3), np.array([0.1, 0.0, 0.0]))
+    ball = model.addJoint(crank, pin.JointModelSpherical(), along, "ball")
+    rocker = model.addJoint(0, pin.JointModelRX(), pin.SE3(np.eye(3), np.array([0.5, 0.3, 0.1])), "rocker")
+    for name, joint in (("base", 0), ("arm", crank), ("rod", ball), ("swing", rocker)):
+        parent = 0 if joint == 0 else model.getFrameId(model.names[joint])
+        model.addFrame(pin.Frame(name, joint, parent, still, pin.FrameType.BODY))
+        model.appendBodyToJoint(joint, inertia, still)
+    ends = pin.SE3(np.eye(3), np.array([0.65, 0.0, 0.0])), pin.SE3(np.eye(3), np.array([0.0, 0.3, 0.0]))
+    loops = [Loop("rod-swing", LoopKind.BALL, "rod", "swing", *ends)]
+    mechanism = cinegen.Mechanism(
+        "rssr", model, ("base", "arm", "rod", "swing"), ("crank", "rocker"), ("crank",), loops, 0.5, False, None
+    )
+    mechanism.q_home = closure.close_from_afar(mechanism.system, pin.neutral(model)).q
+    mechanism.loop_rank, _ = closure.generic_rank(mechanism.system, mechanism.q_home)
+    return mechanism
+
+
+def test_joints_that_are_no_number_are_closed_as_well():
+    mechanism, rng = rod_between_balls(), np.random.default_rng(0)
+    model = mechanism.model
+    assert (model.nq, model.nv, mechanism.loop_rank) == (6, 5, 3)
+    newton = expecting(mechanism, ("crank",))
+    for _ in range(20):
+        start = pin.integrate(model, mechanism.q_home, 0.05 * rng.normal(size=model.nv))
+        found = newton.close(start, ("crank",))
+        assert found is not None
+        assert mechanism.closure(found) <= 1e-12
+        assert found == pytest.approx(by_numpy(mechanism, start, ("crank",)).q, abs=1e-9)
+        assert found[mechanism.q_index("crank")] == start[mechanism.q_index("crank")]
+    motion = ForwardKinematics(mechanism)
+    for crank in (0.01, 0.5, -1.0, 7.0):
+        q = motion.move({"crank": mechanism.q_home[0] + crank})
+        assert q[0] == mechanism.q_home[0] + crank
+        assert mechanism.closure(q) <= 1e-12
+        assert np.linalg.norm(q[1:5]) == pytest.approx(1.0, abs=1e-12)

@@ -1,0 +1,201 @@
+"""`ForwardKinematics`: motors are followed on one branch, however far they jump."""
+
+from __future__ import annotations
+
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.model import ForwardKinematics
+from raff2urdf import closure
+
+CLOSED = (
+    "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_hybrid", "sr400", "tssm",
+)  # fmt: skip
+seeds = st.integers(0, 2**32 - 1)
+
+
+def law(examples: int):
+    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+
+
+def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    return q[[mechanism.q_index(joint) for joint in mechanism.actuated]]
+
+
+def slowly(mechanism: cinegen.Mechanism, q: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
+    """Where a slow motion from q (nq,) to the motors' goal ends; None where it meets a singularity."""
+    places = [mechanism.q_index(joint) for joint in mechanism.actuated]
+    columns = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    free = np.ones(mechanism.model.nv, dtype=bool)
+    free[columns] = False
+    begin = q[places]
+    steps = max(1, int(np.ceil(np.abs((goal - begin) / mechanism.scale[columns]).max() / 0.01)))
+    before = q
+    for i in range(1, steps + 1):
+        start = 2.0 * q - before
+        start[places] = begin + (goal - begin) * i / steps
+        closing = closure.close(mechanism.system, start, free, 20)
+        rows = mechanism.system.evaluate(closing.q)[1][:, free]
+        smallest = np.linalg.svd(rows, compute_uv=False)[mechanism.loop_rank - 1]
+        if not closing.closed or smallest < 0.02 or np.abs(closing.q - q).max() > 0.2:
+            return None
+        before, q = q, closing.q
+    return q
+
+
+@pytest.mark.parametrize("name", CLOSED)
+@law(8)
+@given(seed=seeds)
+def test_a_jump_ends_where_a_slow_motion_does(robot, name, seed):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    motion = ForwardKinematics(mechanism)
+    units = mechanism.scale[[mechanism.v_index(joint) for joint in mechanism.actuated]]
+    arrived = 0
+    for size in (1e-4, 0.03, 0.3, 0.3, 1.0):
+        before = motion.q
+        goal = motors(mechanism, before) + size * rng.uniform(-1.0, 1.0, len(units)) * units
+        expected = slowly(mechanism, before, goal)
+        try:
+            q = motion.move(dict(zip(mechanism.actuated, goal, strict=True)))
+        except cinegen.ClosureError:
+            assert expected is None
+            assert np.array_equal(motion.q, before)
+            continue
+        arrived += 1
+        assert np.array_equal(motors(mechanism, q), goal)
+        assert mechanism.closure(q) <= 1e-12
+        if expected is None:
+            motion.q = before
+        else:
+            assert q == pytest.approx(expected, abs=1e-9)
+            assert q == pytest.approx(mechanism.close(q, mechanism.actuated), abs=1e-9)
+    assert arrived >= 2
+
+
+def area(mechanism: cinegen.Mechanism, q: np.ndarray, corners: tuple[str, str, str]) -> float:
+    """Of the triangle of three nodes in the plane, m^2: positive where they go round to the left."""
+    a, b, c = (mechanism.placement(q, node).translation for node in corners)
+    return float(np.cross(b - a, c - a)[2]) / 2.0
+
+
+def test_a_four_bars_crank_may_jump_for_ever_and_the_coupler_never_flips(robot):
+    bar, rng = robot("four_bar"), np.random.default_rng(0)
+    corners = ("link2", "link3", "frame5")  # crank's end, rocker's foot, and the pin between coupler and rocker
+    motion = ForwardKinematics(bar)
+    first = area(bar, bar.q_home, corners)
+    for jump in (*rng.uniform(-20.0, 20.0, 60), *rng.uniform(-1.0, 1.0, 200)):
+        crank = motors(bar, motion.q)[0] + jump
+        q = motion.move({"joint1": crank})
+        assert q[bar.q_index("joint1")] == crank
+        assert bar.closure(q) <= 1e-12
+        assert area(bar, q, corners) * first > 0.0
+
+
+def test_a_five_bars_tool_never_changes_to_the_other_side_of_its_elbows(robot):
+    linkage, rng = robot("five_bar"), np.random.default_rng(1)
+    corners = ("link2", "link4", "tool")
+    motion = ForwardKinematics(linkage)
+    first = area(linkage, linkage.q_home, corners)
+    flips, moved = 0, 0
+    for _ in range(300):
+        goal = motors(linkage, linkage.q_home) + rng.uniform(-3.0, 3.0, 2)
+        before = motion.q
+        try:
+            flips += area(linkage, linkage.close(linkage.configuration(dict(zip(linkage.actuated, goal, strict=True)),
+                before), linkage.actuated), corners) * first < 0.0  # fmt: skip
+        except cinegen.ClosureError:
+            flips += 1
+        try:
+            q = motion.move(dict(zip(linkage.actuated, goal, strict=True)))
+        except cinegen.ClosureError:
+            assert np.array_equal(motion.q, before)
+            continue
+        moved += 1
+        assert area(linkage, q, corners) * first > 0.0
+    assert moved > 100
+    assert flips > 10  # such jumps are what leads closing alone astray
+
+
+def test_those_that_are_not_named_stay_and_nothing_moves_where_it_fails(robot):
+    delta = robot("delta4")
+    motion = ForwardKinematics(delta)
+    q = motion.move({"joint1": 0.1})
+    again = motion.move({"joint6": 0.2})
+    assert again[delta.q_index("joint1")] == 0.1
+    assert again[delta.q_index("joint12")] == delta.q_home[delta.q_index("joint12")]
+    for values, says in (
+        ({"joint6": 0.3, "jont1": 0.0}, "no joint 'jont1': did you mean 'joint1'"),
+        ({"joint6": 0.3, "joint2": 0.0}, "joint 'joint2' is not actuated.*joint1, joint6, joint12"),
+        ({"joint6": 0.3, "joint1": float("nan")}, "'joint1' is no finite number: nan"),
+        ({"joint6": 0.3, "joint1": "0.1"}, "'joint1' is no finite number: '0.1'"),
+        ({"joint6": 0.3, "joint1": True}, "'joint1' is no finite number: True"),
+        ({"joint6": 0.3, "joint1": None}, "'joint1' is no finite number: None"),
+        ({"joint6": 0.3, "joint1": 10**400}, "'joint1' is no finite number: 1000"),
+        ({"joint6": 0.3, "joint1": 1e7}, "is sent from 0.1 to 1e[+]07 at once"),
+        ({"joint6": 0.3, "joint1": 3.1}, "can't go there on this branch: the way ends at joint1 [12][.]"),
+    ):
+        with pytest.raises(cinegen.CinegenError, match=says):
+            motion.move(values)
+        assert np.array_equal(motion.q, again)
+        assert np.array_equal(motion.move({}), again)
+    assert motion.move({"joint6": q[delta.q_index("joint6")]}) == pytest.approx(q, abs=1e-12)
+
+
+def test_integers_and_numbers_of_numpy_will_do(robot):
+    bar = robot("four_bar")
+    for value in (1, np.float32(1.0), np.int64(1), np.float64(1.0)):
+        assert ForwardKinematics(bar).move({"joint1": value})[bar.q_index("joint1")] == 1.0
+
+
+def test_it_begins_on_the_branch_that_it_is_given(robot):
+    bar = robot("four_bar")
+    crank, coupler, rocker = (bar.q_home[bar.q_index(joint)] for joint in ("joint1", "joint2", "joint3"))
+    away = bar.placement(bar.q_home, "link3").translation - bar.placement(bar.q_home, "link2").translation
+    twice = 2.0 * np.arctan2(away[1], away[0])  # coupler and rocker, mirrored at the line between their feet
+    other = bar.configuration({"joint2": twice - (crank + coupler) - crank, "joint3": twice - rocker})
+    other = bar.close(other, ["joint1"])
+    corners = ("link2", "link3", "frame5")
+    assert area(bar, other, corners) == pytest.approx(-area(bar, bar.q_home, corners))
+    motion = ForwardKinematics(bar, other)
+    for i in range(1, 32):
+        q = motion.move({"joint1": crank + 0.7 * i})
+        assert area(bar, q, corners) * area(bar, other, corners) > 0.0
+    assert np.array_equal(motion.move({"joint1": other[bar.q_index("joint1")]}), motion.q)
+    assert np.cos(motion.q - other) == pytest.approx(np.ones(3), abs=1e-12)
+    copied = pickle.loads(pickle.dumps(motion))
+    assert np.array_equal(copied.q, motion.q)
+    assert copied.move({"joint1": 1.0}) == pytest.approx(motion.move({"joint1": 1.0}), abs=1e-12)
+    with pytest.raises(cinegen.CinegenError, match="open by"):
+        motion.q = bar.q_home + 0.1
+
+
+def test_without_loops_joints_are_where_they_are_sent(robot):
+    arm = robot("rx90")
+    motion = ForwardKinematics(arm)
+    q = motion.move({"joint2": 0.5})
+    assert q[arm.q_index("joint2")] == 0.5
+    assert np.count_nonzero(q != arm.q_home) == 1
+    with pytest.raises(cinegen.CinegenError, match="no joint"):
+        motion.move({"elbow": 0.5})
+
+
+def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
+    """All thresholds are parts of the characteristic length."""
+    body = """robot r {{ base {{ }}
+      link 1 {{ parameters {{ theta 50 }} type 2 pred 0 }}
+      link 2 {{ parameters {{ theta -26 d {a} }} type 2 pred 1 }}
+      link 3 {{ parameters {{ theta 89 d {b} }} type 2 pred 0 }}
+      frame 4 {{ parameters {{ d {c} }} pred 2 }}
+      frame 5 {{ parameters {{ d {e} }} pred 3 }}
+      constraint {{ frame 4 frame 5 type 2 }} }}"""
+    sizes = dict(zip("abce", (120.0, 400.0, 360.0, 240.0), strict=True))
+    small = raff(body.format(**{key: value * 1e-6 for key, value in sizes.items()}), "small")
+    large = raff(body.format(**{key: value * 1e3 for key, value in sizes.items()}), "large")
+    one, other = ForwardKinematics(small), ForwardKinematics(large)
+    for crank in (0.9, 2.0, 9.0, -4.0):
+        assert one.move({"joint1": crank}) == pytest.approx(other.move({"joint1": crank}), abs=1e-9)

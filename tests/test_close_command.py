@@ -1,0 +1,224 @@
+"""The filter `cinegen close`: values of actuated joints in, values of all joints out."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import select
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import cinegen
+from cinegen.cli import main
+from cinegen.model import ForwardKinematics
+
+
+@pytest.fixture
+def start(root, tmp_path):
+    """`start("delta4.raff", ...)`: the command as a process, with pipes."""
+    running = []
+
+    def begin(file: str, *options: str, folder=root / "robots") -> subprocess.Popen:
+        command = [sys.executable, "-m", "cinegen", "close", str(folder / file), *options]
+        pipe = subprocess.PIPE
+        running.append(subprocess.Popen(command, cwd=tmp_path, stdin=pipe, stdout=pipe, stderr=pipe, text=True))
+        return running[-1]
+
+    yield begin
+    for process in running:
+        process.kill()
+        process.wait()
+        for pipe in (process.stdin, process.stdout, process.stderr):
+            with contextlib.suppress(BrokenPipeError):
+                pipe.close()
+
+
+def filtered(process: subprocess.Popen, text: str) -> list[dict]:
+    """All answers to a text."""
+    out, err = process.communicate(text, timeout=120)
+    assert (process.returncode, err) == (0, "")
+    return [json.loads(line) for line in out.splitlines()]
+
+
+def ask(process: subprocess.Popen, line: str, seconds: float = 60.0) -> dict:
+    """The answer to a line, waited for as a driver does: nothing else is written meanwhile."""
+    process.stdin.write(line + "\n")
+    process.stdin.flush()
+    deadline = time.monotonic() + seconds
+    assert select.select([process.stdout], [], [], deadline - time.monotonic())[0], "no answer"
+    return json.loads(process.stdout.readline())
+
+
+def test_each_line_is_answered_by_all_joints_loops_closed(robot, start):
+    delta = robot("delta4")
+    given = [{"joint1": 0.1, "joint6": -0.2}, {"joint12": 0.05}, {}, {"joint1": 0.1}]
+    said = filtered(start("delta4.raff"), "".join(json.dumps(line) + "\n" for line in given))
+    motion = ForwardKinematics(delta)
+    assert len(said) == 4
+    for line, answer in zip(given, said, strict=True):
+        q = motion.move(line)
+        assert tuple(answer) == delta.joints
+        assert [answer[joint] for joint in delta.joints] == [q[delta.q_index(joint)] for joint in delta.joints]
+        assert delta.closure(delta.configuration(answer)) <= 1e-12
+    assert said[3] == said[2] == said[1]
+    assert (said[1]["joint1"], said[1]["joint6"], said[1]["joint12"]) == (0.1, -0.2, 0.05)
+
+
+def test_whoever_writes_a_line_and_waits_is_answered(robot, start):
+    bar = robot("four_bar")
+    process = start("four_bar.raff")
+    for i in range(20):
+        answer = ask(process, json.dumps({"joint1": 0.3 * i}))
+        assert answer["joint1"] == 0.3 * i
+        assert bar.closure(bar.configuration(answer)) <= 1e-12
+    process.stdin.write('{"joint1"')  # half a line is no line yet
+    process.stdin.flush()
+    assert not select.select([process.stdout], [], [], 0.3)[0]
+    assert ask(process, ": 0.0}")["joint1"] == 0.0
+    out, _ = process.communicate('{"joint1": 0.5}', timeout=60)  # the last line may come without its end
+    assert json.loads(out)["joint1"] == 0.5
+    assert process.returncode == 0
+
+
+WRONG = (
+    ("nonsense", "no JSON: expecting value in column 1"),
+    ('{"joint1": 0.1', "no JSON: "),
+    ('{"joint1": 0.1} {}', "no JSON: extra data in column 17"),
+    ("[0.1]", "not an object"),
+    ("0.1", "not an object"),
+    ("null", "not an object"),
+    ("[" * 100000, "no JSON"),
+    ('{"joint1": ' + "9" * 5000 + "}", "no JSON that makes sense"),
+    ('{"joint1": 1e999}', "'joint1' is no finite number: inf"),
+    ('{"joint1": NaN}', "'joint1' is no finite number: nan"),
+    ('{"joint1": "0.1"}', "'joint1' is no finite number: '0.1'"),
+    ('{"joint1": [0.1]}', "'joint1' is no finite number: [0.1]"),
+    ('{"joint1": null}', "'joint1' is no finite number: None"),
+    ('{"joint1": true}', "'joint1' is no finite number: True"),
+    ('{"jont1": 0.1}', "no joint 'jont1': did you mean 'joint1'?"),
+    (
+        '{"joint1": 0.7, "joint2": 0.1}',
+        "joint 'joint2' is not actuated, it follows (actuated: joint1, joint6, joint12)",
+    ),
+    ('{"joint1": 1e9}', "joint 'joint1' is sent from 0.1 to 1e+09 at once: that is too far"),
+    ('{"joint1": 3.1}', "the motors of r1 can't go there on this branch: the way ends at joint1 "),
+)
+
+
+def test_a_line_that_makes_no_sense_is_answered_in_its_place_and_moves_nothing(start):
+    lines = ['{"joint1": 0.1}']
+    for wrong, _ in WRONG:
+        lines += [wrong, "{}"]
+    said = filtered(start("delta4.raff"), "\n".join([*lines, "", "   ", '\t{"joint1":0.1}\r']))
+    assert len(said) == 2 * len(WRONG) + 4
+    for i, (_, says) in enumerate(WRONG):
+        assert list(said[2 * i + 1]) == ["error"]
+        assert says in said[2 * i + 1]["error"]
+        assert said[2 * i + 2] == said[0]
+    assert said[-1] == said[-2] == said[-3] == said[0]  # blank lines move nothing either
+
+
+def test_bytes_that_are_no_text_are_answered_too(root, tmp_path):
+    command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/four_bar.raff")]
+    given = b'\xff\xfe\n{"joint1": 0.5}\n\0\n{"j\xc3\xb6int": 1}\n'
+    said = subprocess.run(command, cwd=tmp_path, input=given, capture_output=True, timeout=60, check=True)
+    answers = [json.loads(line) for line in said.stdout.splitlines()]
+    assert ["error" in answer for answer in answers] == [True, False, True, True]
+    assert "jöint" in answers[3]["error"]
+    assert said.stderr == b""
+
+
+def test_many_lines_at_once(robot, start):
+    """More than any pipe holds: it is read and written at the same time."""
+    hybrid, count = robot("hybrid"), 10_000
+    places = [hybrid.q_index(joint) for joint in hybrid.actuated]
+    rows = hybrid.q_home[places] + 0.05 * np.sin(np.arange(count)[:, None] / 50.0 + np.arange(len(places)))
+    process = start("hybrid.raff")
+    lines = [json.dumps(dict(zip(hybrid.actuated, row.tolist(), strict=True))) + "\n" for row in rows]
+
+    def write():
+        process.stdin.writelines(lines)
+        process.stdin.close()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    said = [json.loads(line) for line in process.stdout]
+    writer.join()
+    assert process.wait(60) == 0
+    assert len(said) == count
+    for row, answer in list(zip(rows, said, strict=True))[::97]:
+        assert [answer[joint] for joint in hybrid.actuated] == row.tolist()
+        assert hybrid.closure(hybrid.configuration(answer)) <= 1e-12
+
+
+def test_it_goes_on_where_it_was_left(robot, start, tmp_path):
+    last = filtered(start("delta4.raff"), '{"joint1": 0.3, "joint6": -0.1}\n')[-1]
+    (tmp_path / "last.json").write_text(json.dumps(last))
+    process = start("delta4.raff", "--start", "last.json")
+    assert filtered(process, "\n") == [last]
+
+
+def test_a_base_that_can_move_stays_and_a_tree_is_no_exception(start, tmp_path):
+    (tmp_path / "walker.raff").write_text(
+        'RAFF walker\nsensor 1 { port "x" translation 3 rotation 3 }\nrobot r { base { }\n'
+        "link 1 { type 2 pred 0 } link 2 { type 1 pred 1 }\nconstraint { base sensor ( 0 1 ) } }\n"
+    )
+    assert cinegen.load(tmp_path / "walker.raff").floating
+    said = filtered(start("walker.raff", folder=tmp_path), '{"joint2": 0.25}\n{"joint1": -1}\n')
+    assert said == [{"joint1": 0.0, "joint2": 0.25}, {"joint1": -1.0, "joint2": 0.25}]
+
+
+def test_which_robot_and_which_loops(start):
+    assert filtered(start("two_arms.raff", "--robot", "right"), "{}\n")[0].keys() == {f"joint{i}" for i in range(1, 5)}
+    said = filtered(start("four_bar.raff", "--loop", "frame4-frame5=ball"), '{"joint1": 1.0}\n')
+    assert said[0]["joint1"] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["none.raff"], "none.raff: can't be read"),
+        (["two_arms.raff"], "holds several robots: name one by --robot (left, right)"),
+        (["two_arms.raff", "--robot", "middle"], "no robot 'middle'"),
+        (["four_bar.raff", "--start", "none.json"], "none.json: can't be read"),
+        (["four_bar.raff", "--start", "words.json"], "no JSON"),
+        (["four_bar.raff", "--start", "other.json"], "no joint 'joint9'"),
+        (["four_bar.raff", "--start", "text.json"], "a joint's value is no number"),
+        (["gough.raff", "--start", "open.json"], "can't be closed from there with 6 joints locked"),
+    ],
+)
+def test_what_is_wrong_from_the_start_is_one_clear_error_and_exit_code_1(root, tmp_path, capsys, arguments, says):
+    (tmp_path / "words.json").write_text("words")
+    (tmp_path / "other.json").write_text('{"joint9": 1}')
+    (tmp_path / "text.json").write_text('{"joint1": "one"}')
+    (tmp_path / "open.json").write_text('{"joint3": 100.0}')
+    words = [str(tmp_path / word) if word.endswith(".json") else word for word in arguments]
+    assert main(["close", str(root / "robots" / words[0]), *words[1:]]) == 1
+    out, err = capsys.readouterr()
+    assert says in err
+    assert err.startswith("cinegen: ")
+    assert out == ""
+
+
+def test_ctrl_c_ends_it_well(start):
+    process = start("four_bar.raff")
+    ask(process, "{}")
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (0, "", "")
+
+
+def test_whoever_reads_may_have_seen_enough(start):
+    process = start("four_bar.raff")
+    ask(process, "{}")
+    process.stdout.close()
+    process.stdin.write("{}\n" * 10)
+    process.stdin.close()
+    assert process.wait(60) == 1
+    assert "Traceback" not in process.stderr.read()
