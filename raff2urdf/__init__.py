@@ -4,12 +4,14 @@
 
     document = raff2urdf.load("robots/delta4.raff")
     raff2urdf.convert("robots/delta4.raff", "generated")
+    raff2urdf.reverse("panda.urdf", "panda.raff")
 
 Errors are `RaffError`, with file, line, column and the likely meaning.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,9 +20,21 @@ from raff2urdf.document import Document
 from raff2urdf.errors import ClosureError, RaffError, RaffWarning
 
 if TYPE_CHECKING:  # what follows needs numpy and yourdfpy: imported where it is used
+    from raff2urdf.backward.robot import Reversal
     from raff2urdf.conversion import Conversion
 
-__all__ = ["ClosureError", "Document", "RaffError", "RaffWarning", "check", "convert", "dumps", "load", "loads"]
+__all__ = [
+    "ClosureError",
+    "Document",
+    "RaffError",
+    "RaffWarning",
+    "check",
+    "convert",
+    "dumps",
+    "load",
+    "loads",
+    "reverse",
+]
 
 
 def loads(text: str, name: str = "<text>") -> Document:
@@ -61,8 +75,16 @@ def dumps(document: Document) -> str:
     return write(document)
 
 
-def convert(path: str | Path, out: str | Path = "generated", robot: str | None = None) -> list[Conversion]:
-    """Converts a RAFF file: `<stem>.urdf` and `<stem>.constraints.json` in the folder `out`.
+def convert(
+    path: str | Path,
+    out: str | Path = "generated",
+    robot: str | None = None,
+    *,
+    format: str = "urdf",
+    density: float | None = None,
+    constraint_elements: bool = False,
+) -> list[Conversion]:
+    """Converts a RAFF file: `<stem>.urdf` and `<stem>.constraints.json` in the folder `out`, or another format.
 
     Several robots in the file become `<stem>.<robot>.urdf` and so on. Everything is made before anything is
     written, so a failure leaves what was there untouched.
@@ -71,10 +93,49 @@ def convert(path: str | Path, out: str | Path = "generated", robot: str | None =
         path: the RAFF file.
         out: the folder to write to; made if it does not exist.
         robot: only the robot of this name.
+        format: urdf; sdf, as `<stem>.sdf`; or mjcf, as `<stem>.xml`.
+        density: of what the links are made of, kg/m3, where the format wants masses; 1000 unless said.
+        constraint_elements: also writes the loops into the URDF, as a proposal to ROS has it.
 
     Raises:
-        RaffError: the file is wrong, its loops can't be closed, or `out` can't be written.
+        RaffError: the file is wrong, its loops can't be closed, there is no such format, or `out` can't be written.
     """
     from raff2urdf.conversion import convert_file
 
-    return convert_file(Path(path), Path(out), robot)
+    return convert_file(
+        Path(path), Path(out), robot, format=format, density=density, constraint_elements=constraint_elements
+    )
+
+
+def reverse(
+    path: str | Path,
+    out: str | Path | None = None,
+    units: str | None = None,
+    free_mimic: bool = False,
+    graphics: bool = True,
+    robot: str | None = None,
+    loops: Mapping[str, str] | None = None,
+) -> Reversal:
+    """Describes a robot in RAFF that others have described in URDF, SDF or MJCF.
+
+    What a URDF can't say is read from `<stem>.constraints.json` or `robot.yaml` beside it.
+
+    Args:
+        path: the file.
+        out: the RAFF file to write; its graphics go to the folder `<stem>_graphics` beside it. Nothing is written
+            unless said.
+        units: of the RAFF file: um, mm, cm or m; unless said, what most meshes are in, and else mm.
+        free_mimic: write joints that mimic others as joints of their own.
+        graphics: whether meshes and shapes are carried over.
+        robot: which model, of an SDF that holds several.
+        loops: other kinds of closure (rigid, prismatic, revolute, ball) for some loops, by name.
+
+    Returns:
+        the document, with how its joints, zeros and nodes correspond to the URDF's.
+
+    Raises:
+        RaffError: the file is wrong, or holds what RAFF can't say; a mesh is missing; `out` can't be written.
+    """
+    from raff2urdf.backward.file import reverse_file
+
+    return reverse_file(Path(path), None if out is None else Path(out), units, free_mimic, graphics, robot, loops)

@@ -1,4 +1,4 @@
-"""What a robot's loops leave of its motion: mobility, and which joints have motors."""
+"""What a robot's loops leave of its motion: mobility, which joints have motors, and home with all loops closed."""
 
 from __future__ import annotations
 
@@ -6,12 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from raff2urdf.check import check_sizes
-from raff2urdf.closure import Closing, close_from_afar, generic_rank, passive, why_open
+from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
 from raff2urdf.document import Document, JointType, LoopKind, Robot
 from raff2urdf.errors import ClosureError, Problem, RaffError, did_you_mean
-from raff2urdf.tree import Cluster, characteristic_length, clusters, placements
+from raff2urdf.tree import Cluster, characteristic_length, clusters, home, placements
+from raff2urdf.urdf import limits
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,8 @@ class Analysis:
         actuated: names of the joints that have a motor, in file order.
         gap: how far the loops stand open as written (rad or characteristic lengths).
         kinds: of each loop, as asked.
+        home: the value of each joint (rad, m) by name, in file order: as written, moved to where all loops are closed,
+            inside the limits if that can be had.
     """
 
     mobility: int
@@ -34,6 +40,7 @@ class Analysis:
     actuated: tuple[str, ...]
     gap: float
     kinds: tuple[LoopKind, ...]
+    home: Mapping[str, float]
 
 
 def loop_kinds(robot: Robot, asked: Mapping[str, str] | None = None) -> dict[int, LoopKind]:
@@ -77,6 +84,7 @@ def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = 
     gap = 0.0
     determined: set[str] = set()  # joints that the others move
     why: list[Problem] = []
+    values = {joint.joint: home(document, joint) for joint in joints}
     if robot.loops:
         origins = np.array([placed[:3, 3] for placed in placements(document, robot).values()])
         for cluster in clusters(document, robot, kinds, characteristic_length(origins)):
@@ -85,6 +93,8 @@ def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = 
             if not closing.closed:
                 why.append(_why_open(document, robot, cluster, closing))
                 continue
+            inside = _inside(document, cluster, closing.q)
+            values.update(zip((joint.joint for joint in cluster.joints), inside.tolist(), strict=True))
             count, q = generic_rank(cluster, closing.q)
             jacobian = cluster.evaluate(q)[1]
             rows, rank = rows + len(jacobian), rank + count
@@ -97,7 +107,23 @@ def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = 
         actuated = [name for name, has in said.items() if has]
     else:
         actuated = [name for name, has in said.items() if has is None and name not in determined]
-    return Analysis(free - rank, rows, rank, tuple(actuated), gap, tuple(kinds.values()))
+    return Analysis(free - rank, rows, rank, tuple(actuated), gap, tuple(kinds.values()), values)
+
+
+def _inside(document: Document, cluster: Cluster, closed: Array) -> Array:
+    """The closed configuration, with joints that are beyond a limit led back to it, if loops can be closed so."""
+    low, high = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2).T
+    q, free = closed, np.ones(len(closed), dtype=bool)
+    for _ in range(3):
+        outside = (q < low) | (q > high)
+        if not outside.any():
+            return q
+        free &= ~outside
+        closing = close(cluster, np.clip(q, low, high), free)
+        if not closing.closed:
+            break
+        q = closing.q
+    return closed
 
 
 def _why_open(document: Document, robot: Robot, cluster: Cluster, closing: Closing) -> Problem:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from raff2urdf.check import check
 from raff2urdf.errors import RaffError
+from raff2urdf.formats import FORMATS
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Conversion
@@ -22,10 +23,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code: 0, or 1 where a file is wrong."""
     parser = argparse.ArgumentParser(
         prog="raff2urdf",
-        description="Translate RAFF files (Kleinfinger parameters, loops, sensors) into URDF plus constraints.",
+        description="Translate RAFF files (Kleinfinger parameters, loops, sensors) into URDF plus constraints, "
+        "or into what simulators read.",
     )
     parser.add_argument("files", nargs="+", metavar="FILE", help="RAFF file")
     parser.add_argument("-o", "--out", default="generated", metavar="DIR", help="folder to write to (%(default)s)")
+    parser.add_argument(
+        "--format", choices=list(FORMATS), default="urdf",
+        help="urdf: URDF and constraints (unless said); sdf: for Gazebo; mjcf: for MuJoCo, as FILE.xml",
+    )  # fmt: skip
+    parser.add_argument(
+        "--density", type=float, metavar="KG_PER_M3",
+        help="of what the links are made of, for sdf and mjcf: masses are estimated from the graphics (1000)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--constraint-elements", action="store_true",
+        help="urdf: write the loops into the URDF as well, as <constraint> elements (a proposal to ROS)",
+    )  # fmt: skip
     parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
     parser.add_argument(
         "--loop", action="append", default=[], metavar="NAME=KIND",
@@ -34,8 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="read and check only: write nothing, close no loops")
     parser.add_argument("--json", action="store_true", help="say what was found as JSON")
     options = parser.parse_args(arguments)
+    if options.density is not None and options.format == "urdf":
+        parser.error("--density: a URDF of RAFF has no masses; it is for --format sdf or mjcf")
+    if options.constraint_elements and options.format != "urdf":
+        parser.error(f"--constraint-elements is for --format urdf; {options.format} has words of its own for loops")
     with warnings.catch_warnings():
-        warnings.showwarning = _show_warning
+        warnings.showwarning = show_warning
         try:
             code = _run(options)
             sys.stdout.flush()
@@ -90,18 +108,23 @@ def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
 def _convert(name: str, options: argparse.Namespace) -> list[dict[str, Any]]:
     from raff2urdf.conversion import convert_file
 
-    loops = dict(_pair(text) for text in options.loop)
-    return [_report(name, one) for one in convert_file(Path(name), Path(options.out), options.robot, loops)]
+    loops = dict(pair(text) for text in options.loop)
+    found = convert_file(
+        Path(name), Path(options.out), options.robot, loops,
+        format=options.format, density=options.density, constraint_elements=options.constraint_elements,
+    )  # fmt: skip
+    return [_report(name, options.format, one) for one in found]
 
 
-def _pair(text: str) -> tuple[str, str]:
+def pair(text: str) -> tuple[str, str]:
+    """The name and the kind of an option --loop NAME=KIND."""
     name, equals, kind = text.rpartition("=")
     if not equals:
         raise RaffError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
     return name, kind
 
 
-def _report(name: str, conversion: Conversion) -> dict[str, Any]:
+def _report(name: str, format: str, conversion: Conversion) -> dict[str, Any]:
     analysis = conversion.analysis
     return {
         "file": name,
@@ -114,8 +137,9 @@ def _report(name: str, conversion: Conversion) -> dict[str, Any]:
         "mobility": analysis.mobility,
         "actuated": list(analysis.actuated),
         "gap_as_written": analysis.gap,
-        "urdf": str(conversion.urdf),
-        "constraints": str(conversion.constraints),
+        format: str(conversion.file),
+        **({} if conversion.constraints is None else {"constraints": str(conversion.constraints)}),
+        "files": [str(file) for file in conversion.files],
     }
 
 
@@ -129,10 +153,12 @@ def _sentence(report: dict[str, Any]) -> str:
     if report["loops"]:
         said += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"
         said += " as written)"
-    return f"{said}, mobility {report['mobility']}\n  -> {report['urdf']}, {report['constraints']}"
+    main = [report[word] for word in (*FORMATS, "constraints") if word in report]
+    return f"{said}, mobility {report['mobility']}\n  -> {', '.join(main)}"
 
 
-def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+def show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
+    """Prints a warning as the commands do."""
     print(f"warning: {message}", file=sys.stderr)
 
 

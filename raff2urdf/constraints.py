@@ -19,7 +19,7 @@ FORMAT, VERSION = "raff2urdf constraints", 1
 
 Constraints = dict[str, Any]
 
-_IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
 
 def constraints(document: Document, robot: Robot, analysis: Analysis) -> Constraints:
@@ -43,8 +43,8 @@ def constraints(document: Document, robot: Robot, analysis: Analysis) -> Constra
         {
             "name": name,
             "kind": kind.name.lower(),
-            "first": {"node": robot.nodes[loop.first].node, "placement": _IDENTITY},
-            "second": {"node": robot.nodes[loop.second].node, "placement": _IDENTITY},
+            "first": {"node": robot.nodes[loop.first].node, "placement": IDENTITY},
+            "second": {"node": robot.nodes[loop.second].node, "placement": IDENTITY},
         }
         for name, loop, kind in zip(robot.loop_names, robot.loops, analysis.kinds, strict=True)
     ]

@@ -2,30 +2,45 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import yourdfpy
+
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.check import check
-from raff2urdf.constraints import Constraints, constraints, dumps
+from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, Robot
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.urdf import urdf
+from raff2urdf.files import write_all
+from raff2urdf.formats import Described, files
+from raff2urdf.graphics.meshes import Graphics
+from raff2urdf.urdf import dumps, limits, tree
 
 
 @dataclass(frozen=True, slots=True)
 class Translation:
-    """A robot as a URDF and what that can't say, as texts and values; `missing`: graphics that can't be shown."""
+    """A robot as a URDF and what that can't say, as texts and values.
+
+    Attributes:
+        robot: that was translated.
+        urdf: its tree.
+        constraints: what that can't say.
+        analysis: mobility, actuated joints, rows and rank of the loops.
+        missing: graphics that can't be shown.
+        meshes: converted graphics that the URDF names and that are still to be written, by their path.
+        model: the tree as yourdfpy's classes.
+    """
 
     robot: Robot
     urdf: str
     constraints: Constraints
     analysis: Analysis
     missing: tuple[str, ...]
+    meshes: Mapping[Path, bytes]
+    model: yourdfpy.Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,21 +49,28 @@ class Conversion:
 
     Attributes:
         robot: its name.
-        urdf: path of the URDF.
-        constraints: path of the constraints.
+        file: path of the robot's own file: a URDF, unless another format was asked for.
+        constraints: path of the constraints; None for other formats, which need no file beside them.
         links: how many it has (base and frames not counted).
         joints: how many of them move.
         loops: how many are closed.
         analysis: mobility, actuated joints, rows and rank of the loops, how far they stand open as written.
+        files: every file that was written for it.
     """
 
     robot: str
-    urdf: Path
-    constraints: Path
+    file: Path
+    constraints: Path | None
     links: int
     joints: int
     loops: int
     analysis: Analysis
+    files: tuple[Path, ...]
+
+    @property
+    def urdf(self) -> Path | None:
+        """Path of the URDF; None if another format was asked for."""
+        return None if self.constraints is None else self.file
 
 
 def translate(
@@ -57,6 +79,7 @@ def translate(
     beside: Path,
     out: Path | None = None,
     loops: Mapping[str, str] | None = None,
+    meshes: Path | None = None,
 ) -> Translation:
     """One robot of a checked document, in memory.
 
@@ -66,24 +89,35 @@ def translate(
         beside: the folder of the RAFF file, for its graphics.
         out: the folder its URDF will stand in.
         loops: other kinds (rigid, prismatic, revolute, ball) for some loops, by name.
+        meshes: the folder where converted graphics are to be written; unless said, they are written to the user's
+            cache at once.
 
     Raises:
         ClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
     analysis = analyse(document, robot, loops)
-    text, missing = urdf(document, robot, beside, out)
+    graphics = Graphics(robot, beside, meshes)
+    model, missing = tree(document, robot, beside, out, graphics)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
         message = (
             f"robot '{robot.name}': graphics that can't be shown (a skeleton stands in where no other is): {shown}"
         )
         warnings.warn(message, RaffWarning, stacklevel=2)
-    return Translation(robot, text, constraints(document, robot, analysis), analysis, tuple(missing))
+    beside_it = constraints(document, robot, analysis)
+    return Translation(robot, dumps(model), beside_it, analysis, tuple(missing), graphics.written, model)
 
 
 def convert_file(
-    path: Path, out: Path, robot: str | None = None, loops: Mapping[str, str] | None = None
+    path: Path,
+    out: Path,
+    robot: str | None = None,
+    loops: Mapping[str, str] | None = None,
+    *,
+    format: str = "urdf",
+    density: float | None = None,
+    constraint_elements: bool = False,
 ) -> list[Conversion]:
     """See `raff2urdf.convert`; `loops` as in `translate`."""
     from raff2urdf.reader import parse, read
@@ -91,48 +125,53 @@ def convert_file(
     document = parse(read(path), str(path))
     check(document)
     robots = [document.robot(robot)] if robot is not None else list(document.robots)
-    conversions, texts = [], []
+    conversions = []
+    contents: dict[Path, bytes] = {}
     for one in robots:
         stem = path.stem if len(document.robots) == 1 else f"{path.stem}.{one.name}"
-        made = translate(document, one, path.parent, out, loops)
+        made = translate(document, one, path.parent, out, loops, out / "meshes" / stem)
+        if format != "urdf":
+            _warn_outside(document, made)
+        described = Described(
+            stem=stem,
+            model=made.model,
+            urdf=made.urdf,
+            constraints=made.constraints,
+            home=made.analysis.home,
+            folder=out,
+            meshes=made.meshes,
+            density=density,
+            constraint_elements=constraint_elements,
+        )
+        written = {out / name: content for name, content in files(format, described).items()}
+        beside = out / f"{stem}.constraints.json"
         conversion = Conversion(
             robot=one.name,
-            urdf=out / f"{stem}.urdf",
-            constraints=out / f"{stem}.constraints.json",
+            file=next(iter(written)),
+            constraints=beside if beside in written else None,
             links=len(one.links),
             joints=len(made.constraints["joints"]),
             loops=len(one.loops),
             analysis=made.analysis,
+            files=(*written, *made.meshes),
         )
         conversions.append(conversion)
-        texts += [(conversion.urdf, made.urdf), (conversion.constraints, dumps(made.constraints))]
-    _write_all(out, texts)
+        contents |= made.meshes  # first, so that a robot's own file never stands without its meshes
+        contents |= dict(reversed(written.items()))
+    try:
+        write_all(contents)
+    except OSError as error:
+        raise RaffError(f"{out}: can't be written: {error.strerror or error}") from None
     return conversions
 
 
-def _write_all(out: Path, texts: Sequence[tuple[Path, str]]) -> None:
-    """All files or none: each is written aside, then all are put in place."""
-    aside: list[str] = []
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        for path, _ in texts:
-            if path.is_dir():
-                raise IsADirectoryError(0, f"{path.name} is a folder")
-        for path, text in texts:
-            handle, name = tempfile.mkstemp(prefix=f".{path.name}.", dir=out)
-            aside.append(name)
-            with open(handle, "w", encoding="utf-8", newline="\n") as file:
-                file.write(text)
-            os.chmod(name, 0o666 & ~_umask())
-        for (path, _), name in zip(texts, aside, strict=True):
-            os.replace(name, path)
-    except OSError as error:
-        for name in aside:
-            Path(name).unlink(missing_ok=True)
-        raise RaffError(f"{out}: can't be written: {error.strerror or error}") from None
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
+def _warn_outside(document: Document, made: Translation) -> None:
+    """Says where a simulation would begin beyond a limit."""
+    beyond = []
+    for link in made.robot.links:
+        low, high = limits(document, link)
+        if not low <= made.analysis.home.get(link.joint, low) <= high:
+            beyond.append(link.joint)
+    if beyond:
+        message = f"robot '{made.robot.name}': with loops closed, home is outside the limits of {', '.join(beyond)}"
+        warnings.warn(message, RaffWarning, stacklevel=3)

@@ -57,7 +57,7 @@ class Base:
     """The root of a robot: node number 0, named `base`; `parameters` place it in the world."""
 
     parameters: Parameters = Parameters()
-    filenames: tuple[str, ...] = ()
+    filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     places: Places = field(default_factory=_places, compare=False, repr=False)
 
     @property
@@ -83,7 +83,7 @@ class Link:
     velocity: float | None = None  # degrees or lengths per second
     actuated: bool | None = None  # None: the file doesn't say
     name: str | None = None
-    filenames: tuple[str, ...] = ()
+    filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     places: Places = field(default_factory=_places, compare=False, repr=False)
 
     @property
@@ -105,7 +105,7 @@ class Frame:
     parameters: Parameters
     pred: int
     name: str | None = None
-    filenames: tuple[str, ...] = ()
+    filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     places: Places = field(default_factory=_places, compare=False, repr=False)
 
     @property

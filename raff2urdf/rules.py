@@ -155,7 +155,8 @@ class Build(Transformer[Token, Any]):
     def _common(self, owner: str, fields: Sequence[Field]) -> tuple[dict[str, Field], dict[str, Any]]:
         """What base, link and frame share: their fields by word, and the arguments common to all three."""
         found = self._gather(owner, fields, several=["filename"])
-        filenames = tuple(name for field in fields if field.word == "filename" for name in field.value)
+        said = [field.value for field in fields if field.word == "filename"]
+        filenames = tuple(name for names in said for name in names) if said else None
         places = {word: field.place for word, field in found.items()}
         parameters = found["parameters"].value if "parameters" in found else Parameters()
         return found, {"parameters": parameters, "filenames": filenames, "places": places}

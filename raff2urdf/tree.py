@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from raff2urdf.document import Base, Document, Frame, JointType, Link, LoopKind, Robot
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.loops import ROWS, gap
+from raff2urdf.placement import inverse
 
 _POINT = 1e-15  # m: a robot no larger than this is a point
 
@@ -114,7 +115,7 @@ class Cluster:
         residuals, blocks = [], []
         for index, kind, (on, sign, slides) in zip(self.loops, self.kinds, self._columns, strict=True):
             first, second = self._ends(placed, index)
-            residual, derivative = gap(kind, _inverse(first) @ second, self.length)
+            residual, derivative = gap(kind, inverse(first) @ second, self.length)
             z = sign * axes[on]
             turning = np.where(slides, 0.0, z)
             sliding = np.where(slides, z, _cross(z, first[:3, 3] - origins[on]))
@@ -199,10 +200,3 @@ def _branches(robot: Robot, first: int, second: int) -> tuple[list[Link | Frame]
 def _cross(a: Array, b: Array) -> Array:
     """Row by row cross product of (n, 3) arrays; np.cross costs ten times as much on few rows."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]
-
-
-def _inverse(placement: Array) -> Array:
-    inverse = np.eye(4)
-    inverse[:3, :3] = placement[:3, :3].T
-    inverse[:3, 3] = -placement[:3, :3].T @ placement[:3, 3]
-    return inverse

@@ -8,7 +8,6 @@ Rz(theta) and slides by r along it.
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +15,12 @@ import yourdfpy
 from lxml import etree
 
 from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
+from raff2urdf.graphics.meshes import Graphics
+from raff2urdf.graphics.skeleton import Skeleton
 from raff2urdf.kleinfinger import transform
-from raff2urdf.meshes import graphics
-from raff2urdf.skeleton import Skeleton
+from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import kleinfinger
-
-UNLIMITED = 1e9
-"""What a URDF says where RAFF gives no limit and URDF wants one (rad/s, m/s, N, N m; m for a slide's travel)."""
 
 BASE_JOINT = "joint0"
 """The joint that places the base in the world, where it does not simply stand at its origin."""
@@ -30,13 +28,17 @@ BASE_JOINT = "joint0"
 _WORLD = "world"
 
 
-def urdf(document: Document, robot: Robot, beside: Path, out: Path | None = None) -> tuple[str, list[str]]:
+def urdf(
+    document: Document, robot: Robot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
+) -> tuple[str, list[str]]:
     """The robot's tree as URDF text; see `tree` for arguments and what could not be shown."""
-    model, missing = tree(document, robot, beside, out)
+    model, missing = tree(document, robot, beside, out, graphics)
     return dumps(model), missing
 
 
-def tree(document: Document, robot: Robot, beside: Path, out: Path | None = None) -> tuple[yourdfpy.Robot, list[str]]:
+def tree(
+    document: Document, robot: Robot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
+) -> tuple[yourdfpy.Robot, list[str]]:
     """The robot's tree as yourdfpy's classes.
 
     Args:
@@ -44,24 +46,23 @@ def tree(document: Document, robot: Robot, beside: Path, out: Path | None = None
         robot: which one.
         beside: the RAFF file's folder; graphics are looked for from there.
         out: the folder the URDF will stand in, from which it names its meshes; absolute names if there is none.
+        graphics: takes the meshes that must be converted; unless said, they go to the user's cache.
 
     Returns:
-        the tree, and what could not be shown: one line for each node without its graphics.
+        the tree, and what could not be shown: one line for each node without some of its graphics.
     """
+    graphics = graphics or Graphics(robot, beside)
     missing: list[str] = []
     skeleton = Skeleton(document, robot)
     links, joints = [], []
 
     def body(part: Base | Link | Frame) -> yourdfpy.Link:
-        paths, reasons = graphics(robot, part, beside)
+        drawings, reasons = graphics.of(part)
         if reasons:
             missing.append(f"{part.node}: {', '.join(reasons)}")
-        if not paths:
-            return yourdfpy.Link(name=part.node, visuals=skeleton.draw(part))
-        scale = np.full(3, document.metres(1.0))
-        meshes = [yourdfpy.Mesh(filename=_mesh_name(path, out), scale=scale) for path in paths]
-        visuals = [yourdfpy.Visual(geometry=yourdfpy.Geometry(mesh=mesh)) for mesh in meshes]
-        return yourdfpy.Link(name=part.node, visuals=visuals)
+        visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
+        bare = part.filenames == ()  # nothing is to be seen there
+        return yourdfpy.Link(name=part.node, visuals=visuals if visuals or bare else skeleton.draw(part))
 
     placement = transform(kleinfinger(document, robot.base))
     if robot.movable or not np.array_equal(placement, np.eye(4)):
@@ -130,10 +131,6 @@ def velocity(document: Document, link: Link) -> float:
     return document.metres(link.velocity) if link.type is JointType.PRISMATIC else math.radians(link.velocity)
 
 
-def _mesh_name(path: Path, out: Path | None) -> str:
-    return str(path.resolve()) if out is None else Path(os.path.relpath(path.resolve(), out.resolve())).as_posix()
-
-
 class _Exact(yourdfpy.URDF):  # type: ignore[misc]
     """yourdfpy's writer, with angles that stay exact where its own lose nine digits (pitch near 90 degrees)."""
 
@@ -142,18 +139,6 @@ class _Exact(yourdfpy.URDF):  # type: ignore[misc]
             return
         xyz, rpy = origin[:3, 3].tolist(), roll_pitch_yaw(origin)
         etree.SubElement(xml_parent, "origin", xyz=" ".join(map(_number, xyz)), rpy=" ".join(map(_number, rpy)))
-
-
-def roll_pitch_yaw(placement: np.ndarray) -> tuple[float, float, float]:
-    """URDF's angles, R = Rz(yaw) Ry(pitch) Rx(roll), of a placement's rotation.
-
-    Roll is read off after undoing yaw, so that the product is exact to rounding at any pitch: there roll and yaw
-    are each badly determined, but not their sum.
-    """
-    (a, b, c), (d, e, f), (g, _, _) = placement[:3, :3].tolist()
-    yaw = math.atan2(d, a)
-    cy, sy = math.cos(yaw), math.sin(yaw)
-    return math.atan2(sy * c - cy * f, cy * e - sy * b), math.atan2(-g, cy * a + sy * d), yaw
 
 
 def _number(value: float) -> str:

@@ -3,37 +3,45 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 
 from raff2urdf.document import Base, Document, Frame, Link, LoopKind, Parameters, Robot
 from raff2urdf.errors import RaffError
 
 
-def write(document: Document) -> str:
+def write(document: Document, head: Sequence[str] = (), notes: Mapping[int, str] | None = None) -> str:
     """The document as RAFF text; every number reads back to the same double.
+
+    Args:
+        document: what is said.
+        head: lines of comment below the first line.
+        notes: a comment behind the head of a link or frame, by its number.
 
     Raises:
         RaffError: a text in it holds a quotation mark or a line's end, which RAFF can't write.
     """
     lines = [f"RAFF {_name(document.name)}"]
+    if head:
+        lines += ["", *(f"// {_comment(line)}" for line in head)]
     if document.units != "mm":
         lines.append(f"units {document.units}")
     for sensor in document.sensors:
         lines += ["", f"sensor {sensor.number} {{", f"  port {_text(sensor.port)}"]
         lines += [f"  translation {sensor.translation}", f"  rotation {sensor.rotation}", "}"]
     for robot in document.robots:
-        lines += ["", f"robot {_name(robot.name)} {{", *_robot(robot), "}"]
+        lines += ["", f"robot {_name(robot.name)} {{", *_robot(robot, notes or {}), "}"]
     return "\n".join(lines) + "\n"
 
 
-def _robot(robot: Robot) -> Iterator[str]:
+def _robot(robot: Robot, notes: Mapping[int, str]) -> Iterator[str]:
     if robot.path is not None:
         yield f"  path {_text(robot.path)}"
     yield "  base {"
     yield from _shared(robot.base)
     yield "  }"
     for part in robot.parts:
-        yield f"  {type(part).__name__.lower()} {part.number} {{"
+        note = f" // {_comment(notes[part.number])}" if part.number in notes else ""
+        yield f"  {type(part).__name__.lower()} {part.number} {{{note}"
         if part.name is not None:
             yield f"    name {_text(part.name)}"
         yield from _shared(part)
@@ -61,8 +69,14 @@ def _shared(part: Base | Link | Frame) -> Iterator[str]:
     if part.parameters != Parameters():
         said = [(word, getattr(part.parameters, word)) for word in Parameters.__dataclass_fields__]
         yield f"    parameters {{ {' '.join(f'{word} {number(value)}' for word, value in said if value != 0.0)} }}"
-    if part.filenames:
-        yield f"    filename {{ {_list(list(map(_text, part.filenames)), '      ')} }}"
+    if part.filenames is not None:
+        files = _list(list(map(_text, part.filenames)), "      ")
+        yield f"    filename {{ {files} }}" if files else "    filename { }"
+
+
+def _comment(text: str) -> str:
+    """A text on one line."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _list(words: list[str], indent: str) -> str:

@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import raff2urdf
 from raff2urdf.cli import main
 
 
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_generated_is_what_the_converter_makes_today(root, tmp_path):
     assert main([*map(str, sorted((root / "robots").glob("*.raff"))), "--out", str(tmp_path)]) == 0
-    made = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    kept = {path.name: path.read_bytes() for path in (root / "generated").iterdir()}
+    made, kept = files_in(tmp_path), files_in(root / "generated")
+    assert any(name.startswith("meshes/") for name in made)
     stale = [name for name in made if kept.get(name) != made[name]]
     assert not stale, "run `make generated`"
     assert set(kept) == set(made), "generated/ holds what no robot makes"
+
+
+def test_meshes_are_small(root):
+    """They are binary, and every version of them stays in the history."""
+    assert sum(path.stat().st_size for path in (root / "generated" / "meshes").rglob("*.stl")) < 100_000
 
 
 def test_every_robot_ends_in_a_tool_or_a_platform_last_in_its_file(root):

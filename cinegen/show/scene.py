@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import coal
@@ -62,7 +64,7 @@ class Scene:
 
     def _fit(self) -> None:
         """Scales and moves the whole so that it fills the view, and puts the floor under it."""
-        points = np.vstack([_origins(mechanism) for mechanism in self.mechanisms.values()])
+        points = np.vstack([part for mechanism in self.mechanisms.values() for part in _extent(mechanism)])
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
         scale = _SHOWN / radius
@@ -90,11 +92,11 @@ class Scene:
             if node is None:
                 continue
             geometry, extra = drawn
-            r, g, b, opacity = solid.meshColor
-            colour = (int(255 * r) << 16) + (int(255 * g) << 8) + int(255 * b)
-            material = shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
             place = self._root[name][node][str(i)]
-            place.set_object(geometry, material)
+            if isinstance(geometry, shape.Object):
+                place.set_object(geometry)
+            else:
+                place.set_object(geometry, _material(solid.meshColor))
             in_node = model.frames[solid.parentFrame].placement.actInv(solid.placement)
             place.set_transform(in_node.homogeneous @ extra)
         for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
@@ -106,25 +108,87 @@ class Scene:
             mark.set_transform(loop.first_placement.homogeneous)
 
 
-def _origins(mechanism: Mechanism) -> Array:
-    places: Sequence[Any] = [mechanism.placement(mechanism.q_home, node).translation for node in mechanism.nodes]
-    return np.array(places)
+def _extent(mechanism: Mechanism) -> Iterator[Array]:
+    """Points (n, 3) that reach as far as the mechanism does at home: its nodes, and the corners of its meshes."""
+    places = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
+    yield np.array([place.translation for place in places])
+    frames = {mechanism.frame_id(node): place for node, place in zip(mechanism.nodes, places, strict=True)}
+    for solid in mechanism.visual.geometryObjects:
+        place = frames.get(solid.parentFrame)
+        if place is None or not _is_file(solid):
+            continue
+        solid.geometry.computeLocalAABB()
+        box = solid.geometry.aabb_local
+        corners = np.stack(np.meshgrid(*zip(box.min_, box.max_, strict=True)), axis=-1).reshape(-1, 3)
+        within = place * mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
+        yield corners @ within.rotation.T + within.translation
+
+
+def _material(rgba: Sequence[float]) -> shape.MeshLambertMaterial:
+    """Of any four numbers, as a URDF may have them."""
+    red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
+    colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
+    return shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
+
+
+class _InItsColours(shape.Object):  # type: ignore[misc]
+    """An OBJ or DAE file whose own materials the page shows, but for textures.
+
+    Args:
+        path: of the file.
+        library: of an OBJ file's materials.
+    """
+
+    def __init__(self, path: Path, library: Path | None = None) -> None:
+        self.uuid = shape.SceneElement().uuid
+        self.kind, self.text = path.suffix.lower()[1:], _text(path)
+        self.materials = {} if library is None else {"mtl_library": _text(library)}
+
+    def lower(self) -> dict[str, Any]:
+        """As the viewer takes it."""
+        thing = {"uuid": self.uuid, "type": "_meshfile_object", "format": self.kind, "data": self.text, "resources": {}}
+        return {
+            "metadata": {"version": 4.5, "type": "Object"},
+            "geometries": [],
+            "materials": [],
+            "object": thing | self.materials,
+        }
+
+
+def _in_its_colours(path: Path) -> _InItsColours | None:
+    """A file that has colours of its own; None if it has not."""
+    if path.suffix.lower() == ".dae":
+        return _InItsColours(path)
+    if path.suffix.lower() == ".obj":
+        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", _text(path), flags=re.MULTILINE)
+        library = path.parent / named[1] if named else None
+        if library is not None and library.is_file():
+            return _InItsColours(path, library)
+    return None
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8", errors="replace")
+
+
+def _is_file(solid: pin.GeometryObject) -> bool:
+    """Whether a shape is a mesh; of others, Pinocchio says their kind where meshes have their path."""
+    return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
 
 
 def _shape(solid: pin.GeometryObject) -> tuple[Any, Array] | None:
-    """A Pinocchio shape as meshcat's, and what turns and scales the one into the other; None if it is unknown."""
+    """A Pinocchio shape as a geometry or an object of meshcat's, and what turns and scales the one into the other;
+    None if it is unknown."""
     geometry, extra = solid.geometry, np.eye(4)
-    if solid.meshPath and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX"):
+    if _is_file(solid):
         extra[:3, :3] = np.diag(solid.meshScale)
-        kinds = {
-            ".stl": shape.StlMeshGeometry,
-            ".obj": shape.ObjMeshGeometry,
-            ".dae": shape.DaeMeshGeometry,
-        }
-        for ending, kind in kinds.items():
-            if solid.meshPath.lower().endswith(ending):
-                return kind.from_file(solid.meshPath), extra
-        return None
+        kinds = {".stl": shape.StlMeshGeometry, ".obj": shape.ObjMeshGeometry, ".dae": shape.DaeMeshGeometry}
+        path = Path(solid.meshPath)
+        kind = kinds.get(path.suffix.lower())
+        if kind is None:
+            return None
+        coloured = None if solid.overrideMaterial else _in_its_colours(path)  # which the URDF would override
+        return coloured or kind.from_file(solid.meshPath), extra
     if isinstance(geometry, coal.Box):
         return shape.Box((2.0 * geometry.halfSide).tolist()), extra
     if isinstance(geometry, coal.Sphere):

@@ -5,10 +5,12 @@ from __future__ import annotations
 import shutil
 import subprocess
 
+import ezdxf
 import numpy as np
 import pytest
 from PIL import Image
 
+import cinegen
 from cinegen.show import Page, Scene
 
 CHROMIUM = shutil.which("chromium")
@@ -66,3 +68,21 @@ def test_the_served_page_shows_the_same(robot, tmp_path):
     assert _drawn(first) > 0.002
     scene.show("delta", robot("delta4").random_closed(3)[-1])
     assert np.abs(_picture(url, tmp_path) - first).max() > 60  # it has moved
+
+
+def test_converted_graphics_are_seen_in_their_colours(tmp_path, monkeypatch):
+    """A red wall of NFF and a blue one of DXF."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    wall = "nff\nwall\n4\n200 -99 -99\n200 99 -99\n200 99 99\n200 -99 99\n1\n4 0 1 2 3 0xf00 both\n"
+    (tmp_path / "wall.nff").write_text(wall)
+    drawing = ezdxf.new()
+    corners = [(-200, -99, -99), (-200, 99, -99), (-200, 99, 99), (-200, -99, 99)]
+    drawing.modelspace().add_3dface(corners, dxfattribs={"color": 5})
+    drawing.saveas(tmp_path / "wall.dxf")
+    (tmp_path / "walls.raff").write_text('RAFF walls robot r { base { filename { "wall.nff" "wall.dxf" } } }')
+    page = Page()
+    Scene(page, {"walls": cinegen.load(tmp_path / "walls.raff")})
+    (tmp_path / "page.html").write_text(page.html())
+    red, green, blue = np.moveaxis(_picture((tmp_path / "page.html").as_uri(), tmp_path), -1, 0)
+    assert np.mean((red > green + 80) & (red > blue + 80)) > 0.01
+    assert np.mean((blue > green + 80) & (blue > red + 80)) > 0.01

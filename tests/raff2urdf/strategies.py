@@ -115,7 +115,7 @@ def _robots(
     most_parts: int,
     least_speed: float,
 ) -> Robot:
-    files = st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.just(())
+    files = st.none() | st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.none()
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
     own = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
     names = draw(st.lists(own, min_size=len(numbers), max_size=len(numbers), unique_by=_or_unlike))

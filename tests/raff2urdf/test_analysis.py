@@ -30,14 +30,16 @@ from mechanisms import (
     sarrus,
     serial,
     shift,
+    skew_four_bar,
     slider_crank,
 )
 from strategies import examples
 
 import raff2urdf
 from raff2urdf import RaffError, loads
-from raff2urdf.analysis import Analysis, analyse
+from raff2urdf.analysis import Analysis, analyse, loop_kinds
 from raff2urdf.document import UNITS_PER_METRE, Document, LoopKind, Parameters
+from raff2urdf.tree import clusters
 
 FEW = examples(5)
 
@@ -60,7 +62,9 @@ def test_the_mobility_of_known_mechanisms_is_found(name: str) -> None:
 
 @pytest.mark.parametrize("n", [0, 1, 2, 13])
 def test_a_serial_arm_has_the_mobility_of_its_joints(n: int) -> None:
-    assert analysis_of(serial(n)) == Analysis(n, 0, 0, tuple(f"joint{i}" for i in range(1, n + 1)), 0.0, ())
+    joints = tuple(f"joint{i}" for i in range(1, n + 1))
+    home = {joint: 0.01 if i % 2 else 0.0 for i, joint in enumerate(joints)}  # slides, of r 10, and turns
+    assert analysis_of(serial(n)) == Analysis(n, 0, 0, joints, 0.0, (), home)
 
 
 @pytest.mark.parametrize(
@@ -379,3 +383,70 @@ def test_asking_for_a_kind_that_is_not_there_lists_those_that_are() -> None:
         analysis_of(four_bar(), {"frame5-frame6": "bal"})
     with pytest.raises(RaffError, match=r"\(known: rigid, prismatic, revolute, ball\)"):
         analysis_of(four_bar(), {"frame5-frame6": "weld"})
+
+
+# --- home --------------------------------------------------------------------------------------------------------
+
+
+def gap_at(text: str, home: Mapping[str, float], loops: Mapping[str, str] | None = None) -> float:
+    """How far the loops stand open there."""
+    document = loads(text)
+    kinds = loop_kinds(document.robot(), loops)
+    found = [0.0]
+    for cluster in clusters(document, document.robot(), kinds, 1.0):
+        found += cluster.gaps(np.array([home[joint.joint] for joint in cluster.joints]))
+    return max(found)
+
+
+@pytest.mark.parametrize("name", CLOSED_CHAINS)
+def test_at_home_all_loops_are_closed(name: str) -> None:
+    text, _ = KNOWN[name]
+    home = analysis_of(text).home
+    assert list(home) == [link.joint for link in loads(text).robot().links if link.type]
+    assert gap_at(text, home) < 1e-12
+
+
+ROUNDED = """RAFF rounded
+robot r {
+  base { }
+  link 1 { parameters { theta 50 }        type 2 pred 0 }
+  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
+  link 3 { parameters { theta 89 d 400 }  type 2 pred 0 LIMITS }
+  frame 4 { parameters { d 360 } pred 2 }
+  frame 5 { parameters { d 240 } pred 3 }
+  link 6 { parameters { theta 12 d 100 } type 2 pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+}
+"""
+
+
+def test_what_is_written_roughly_is_closed_nearby_and_the_rest_stays() -> None:
+    text = ROUNDED.replace("LIMITS", "")
+    home = analysis_of(text).home
+    assert gap_at(text, home) < 1e-12
+    assert home["joint6"] == math.radians(12)
+    for joint, written in (("joint1", 50), ("joint2", -26), ("joint3", 89)):
+        assert 0.0 < abs(home[joint] - math.radians(written)) < 0.05
+
+
+@pytest.mark.parametrize(("low", "high", "wanted"), [(100, 120, 100), (60, 87, 87)])
+def test_home_is_inside_the_limits(low: float, high: float, wanted: float) -> None:
+    text = ROUNDED.replace("LIMITS", f"limits {{ {low} {high} }}")
+    home = analysis_of(text).home
+    assert gap_at(text, home) < 1e-12
+    assert home["joint3"] == pytest.approx(math.radians(wanted), abs=1e-12)
+    assert low <= math.degrees(home["joint3"]) + 1e-9
+    assert math.degrees(home["joint3"]) - 1e-9 <= high
+
+
+def test_where_no_closed_configuration_is_inside_the_limits_the_nearest_closed_one_is_home() -> None:
+    text = ROUNDED.replace("LIMITS", "limits { 200 210 }")
+    free = ROUNDED.replace("LIMITS", "")
+    assert analysis_of(text).home == analysis_of(free).home
+    assert gap_at(text, analysis_of(text).home) < 1e-12
+
+
+def test_home_is_closed_as_was_asked() -> None:
+    text = skew_four_bar()
+    home = analysis_of(text, {"link5-frame6": "ball"}).home
+    assert gap_at(text, home, {"link5-frame6": "ball"}) < 1e-12

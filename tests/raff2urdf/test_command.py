@@ -11,12 +11,16 @@ from pathlib import Path
 
 import pinocchio as pin
 import pytest
+import trimesh
+import yourdfpy
 from command import Run
+from lxml import etree
 from mechanisms import delta, four_bar, skew_four_bar
 
 import raff2urdf
 from raff2urdf import RaffError, constraints
 from raff2urdf.cli import main
+from raff2urdf.urdf_and_constraints import with_constraints
 
 ARM = "RAFF arm\nrobot r { base { }\n  link 1 { type 2 pred 0 }\n  link 2 { parameters { d 100 } type 2 pred 1 }\n}\n"
 TWO = "RAFF two\nrobot left { base { } link 1 { type 2 pred 0 } }\nrobot right { base { } link 1 { type 1 pred 0 } }\n"
@@ -98,6 +102,134 @@ def test_lines_end_alike_on_every_system(folder: Path, run: Run) -> None:
     assert all(b"\r" not in data for data in files_in(folder / "generated").values())
 
 
+# --- other formats -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("format", "suffix"), [("sdf", ".sdf"), ("mjcf", ".xml")])
+def test_another_format_is_one_file_for_each_robot(folder: Path, run: Run, format: str, suffix: str) -> None:
+    done = run("two.raff", "--format", format)
+    assert (done.code, done.err) == (0, "")
+    assert sorted(files_in(folder / "generated")) == [f"two.left{suffix}", f"two.right{suffix}"]
+    assert f"-> generated/two.left{suffix}\n" in done.out
+
+
+@pytest.mark.parametrize(("format", "suffix"), [("sdf", ".sdf"), ("mjcf", ".xml")])
+def test_the_json_names_the_file_of_another_format(folder: Path, run: Run, format: str, suffix: str) -> None:
+    (report,) = json.loads(run("arm.raff", "--json", "--format", format).out)
+    assert report[format] == f"generated/arm{suffix}"
+    assert report["files"] == [f"generated/arm{suffix}"]
+    assert not {"urdf", "constraints"} & set(report)
+
+
+def test_the_json_names_meshes_that_were_converted(folder: Path, run: Run) -> None:
+    box = trimesh.creation.box((10.0, 20.0, 30.0))
+    box.export(folder / "box.dae")
+    box.export(folder / "box.stl")
+    (folder / "shown.raff").write_text(ARM.replace("type 2 pred 0", 'type 2 pred 0 filename { "box.dae" "box.stl" }'))
+    (report,) = json.loads(run("shown.raff", "--json", "--format", "mjcf").out)
+    assert report["files"] == ["generated/shown.xml", "generated/meshes/shown/box.dae.stl"]
+    assert all((folder / file).is_file() for file in report["files"])
+
+
+@pytest.mark.parametrize("format", ["urdf", "sdf", "mjcf"])
+def test_every_format_has_the_same_bytes_every_time(folder: Path, command: Run, format: str) -> None:
+    for seed in ("1", "2"):
+        assert command("delta4.raff", "-o", f"made{seed}", "--format", format, PYTHONHASHSEED=seed).code == 0
+    assert files_in(folder / "made1") == files_in(folder / "made2")
+
+
+def test_the_library_writes_other_formats_as_the_command_does(folder: Path, run: Run) -> None:
+    run("delta4.raff", "-o", "command", "--format", "sdf", "--density", "2700")
+    (conversion,) = raff2urdf.convert(folder / "delta4.raff", folder / "library", format="sdf", density=2700.0)
+    assert files_in(folder / "command") == files_in(folder / "library")
+    assert conversion.file == folder / "library" / "delta4.sdf"
+    assert conversion.files == (conversion.file,)
+    assert conversion.urdf is None
+    assert conversion.constraints is None
+
+
+def test_the_density_makes_it_heavier(folder: Path, run: Run) -> None:
+    masses = []
+    for density in ("1000", "2000"):
+        run("arm.raff", "--format", "sdf", "--density", density)
+        root = etree.parse(folder / "generated" / "arm.sdf")
+        masses.append(sum(float(mass.text) for mass in root.iter("mass")))
+    assert masses[1] == pytest.approx(2 * masses[0])
+
+
+def test_a_wrong_density_writes_nothing(folder: Path, run: Run) -> None:
+    done = run("arm.raff", "--format", "sdf", "--density", "-1")
+    assert done.code == 1
+    assert "a density of -1 kg/m3: it must be a number above 0" in done.err
+    assert not (folder / "generated").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--format", "urdff"], "invalid choice: 'urdff'"),
+        (["--density", "5"], "--density: a URDF of RAFF has no masses"),
+        (["--format", "sdf", "--constraint-elements"], "--constraint-elements is for --format urdf"),
+    ],
+    ids=["format", "density", "elements"],
+)
+def test_options_that_make_no_sense_together_are_a_wrong_call(
+    folder: Path, run: Run, options: list[str], words: str
+) -> None:
+    done = run("arm.raff", *options)
+    assert done.code == 2
+    assert words in done.err
+    assert not (folder / "generated").exists()
+
+
+def test_a_format_that_is_not_there_is_answered_with_those_that_are(folder: Path) -> None:
+    with pytest.raises(RaffError, match="there is no format 'mjfc': did you mean 'mjcf'"):
+        raff2urdf.convert(folder / "arm.raff", folder / "made", format="mjfc")
+    assert not (folder / "made").exists()
+
+
+def test_a_home_outside_the_limits_is_told_where_a_simulation_begins_there(folder: Path, run: Run) -> None:
+    text = skew_four_bar().replace("link 1 {", "link 1 { limits { 170 171 } ", 1)
+    (folder / "stuck.raff").write_text(text)
+    done = run("stuck.raff", "--format", "mjcf", "--loop", "link5-frame6=ball")
+    assert done.code == 0
+    assert "with loops closed, home is outside the limits of joint1" in done.err
+
+
+def test_loops_may_stand_in_the_urdf_too(folder: Path, run: Run) -> None:
+    """As ros/urdfdom_headers#108 proposes; readers of URDF pass over them."""
+    run("delta4.raff", "--constraint-elements", "-o", "with")
+    run("delta4.raff", "-o", "without")
+    path = folder / "with" / "delta4.urdf"
+    found = etree.parse(path).findall("constraint")
+    assert [(one.get("name"), one.get("type")) for one in found] == [("link5-link11", "link"), ("link5-link17", "link")]
+    assert [(one.find("parent").get("link"), one.find("child").get("link")) for one in found] == [
+        ("link5", "link11"), ("link5", "link17"),
+    ]  # fmt: skip
+    assert all(one.find(f"{end}_origin").get("xyz") == "0 0 0" for one in found for end in ("parent", "child"))
+    assert pin.buildModelFromUrdf(str(path)) == pin.buildModelFromUrdf(str(folder / "without" / "delta4.urdf"))
+    assert len(yourdfpy.URDF.load(str(path)).actuated_joint_names) == 15
+    beside = [(folder / name / "delta4.constraints.json").read_bytes() for name in ("with", "without")]
+    assert beside[0] == beside[1]
+
+
+@pytest.mark.parametrize(
+    ("kind", "word", "axes"),
+    [("rigid", "link", 0), ("prismatic", "prismatic", 2), ("revolute", "revolute", 2), ("ball", "spherical", 0)],
+)
+def test_each_kind_of_loop_has_the_proposals_word(kind: str, word: str, axes: int) -> None:
+    turned = [[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
+    ends = {which: {"node": which, "placement": turned} for which in ("first", "second")}
+    text = with_constraints(
+        '<robot name="r"><link name="first"/></robot>', {"loops": [{"name": "l", "kind": kind, **ends}]}
+    )
+    (element,) = etree.fromstring(text.encode()).findall("constraint")
+    assert element.get("type") == word
+    assert [e.get("xyz") for e in element if e.tag.endswith("_axis")] == ["0 0 1"] * axes
+    assert element.find("child_origin").get("xyz") == "0.1 0.2 0.3"
+    assert element.find("child_origin").get("rpy") == "0 0 1.5707963267948966"
+
+
 # --- options -----------------------------------------------------------------------------------------------------
 
 
@@ -116,6 +248,7 @@ def test_what_was_found_may_be_had_as_json(folder: Path, command: Run) -> None:
         "actuated": ["joint1", "joint6", "joint12"],
         "urdf": "generated/delta4.urdf",
         "constraints": "generated/delta4.constraints.json",
+        "files": ["generated/delta4.urdf", "generated/delta4.constraints.json"],
     }
 
 
@@ -179,7 +312,8 @@ def test_the_error_tells_how_to_close_the_loop_from_the_command(folder: Path, ru
 def test_help_names_every_option(run: Run) -> None:
     done = run("--help")
     assert done.code == 0
-    for option in ("--out", "--robot", "--loop", "--check", "--json"):
+    options = ("--out", "--robot", "--loop", "--check", "--json", "--format", "--density", "--constraint-elements")
+    for option in options:
         assert option in done.out
 
 

@@ -247,7 +247,7 @@ def test_a_link_may_have_limits_a_speed_a_motor_and_a_name() -> None:
 
 def test_what_a_link_does_not_say_is_left_open() -> None:
     link = link_of("")
-    assert (link.limits, link.velocity, link.actuated, link.name, link.filenames) == (None, None, None, None, ())
+    assert (link.limits, link.velocity, link.actuated, link.name, link.filenames) == (None,) * 5
     assert (link.node, link.joint) == ("link1", "joint1")
 
 

@@ -1,0 +1,73 @@
+"""A file that others have written, as a RAFF file: everything is made before anything is written."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from raff2urdf import readers
+from raff2urdf.analysis import loop_kind
+from raff2urdf.backward.graphics import Carried, units_of
+from raff2urdf.backward.robot import Reversal, reverse
+from raff2urdf.check import check
+from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
+from raff2urdf.files import write_all
+from raff2urdf.readers.urdf import joints, parse, silent
+from raff2urdf.writer import write
+
+
+def reverse_file(
+    path: Path,
+    out: Path | None = None,
+    units: str | None = None,
+    free_mimic: bool = False,
+    graphics: bool = True,
+    robot: str | None = None,
+    loops: Mapping[str, str] | None = None,
+) -> Reversal:
+    """See `raff2urdf.reverse`."""
+    text, beside = readers.read(path, robot)
+    for name, kind in (loops or {}).items():
+        entries = {entry["name"]: entry for entry in (beside or {}).get("loops", [])}
+        if name not in entries:
+            raise RaffError(f"{path}: no loop '{name}'{did_you_mean(name, list(entries))}")
+        entries[name]["kind"] = loop_kind(kind).name.lower()
+    tree = parse(text, str(path))
+    left_out = [joint for joint in joints(tree) if silent(joint)]
+    if left_out:
+        first = f"{path}:{left_out[0].sourceline}: joint '{left_out[0].get('name')}'"
+        more = f" and {len(left_out) - 1} more" if len(left_out) > 1 else ""
+        message = f"{first}{more}: no lower and upper limit are given; written without limits"
+        warnings.warn(message, RaffWarning, stacklevel=3)
+    found = reverse(tree, str(path), beside, units or units_of(tree), free_mimic)
+    if out is None:
+        check(found.document)
+        return found
+    written: dict[Path, bytes] = {}
+    if graphics:
+        carried = Carried(tree, str(path), path.parent, out.parent, out.stem)
+        found = replace(found, document=replace(found.document, robots=(carried.robot(found.document, found.nodes),)))
+        written |= carried.written
+    check(found.document)
+    written[out] = write(found.document, _head(path, found), found.notes).encode()
+    try:
+        write_all(written)
+    except OSError as error:
+        raise RaffError(f"{out}: can't be written: {error.strerror or error}") from None
+    return found
+
+
+def _head(path: Path, found: Reversal) -> Sequence[str]:
+    """What a reader of the file should know first."""
+    lines = [f"From {path.name}. Behind a link stands the joint's name there."]
+    moved = sum(offset != 0.0 for offset in found.offsets.values())
+    if moved:
+        lines.append(f"Joint variables are those of {path.name}, but for {moved}, which count from another zero there.")
+    renamed = {link: node for link, node in found.nodes.items() if link != node}
+    if renamed:
+        shown = ", ".join(f"{link} is {node}" for link, node in list(renamed.items())[:8])
+        more = f" and {len(renamed) - 8} more" if len(renamed) > 8 else ""
+        lines.append(f"Names that differ: {shown}{more}.")
+    return lines

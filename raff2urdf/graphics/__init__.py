@@ -1,0 +1,1 @@
+"""What is seen of a robot: graphic files, and a drawing where there are none."""

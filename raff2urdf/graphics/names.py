@@ -1,0 +1,89 @@
+"""Where the graphics lie that a URDF, an SDF or an MJCF names.
+
+    package://robot/meshes/arm.stl    in the ROS package of that name: a folder that holds the file's own folder, one
+    model://robot/meshes/arm.stl      beside it, or one that ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or GAZEBO_MODEL_PATH
+                                      tells of
+    package:///arm.stl, arm.stl       as seen from the file's folder
+    file:///home/me/arm.stl
+
+A file from elsewhere should not make programs read what it likes: a name must not lead out of its package, nor out of
+the folder above the file's own (so that `../meshes` will do), or out of the ROS package or Gazebo model that it is in.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from urllib.parse import unquote
+
+from raff2urdf.errors import RaffError
+
+_SEARCHED = ("ROS_PACKAGE_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
+_MARKS = ("package.xml", "model.config", "manifest.xml")  # a folder that holds one is a package or a model
+
+
+def find(name: str, folder: Path) -> Path:
+    """The file that a name stands for.
+
+    Args:
+        name: as the description has it.
+        folder: the description's own.
+
+    Raises:
+        RaffError: there is no such file, or the name leads where it must not.
+    """
+    scheme, found, rest = name.partition("://")
+    if not found or scheme == "file":
+        path = _inside(folder / (unquote(rest) if found else name), _home(folder), name)
+        candidates = [path]
+    elif scheme in ("package", "model"):
+        package, _, inner = rest.partition("/")
+        if not package:
+            return find(inner, folder)
+        roots = list(_packages(package, folder))
+        if not roots:
+            raise RaffError(f"mesh '{name}': no folder '{package}' is known: name its parent in ROS_PACKAGE_PATH")
+        candidates = [_inside(root / inner, root, name) for root in roots]
+    else:
+        raise RaffError(f"mesh '{name}': '{scheme}://' can't be read")
+    for path in candidates:
+        if path.is_file():
+            return path
+    raise RaffError(f"mesh '{name}' is not found: there is no file {candidates[0]}")
+
+
+def _packages(package: str, folder: Path) -> Iterator[Path]:
+    """Folders that may be the package of that name."""
+    if package in ("..", "."):
+        return
+    absolute = Path(os.path.abspath(folder))
+    for above in (absolute, *absolute.parents):
+        if above.name == package:
+            yield above
+        if (above / package).is_dir():
+            yield above / package
+    for variable in _SEARCHED:
+        for entry in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            for root in (Path(entry) / package, Path(entry)):
+                if root.name == package and root.is_dir():
+                    yield root
+    for entry in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        if (Path(entry) / "share" / package).is_dir():
+            yield Path(entry) / "share" / package
+
+
+def _home(folder: Path) -> Path:
+    """The folder that relative names may not leave."""
+    absolute = Path(os.path.abspath(folder))
+    for above in (absolute, *absolute.parents):
+        if any((above / mark).is_file() for mark in _MARKS):
+            return above
+    return absolute.parent
+
+
+def _inside(path: Path, root: Path, name: str) -> Path:
+    plain = Path(os.path.abspath(path))
+    if not plain.is_relative_to(os.path.abspath(root)):
+        raise RaffError(f"mesh '{name}' leads out of {root}: only what lies in there is read")
+    return plain

@@ -1,0 +1,245 @@
+"""Reads the Neutral File Format of Sense8's WorldToolKit: ASCII, versions 2 and 3.
+
+    nff                                       the first word
+    version 2.1
+    viewpos 0 0 -5                            from where to look, and where to: not used
+    viewdir 0 0 1
+
+    plate                                     an object: its name,
+    4                                         its number of vertices,
+    0 0 0                                     x y z, then perhaps a normal, texture coordinates and a colour:
+    1 0 0  norm 0 0 1  uv 1 0  0xff8000
+    1 1 0
+    0 1 0
+    1                                         its number of polygons,
+    4 0 1 2 3 0xfff both _V_wood              corners, which vertices, colour, seen from both sides, texture
+
+Blank space and empty lines only separate; `//` begins a comment. A colour of up to three hexadecimal digits is 0xRGB,
+a longer one 0xRRGGBB. Where all corners of a polygon have the same colour, that is the polygon's; vertex colours that
+differ are for smooth shading, and left out as normals, textures and the materials of version 3 are: STL has none.
+
+Facts: Sense8 Corporation, "WorldToolKit Neutral File Format, Version 2.1", 1993. Eric Haines' Neutral File Format has
+the same name, but another syntax.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+from raff2urdf.errors import Place, Problem, RaffError
+from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Colour, Point, Polygons, Surface
+
+_HEADER = ("version", "viewpos", "viewdir")
+
+# The words by which lines of Haines' format begin.
+_HAINES = ("v", "from", "at", "up", "angle", "hither", "resolution", "b", "l", "f", "fm", "c", "s", "p", "pp", "tpp")
+
+_COUNT = re.compile(r"[0-9]{1,15}")
+_HEX = re.compile(r"0[xX]([0-9a-fA-F]{1,6})")
+_NUMBERS = {"norm": 3, "uv": 2}  # that follow a word behind a vertex
+
+
+def read(path: str | Path) -> list[Surface]:
+    """Reads a file, as `loads` does.
+
+    Raises:
+        RaffError: it can't be read, or is wrong: where and why.
+    """
+    try:
+        text = Path(path).read_bytes().decode("latin-1")  # names may be in any code
+    except OSError as error:
+        raise RaffError(f"{path}: can't be read: {error.strerror or error}") from None
+    return loads(text.removeprefix("\xef\xbb\xbf"), str(path))
+
+
+def loads(text: str, name: str = "<text>") -> list[Surface]:
+    """The surfaces of a file, one for each colour.
+
+    Args:
+        text: of the file.
+        name: what errors call it.
+
+    Raises:
+        RaffError: it is wrong: where and why.
+    """
+    return _Reader(text, name).surfaces()
+
+
+@dataclass(frozen=True, slots=True)
+class _Line:
+    number: int  # from 1
+    text: str
+    words: list[str]
+
+
+@dataclass(frozen=True, slots=True)
+class _Vertex:
+    point: Point
+    colour: Colour | None
+
+
+class _Reader:
+    def __init__(self, text: str, name: str) -> None:
+        self.name = name
+        self.lines = []
+        for number, line in enumerate(re.split(r"\r\n|\r|\n", text), 1):
+            if words := line.partition("//")[0].split():
+                self.lines.append(_Line(number, line, words))
+        self.at = 0
+        self.polygons = Polygons()
+
+    def surfaces(self) -> list[Surface]:
+        if not self.lines:
+            self.wrong("is empty", _Line(1, "", []))
+        first = self.next("'nff'")
+        if first.words[0].lower() != "nff":
+            self.foreign(first)
+        objects = 0
+        while self.at < len(self.lines):
+            if self.begins_object():
+                self.object()
+                objects += 1
+                continue
+            line = self.next("an object")
+            # Before the objects there may be more than we know of. Behind them, it is the rest of a wrong count.
+            unknown = objects == 0 and line.words[0].isalpha() and len(line.words) > 1
+            if line.words[0].lower() not in _HEADER and not unknown:
+                where = "the file ends" if self.at == len(self.lines) else "no number of vertices follows"
+                self.wrong(f"'{_short(line.words[0])}' stands where an object's name should, but {where}", line)
+        if objects == 0:
+            self.wrong("holds no object", first)
+        return self.polygons.surfaces()
+
+    def begins_object(self) -> bool:
+        """Whether the next line is an object's name: then the one behind it is a count, or names a material table."""
+        name, behind = (*self.lines[self.at : self.at + 2], None)[:2]
+        if name is None or behind is None or name.words[0].lower() in _HEADER:
+            return False
+        return behind.words[0].lower() == "mtable" or (len(behind.words) == 1 and behind.words[0].isdecimal())
+
+    def object(self) -> None:
+        name = " ".join(self.next("an object's name").words)
+        while self.at < len(self.lines) and self.lines[self.at].words[0].lower() == "mtable":
+            self.at += 1
+        count = self.count("vertices", name)
+        vertices = [self.vertex(self.next(f"vertex {i} of {count}")) for i in range(count)]
+        count = self.count("polygons", name)
+        for i in range(count):
+            self.polygon(self.next(f"polygon {i} of {count}"), vertices)
+
+    def count(self, what: str, name: str) -> int:
+        """The number of vertices or polygons, each of which has a line: no more than lines are left."""
+        line = self.next(f"the number of {what} of '{_short(name)}'")
+        left = len(self.lines) - self.at
+        if len(line.words) != 1 or not line.words[0].isdecimal():
+            self.wrong(f"the number of {what} of '{_short(name)}' must stand alone on a line", line)
+        word = line.words[0]
+        count = int(word) if _COUNT.fullmatch(word) else math.inf
+        if count > left:
+            self.wrong(f"{_short(word)} {what} should follow, but {left} lines do", line)
+        return int(count)
+
+    def vertex(self, line: _Line) -> _Vertex:
+        if len(line.words) < 3:
+            self.wrong("a vertex needs three coordinates", line)
+        x, y, z = (self.number(line, i) for i in range(3))
+        colour, i, after_word = None, 3, False
+        while i < len(line.words):
+            word = line.words[i].lower()
+            if word.startswith("0x"):
+                colour, i, after_word = self.colour(line, i), i + 1, False
+            elif word in _NUMBERS:
+                behind = range(i + 1, i + 1 + _NUMBERS[word])
+                if len(line.words) < behind.stop:
+                    self.wrong(f"'{word}' needs {_NUMBERS[word]} numbers", line, i)
+                for k in behind:
+                    self.number(line, k)
+                i, after_word = behind.stop, False
+            elif not _is_number(word):
+                i, after_word = i + 1, True  # a word of some other version, which numbers may follow
+            elif after_word:
+                i += 1
+            else:
+                self.wrong(f"a vertex has three coordinates: '{_short(word)}' is one too many", line, i)
+        return _Vertex((x, y, z), colour)
+
+    def polygon(self, line: _Line, vertices: Sequence[_Vertex]) -> None:
+        corners = int(line.words[0]) if _COUNT.fullmatch(line.words[0]) else 0
+        if corners < 1:
+            self.wrong(f"a polygon begins with its number of corners, not '{_short(line.words[0])}'", line)
+        if corners > MOST_CORNERS:
+            self.wrong(f"a polygon of {_short(line.words[0])} corners: {MOST_CORNERS} are the most", line)
+        if len(line.words) <= corners:
+            self.wrong(f"a polygon of {corners} corners names {len(line.words) - 1}", line)
+        chosen = []
+        for i in range(1, corners + 1):
+            index = int(line.words[i]) if _COUNT.fullmatch(line.words[i]) else len(vertices)
+            if index >= len(vertices):
+                most = f"0 to {len(vertices) - 1}" if vertices else "there are none"
+                self.wrong(f"'{_short(line.words[i])}' is no vertex of this object: {most}", line, i)
+            chosen.append(vertices[index])
+        colour, both, after_word = None, False, False
+        for i in range(corners + 1, len(line.words)):
+            word = line.words[i].lower()
+            if word.startswith("0x"):
+                colour, after_word = self.colour(line, i), False
+            elif _is_number(word):
+                if not after_word:  # numbers belong to a texture or material named before
+                    self.wrong(f"'{_short(word)}' is one too many for a polygon of {corners} corners", line, i)
+            else:
+                both = both or word == "both"
+                after_word = word != "both"
+        if corners > 2:  # else it has no area
+            shared = chosen[0].colour if len({vertex.colour for vertex in chosen}) == 1 else None
+            self.polygons.add([vertex.point for vertex in chosen], shared or colour, both)
+
+    def number(self, line: _Line, i: int) -> float:
+        word = line.words[i]
+        value = float(word) if _is_number(word) else math.nan
+        if not abs(value) <= LARGEST:
+            self.wrong(f"'{_short(word)}' is no number up to {LARGEST:g}", line, i)
+        return value
+
+    def colour(self, line: _Line, i: int) -> Colour:
+        found = _HEX.fullmatch(line.words[i])
+        if found is None:
+            self.wrong(f"'{_short(line.words[i])}' is no colour: 0xRGB or 0xRRGGBB", line, i)
+        value = int(found[1], 16)
+        if len(found[1]) <= 3:
+            return 17 * (value >> 8), 17 * (value >> 4 & 15), 17 * (value & 15), 255
+        return value >> 16, value >> 8 & 255, value & 255, 255
+
+    def next(self, what: str) -> _Line:
+        if self.at == len(self.lines):
+            self.wrong(f"the file ends where {what} should stand", self.lines[-1])
+        self.at += 1
+        return self.lines[self.at - 1]
+
+    def foreign(self, line: _Line) -> NoReturn:
+        word = _short(line.words[0])
+        if word.lower() in _HAINES or word.startswith("#"):  # its comments
+            self.wrong(f"this is Haines' Neutral File Format (it begins with '{word}'), not WorldToolKit's", line)
+        self.wrong(f"this is no Neutral File Format: its first word is '{word}', not 'nff'", line)
+
+    def wrong(self, message: str, line: _Line, word: int = 0) -> NoReturn:
+        starts = [found.span() for found in re.finditer(r"\S+", line.text)]
+        begin, end = starts[word] if word < len(starts) else (0, 1)
+        raise RaffError(Problem(message, self.name, Place(line.number, begin + 1, end - begin), line.text))
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word)) and "_" not in word  # Python's own 1_000 is none
+    except ValueError:
+        return False
+
+
+def _short(word: str) -> str:
+    """A word as an error shows it: of a file that is no text, it may be long, and of any characters."""
+    shown = "".join(c if c.isprintable() else "?" for c in word[:40])
+    return shown + "..." if len(word) > 40 else shown

@@ -1,0 +1,52 @@
+"""Surfaces of the other formats that trimesh reads: scenes of meshes, each placed, with colours."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from raff2urdf.graphics.surface import Colour, Surface, solid
+
+FORMATS = (".3mf", ".glb", ".gltf", ".off", ".ply")
+
+
+def read(path: str | Path) -> list[Surface]:
+    """The surfaces of a file, one for each mesh and colour; of textures, the colour that they are laid on.
+
+    Raises:
+        Exception: of any kind, as the readers have it.
+    """
+    scene: Any = trimesh.load_scene(path)
+    found: list[Surface] = []
+    for mesh in scene.dump():
+        if isinstance(mesh, trimesh.Trimesh):
+            found += _of_mesh(mesh)
+    return found
+
+
+def _of_mesh(mesh: Any) -> Iterator[Surface]:
+    triangles = np.asarray(mesh.triangles, dtype=float)
+    visual = mesh.visual
+    if visual.kind == "texture":
+        yield from _surface(triangles, _colour(visual.material.main_color))
+    elif visual.kind in ("face", "vertex"):
+        colours, which = np.unique(np.asarray(visual.face_colors), axis=0, return_inverse=True)
+        for i, colour in enumerate(colours):
+            yield from _surface(triangles[which.ravel() == i], _colour(colour))
+    else:
+        yield from _surface(triangles, None)
+
+
+def _surface(triangles: np.ndarray, colour: Colour | None) -> Iterator[Surface]:
+    shown = solid(triangles)
+    if len(shown):
+        yield Surface(shown, colour)
+
+
+def _colour(colour: Any) -> Colour:
+    red, green, blue, opacity = np.asarray(colour).astype(int).tolist()
+    return red, green, blue, opacity

@@ -1,0 +1,194 @@
+"""Coloured surfaces: polygons of any shape cut into triangles, gathered by colour, written as binary STL.
+
+STL is what URDF viewers, simulators and browsers all read. It has no colours: each surface has one, which the URDF
+says as its material.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mapbox_earcut
+import numpy as np
+from numpy.typing import NDArray
+
+from raff2urdf.errors import RaffError
+
+Colour = tuple[int, int, int, int]
+"""Red, green, blue and opacity, 0 to 255."""
+
+Point = Sequence[float]
+
+MOST_COLOURS = 32
+"""Each colour is a file of its own: of more (a scan has one for each vertex) the nearest are made one."""
+
+MOST_CORNERS = 1000
+"""Of one polygon: to cut a wild one takes as long as the square of them. WorldToolKit's own limit was 256."""
+
+LARGEST = 1e37
+"""The largest coordinate: STL's numbers end at 3.4e38, and a viewer must still be able to add some of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class Surface:
+    """Triangles of one colour.
+
+    Attributes:
+        triangles: (n, 3, 3) corners, counter-clockwise as seen from outside; none of them is without area.
+        colour: None if the file gives none.
+    """
+
+    triangles: NDArray[np.float32]
+    colour: Colour | None
+
+
+class Polygons:
+    """Polygons, in the order of a file, that become surfaces."""
+
+    def __init__(self) -> None:
+        # For each colour, by the number of corners, so that all triangles and all quadrangles are cut at one stroke.
+        self._gathered: dict[Colour | None, dict[int, list[Sequence[Point]]]] = {}
+
+    def add(self, corners: Sequence[Point], colour: Colour | None, both: bool = False) -> None:
+        """A plane polygon without holes, convex or not.
+
+        Args:
+            corners: three or more points (x, y, z), counter-clockwise as seen from outside. A first corner that is
+                repeated at the end does no harm.
+            colour: of its surface.
+            both: whether it can be seen from the other side too. Viewers leave out what faces away, so it is then
+                added a second time, the other way round.
+
+        Raises:
+            RaffError: it has too many corners.
+        """
+        if len(corners) > MOST_CORNERS:
+            raise RaffError(f"a polygon of {len(corners)} corners: {MOST_CORNERS} are the most")
+        kinds = self._gathered.setdefault(colour, {})
+        kinds.setdefault(len(corners), []).append(corners)
+        if both:
+            kinds[len(corners)].append(corners[::-1])
+
+    def surfaces(self) -> list[Surface]:
+        """One surface for each colour, in the order in which they came; what has no area is left out.
+
+        Raises:
+            RaffError: a coordinate is no finite number, or too large.
+        """
+        found = []
+        for colour, kinds in self._gathered.items():
+            parts = [_cut(_checked(np.array(corners, dtype=float))) for _, corners in sorted(kinds.items())]
+            found.append(Surface(solid(np.concatenate(parts)), colour))
+        return [surface for surface in found if len(surface.triangles)]
+
+
+def solid(triangles: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Triangles (n, 3, 3) in STL's numbers, without those that have no area there.
+
+    Raises:
+        RaffError: a coordinate is no finite number, or too large.
+    """
+    rounded = _checked(triangles).astype(np.float32)
+    return np.ascontiguousarray(rounded[np.any(_normals(rounded) != 0.0, axis=1)])
+
+
+def fewer_colours(surfaces: Sequence[Surface], most: int = MOST_COLOURS) -> list[Surface]:
+    """The surfaces, those of the same colour made one; where there are more than `most`, those of near colours.
+
+    Near colours agree in their first bits, and become their mean by area.
+
+    Args:
+        surfaces: in any number.
+        most: at least 17: one for each bright or dark channel, and one without a colour.
+    """
+    groups: dict[tuple[int, ...] | None, list[Surface]] = {}
+    for bits in range(8, 0, -1):
+        groups = {}
+        for surface in surfaces:
+            key = None if surface.colour is None else tuple(channel >> (8 - bits) for channel in surface.colour)
+            groups.setdefault(key, []).append(surface)
+        if len(groups) <= most:
+            break
+    return [Surface(np.concatenate([one.triangles for one in group]), _mean(group)) for group in groups.values()]
+
+
+def _mean(group: Sequence[Surface]) -> Colour | None:
+    colours = [surface.colour for surface in group if surface.colour is not None]
+    if len(set(colours)) < 2:
+        return group[0].colour
+    areas = np.array([area(surface.triangles) for surface in group])
+    weights = areas / areas.max()  # so that tiny areas don't vanish in the sum
+    red, green, blue, opacity = np.rint(weights @ np.array(colours, dtype=float) / weights.sum()).astype(int).tolist()
+    return red, green, blue, opacity
+
+
+def area(triangles: NDArray[np.float32]) -> float:
+    """The area of triangles (n, 3, 3), in the square of their unit."""
+    return float(np.sqrt((_normals(triangles) ** 2).sum(axis=1)).sum() / 2.0)
+
+
+def stl(triangles: NDArray[np.float32]) -> bytes:
+    """Triangles (n, 3, 3) as a binary STL file: the same triangles make the same bytes."""
+    normals = _normals(triangles)
+    normals /= np.abs(normals).max(axis=1, keepdims=True)  # its square could be too small for a number
+    normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
+    facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
+    facets = np.zeros(len(triangles), facet)
+    facets["normal"], facets["corners"] = normals, triangles
+    header = b"binary STL by raff2urdf".ljust(80, b"\0")  # "solid" in front would mean a text
+    return header + len(facets).to_bytes(4, "little") + facets.tobytes()
+
+
+def _checked(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    if not np.all(np.abs(corners) <= LARGEST):  # NaN is not
+        raise RaffError(f"a coordinate is no number up to {LARGEST:g}")
+    return corners
+
+
+def _cut(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Polygons (n, k, 3) with k corners each, as triangles (m, 3, 3)."""
+    corners = polygons.shape[1]
+    if corners == 3:
+        return polygons
+    if corners == 4:
+        return _quadrangles(polygons)
+    return np.concatenate([_polygon(polygon) for polygon in polygons])
+
+
+def _quadrangles(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Cut along the first diagonal where both halves then face the same side, else along the second."""
+    first = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
+    second = np.stack([polygons[:, [1, 2, 3]], polygons[:, [1, 3, 0]]], axis=1)
+    sides = _normals(_moderate(first).reshape(-1, 3, 3)).reshape(-1, 2, 3)
+    agree = (sides[:, 0] * sides[:, 1]).sum(axis=1) >= 0.0
+    cut: NDArray[np.float64] = np.where(agree[:, None, None, None], first, second).reshape(-1, 3, 3)
+    return cut
+
+
+def _polygon(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One polygon (k, 3), seen along the axis that it faces most, cut by the ears (mapbox-earcut)."""
+    moderate = _moderate(corners)
+    ahead = np.roll(moderate, -1, axis=0)
+    normal = np.cross(moderate - moderate[0], ahead - moderate[0]).sum(axis=0)  # Newell's; its length: twice the area
+    axis = int(np.argmax(np.abs(normal)))
+    if normal[axis] == 0.0:
+        return np.empty((0, 3, 3))
+    plane = np.ascontiguousarray(moderate[:, [(axis + 1) % 3, (axis + 2) % 3]])
+    ears = mapbox_earcut.triangulate_float64(plane, np.array([len(plane)], dtype=np.uint32)).reshape(-1, 3)
+    (ax, ay), (bx, by), (cx, cy) = (plane[ears[:, i]].T for i in range(3))
+    against = ((bx - ax) * (cy - ay) - (by - ay) * (cx - ax)) * normal[axis] < 0.0
+    ears[against] = ears[against][:, ::-1]
+    return corners[ears]
+
+
+def _moderate(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Corners seen from the first one, in a size whose products are all numbers."""
+    offset: NDArray[np.float64] = corners - corners.reshape(-1, 3)[0]
+    return offset / (float(np.abs(offset).max()) or 1.0)
+
+
+def _normals(triangles: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
+    """The cross product of two edges of each triangle (n, 3, 3): its normal, twice its area long."""
+    wide = np.asarray(triangles, dtype=float)
+    return np.asarray(np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0]))

@@ -1,0 +1,234 @@
+"""URDF -> RAFF: every link stands where it stood, at any joint values; gamma and epsilon only where a link branches."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lxml import etree
+
+import raff2urdf
+from raff2urdf import tree as raff_tree
+from raff2urdf.backward.robot import reverse
+from raff2urdf.backward.tidy import tidy
+from raff2urdf.conversion import translate
+from raff2urdf.readers.urdf import joints, parse
+
+SPECIAL = st.sampled_from([0.0, 0.0, 0.0, math.pi / 2, -math.pi / 2, math.pi, 1.5708, 1e-7, 2.5e-5, 0.3])
+AXES = st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "0 0 -1", "1 1 0", "0.3 -0.2 1", "0 1e-7 1"])
+
+
+@st.composite
+def trees(draw, most=8):
+    """URDFs: any tree of joints, with all the special positions of axes that people and CAD programs make."""
+    count = draw(st.integers(1, most))
+    rows = ['<robot name="r">', '<link name="l0"/>']
+    for i in range(1, count + 1):
+        father = draw(st.integers(max(0, i - 3), i - 1))
+        kind = draw(st.sampled_from(["revolute", "revolute", "continuous", "prismatic", "fixed"]))
+        lengths = st.sampled_from([0.0, 0.0, 0.2, -0.35, 1.0, 0.123456789012345])
+        xyz = " ".join(repr(draw(lengths)) for _ in range(3))
+        rpy = " ".join(repr(draw(SPECIAL)) for _ in range(3))
+        limit = '<limit lower="-1" upper="2" effort="1" velocity="3"/>'
+        rows += [
+            f'<link name="l{i}"/>',
+            f'<joint name="j{i}" type="{kind}"><parent link="l{father}"/><child link="l{i}"/>',
+            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{draw(AXES)}"/>{limit}</joint>',
+        ]
+    return "\n".join([*rows, "</robot>"])
+
+
+def model_of(text):
+    """Pinocchio's model, every joint one number."""
+    tree = etree.fromstring(text.encode())
+    for joint in tree.iter("joint"):
+        if joint.get("type") in ("continuous", "revolute"):
+            joint.set("type", "revolute")
+            for limit in joint.findall("limit"):
+                joint.remove(limit)
+            etree.SubElement(joint, "limit", lower="-1", upper="1", effort="1", velocity="1")
+    return pin.buildModelFromXML(etree.tostring(tree, encoding="unicode"))
+
+
+def largest_difference(text, found, seed=0, count=3):
+    """Of placements of all links at random joint values (m, and entries of rotations)."""
+    model = model_of(text)
+    data, rng = model.createData(), np.random.default_rng(seed)
+    document = found.document
+    robot, worst = document.robot(), 0.0
+    numbers = {part.node: number for number, part in robot.nodes.items()}
+    for _ in range(count):
+        q, values = pin.neutral(model), {}
+        for own, theirs in found.joints.items():
+            value = rng.uniform(-3.0, 3.0)
+            q[model.joints[model.getJointId(own)].idx_q] = value
+            values[theirs] = value + found.offsets[theirs]
+        pin.framesForwardKinematics(model, data, q)
+        placed = raff_tree.placements(document, robot, values)
+        for link, node in found.nodes.items():
+            wanted = data.oMf[model.getFrameId(link)].homogeneous
+            worst = max(worst, float(np.abs(wanted - placed[numbers[node]]).max()))
+    return worst
+
+
+@settings(max_examples=300)
+@given(trees())
+def test_every_link_stands_where_it_stood(text):
+    found = reverse(parse(text, "x"), "x")
+    assert set(found.nodes) == {f"l{i}" for i in range(text.count("<link"))}
+    assert largest_difference(text, found) < 1e-10
+    again = raff2urdf.loads(raff2urdf.dumps(found.document))  # and so it does in the file
+    assert again == found.document
+
+
+@settings(max_examples=300)
+@given(trees())
+def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
+    robot = reverse(parse(text, "x"), "x").document.robot()
+
+    def body(number):
+        """What a node is fixed on: a link that moves, or the base."""
+        while number and not (isinstance(robot.nodes[number], raff2urdf.document.Link) and robot.nodes[number].type):
+            number = robot.nodes[number].pred
+        return number
+
+    carried = Counter(body(link.pred) for link in robot.links)
+    for link in robot.links:
+        if link.parameters.gamma or link.parameters.epsilon:
+            assert carried[body(link.pred)] > 1
+
+
+@settings(max_examples=100)
+@given(trees(), st.sampled_from(["mm", "m", "um", "cm"]))
+def test_to_and_fro_is_a_fixed_point(text, units):
+    first = reverse(parse(text, "x"), "x", units=units)
+    made = translate(first.document, first.document.robot(), Path())
+    second = reverse(parse(made.urdf, "y"), "y", made.constraints, units)
+    again = translate(second.document, second.document.robot(), Path())
+    third = reverse(parse(again.urdf, "z"), "z", again.constraints, units)
+    assert third.document == second.document
+    assert again.urdf == translate(third.document, third.document.robot(), Path()).urdf
+    model, other = model_of(made.urdf), model_of(again.urdf)
+    data, there = model.createData(), other.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
+    for own, theirs in second.joints.items():  # zeros do not move any more, but where a frame had to be chosen anew
+        assert own == theirs
+    q = pin.neutral(other)
+    for name, offset in second.offsets.items():
+        q[other.joints[other.getJointId(name)].idx_q] = offset
+    pin.framesForwardKinematics(other, there, q)
+    for link, node in second.nodes.items():
+        wanted, stands = data.oMf[model.getFrameId(link)], there.oMf[other.getFrameId(node)]
+        assert np.abs(wanted.homogeneous - stands.homogeneous).max() < 1e-11
+
+
+CHAIN = """<robot name="arm">
+  <link name="base_link"/><link name="shoulder"/><link name="elbow"/><link name="tool"/>
+  <joint name="lift" type="revolute"><parent link="base_link"/><child link="shoulder"/>
+    <origin xyz="0 0 0.4"/><axis xyz="0 1 0"/><limit lower="-1" upper="2" effort="1" velocity="3"/></joint>
+  <joint name="bend" type="revolute"><parent link="shoulder"/><child link="elbow"/>
+    <origin xyz="0.3 0 0"/><axis xyz="0 1 0"/></joint>
+  <joint name="flange" type="fixed"><parent link="elbow"/><child link="tool"/><origin xyz="0.2 0 0"/></joint>
+</robot>"""
+
+
+def test_a_chain_reads_as_the_textbook_has_it():
+    found = reverse(parse(CHAIN, "x"), "x")
+    links = {link.number: link for link in found.document.robot().links}
+    assert links[1].parameters.alpha in (90, -90)
+    assert (links[2].parameters.d, links[2].parameters.alpha, links[2].parameters.r) == (300, 0, 0)
+    assert links[2].limits is None
+    low, high = (math.degrees(x + found.offsets["joint1"]) for x in (-1, 2))
+    assert links[1].limits == pytest.approx((low, high), abs=1e-8)
+    assert links[1].velocity == pytest.approx(math.degrees(3), abs=1e-8)
+    assert found.nodes == {"base_link": "base_link", "shoulder": "shoulder", "elbow": "elbow", "tool": "tool"}
+    assert found.joints == {"lift": "joint1", "bend": "joint2"}
+    assert largest_difference(CHAIN, found) < 1e-12
+
+
+def test_home_is_0_or_where_the_limits_let_it():
+    text = CHAIN.replace('lower="-1"', 'lower="1"')
+    found = reverse(parse(text, "x"), "x")
+    first = found.document.robot().links[0]
+    assert math.radians(first.parameters.theta) - found.offsets["joint1"] == pytest.approx(1.5)
+
+
+def test_a_joint_that_mimics_another_is_named_or_freed():
+    text = CHAIN.replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0"/><mimic joint="lift"/>')
+    says = r"x:5: RAFF can't say .* mimics another: 'bend' \(line 5\).*--free-mimic"
+    with pytest.raises(raff2urdf.RaffError, match=says):
+        reverse(parse(text, "x"), "x")
+    assert set(reverse(parse(text, "x"), "x", free_mimic=True).joints) == {"lift", "bend"}
+
+
+@pytest.mark.parametrize(("kind", "said"), [("planar", 3), ("spherical", 3), ("floating", 6)])
+def test_joints_of_several_freedoms_become_successive_ones(kind, said):
+    text = CHAIN.replace('name="bend" type="revolute"', f'name="bend" type="{kind}"')
+    found = reverse(parse(text, "x"), "x")
+    assert sum(name.startswith("bend_") for name in found.joints) == said
+
+
+def test_a_robot_that_floats_has_a_base_that_moves():
+    text = CHAIN.replace('name="lift" type="revolute"', 'name="lift" type="floating"')
+    found = reverse(parse(text, "x"), "x")
+    robot = found.document.robot()
+    assert robot.movable
+    assert found.nodes["shoulder"] == "shoulder"
+    assert robot.base.parameters.r == 400
+    made = translate(found.document, robot, Path())
+    assert made.constraints["floating"] == "joint0"
+    again = reverse(parse(made.urdf, "y"), "y", made.constraints)
+    assert again.document.robot().movable
+
+
+def test_names_that_raff_cant_say_are_changed_and_told():
+    text = CHAIN.replace('"tool"', '"base"').replace('"elbow"', '"left elbow#2"')
+    found = reverse(parse(text, "x"), "x")
+    assert found.nodes["base"] == "base_2"
+    assert found.nodes["left elbow#2"] == "left_elbow_2"
+    raff2urdf.check(found.document)
+
+
+def test_axes_that_are_nearly_parallel_are_said_with_numbers_near_the_robot():
+    """Their common perpendicular is a thousand kilometres away: a frame stands in between."""
+    text = CHAIN.replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0" rpy="3e-7 0 0"/>')
+    found = reverse(parse(text, "x"), "x")
+    written = [part.parameters for part in found.document.robot().parts]
+    assert max(abs(x) for p in written for x in (p.r, p.d, p.epsilon)) < 3000.0  # mm
+    assert largest_difference(text, found) < 1e-12
+
+
+def test_a_urdf_of_raff_gives_its_file_back(root):
+    """Numbers, names, limits, motors, loops and sensors: what `robots/planar_hybrid.raff` says."""
+    document = raff2urdf.load(root / "robots" / "planar_hybrid.raff")
+    made = translate(document, document.robot(), root / "robots")
+    found = reverse(parse(made.urdf, "x"), "x", made.constraints, document.units)
+    robot = found.document.robot()
+    assert [link.number for link in robot.links] == [link.number for link in document.robot().links]
+    assert {link.number: link.parameters for link in robot.links} == {
+        link.number: link.parameters for link in document.robot().links
+    }
+    assert set(found.offsets.values()) == {0.0}
+    again = translate(found.document, robot, root / "robots")
+    assert again.urdf == made.urdf
+    assert again.constraints == made.constraints
+
+
+@given(st.floats(-1e4, 1e4), st.integers(0, 6))
+def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
+    near = tidy(value, 1e-9)
+    assert abs(near - value) <= 1e-9
+    assert tidy(near, 1e-9) == near
+    short = round(value, decimals)
+    assert tidy(short + 1e-10, 1e-9) == short
+
+
+def test_every_joint_of_the_file_is_there_once():
+    found = reverse(parse(CHAIN, "x"), "x")
+    assert len(found.joints) == len([j for j in joints(parse(CHAIN, "x")) if j.get("type") != "fixed"])

@@ -1,0 +1,214 @@
+"""What a URDF shows is shown by the RAFF file that becomes of it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from lxml import etree
+
+import raff2urdf
+from raff2urdf.conversion import convert_file
+from raff2urdf.placement import of_origin
+from raff2urdf.readers.urdf import numbers
+
+URDF = """<robot name="arm">
+  <material name="blue"><color rgba="0 0 1 1"/></material>
+  <link name="base_link">{base}</link>
+  <link name="upper">{upper}</link>
+  <joint name="turn" type="revolute">
+    <parent link="base_link"/><child link="upper"/><origin xyz="0 0 0.5"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+BOX = """<visual><origin xyz="0.1 0 0" rpy="0 0 0.5"/><geometry><box size="0.2 0.1 0.05"/></geometry>
+  <material name="blue"/></visual>"""
+MESH = '<visual><geometry><mesh filename="{0}"{1}/></geometry>{2}</visual>'
+RED = '<material name="r"><color rgba="1 0 0 0.5"/></material>'
+
+
+@pytest.fixture
+def there(tmp_path):
+    (tmp_path / "meshes").mkdir()
+    trimesh.creation.box(extents=(0.3, 0.2, 0.1)).export(tmp_path / "meshes/part.stl")
+    trimesh.creation.icosphere(subdivisions=1, radius=0.1).export(tmp_path / "ball.stl")
+    return tmp_path
+
+
+def write(folder, base="", upper=""):
+    path = folder / "arm.urdf"
+    path.write_text(URDF.format(base=base, upper=upper))
+    return path
+
+
+def shown(urdf: Path):
+    """Of each link: area, centre and colour of every surface it shows, in its own frame, m."""
+    tree = etree.parse(str(urdf)).getroot()
+    colours = {m.get("name"): m.find("color") for m in tree.findall("material")}
+    found = {}
+    for link in tree.findall("link"):
+        for visual in link.findall("visual"):
+            origin = visual.find("origin")
+            xyz, rpy = (
+                ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
+            )
+            geometry = visual.find("geometry")[0]
+            if geometry.tag == "mesh":
+                mesh = trimesh.load(urdf.parent / geometry.get("filename").removeprefix("file://"), force="mesh")
+                mesh.apply_transform(np.diag([*numbers(geometry.get("scale", "1 1 1")), 1.0]))
+            else:
+                mesh = trimesh.creation.box(extents=numbers(geometry.get("size")))
+            mesh.apply_transform(of_origin(numbers(xyz), numbers(rpy)))
+            material = visual.find("material")
+            colour = None
+            if material is not None:
+                named = material.find("color")
+                colour = (colours[material.get("name")] if named is None else named).get("rgba")
+                colour = tuple(round(255 * value) for value in numbers(colour))
+            found.setdefault(link.get("name"), []).append((mesh.area, tuple(mesh.centroid), colour))
+    return found
+
+
+@pytest.mark.parametrize("units", ["m", "mm"])
+def test_every_link_shows_what_it_showed(there, units):
+    upper = BOX + MESH.format("meshes/part.stl", ' scale="2 2 -2"', RED)
+    path = write(there, base=MESH.format("file://" + str(there / "ball.stl"), "", ""), upper=upper)
+    raff2urdf.reverse(path, there / "out/arm.raff", units=units)
+    (made,) = convert_file(there / "out/arm.raff", there / "again")
+    before, after = shown(path), shown(made.urdf)
+    assert set(after) == {"base_link", "upper"}
+    for link, surfaces in before.items():
+        assert len(surfaces) == len(after[link])
+        pairs = zip(sorted(surfaces), sorted(after[link]), strict=True)
+        for (area, centre, colour), (area_there, centre_there, colour_there) in pairs:
+            assert area_there == pytest.approx(area, rel=1e-5)
+            assert centre_there == pytest.approx(centre, abs=1e-5)
+            assert colour_there == colour or colour is None
+
+
+def test_a_mesh_that_needs_nothing_done_is_named_as_it_is(there):
+    path = write(there, base=MESH.format("meshes/part.stl", "", ""))
+    found = raff2urdf.reverse(path, there / "arm.raff")
+    assert found.document.units == "m"
+    robot = found.document.robot()
+    files = {part.node: part.filenames for part in (robot.base, *robot.parts)}
+    assert files["base_link"] == ("meshes/part.stl",)
+    assert files["base"] is None or files["base"] == ()
+    assert not (there / "arm_graphics").exists()
+
+
+def test_units_are_those_of_the_meshes(there):
+    mm = ' scale="0.001 0.001 0.001"'
+    path = write(there, base=MESH.format("meshes/part.stl", mm, ""), upper=MESH.format("ball.stl", mm, RED))
+    assert raff2urdf.reverse(path).document.units == "mm"
+    assert raff2urdf.reverse(write(there)).document.units == "mm"
+
+
+def test_where_some_links_show_something_the_others_show_nothing(there):
+    found = raff2urdf.reverse(write(there, upper=BOX), there / "arm.raff")
+    robot = found.document.robot()
+    assert {p.node: p.filenames for p in robot.parts if p.node != "base_link"}["upper"] == ("arm_graphics/upper.glb",)
+    (made,) = convert_file(there / "arm.raff", there / "again")
+    assert set(shown(made.urdf)) == {"upper"}
+
+
+def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
+    """A skeleton needs no files."""
+    convert_file(root / "robots/four_bar.raff", tmp_path)
+    found = raff2urdf.reverse(tmp_path / "four_bar.urdf", tmp_path / "four_bar.raff")
+    robot = found.document.robot()
+    assert all(part.filenames is None for part in (robot.base, *robot.parts))
+    assert not (tmp_path / "four_bar_graphics").exists()
+    (made,) = convert_file(tmp_path / "four_bar.raff", tmp_path / "again")
+    assert made.urdf.read_bytes() == (tmp_path / "four_bar.urdf").read_bytes()
+
+
+def test_a_robot_with_legacy_graphics_comes_back_with_its_colours(root, tmp_path):
+    convert_file(root / "robots/rx90.raff", tmp_path)
+    raff2urdf.reverse(tmp_path / "rx90.urdf", tmp_path / "out/rx90.raff")
+    (made,) = convert_file(tmp_path / "out/rx90.raff", tmp_path / "again")
+
+    def coloured(urdf):
+        colours: dict[object, float] = {}
+        for surfaces in shown_meshes(urdf).values():
+            for area, _, colour in surfaces:
+                colours[colour] = colours.get(colour, 0.0) + area
+        return colours
+
+    before, after = coloured(tmp_path / "rx90.urdf"), coloured(made.urdf)
+    assert len(before) >= 3
+    for colour, area in before.items():
+        assert after[colour] == pytest.approx(area, rel=1e-4)
+
+
+def shown_meshes(urdf):
+    """As `shown`, of links that show meshes only."""
+    tree = etree.parse(str(urdf)).getroot()
+    for link in tree.findall("link"):
+        for visual in link.findall("visual"):
+            if visual.find("geometry/mesh") is None:
+                link.remove(visual)
+    copy = urdf.with_name("meshes_only.urdf")
+    copy.write_bytes(etree.tostring(tree))
+    return shown(copy)
+
+
+@pytest.mark.parametrize(
+    ("visual", "says"),
+    [
+        (MESH.format("lost.stl", "", ""), r"arm.urdf:3: mesh 'lost.stl' is not found"),
+        (MESH.format("../../etc/passwd", "", ""), r"arm.urdf:3: mesh '../../etc/passwd' leads out of"),
+        (MESH.format("package://arm/../../x.stl", "", ""), r"arm.urdf:3: mesh 'package://arm/../../x.stl'"),
+        (MESH.format("file:///etc/passwd", "", ""), r"arm.urdf:3: mesh 'file:///etc/passwd' leads out of"),
+        (MESH.format("http://example.com/x.stl", "", ""), r"arm.urdf:3: mesh .* 'http://' can't be read"),
+        (MESH.format("cut.stl", "", ""), r"arm.urdf:3: the mesh .*cut.stl' can't be read"),
+        (MESH.format("cut.dae", "", ""), r"arm.urdf:3: the mesh .*cut.dae' can't be read"),
+        (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> must be three'),
+        ('<visual><geometry><cylinder radius="-1" length="1"/></geometry></visual>', r"arm.urdf:3: radius=.-1. of"),
+        ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is none"),
+        ("<visual/>", r"arm.urdf:3: a visual without a shape"),
+    ],
+)  # fmt: skip
+def test_a_mesh_that_is_missing_cut_short_or_elsewhere_is_told_by_its_line(there, visual, says):
+    whole = (there / "meshes/part.stl").read_bytes()
+    (there / "cut.stl").write_bytes(whole[:200])
+    (there / "cut.dae").write_text('<?xml version="1.0"?><COLLADA><library_geometries>')
+    path = write(there, base=visual, upper=BOX)
+    before = set(there.rglob("*"))
+    with pytest.raises(raff2urdf.RaffError, match=says):
+        raff2urdf.reverse(path, there / "out/arm.raff")
+    assert set(there.rglob("*")) == before
+    run = subprocess.run(
+        [sys.executable, "-m", "raff2urdf.urdf2raff", path, "-o", there / "out/arm.raff"],
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 1
+    assert run.stdout == ""
+    assert "Traceback" not in run.stderr
+    assert "arm.urdf:3:" in run.stderr
+    assert set(there.rglob("*")) == before
+    raff2urdf.reverse(path, there / "out/arm.raff", graphics=False)  # what can be read is not lost
+
+
+def test_packages_are_found_by_name(there, monkeypatch):
+    (there / "arm_description/meshes").mkdir(parents=True)
+    (there / "arm_description/urdf").mkdir()
+    (there / "meshes/part.stl").rename(there / "arm_description/meshes/part.stl")
+    name = "package://arm_description/meshes/part.stl"
+    path = write(there / "arm_description/urdf", base=MESH.format(name, "", ""))
+    assert raff2urdf.reverse(path, path.with_suffix(".raff")).document.units == "m"
+    elsewhere = there / "elsewhere"
+    elsewhere.mkdir()
+    path = write(elsewhere, base=MESH.format(name.replace("arm_desc", "an_arm_desc"), "", ""))
+    with pytest.raises(raff2urdf.RaffError, match=r"no folder 'an_arm_description' is known: .*ROS_PACKAGE_PATH"):
+        raff2urdf.reverse(path, path.with_suffix(".raff"))
+    (there / "far").mkdir()
+    (there / "arm_description").rename(there / "far/an_arm_description")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(there / "far"))
+    raff2urdf.reverse(path, path.with_suffix(".raff"))

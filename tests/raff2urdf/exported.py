@@ -1,0 +1,127 @@
+"""Robots as simulators get them: made once for each file, and what the tests of all formats ask of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from mechanisms import CLOSED_CHAINS, KNOWN
+from numpy.typing import NDArray
+
+from raff2urdf import loads
+from raff2urdf.check import check
+from raff2urdf.conversion import Translation, translate
+from raff2urdf.document import Document
+from raff2urdf.formats import Described, files
+from raff2urdf.reader import parse, read
+from raff2urdf.tree import characteristic_length, placements
+
+Matrix = NDArray[np.float64]
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+FLOATING = """RAFF rover
+robot rover {
+  base { parameters { d 200 gamma 30 epsilon 50 alpha 20 } }
+  link 1 { parameters { d 200 alpha 90 theta 20 } type 2 pred 0 limits { -60 80 } velocity 90 }
+  link 2 { parameters { d 150 r 40 } type 1 pred 1 }
+  frame 3 { name "gripper" parameters { d 300 } pred 2 }
+  constraint { base sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/ttyS0" }
+"""
+
+ELSEWHERE = KNOWN["slider-crank, cut at the slide"][0].replace(
+    "base { }", "base { parameters { gamma 40 epsilon 300 alpha 25 d 100 } }"
+)
+"""A base that stands neither at the origin nor upright, and a prismatic loop whose second end is on it."""
+
+LOOSE = """RAFF loose
+robot r {
+  base { }
+  link 1 { parameters { theta 50 } type 2 pred 0 }
+  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
+  link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
+  frame 4 { parameters { d 360 } pred 2 }
+  frame 5 { parameters { d 240 } pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+  constraint { base sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/ttyS0" }
+"""
+"""A closed robot that can move as a whole, written with rounded angles."""
+
+TEXTS = {name: KNOWN[name][0] for name in CLOSED_CHAINS} | {
+    "floating": FLOATING,
+    "elsewhere": ELSEWHERE,
+    "loose": LOOSE,
+    "micrometres": "RAFF m\nunits um\n" + KNOWN["four-bar"][0].split("\n", 1)[1],
+    "pin in place": "RAFF p\nrobot r { link 1 { parameters { theta 30 } type 2 pred 0 limits { 30 30 } } }\n",
+}
+"""Texts of robots beyond those in `robots`, by name."""
+
+ALL = [*sorted(path.stem for path in ROBOTS.glob("*.raff")), "two_arms.right", *TEXTS]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A robot, and where its nodes are by RAFF itself."""
+
+    document: Document
+    made: Translation
+    folder: Path
+
+    def described(self, **options: object) -> Described:
+        return Described(
+            stem="robot",
+            model=self.made.model,
+            urdf=self.made.urdf,
+            constraints=self.made.constraints,
+            home=self.made.analysis.home,
+            folder=self.folder,
+            meshes=self.made.meshes,
+            **options,  # type: ignore[arg-type]
+        )
+
+    def text(self, format: str, **options: object) -> str:
+        """The robot's own file."""
+        return next(iter(files(format, self.described(**options)).values())).decode()
+
+    def write(self, format: str, folder: Path, **options: object) -> Path:
+        """All files, where their meshes are found; returns the robot's own."""
+        assert folder == self.folder
+        contents = {folder / name: content for name, content in files(format, self.described(**options)).items()}
+        for path, content in {**self.made.meshes, **contents}.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        return next(iter(contents))
+
+    @property
+    def home(self) -> dict[str, float]:
+        return dict(self.made.analysis.home)
+
+    @property
+    def length(self) -> float:
+        placed = placements(self.document, self.made.robot)
+        return characteristic_length(np.array([m[:3, 3] for m in placed.values()]))
+
+    def placed(self, q: dict[str, float]) -> dict[str, Matrix]:
+        """Placement in the world of every node by its name, at joint values by name."""
+        found = placements(self.document, self.made.robot, q)
+        return {part.node: found[number] for number, part in self.made.robot.nodes.items()}
+
+
+@cache
+def exported(name: str, folder: Path) -> Exported:
+    """A robot of `robots`, or of `TEXTS`, for files in that folder."""
+    if name in TEXTS:
+        document, which = loads(TEXTS[name]), None
+    else:
+        stem, _, second = name.partition(".")
+        path = ROBOTS / f"{stem}.raff"
+        document, which = parse(read(path), str(path)), second or None
+    check(document)
+    made = translate(document, document.robot(which), ROBOTS, folder, meshes=folder / "meshes" / "robot")
+    return Exported(document, made, folder)

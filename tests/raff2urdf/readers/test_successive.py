@@ -1,0 +1,105 @@
+"""Joints of several freedoms are the same motions as successive ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from lxml import etree
+
+from raff2urdf.errors import RaffError
+from raff2urdf.readers import successive
+from raff2urdf.readers.urdf import joints, links, parse
+
+BODY = """<robot name="r">
+  <link name="base"/>
+  <link name="arm"/>
+  <link name="body"/>
+  <joint name="first" type="prismatic">
+    <parent link="base"/><child link="arm"/><axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="j" type="{kind}">
+    <parent link="arm"/><child link="body"/><origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><axis xyz="{axis}"/>
+  </joint>
+</robot>"""
+
+angles = st.floats(-1.5, 1.5)
+
+
+def replaced(kind, axis="0 0 1"):
+    tree = parse(BODY.format(kind=kind, axis=axis), "x")
+    assert successive.replace_compound(tree, "x", keep_root=True) == ["j"]
+    again = parse(etree.tostring(tree, encoding="unicode"), "x")
+    model = pin.buildModelFromXML(etree.tostring(again, encoding="unicode"))
+    return [joint.get("name") for joint in joints(again)][1:], model
+
+
+def placement(model, names, values):
+    data, q = model.createData(), pin.neutral(model)
+    for name, value in zip(names, values, strict=True):
+        joint = model.joints[model.getJointId(name)]
+        if joint.nq == 2:  # the cosine and the sine of an angle without limits
+            q[joint.idx_q : joint.idx_q + 2] = np.cos(value), np.sin(value)
+        else:
+            q[joint.idx_q] = value
+    pin.framesForwardKinematics(model, data, q)
+    return data.oMf[model.getFrameId("body")]
+
+
+ORIGIN = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
+
+
+@given(st.tuples(*[angles] * 6))
+def test_a_floating_joint_is_three_slides_and_three_turns(values):
+    names, model = replaced("floating")
+    assert names == ["j_TX", "j_TY", "j_TZ", "j_X", "j_Y", "j_Z"]
+    turn = pin.utils.rotate("x", values[3]) @ pin.utils.rotate("y", values[4]) @ pin.utils.rotate("z", values[5])
+    wanted = ORIGIN * pin.SE3(turn, np.array(values[:3]))
+    assert placement(model, names, values).isApprox(wanted, 1e-12)
+
+
+@given(st.tuples(*[angles] * 3))
+def test_a_ball_is_three_turns(values):
+    names, model = replaced("spherical")
+    assert names == ["j_X", "j_Y", "j_Z"]
+    turn = pin.utils.rotate("x", values[0]) @ pin.utils.rotate("y", values[1]) @ pin.utils.rotate("z", values[2])
+    assert placement(model, names, values).isApprox(ORIGIN * pin.SE3(turn, np.zeros(3)), 1e-12)
+
+
+@given(st.tuples(*[angles] * 3), st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "1 2 -3"]))
+def test_a_planar_joint_slides_at_right_angles_to_its_axis_and_turns_about_it(values, axis):
+    names, model = replaced("planar", axis)
+    assert names == ["j_TX", "j_TY", "j_Z"]
+    normal = np.array(axis.split(), dtype=float)
+    normal /= np.linalg.norm(normal)
+    moved = ORIGIN.inverse() * placement(model, names, values)
+    assert abs(moved.translation @ normal) < 1e-12
+    assert np.linalg.norm(moved.translation) == pytest.approx(np.hypot(*values[:2]), abs=1e-12)
+    assert np.allclose(pin.log3(moved.rotation), values[2] * normal, atol=1e-12)
+
+
+def test_a_floating_joint_that_frees_the_whole_robot_may_be_kept():
+    text = BODY.format(kind="fixed", axis="0 0 1").replace('type="prismatic"', 'type="floating"')
+    tree = parse(text, "x")
+    assert successive.replace_compound(tree, "x", keep_root=True) == []
+    assert successive.replace_compound(tree, "x", keep_root=False) == ["first"]
+
+
+def test_two_axes_are_turned_about_one_after_the_other():
+    tree = parse(BODY.format(kind="revolute", axis="0 0 1"), "x")
+    joint = joints(tree)[1]
+    assert successive.replace(tree, joint, [successive.TURNS["Z"], successive.TURNS["X"]]) == ["j_Z", "j_X"]
+    again = parse(etree.tostring(tree, encoding="unicode"), "x")
+    model = pin.buildModelFromXML(etree.tostring(again, encoding="unicode"))
+    turn = pin.utils.rotate("z", 0.3) @ pin.utils.rotate("x", 0.7)
+    assert placement(model, ["j_Z", "j_X"], [0.3, 0.7]).isApprox(ORIGIN * pin.SE3(turn, np.zeros(3)), 1e-12)
+
+
+def test_a_name_that_is_taken_is_refused():
+    text = BODY.format(kind="spherical", axis="0 0 1").replace('name="first"', 'name="j_Y"')
+    tree = parse(text, "x")
+    with pytest.raises(RaffError, match="the name 'j_Y' is taken"):
+        successive.replace_compound(tree, "x", keep_root=True)
+    assert len(links(tree)) == 3

@@ -1,0 +1,96 @@
+"""A URDF is read with what is wrong in it told by its line."""
+
+from __future__ import annotations
+
+import pytest
+from lxml import etree
+
+from raff2urdf.errors import RaffError
+from raff2urdf.readers.urdf import joints, limits, origin, parse, remove, velocity
+
+ARM = """<robot name="arm">
+  <link name="base"/>
+  <link name="upper"/>
+  <link name="tool"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/>
+    <child link="upper"/>
+    <origin xyz="0 0 1" rpy="0 0 0.5"/>
+    <axis xyz="0 0 1"/>
+    <limit lower="-1" upper="2" effort="1" velocity="3"/>
+  </joint>
+  <joint name="hold" type="fixed">
+    <parent link="upper"/>
+    <child link="tool"/>
+  </joint>
+</robot>"""
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (('link="upper"/>\n    <o', 'link="uper"/>\n    <o'), r"x:5: joint 'turn' has the child 'uper', .*'upper'"),
+        (('<parent link="base"/>', '<parent link="bases"/>'), r"x:5: joint 'turn' has the parent 'bases'"),
+        (('<child link="tool"/>', '<child link="upper"/>'), r"x:12: joint 'hold' holds link 'upper', .*line 5 "),
+        (('<link name="tool"/>', '<link name="upper"/>'), r"x:4: a second link 'upper': the first is on line 3"),
+        (('name="hold"', 'name="turn"'), r"x:12: a second joint 'turn': the first is on line 5"),
+        (('<link name="tool"/>', '<link/>'), r"x:4: a link without a name"),
+        (('<link name="tool"/>', '<link name="tool"/><link name="spare"/>'), r"x:4: 2 links stand on nothing: 'base'"),
+        (('type="fixed"', 'type="fixd"'), r"x:12: the type 'fixd' of joint 'hold' is none of .*'fixed'"),
+        (('rpy="0 0 0.5"', 'rpy="0 0"'), r'x:8: rpy="0 0" of <origin> must be three numbers'),
+        (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
+        (('effort="1"', 'effort="nan"'), r"x:10: joint 'turn': its effort limit 'nan' is no number"),
+        (('effort="1"', 'effort="-1"'), r"x:10: joint 'turn': its limit of effort is -1, below 0"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_by_its_line(change, says):
+    assert len(joints(parse(ARM, "x"))) == 2
+    wrong = ARM.replace(*change)
+    assert wrong != ARM
+    with pytest.raises(RaffError, match=says):
+        parse(wrong, "x")
+
+
+def test_links_that_stand_on_each_other_in_a_ring_are_refused():
+    ring = ARM.replace('<parent link="base"/>', '<parent link="tool"/>')
+    with pytest.raises(RaffError, match="link 'upper' stands on itself"):
+        parse(ring, "x")
+    with pytest.raises(RaffError, match="every link has a parent"):
+        parse(ring.replace('<link name="base"/>', ""), "x")
+
+
+@pytest.mark.parametrize(
+    ("limit", "allowed", "fastest"),
+    [
+        ('<limit lower="-1" upper="2" velocity="3"/>', (-1.0, 2.0), 3.0),
+        ('<limit lower="-1"/>', (-1.0, 0.0), None),
+        ('<limit effort="1" velocity="0"/>', None, None),
+        ("", None, None),
+        ('<limit lower="-1e9" upper="1e9" velocity="1e9"/>', None, None),
+        ('<limit lower="-inf" upper="inf" velocity="inf"/>', None, None),
+    ],
+)
+def test_limits_that_are_left_out_or_beyond_all_measure_are_none(limit, allowed, fastest):
+    text = ARM.replace('<limit lower="-1" upper="2" effort="1" velocity="3"/>', limit)
+    turn = joints(parse(text, "x"))[0]
+    assert limits(turn) == allowed
+    assert velocity(turn) == fastest
+
+
+def test_an_origin_is_read_and_zero_where_there_is_none():
+    turn, hold = joints(parse(ARM, "x"))
+    assert origin(turn, "x") == ((0.0, 0.0, 1.0), (0.0, 0.0, 0.5))
+    assert origin(hold, "x") == ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+def test_what_is_taken_out_leaves_its_lines_behind():
+    tree = parse(ARM, "x")
+    remove(joints(tree)[0].find("parent"))
+    remove(tree.findall("link")[1])
+    again = etree.fromstring(etree.tostring(tree))
+    assert [joint.sourceline for joint in again.iter("joint")] == [5, 12]
+
+
+def test_joints_that_other_elements_speak_of_are_no_joints():
+    text = ARM.replace("</robot>", '<transmission name="t"><joint name="turn"/></transmission></robot>')
+    assert len(joints(parse(text, "x"))) == 2

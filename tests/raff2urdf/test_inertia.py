@@ -1,0 +1,238 @@
+"""Inertia is what a solid body of the shape drawn has, whatever the shape is made of."""
+
+from __future__ import annotations
+
+import io
+import math
+
+import numpy as np
+import pytest
+import trimesh
+import yourdfpy
+from hypothesis import given
+from hypothesis import strategies as st
+from mechanisms import shift, turn
+from strategies import examples
+from yourdfpy import Box, Cylinder, Geometry, Mesh, Sphere, Visual
+
+from raff2urdf import RaffError
+from raff2urdf.simulators.inertia import LEAST_MASS, LEAST_MOMENT, Inertia, inertias, of_geometry, of_surface, sum_of
+
+RHO = 700.0  # kg/m3
+SIZES = st.floats(1e-3, 2.0)
+PLACES = st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6).map(
+    lambda v: (
+        shift("x", v[0]) @ shift("y", v[1]) @ shift("z", v[2]) @ turn("x", v[3]) @ turn("y", v[4]) @ turn("z", v[5])
+    )
+)
+
+
+def box(x: float, y: float, z: float) -> Geometry:
+    return Geometry(box=Box(size=np.array([x, y, z])))
+
+
+def cylinder(radius: float, length: float) -> Geometry:
+    return Geometry(cylinder=Cylinder(radius=radius, length=length))
+
+
+def sphere(radius: float) -> Geometry:
+    return Geometry(sphere=Sphere(radius=radius))
+
+
+def assert_same(one: Inertia, other: Inertia, relative: float = 1e-9) -> None:
+    size = math.sqrt(np.trace(other.second) / other.mass) + float(np.linalg.norm(other.centre))
+    assert one.mass == pytest.approx(other.mass, rel=relative)
+    np.testing.assert_allclose(one.centre, other.centre, atol=relative * size)
+    np.testing.assert_allclose(one.matrix, other.matrix, atol=relative * other.mass * size**2)
+
+
+def assert_physical(body: Inertia) -> None:
+    """Positive definite, and no principal moment above the sum of the two others."""
+    a, b, c = np.linalg.eigvalsh(body.matrix)
+    assert a > 0.0
+    assert a + b >= c * (1.0 - 1e-12)
+
+
+def drawn(*visuals: Visual, inertial: yourdfpy.Inertial | None = None) -> yourdfpy.Robot:
+    return yourdfpy.Robot(name="r", links=[yourdfpy.Link(name="a", visuals=list(visuals), inertial=inertial)])
+
+
+# --- shapes ------------------------------------------------------------------------------------------------------
+
+
+def test_a_box_weighs_its_volume_and_turns_as_the_textbook_says() -> None:
+    body = of_geometry(box(0.2, 0.3, 0.5), RHO)
+    m = RHO * 0.03
+    assert body.mass == pytest.approx(m)
+    expected = [m / 12 * (0.09 + 0.25), m / 12 * (0.04 + 0.25), m / 12 * (0.04 + 0.09)]
+    np.testing.assert_allclose(body.matrix, np.diag(expected), atol=1e-15)
+
+
+def test_so_does_a_cylinder_about_its_z() -> None:
+    body = of_geometry(cylinder(0.1, 0.8), RHO)
+    m = RHO * math.pi * 0.01 * 0.8
+    assert body.mass == pytest.approx(m)
+    across = m / 12 * (3 * 0.01 + 0.64)
+    np.testing.assert_allclose(body.matrix, np.diag([across, across, m * 0.01 / 2]), atol=1e-15)
+
+
+def test_so_does_a_ball() -> None:
+    body = of_geometry(sphere(0.3), RHO)
+    m = RHO * 4 / 3 * math.pi * 0.027
+    assert body.mass == pytest.approx(m)
+    np.testing.assert_allclose(body.matrix, 0.4 * m * 0.09 * np.eye(3), rtol=1e-12, atol=1e-15)
+
+
+@given(SIZES, SIZES, SIZES, PLACES)
+@examples(40)
+def test_a_mesh_of_a_box_is_that_box(x: float, y: float, z: float, place: np.ndarray) -> None:
+    mesh = trimesh.creation.box((x, y, z), transform=place)
+    assert_same(of_surface(mesh, RHO), of_geometry(box(x, y, z), RHO).seen_from(place), 1e-6)
+
+
+def test_a_round_mesh_comes_near_the_ball() -> None:
+    mesh = trimesh.creation.icosphere(subdivisions=5, radius=0.3)
+    assert_same(of_surface(mesh, RHO), of_geometry(sphere(0.3), RHO), 2e-3)
+
+
+def test_a_mesh_counts_in_its_own_unit_and_each_axis_in_its_own() -> None:
+    mesh = trimesh.creation.box((200.0, 300.0, 500.0))
+    assert_same(of_surface(mesh, RHO, 1e-3), of_geometry(box(0.2, 0.3, 0.5), RHO))
+    assert_same(of_surface(mesh, RHO, [1e-3, 2e-3, 3e-3]), of_geometry(box(0.2, 0.6, 1.5), RHO))
+    named = Geometry(mesh=Mesh(filename="bar", scale=np.full(3, 1e-3)))
+    assert_same(of_geometry(named, RHO, {"bar": mesh}.__getitem__), of_geometry(box(0.2, 0.3, 0.5), RHO))
+
+
+def test_a_mesh_with_a_hole_counts_as_its_convex_hull() -> None:
+    whole = trimesh.creation.box((0.2, 0.3, 0.5))
+    holed = trimesh.Trimesh(whole.vertices, whole.faces[:-1])
+    assert not holed.is_watertight
+    assert_same(of_surface(holed, RHO), of_surface(whole, RHO))
+
+
+def test_a_mesh_turned_inside_out_weighs_as_much() -> None:
+    whole = trimesh.creation.box((0.2, 0.3, 0.5))
+    inside_out = trimesh.Trimesh(whole.vertices, whole.faces[:, ::-1], process=False)
+    assert inside_out.volume < 0.0
+    assert_same(of_surface(inside_out, RHO), of_surface(whole, RHO))
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces"),
+    [
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], [[0, 1, 2], [1, 3, 2]]),
+    ],
+    ids=["triangle", "plate"],
+)
+def test_what_encloses_nothing_weighs_nothing(vertices: list[list[float]], faces: list[list[int]]) -> None:
+    assert of_surface(trimesh.Trimesh(vertices, faces), RHO).mass == 0.0
+
+
+def test_a_mesh_is_left_as_it_was() -> None:
+    mesh = trimesh.creation.box((1.0, 2.0, 3.0))
+    before = mesh.vertices.copy(), mesh.density
+    of_surface(mesh, RHO, 1e-3)
+    np.testing.assert_array_equal(mesh.vertices, before[0])
+    assert mesh.density == before[1]
+
+
+# --- several together --------------------------------------------------------------------------------------------
+
+
+@given(SIZES, SIZES, SIZES, PLACES)
+@examples(40)
+def test_two_halves_are_the_whole(x: float, y: float, z: float, place: np.ndarray) -> None:
+    """The parallel axes theorem: a box sawn across, wherever it stands."""
+    half = of_geometry(box(x / 2, y, z), RHO)
+    parts = [half.seen_from(place @ shift("x", side * x / 4)) for side in (-1, 1)]
+    assert_same(sum_of(parts), of_geometry(box(x, y, z), RHO).seen_from(place))
+
+
+def test_a_dumbbell_is_what_its_mesh_is() -> None:
+    """A peer: trimesh adds the same two balls and the bar between them."""
+    places = [(shift("x", -0.4), 0.1), (shift("x", 0.5) @ shift("y", 0.2), 0.15)]
+    meshes = [trimesh.creation.icosphere(subdivisions=4, radius=r).apply_transform(p) for p, r in places]
+    together = trimesh.util.concatenate(meshes)
+    together.density = RHO
+    body = sum_of(of_surface(mesh, RHO) for mesh in meshes)
+    assert_same(body, Inertia.of_matrix(together.mass, together.center_mass, together.moment_inertia))
+
+
+def test_nothing_added_changes_nothing() -> None:
+    body = of_geometry(box(1.0, 2.0, 3.0), RHO).seen_from(shift("x", 1.0))
+    assert_same(sum_of([Inertia(), body, Inertia()]), body)
+    assert sum_of([]).mass == 0.0
+
+
+@given(st.lists(st.tuples(SIZES, SIZES, SIZES, PLACES), min_size=1, max_size=4), st.sampled_from("bcs"))
+@examples(60)
+def test_whatever_is_drawn_some_body_has_that_inertia(
+    shapes: list[tuple[float, float, float, np.ndarray]], kind: str
+) -> None:
+    visuals = []
+    for x, y, z, place in shapes:
+        shape = {"b": box(x, y, z), "c": cylinder(x, y), "s": sphere(z)}[kind]
+        visuals.append(Visual(geometry=shape, origin=place))
+    found = inertias(drawn(*visuals), RHO)
+    assert_physical(found.links["a"])
+    assert_same(found.links["a"], sum_of(of_geometry(v.geometry, RHO).seen_from(v.origin) for v in visuals))
+
+
+def test_twice_the_density_is_twice_the_mass() -> None:
+    model = drawn(Visual(geometry=box(1.0, 2.0, 3.0)))
+    once, twice = inertias(model, RHO).links["a"], inertias(model, 2 * RHO).links["a"]
+    assert twice.mass == pytest.approx(2 * once.mass)
+    np.testing.assert_allclose(twice.matrix, 2 * once.matrix)
+
+
+@pytest.mark.parametrize("density", [0.0, -1.0, math.nan, math.inf])
+def test_a_density_that_is_none_is_refused(density: float) -> None:
+    with pytest.raises(RaffError, match="density"):
+        inertias(drawn(), density)
+
+
+# --- what the file says itself, and the least --------------------------------------------------------------------
+
+
+def test_what_the_urdf_says_is_kept() -> None:
+    text = """<robot name="r"><link name="a">
+    <inertial><origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/><mass value="4"/>
+    <inertia ixx="1" iyy="2" izz="2.5" ixy="0" ixz="0" iyz="0"/></inertial>
+    <visual><geometry><box size="1 1 1"/></geometry></visual></link></robot>"""
+    model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False).robot
+    found = inertias(model, RHO)
+    assert found.said == ("a",)
+    assert found.links["a"].mass == 4.0
+    np.testing.assert_allclose(found.links["a"].centre, [1, 2, 3])
+    np.testing.assert_allclose(found.links["a"].matrix, np.diag([2.0, 1.0, 2.5]), atol=1e-12)
+
+
+def test_a_body_that_moves_has_a_least_mass_and_is_named() -> None:
+    found = inertias(drawn(), RHO, moving=[("a", [])])
+    assert found.raised == ("a",)
+    assert found.links["a"].mass == LEAST_MASS
+    np.testing.assert_allclose(found.links["a"].matrix, LEAST_MOMENT * np.eye(3))
+    assert "a" in found.sentence()
+
+
+def test_one_that_is_fixed_on_something_heavy_needs_none() -> None:
+    model = drawn()
+    model.links.append(yourdfpy.Link(name="b", visuals=[Visual(geometry=box(1.0, 1.0, 1.0))]))
+    found = inertias(model, RHO, moving=[("a", [("b", shift("x", 1.0))])])
+    assert found.raised == ()
+    assert found.links["a"].mass == 0.0
+
+
+def test_a_body_that_is_raised_stays_physical() -> None:
+    needle = drawn(Visual(geometry=cylinder(1e-6, 1e-1), origin=turn("x", 1.0)))
+    found = inertias(needle, RHO, moving=[("a", [])])
+    assert found.raised == ("a",)
+    assert_physical(found.links["a"])
+    assert np.linalg.eigvalsh(found.links["a"].matrix)[0] >= LEAST_MOMENT * (1 - 1e-9)
+
+
+def test_the_sentence_says_from_what_and_how_dense() -> None:
+    said = inertias(drawn(Visual(geometry=box(1.0, 1.0, 1.0))), RHO).sentence()
+    assert "graphics" in said
+    assert "700 kg/m3" in said

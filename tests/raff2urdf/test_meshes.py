@@ -1,0 +1,377 @@
+"""Graphics that are converted: each colour becomes an STL file that other programs read, in its place and size."""
+
+from __future__ import annotations
+
+import os
+import stat
+import warnings
+from pathlib import Path
+from typing import Any
+
+import ezdxf
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+import yourdfpy
+from lxml import etree
+from test_nff import CUBE
+
+import cinegen
+import raff2urdf
+from raff2urdf import RaffError, RaffWarning, loads
+from raff2urdf.conversion import translate
+from raff2urdf.files import write_all
+from raff2urdf.graphics.cache import keep
+from raff2urdf.graphics.meshes import CONVERTED
+
+RED_NFF = "nff\nplate\n4\n0 0 0\n100 0 0\n100 50 0\n0 50 0\n1\n4 0 1 2 3 0xf00\n"
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The user's cache, empty."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "raff2urdf"
+
+
+@pytest.fixture
+def workshop(tmp_path: Path) -> Path:
+    """A folder with graphics in its `parts`."""
+    parts = tmp_path / "parts"
+    parts.mkdir()
+    (parts / "red.nff").write_text(RED_NFF)
+    (parts / "cube.nff").write_text(CUBE)
+    drawing = ezdxf.new("R2010")
+    drawing.modelspace().add_3dface([(0, 0, 0), (10, 0, 0), (10, 10, 0)], dxfattribs={"color": 5})
+    drawing.saveas(parts / "face.dxf")
+    trimesh.creation.box((100.0, 50.0, 20.0)).export(parts / "bar.stl")
+    (parts / "broken.nff").write_text(RED_NFF.replace("0 1 2 3", "0 1 2 9"))
+    return tmp_path
+
+
+def write(folder: Path, robot: str, units: str = "mm") -> Path:
+    """A RAFF file whose robot's graphics lie in `parts`."""
+    (folder / "arm.raff").write_text(f'RAFF arm\nunits {units}\nrobot arm {{ path "parts" {robot} }}')
+    return folder / "arm.raff"
+
+
+def convert(folder: Path, robot: str, units: str = "mm") -> tuple[Any, list[str]]:
+    """The URDF that stands in `generated`, and what was warned of."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        (made,) = raff2urdf.convert(write(folder, robot, units), folder / "generated")
+    assert all(warning.category is RaffWarning for warning in caught)
+    return etree.parse(made.urdf).getroot(), [str(warning.message) for warning in caught]
+
+
+def named(xml: Any, link: str) -> list[tuple[str, str | None]]:
+    """The meshes of a link and their colours."""
+    found = []
+    for visual in xml.findall(f"link[@name='{link}']/visual"):
+        colour = visual.find("material/color")
+        found.append((visual.find("geometry/mesh").get("filename"), None if colour is None else colour.get("rgba")))
+    return found
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+RED, BLUE = "1.0 0.0 0.0 1.0", "0.0 0.0 1.0 1.0"
+
+
+# --- beside a URDF -----------------------------------------------------------------------------------------------
+
+
+def test_each_colour_is_an_stl_of_its_own_beside_the_urdf(workshop: Path) -> None:
+    xml, warned = convert(workshop, 'base { filename { "cube.nff" } }')
+    assert warned == []
+    meshes = named(xml, "base")
+    assert [name for name, _ in meshes] == [f"meshes/arm/cube.nff.{i}.stl" for i in range(1, 7)]
+    assert [colour for _, colour in meshes][:3] == [RED, "0.0 1.0 0.0 1.0", BLUE]
+    names = [material.get("name") for material in xml.iter("material")]
+    assert names == ["rgbff0000", "rgb00ff00", "rgb0000ff", "rgbffff00", "rgbffffff", "rgb123456"]
+    areas = [trimesh.load(workshop / "generated" / name).area for name, _ in meshes]
+    assert areas == pytest.approx([4.0, 4.0, 8.0, 8.0, 4.0, 4.0])
+    assert set(files_in(workshop / "generated")) == {"arm.urdf", "arm.constraints.json", *(n for n, _ in meshes)}
+
+
+@pytest.mark.parametrize(("units", "metres"), [("mm", 0.001), ("um", 1e-6), ("cm", 0.01), ("m", 1.0)])
+def test_a_mesh_has_the_size_that_the_units_say(workshop: Path, units: str, metres: float) -> None:
+    """In another's reader: the plate is 100 x 50 units."""
+    convert(workshop, 'base { filename { "red.nff" } }', units)
+    model = yourdfpy.URDF.load(str(workshop / "generated" / "arm.urdf"))
+    assert model.scene.extents == pytest.approx([100 * metres, 50 * metres, 0.0])
+
+
+def test_pinocchio_finds_the_meshes_their_places_and_colours(workshop: Path) -> None:
+    convert(workshop, 'link 1 { parameters { d 300 } type 2 pred 0 filename { "red.nff" } }')
+    path = workshop / "generated" / "arm.urdf"
+    model = pin.buildModelFromUrdf(str(path))
+    shapes = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.VISUAL, package_dirs=[str(path.parent)])
+    (plate,) = [shape for shape in shapes.geometryObjects if shape.name.startswith("link1")]
+    assert plate.meshColor.tolist() == [1.0, 0.0, 0.0, 1.0]
+    assert plate.overrideMaterial
+    plate.geometry.computeLocalAABB()
+    assert plate.geometry.aabb_local.max_ == pytest.approx([0.1, 0.05, 0.0])
+    assert model.jointPlacements[1].translation == pytest.approx([0.3, 0.0, 0.0])
+
+
+def test_base_links_and_frames_show_all_their_files_that_can_be_shown(workshop: Path) -> None:
+    several = 'filename { "red.nff" "gone.nff" "face.dxf" } filename { "broken.nff" "bar.stl" }'
+    xml, (warned,) = convert(
+        workshop,
+        f"base {{ {several} }} link 1 {{ type 2 pred 0 {several} }} frame 2 {{ pred 1 {several} }}",
+    )
+    shown = [("meshes/arm/red.nff.1.stl", RED), ("meshes/arm/face.dxf.1.stl", BLUE), ("../parts/bar.stl", None)]
+    for node in ("base", "link1", "frame2"):
+        assert named(xml, node) == shown
+        reason = "broken.nff (line 9: '9' is no vertex of this object: 0 to 3)"
+        assert f"{node}: gone.nff (not found), {reason}" in warned
+
+
+def test_a_file_of_several_links_is_written_once(workshop: Path) -> None:
+    arms = " ".join(f'link {i} {{ type 2 pred 0 filename {{ "red.nff" }} }}' for i in range(1, 4))
+    xml, _ = convert(workshop, arms)
+    assert len({named(xml, f"link{i}")[0] for i in range(1, 4)}) == 1
+    assert len(list((workshop / "generated").rglob("*.stl"))) == 1
+
+
+def test_files_of_one_name_are_kept_apart(workshop: Path) -> None:
+    (workshop / "parts" / "other").mkdir()
+    (workshop / "parts" / "other" / "RED.NFF").write_text(RED_NFF.replace("0xf00", "0x00f"))
+    (workshop / "parts" / "other" / "a b;é.nff").write_text(RED_NFF)
+    xml, warned = convert(workshop, 'base { filename { "red.nff" "other/RED.NFF" "other/a b;é.nff" } }')
+    assert warned == []
+    assert named(xml, "base") == [
+        ("meshes/arm/red.nff.1.stl", RED),
+        ("meshes/arm/RED.NFF-2.1.stl", BLUE),
+        ("meshes/arm/a_b_é.nff.1.stl", RED),
+    ]
+
+
+def test_several_robots_of_a_file_have_their_own_folders(workshop: Path) -> None:
+    base = 'base { filename { "red.nff" } }'
+    text = f'RAFF two robot left {{ path "parts" {base} }} robot right {{ path "parts" {base} }}'
+    (workshop / "two.raff").write_text(text)
+    raff2urdf.convert(workshop / "two.raff", workshop / "generated")
+    stls = {str(path.relative_to(workshop / "generated")) for path in (workshop / "generated").rglob("*.stl")}
+    assert stls == {"meshes/two.left/red.nff.1.stl", "meshes/two.right/red.nff.1.stl"}
+
+
+def test_the_same_input_makes_the_same_bytes(workshop: Path) -> None:
+    robot = 'base { filename { "cube.nff" "face.dxf" } }'
+    convert(workshop, robot)
+    first = files_in(workshop / "generated")
+    convert(workshop, robot)
+    assert files_in(workshop / "generated") == first
+
+
+def test_a_path_may_lead_anywhere(workshop: Path) -> None:
+    """It is the author's: out of the folder of the RAFF file, too."""
+    (workshop / "deep" / "er").mkdir(parents=True)
+    raff = write(workshop / "deep" / "er", 'base { filename { "red.nff" } }')
+    raff.write_text(raff.read_text().replace('"parts"', '"../../parts"'))
+    raff2urdf.convert(raff, workshop / "out")
+    assert named(etree.parse(workshop / "out" / "arm.urdf").getroot(), "base") == [("meshes/arm/red.nff.1.stl", RED)]
+
+
+# --- other formats -----------------------------------------------------------------------------------------------
+
+
+def scene() -> trimesh.Scene:
+    """An orange box, and a grey one of 2 x 2 x 2 beside it at x = 5."""
+    orange = trimesh.creation.box((1.0, 1.0, 1.0))
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 128, 0, 255])
+    orange.visual = trimesh.visual.TextureVisuals(material=material)
+    grey = trimesh.creation.box((1.0, 1.0, 1.0))
+    grey.visual.face_colors = [100, 100, 100, 255]
+    place = np.diag([2.0, 2.0, 2.0, 1.0])
+    place[0, 3] = 5.0
+    made = trimesh.Scene()
+    made.add_geometry(orange)
+    made.add_geometry(grey, transform=place)
+    return made
+
+
+def export(folder: Path, kind: str) -> None:
+    if kind == ".gltf":
+        for name, content in scene().export(file_type="gltf").items():
+            (folder / ("part.gltf" if name.endswith(".gltf") else name)).write_bytes(content)
+    elif kind in (".ply", ".off"):  # these hold one mesh
+        scene().to_geometry().export(folder / f"part{kind}")
+    else:
+        scene().export(folder / f"part{kind}")
+
+
+@pytest.mark.parametrize("kind", CONVERTED[2:])
+def test_scenes_are_converted_with_everything_in_its_place(workshop: Path, kind: str) -> None:
+    export(workshop / "parts", kind)
+    xml, warned = convert(workshop, f'base {{ filename {{ "part{kind}" }} }}')
+    assert warned == []
+    bounds = yourdfpy.URDF.load(str(workshop / "generated" / "arm.urdf")).scene.bounds * 1000.0
+    assert bounds == pytest.approx(np.array([[-0.5, -1.0, -1.0], [6.0, 1.0, 1.0]]))
+    if kind in (".glb", ".gltf"):
+        colours = {colour: trimesh.load(workshop / "generated" / name).area for name, colour in named(xml, "base")}
+        expected = {"1.0 0.502 0.0 1.0": 6.0, "0.3922 0.3922 0.3922 1.0": 24.0}
+        assert colours == {colour: pytest.approx(area) for colour, area in expected.items()}
+
+
+def test_a_scan_of_many_colours_becomes_few_files(workshop: Path) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    ball.visual.vertex_colors = np.column_stack([127 * (1 + ball.vertices), np.full(len(ball.vertices), 255)])
+    ball.export(workshop / "parts" / "ball.ply")
+    xml, _ = convert(workshop, 'base { filename { "ball.ply" } }')
+    meshes = named(xml, "base")
+    assert 8 <= len(meshes) <= 32
+    assert len({colour for _, colour in meshes}) == len(meshes)
+    areas = [trimesh.load(workshop / "generated" / name).area for name, _ in meshes]
+    assert sum(areas) == pytest.approx(ball.area, rel=1e-5)
+
+
+# --- what can't be shown -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "reason"),
+    [
+        ("a.nff", b"", "line 1: is empty"),
+        ("a.nff", b"nff\na\n0\n0\n", "holds no surface"),
+        ("a.nff", b"nff\na\n1000000000000\n", "line 3: 1000000000000 vertices should follow, but 0 lines do"),
+        ("a.nff", b"v\nfrom 0 0 1\n", "line 1: this is Haines' Neutral File Format"),
+        ("a.dxf", b"", "this is no DXF file"),
+        ("a.dxf", b"0\nSECTION\n2\nENTITIES\n0\nLINE\n8\n0\n0\nENDSEC\n0\nEOF\n", "no faces or meshes, only 1 LINE"),
+        ("a.dxf", b"0\nSECTION\n2\nENTITIES\n0\n3DFACE\n8\n0\n", "damaged: "),
+        ("a.glb", b"glTF\x02\x00\x00\x00\xff\xff\xff\xff", "unreadable: "),
+        ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1000000000000\nend_header\n", ""),
+        ("a.off", b"OFF\n1000000000000 1000000000000 0\n", ""),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n1e300 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is no number up to 1e+37"),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "holds no surface"),
+        ("a.blend", b"", ".blend: only .stl, .obj, .dae, .nff, .dxf, "),
+    ],
+)
+def test_what_cannot_be_shown_is_warned_of_once_and_replaced_by_the_skeleton(
+    workshop: Path, name: str, content: bytes, reason: str
+) -> None:
+    (workshop / "parts" / name).write_bytes(content)
+    xml, (warned,) = convert(workshop, f'link 1 {{ type 2 pred 0 filename {{ "{name}" }} }}')
+    assert f"link1: {name} ({reason}" in warned if not reason.startswith("no faces") else reason in warned
+    assert len(warned) < 500
+    assert "\n" not in warned
+    shown = xml.findall("link[@name='link1']/visual")
+    assert shown
+    assert not any(visual.findall("geometry/mesh") for visual in shown)
+    assert not (workshop / "generated" / "meshes").exists()
+
+
+def test_a_drawing_that_lacks_its_solids_is_shown_without_them(workshop: Path) -> None:
+    drawing = ezdxf.readfile(workshop / "parts" / "face.dxf")
+    drawing.modelspace().add_3dsolid().sat = ["400 0 1 0 ", "End-of-ACIS-data "]
+    drawing.saveas(workshop / "parts" / "face.dxf")
+    xml, (warned,) = convert(workshop, 'base { filename { "face.dxf" } }')
+    assert "base: face.dxf (without its 1 3DSOLID: solids can't be read)" in warned
+    assert named(xml, "base") == [("meshes/arm/face.dxf.1.stl", BLUE)]
+
+
+# --- all or nothing ----------------------------------------------------------------------------------------------
+
+
+def test_a_failed_conversion_leaves_the_old_meshes_alone(workshop: Path) -> None:
+    robot = 'base { filename { "red.nff" } }'
+    convert(workshop, robot)
+    before = files_in(workshop / "generated")
+    (workshop / "parts" / "red.nff").write_text(RED_NFF.replace("0xf00", "0x0f0").replace("100", "200"))
+    open_loop = "link 1 { type 0 pred 0 } link 2 { parameters { d 9 } type 0 pred 0 } constraint { link 1 link 2 }"
+    with pytest.raises(RaffError, match="can't be closed"):
+        convert(workshop, f"{robot} {open_loop}")
+    assert files_in(workshop / "generated") == before
+
+
+@pytest.mark.parametrize("taken", ["meshes", "meshes/arm", "meshes/arm/red.nff.1.stl", "arm.constraints.json"])
+def test_where_one_file_cannot_be_written_none_is(workshop: Path, taken: str) -> None:
+    """A file stands where a folder should, or a folder where a file should."""
+    place = workshop / "generated" / taken
+    if "." in taken:
+        place.mkdir(parents=True)
+    else:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(b"mine")
+    before = sorted(workshop.rglob("*"))
+    raff = write(workshop, 'base { filename { "red.nff" } }')
+    with pytest.raises(RaffError, match="generated: can't be written: "):
+        raff2urdf.convert(raff, workshop / "generated")
+    assert sorted(workshop.rglob("*")) == sorted([*before, raff])
+
+
+def test_writing_makes_folders_and_removes_them_again_where_it_fails(tmp_path: Path) -> None:
+    write_all({tmp_path / "a" / "b" / "one": b"1", tmp_path / "a" / "two": b"2"})
+    assert files_in(tmp_path) == {"a/b/one": b"1", "a/two": b"2"}
+    with pytest.raises(OSError, match=r"File exists|Not a directory"):
+        write_all({tmp_path / "c" / "d" / "three": b"3", tmp_path / "a" / "two" / "four": b"4"})
+    assert files_in(tmp_path) == {"a/b/one": b"1", "a/two": b"2"}
+    assert not (tmp_path / "c").exists()
+
+
+# --- in the user's cache -----------------------------------------------------------------------------------------
+
+
+def test_cinegen_shows_the_same_meshes_without_a_folder_of_outputs(workshop: Path, cache: Path) -> None:
+    mechanism = cinegen.load(write(workshop, 'base { filename { "cube.nff" } }'))
+    shapes = mechanism.visual.geometryObjects
+    assert [shape.meshColor.tolist() for shape in shapes][:3] == [[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]
+    assert {Path(shape.meshPath).parent for shape in shapes} == {cache}
+    convert(workshop, 'base { filename { "cube.nff" } }')
+    beside = {path.read_bytes() for path in (workshop / "generated").rglob("*.stl")}
+    assert {Path(shape.meshPath).read_bytes() for shape in shapes} == beside
+    assert sorted(path.name for path in (workshop).iterdir()) == ["arm.raff", "cache", "generated", "parts"]
+
+
+def test_a_mesh_is_kept_once_by_its_content(cache: Path) -> None:
+    first = keep(b"some bytes", ".stl")
+    before = first.stat()
+    assert keep(b"some bytes", ".stl") == first
+    assert (first.stat().st_mtime_ns, first.stat().st_ino) == (before.st_mtime_ns, before.st_ino)
+    assert keep(b"others", ".stl") != first
+    assert len(list(cache.iterdir())) == 2
+
+
+def test_a_damaged_mesh_of_the_cache_is_mended(cache: Path) -> None:
+    path = keep(b"some bytes", ".stl")
+    for damaged in (b"", b"some bytez", b"some"):
+        path.write_bytes(damaged)
+        assert keep(b"some bytes", ".stl") == path
+        assert path.read_bytes() == b"some bytes"
+
+
+def test_where_the_cache_cannot_be_written_a_temporary_folder_will_do(
+    workshop: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "cache").write_bytes(b"no folder")
+    path = keep(b"some bytes", ".stl")
+    assert tmp_path / "cache" not in path.parents
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
+    assert keep(b"some bytes", ".stl") == path
+    assert cinegen.load(write(workshop, 'base { filename { "red.nff" } }')).visual.ngeoms == 1
+
+
+@pytest.mark.parametrize("said", ["", "relative/folder"])
+def test_without_an_xdg_folder_the_cache_is_in_the_home_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: str
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", said)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    assert keep(b"some bytes", ".stl").parent == tmp_path / "home" / ".cache" / "raff2urdf"
+    assert os.environ["XDG_CACHE_HOME"] == said
+
+
+def test_a_translation_says_what_is_still_to_be_written(workshop: Path, cache: Path) -> None:
+    document = loads('RAFF t robot r { path "parts" base { filename { "red.nff" } } }')
+    made = translate(document, document.robot(), workshop, workshop, meshes=workshop / "stl")
+    assert list(made.meshes) == [workshop / "stl" / "red.nff.1.stl"]
+    assert 'filename="stl/red.nff.1.stl"' in made.urdf
+    assert not (workshop / "stl").exists()
+    assert not cache.exists()
+    kept = translate(document, document.robot(), workshop)
+    assert kept.meshes == {}
+    assert [path.read_bytes() for path in cache.iterdir()] == list(made.meshes.values())
