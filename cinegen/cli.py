@@ -76,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _of_files(parser: argparse.ArgumentParser, several: bool = True) -> None:
     count = "+" if several else 1
-    parser.add_argument("files", nargs=count, metavar="FILE", help="RAFF file, or URDF with its constraints beside it")
+    parser.add_argument("files", nargs=count, metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
     parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
     parser.add_argument(
         "--loop", action="append", default=[], metavar="NAME=KIND",
@@ -97,8 +97,7 @@ def _seconds(text: str) -> float:
 def _mechanisms(options: argparse.Namespace) -> dict[str, Mechanism]:
     """All robots of all files, by a name that is theirs alone."""
     from cinegen.errors import CinegenError
-    import raff2urdf
-    from cinegen.model import load
+    from cinegen.model.load import load, robots
 
     loops = {}
     for text in options.loop:
@@ -109,12 +108,10 @@ def _mechanisms(options: argparse.Namespace) -> dict[str, Mechanism]:
     found: dict[str, Mechanism] = {}
     for file in options.files:
         path = Path(file)
-        robots: list[str | None] = [options.robot]
-        if options.robot is None and path.suffix.lower() not in (".urdf", ".xml"):
-            robots = [robot.name for robot in raff2urdf.load(path).robots] or [None]
-        for robot in robots:
+        wanted = robots(path) if options.robot is None else [options.robot]
+        for robot in wanted:
             mechanism = load(path, robot, loops)
-            name = path.stem if len(robots) == 1 else f"{path.stem}.{mechanism.name}"
+            name = path.stem if len(wanted) == 1 else f"{path.stem}.{mechanism.name}"
             while name in found:
                 name += "'"
             found[name] = mechanism
@@ -137,8 +134,9 @@ def _info(options: argparse.Namespace) -> int:
 
 def _described(report: Mapping[str, Any]) -> str:
     actuated, joints, loops = report["actuated"], report["joints"], report["loops"]
+    undriven = f" ({report['undriven']} driven by no motor)" if report["undriven"] else ""
     lines = [
-        f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}, "
+        f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{undriven}, "
         f"{_count(joints, 'joint')} ({len(actuated)} actuated), {_count(loops, 'loop')}",
         "",
         f"  {'joint':<12}{'type':<11}{'home':>10}{'low':>10}{'high':>10}{'velocity':>10}   (rad, m)",

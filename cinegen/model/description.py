@@ -35,6 +35,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "loop_rows": sum(loop.rows for loop in mechanism.loops),
         "loop_rank": mechanism.loop_rank,
         "mobility": mechanism.mobility,
+        "undriven": len(mechanism.passive_columns) - mechanism.passive_rank,
         "actuated": list(mechanism.actuated),
         "characteristic_length": mechanism.length,
         "gap_as_written": mechanism.gap_as_written,

@@ -17,10 +17,12 @@ import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
 from cinegen.model.loops import Loop
 from cinegen.model.mechanism import Mechanism, Source
-from cinegen.model.urdf import free, parsed
+from cinegen.model.urdf import completed, simple
 from raff2urdf import constraints as beside
+from raff2urdf import readers
 from raff2urdf.analysis import loop_kind
-from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, why_open
+from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
+from raff2urdf.readers.urdf import parse
 from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
@@ -30,23 +32,26 @@ def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | 
     """Loads a mechanism and closes its loops.
 
     Args:
-        path: a RAFF file, or a URDF; what a URDF can't say is read from `<stem>.constraints.json` beside it.
-        robot: which robot of a RAFF file that holds several; the first unless said.
+        path: a RAFF file, URDF, SDF or MJCF. What a URDF can't say is read from a file beside it:
+            `<stem>.constraints.json` as raff2urdf writes it, or `robot.yaml` as Gepetto's example-parallel-robots has
+            it.
+        robot: which robot of a file that holds several; the first unless said.
         loops: other kinds of closure (rigid, prismatic, revolute, ball) for some loops, by name.
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
         ClosureError: the loops can't be closed; says which stay open, by how much, and what would close them.
-        LoadError: the URDF is wrong.
+        LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why.
         UnknownNameError: no such loop.
     """
     path = Path(path)
-    if path.suffix.lower() in (".urdf", ".xml"):
-        return _load_urdf(path, loops)
+    if path.suffix.lower() in readers.ENDINGS:
+        return _load_xml(path, robot, loops)
     from raff2urdf.conversion import translate
-    from raff2urdf.reader import parse, read
+    from raff2urdf.reader import parse as parse_raff
+    from raff2urdf.reader import read
 
-    document = parse(read(path), str(path))
+    document = parse_raff(read(path), str(path))
     raff2urdf.check(document)
     chosen = document.robot(robot)
     for name in loops or {}:
@@ -56,22 +61,32 @@ def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | 
         made = translate(document, chosen, path.parent, loops=loops)
     except raff2urdf.ClosureError as error:
         raise ClosureError(error.problems) from None
-    return build(made.urdf, made.constraints, str(path.parent))
+    return build(made.urdf, made.constraints)
 
 
-def _load_urdf(path: Path, loops: Mapping[str, str] | None) -> Mechanism:
+def robots(path: str | Path) -> list[str | None]:
+    """Names of the robots that a file holds; `[None]` where it can hold but one, or none has a name.
+
+    Raises:
+        raff2urdf.RaffError: the file is wrong.
+    """
+    if Path(path).suffix.lower() in readers.ENDINGS:
+        return [None]
+    return [robot.name for robot in raff2urdf.load(path).robots] or [None]
+
+
+def _load_xml(path: Path, robot: str | None, loops: Mapping[str, str] | None) -> Mechanism:
+    """What others have described: a URDF with what stands beside it, an SDF or an MJCF."""
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LoadError(f"{path}: can't be read: {error}") from None
-    companion = path.with_suffix(".constraints.json")
-    constraints = beside.load(companion) if companion.exists() else None
+        urdf, constraints = readers.read(path, robot)
+    except raff2urdf.RaffError as error:
+        raise LoadError(str(error)) from None
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
-    for name, kind in (loops or {}).items():
+    for name, closure in (loops or {}).items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
-        entries[name]["kind"] = loop_kind(kind).name.lower()
-    return build(text, constraints, str(path.parent), str(path))
+        entries[name]["kind"] = loop_kind(closure).name.lower()
+    return build(urdf, constraints, str(path.parent), str(path))
 
 
 def build(
@@ -82,29 +97,28 @@ def build(
     Args:
         urdf: its text.
         constraints: as `raff2urdf.constraints` describes; without them the URDF is a tree whose joints all have motors.
-        folder: where the URDF's meshes are looked for.
+            Where it has loops, and nothing says which joints have motors, they are chosen as for a RAFF file.
+        folder: where the URDF's meshes are looked for; None where it names them absolutely.
         name: what errors call the URDF.
 
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
         ClosureError: the loops can't be closed.
     """
-    tree = parsed(urdf, name)
-    unlimited = free(tree, name)
+    try:
+        tree = parse(urdf, name)
+        constraints = completed(simple(tree, name), constraints, name)
+    except raff2urdf.RaffError as error:
+        raise LoadError(str(error)) from None
     try:
         model = pin.buildModelFromXML(etree.tostring(tree, encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
-    if constraints is None:
-        constraints = _of_tree(tree, model)
-    _set_limits(model, constraints, unlimited, name)
-    written = _written(model, constraints, name)
+    _set_limits(model, constraints)
+    written = _written(model, constraints)
     bodies = {frame.name: frame for frame in model.frames if frame.type == pin.FrameType.BODY}
-    lost = [node for node in constraints["nodes"] if node not in bodies]
-    if lost:
-        raise LoadError(f"{name}: the constraints name '{lost[0]}', which is no link of the URDF")
     mechanism = Mechanism(
-        name=constraints.get("robot", model.name),
+        name=constraints["robot"],
         model=model,
         nodes=constraints["nodes"],
         joints=[joint["name"] for joint in constraints["joints"]],
@@ -122,53 +136,36 @@ def build(
     if mechanism.loops:
         mechanism.gap_as_written = mechanism.closure(written)
         mechanism.q_home = _home(mechanism, written)
-        mechanism.loop_rank, _ = generic_rank(mechanism.system, mechanism.q_home)
+        mechanism.loop_rank, generic = generic_rank(mechanism.system, mechanism.q_home)
+        if not any("actuated" in joint for joint in constraints["joints"]):
+            mechanism.actuated = _motors(mechanism, generic)
     mechanism.q_home.flags.writeable = False
     return mechanism
 
 
-def _of_tree(tree: Any, model: pin.Model) -> beside.Constraints:
-    """What the constraints of a URDF without loops would say."""
-    links = [link.get("name", "") for link in tree.iter("link")]
-    children = {child.get("link") for child in tree.iter("child")}
-    root = [link for link in links if link not in children]
-    names = [joint.get("name") for joint in tree.iter("joint") if joint.get("name") in set(model.names)]
-    floating = next((j.get("name") for j in tree.iter("joint") if j.get("type") == "floating"), None)
-    q = pin.neutral(model)
-    joints = [
-        {"name": name, "home": float(q[model.joints[model.getJointId(name)].idx_q])}
-        for name in names
-        if name != floating
-    ]
-    nodes = root + [link for link in links if link not in root]
-    return {"robot": model.name, "nodes": nodes, "floating": floating, "joints": joints, "loops": []}
+def _motors(mechanism: Mechanism, q: Array) -> tuple[str, ...]:
+    """The joints nearest the base that suffice to determine the mechanism; q (nq,) is closed and of generic rank."""
+    model, column = mechanism.model, mechanism.v_index
+    depth = {name: len(model.supports[model.getJointId(name)]) for name in mechanism.joints}
+    outermost = sorted(range(len(depth)), key=lambda i: (-depth[mechanism.joints[i]], -i))
+    jacobian = mechanism.system.evaluate(q)[1]
+    determined = set(passive(jacobian, [column(mechanism.joints[i]) for i in outermost]))
+    return tuple(joint for joint in mechanism.joints if column(joint) not in determined)
 
 
-def _set_limits(model: pin.Model, constraints: beside.Constraints, unlimited: set[str], name: str) -> None:
-    """Position and velocity limits into the model: infinite where none are said."""
-    lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-    fastest = model.upperVelocityLimit
+def _set_limits(model: pin.Model, constraints: beside.Constraints) -> None:
+    """Position and velocity limits into the model: infinite where there are none."""
+    lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
+    fastest = np.full(model.nv, np.inf)
     for entry in constraints["joints"]:
-        if not model.existJointName(entry["name"]):
-            raise LoadError(f"{name}: the constraints name joint '{entry['name']}', which the URDF lacks")
         joint = model.joints[model.getJointId(entry["name"])]
-        if "limits" in entry or entry["name"] in unlimited:
-            low, high = entry.get("limits") or (-np.inf, np.inf)
-            lower[joint.idx_q : joint.idx_q + joint.nq] = low
-            upper[joint.idx_q : joint.idx_q + joint.nq] = high
-        if "velocity" in entry or entry["name"] in unlimited:
-            fastest[joint.idx_v : joint.idx_v + joint.nv] = entry.get("velocity") or np.inf
-    floating = constraints.get("floating")
-    if floating is not None and model.existJointName(floating):
-        joint = model.joints[model.getJointId(floating)]
-        lower[joint.idx_q : joint.idx_q + joint.nq] = -np.inf
-        upper[joint.idx_q : joint.idx_q + joint.nq] = np.inf
-        fastest[joint.idx_v : joint.idx_v + joint.nv] = np.inf
+        lower[joint.idx_q], upper[joint.idx_q] = entry["limits"] or (-np.inf, np.inf)
+        fastest[joint.idx_v] = entry["velocity"] or np.inf
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
     model.upperVelocityLimit, model.lowerVelocityLimit = fastest, -fastest
 
 
-def _written(model: pin.Model, constraints: beside.Constraints, name: str) -> Array:
+def _written(model: pin.Model, constraints: beside.Constraints) -> Array:
     """The configuration that the file gives, loops not yet closed."""
     q = np.array(pin.neutral(model))
     for entry in constraints["joints"]:

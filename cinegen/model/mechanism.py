@@ -128,7 +128,7 @@ class Mechanism:
         Raises:
             LoadError: a mesh can't be read.
         """
-        return shapes(self.model, self._source.urdf, self._source.folder)
+        return shapes(self.model, self._source.urdf, self._source.folder, self._source.name)
 
     @property
     def end(self) -> str:

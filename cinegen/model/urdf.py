@@ -1,107 +1,119 @@
-"""A URDF's text, checked and made ready for Pinocchio: what is wrong is told by its line."""
+"""A URDF as Pinocchio should see it, and all that is said of it, in the URDF or beside it, in one place."""
 
 from __future__ import annotations
 
-import math
 import warnings
 from typing import Any
 
 from lxml import etree
 
 from cinegen.errors import CinegenWarning, LoadError
+from raff2urdf.constraints import Constraints
+from raff2urdf.errors import did_you_mean
+from raff2urdf.readers import successive
+from raff2urdf.readers.urdf import ends, joints, limits, links, silent, velocity
 
-_NUMBER_EACH = ("revolute", "prismatic")  # joints whose limits count
 
+def simple(tree: Any, name: str) -> Constraints:
+    """Makes every joint of a URDF one number, a base that can move apart, and says what its joints and nodes are.
 
-def parsed(urdf: str, name: str) -> Any:
-    """The root of a URDF, joints and their limits checked.
+    Joints of several freedoms become successive ones (`raff2urdf.readers.successive`); Pinocchio would take the cosine
+    and the sine of an angle without limits, so all are given some. One warning tells of joints whose limits are left
+    out, and one of joints that should mimic others.
 
     Args:
-        urdf: its text. Entities that it defines are not read.
+        tree: its root; changed.
         name: what errors call it.
 
-    Raises:
-        LoadError: no URDF; a joint whose axis is 0, or whose limits are no numbers or contradict each other.
+    Returns:
+        what `raff2urdf.constraints` would say of it: nodes, joints, floating, and no loops.
     """
-    parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
-    try:
-        tree = etree.fromstring(urdf.encode(), parser)
-    except etree.XMLSyntaxError as error:
-        raise LoadError(f"{name}:{error.lineno or 1}: no XML: {error.msg}") from None
-    if tree.tag != "robot":
-        raise LoadError(f"{name}:{tree.sourceline}: this is no URDF: its first element is <{tree.tag}>, not <robot>")
-    subset = tree.getroottree().docinfo.internalDTD
-    for entity in subset.iterentities() if subset is not None else ():
-        raise LoadError(f"{name}:1: it defines the entity '{entity.name}': entities are not read")
-    for joint in tree.iter("joint"):
-        if joint.find("parent") is not None:  # else it is a joint that some other element speaks of
-            _check_axis(joint, name)
-            _check_limit(joint, name)
-    return tree
-
-
-def free(tree: Any, name: str) -> set[str]:
-    """Makes all joints without limits revolute or prismatic with some, so that each is one number (Pinocchio takes the
-    cosine and the sine of continuous ones); returns their names.
-
-    A joint whose `<limit>` gives neither `lower` nor `upper` has none: exporters leave them out, and a joint from 0 to
-    0, as the format has it, would be none. One warning tells of all these.
-    """
-    names, silent = set(), []
-    for joint in tree.iter("joint"):
-        kind, limit = joint.get("type"), joint.find("limit")
-        says_nothing = limit is None or (limit.get("lower") is None and limit.get("upper") is None)
-        if kind in _NUMBER_EACH and says_nothing and joint.find("parent") is not None:
-            silent.append(joint)
-        elif kind != "continuous":
+    nodes = [link.get("name") for link in links(tree)]
+    standing = {ends(joint)[1] for joint in joints(tree)}
+    nodes.sort(key=lambda node: node in standing)  # the root first
+    successive.replace_compound(tree, name, keep_root=True)
+    _tell(tree, name)
+    floating, entries = None, []
+    for joint in joints(tree):
+        kind = joint.get("type")
+        if kind == "floating":
+            floating = joint.get("name")
+        if kind not in ("revolute", "continuous", "prismatic"):
             continue
-        if kind == "continuous":
-            joint.set("type", "revolute")
-        if limit is None:
-            limit = etree.SubElement(joint, "limit", effort="0", velocity="0")
-        limit.set("lower", "-1")
-        limit.set("upper", "1")
-        names.add(joint.get("name", ""))
-    if silent:
-        first = f"{name}:{silent[0].sourceline}: joint '{silent[0].get('name', '')}'"
-        others = f" and {len(silent) - 1} more" if len(silent) > 1 else ""
-        warnings.warn(
-            f"{first}{others}: no lower and upper limit are given; taken as unlimited", CinegenWarning, stacklevel=2
+        allowed = limits(joint)
+        entries.append(
+            {
+                "name": joint.get("name"),
+                "type": "prismatic" if kind == "prismatic" else "revolute",
+                "home": 0.0,
+                "limits": None if allowed is None else list(allowed),
+                "velocity": velocity(joint),
+            }
         )
-    return names
+        _give_limits(joint, kind == "continuous" or allowed is None)
+    return {
+        "robot": tree.get("name", "robot"),
+        "nodes": nodes,
+        "floating": floating,
+        "joints": entries,
+        "loops": [],
+    }
 
 
-def _check_axis(joint: Any, name: str) -> None:
-    axis = joint.find("axis")
-    if axis is None or joint.get("type") in ("fixed", "floating"):
-        return
-    try:
-        numbers = [float(word) for word in axis.get("xyz", "1 0 0").split()]
-        good = len(numbers) == 3 and all(map(math.isfinite, numbers)) and math.hypot(*numbers) > 1e-9
-    except ValueError:
-        good = False
-    if not good:
-        what = f"axis '{axis.get('xyz')}' of joint '{joint.get('name', '')}'"
-        raise LoadError(f"{name}:{axis.sourceline}: the {what} must be three numbers, not all 0")
+def completed(said: Constraints, beside: Constraints | None, name: str) -> Constraints:
+    """What a URDF says of itself, and what a file beside it adds or says otherwise.
+
+    Args:
+        said: by the URDF, see `simple`.
+        beside: likewise, by the other file. Its list of joints, if it has one, orders them.
+        name: what errors call the URDF.
+
+    Raises:
+        LoadError: the other file names a joint or a link that the URDF lacks.
+    """
+    if beside is None:
+        for entry in said["joints"]:  # without loops, 0 is as good as anything else
+            low, high = entry["limits"] or (0.0, 0.0)
+            entry["home"] = 0.0 if low <= 0.0 <= high else (low + high) / 2.0
+        return said
+    known = {entry["name"]: entry for entry in said["joints"]}
+    for entry in beside.get("joints", []):
+        if entry["name"] not in known:
+            near = did_you_mean(entry["name"], list(known))
+            raise LoadError(f"{name}: the constraints name joint '{entry['name']}', which the URDF lacks{near}")
+    for node in beside.get("nodes", []):
+        if node not in said["nodes"]:
+            raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
+    whole = {**said, **beside}
+    if "joints" in beside:
+        whole["joints"] = [{**known[entry["name"]], **entry} for entry in beside["joints"]]
+    return whole
 
 
-def _check_limit(joint: Any, name: str) -> None:
+def _tell(tree: Any, name: str) -> None:
+    """One warning of joints that leave their limits out, and one of joints that should follow others."""
+    left_out = [joint for joint in joints(tree) if silent(joint)]
+    if left_out:
+        _warn(name, left_out, "no lower and upper limit are given; taken as unlimited")
+    followers = [joint for joint in joints(tree) if joint.find("mimic") is not None]
+    if followers:
+        _warn(name, followers, "it should mimic another joint; taken as a joint of its own")
+
+
+def _warn(name: str, found: list[Any], what: str) -> None:
+    first = f"{name}:{found[0].sourceline}: joint '{found[0].get('name', '')}'"
+    others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    warnings.warn(f"{first}{others}: {what}", CinegenWarning, stacklevel=5)
+
+
+def _give_limits(joint: Any, none: bool) -> None:
+    """Writes all that Pinocchio wants of limits, and limits that mean nothing where a joint has none."""
+    joint.set("type", "prismatic" if joint.get("type") == "prismatic" else "revolute")
     limit = joint.find("limit")
     if limit is None:
-        return
-    where = f"{name}:{limit.sourceline}: joint '{joint.get('name', '')}'"
-    values = {}
-    for word in ("lower", "upper", "velocity"):
-        if limit.get(word) is None:
-            continue
-        try:
-            values[word] = float(limit.get(word))
-        except ValueError:
-            values[word] = math.nan
-        if math.isnan(values[word]):
-            raise LoadError(f"{where}: its {word} limit '{limit.get(word)}' is no number")
-    if values.get("velocity", 0.0) < 0.0:
-        raise LoadError(f"{where}: its limit of velocity is {values['velocity']:g}, below 0")
-    ends = values.get("lower", 0.0), values.get("upper", 0.0)
-    if ("lower" in values or "upper" in values) and joint.get("type") in _NUMBER_EACH and ends[0] > ends[1]:
-        raise LoadError(f"{where}: its lower limit of {ends[0]:g} is above its upper one of {ends[1]:g}")
+        limit = etree.SubElement(joint, "limit")
+    for word in ("effort", "velocity"):
+        limit.set(word, limit.get(word, "0"))
+    if none:
+        limit.set("lower", "-1")
+        limit.set("upper", "1")

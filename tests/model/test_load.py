@@ -113,8 +113,9 @@ def test_the_urdf_of_a_mechanism_that_contradicts_itself_is_refused_alike(raff, 
     ("text", "says"),
     [
         ("<robot name='r'><link name='a'>", "no XML"),
-        ("<sdf/>", "not <robot>"),
-        ("<robot name='r'/>", "Pinocchio can't read it"),
+        ("<sdf/>", "it holds no model"),
+        ("<gazebo/>", "this is no robot"),
+        ("<robot name='r'/>", "has no link"),
     ],
 )
 def test_a_urdf_that_is_none_is_refused(text, says, tmp_path):

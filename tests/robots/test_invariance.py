@@ -40,6 +40,7 @@ every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
 
 def loaded(text: str, which: str | None = None) -> cinegen.Mechanism:
     with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "graphics").symlink_to(ROBOTS / "graphics")
         path = Path(folder) / "any.raff"
         path.write_text(text, encoding="utf-8")
         return cinegen.load(path, which)

@@ -18,6 +18,8 @@ from cinegen import Solver, Verdict
 from cinegen.solve import LimitMargin, Manipulability, Posture, State
 from cinegen.solve.resolve import free_motions
 
+pytestmark = pytest.mark.filterwarnings("ignore:.*should mimic another joint")  # the panda's second finger
+
 DT = 0.01
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 PANDA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf"

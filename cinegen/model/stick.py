@@ -1,0 +1,95 @@
+"""A stick figure of a mechanism without shapes: bars from joint to joint, a drum on each axis that turns."""
+
+from __future__ import annotations
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_THICK = 0.015  # of the mechanism's reach: radius of a bar
+_BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's blue; nearly black
+
+
+def stick_figure(model: pin.Model) -> pin.GeometryModel:
+    """Shapes for every body of a model: from its joint to those that stand on it, and to its frames."""
+    figure = pin.GeometryModel()
+    origins = [model.jointPlacements[j].translation for j in range(1, model.njoints)]
+    bodies = {frame.parentJoint: i for i, frame in reversed(list(enumerate(model.frames))) if _is_body(frame)}
+    ends: dict[int, list[Array]] = {j: [] for j in range(model.njoints)}
+    for j in range(1, model.njoints):
+        ends[model.parents[j]].append(np.array(model.jointPlacements[j].translation))
+    for frame in model.frames:
+        if _is_body(frame):
+            ends[frame.parentJoint].append(np.array(frame.placement.translation))
+    lengths = [float(np.linalg.norm(point)) for point in (*origins, *(p for points in ends.values() for p in points))]
+    radius = _THICK * (sum(lengths[: len(origins)]) or max(lengths, default=0.0) or 1.0)
+    for j, points in ends.items():
+        carrier = bodies.get(j)
+        if carrier is None:  # nothing is named there, so nothing can be shown
+            continue
+        for i, point in enumerate(_apart(points, radius)):
+            _add(
+                figure,
+                f"bar {j} {i}",
+                j,
+                carrier,
+                coal.Cylinder(radius, float(np.linalg.norm(point))),
+                _along(point),
+                _BAR,
+            )
+        axis = _axis(model, j) if j else None
+        if axis is not None:
+            _add(figure, f"joint {j}", j, carrier, coal.Cylinder(1.5 * radius, 4.0 * radius), _about(axis), _JOINT)
+        elif j:
+            _add(figure, f"joint {j}", j, carrier, coal.Sphere(1.5 * radius), pin.SE3.Identity(), _JOINT)
+    return figure
+
+
+def _is_body(frame: pin.Frame) -> bool:
+    return bool(frame.type == pin.FrameType.BODY)
+
+
+def _apart(points: list[Array], radius: float) -> list[Array]:
+    """The points that are neither at the origin nor met before."""
+    found: list[Array] = []
+    for point in points:
+        if np.linalg.norm(point) > radius and all(np.linalg.norm(point - other) > 0.1 * radius for other in found):
+            found.append(point)
+    return found
+
+
+def _axis(model: pin.Model, joint: int) -> Array | None:
+    """The direction of a turning joint in its own frame; None for others."""
+    kind = model.joints[joint].shortname()
+    for i, letter in enumerate("XYZ"):
+        if kind == f"JointModelR{letter}":
+            return np.array(np.eye(3)[i])
+    if kind == "JointModelRevoluteUnaligned":
+        return np.array(model.joints[joint].extract().axis)
+    return None
+
+
+def _about(axis: Array) -> pin.SE3:
+    return pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix(), np.zeros(3))
+
+
+def _along(point: Array) -> pin.SE3:
+    turned = _about(point / np.linalg.norm(point))
+    return pin.SE3(turned.rotation, point / 2.0)
+
+
+def _add(
+    figure: pin.GeometryModel,
+    name: str,
+    joint: int,
+    frame: int,
+    shape: coal.CollisionGeometry,
+    placement: pin.SE3,
+    colour: tuple[float, float, float, float],
+) -> None:
+    solid = pin.GeometryObject(name, joint, frame, placement, shape)
+    solid.meshColor = np.array(colour)
+    figure.addGeometryObject(solid)

@@ -1,0 +1,136 @@
+"""A `robot.yaml` beside a URDF: loops between frames, motors, joints that become others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import cinegen
+import raff2urdf
+
+LINKS = ("ground", "crank", "coupler", "end_a", "rocker", "end_b")
+JOINTS = (
+    ("drive", "ground", "crank", "0 0 0"),
+    ("elbow", "crank", "coupler", "0.2 0 0"),
+    ("loop_A", "coupler", "end_a", "0.4 0 0"),
+    ("swing", "ground", "rocker", "0.4 0 0"),
+    ("loop_B", "rocker", "end_b", "0.2 0.1 0"),
+)
+URDF = "\n".join(
+    [
+        '<robot name="linkage">',
+        *(f'<link name="{link}"/>' for link in LINKS),
+        *(
+            f'<joint name="{name}" type="revolute"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{xyz}"/><axis xyz="0 0 1"/><limit lower="-4" upper="4" effort="1" velocity="2"/></joint>'
+            for name, parent, child, xyz in JOINTS
+        ),
+        "</robot>",
+    ]
+)
+YAML = """closed_loop: [['loop_A', 'loop_B']]
+type: ['6d']
+name_mot: ['drive']
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(yaml=YAML, urdf=URDF, name="robot.yaml"):
+        (tmp_path / "robot.urdf").write_text(urdf)
+        (tmp_path / name).write_text(yaml)
+        return tmp_path / "robot.urdf"
+
+    return write
+
+
+def test_a_closed_loop_joins_the_frames_behind_its_joints(write):
+    mechanism = cinegen.load(write())
+    (loop,) = mechanism.loops
+    assert (loop.name, loop.first, loop.second, loop.rows) == ("loop_A-loop_B", "end_a", "end_b", 6)
+    assert mechanism.actuated == ("drive",)
+    assert mechanism.mobility == 2  # the pin itself may turn
+    assert mechanism.closure(mechanism.q_home) < 1e-12
+    assert mechanism.gap_as_written > 0.1
+
+
+def test_3d_closes_the_origins_only(write):
+    mechanism = cinegen.load(write(YAML.replace("6d", "3D")))
+    assert mechanism.loops[0].rows == 3
+    assert mechanism.mobility == 3
+
+
+def test_links_name_frames_too_and_the_urdf_may_have_another_name(write, tmp_path):
+    path = write(YAML.replace("loop_A", "end_a"), name="arm.yaml")
+    path.rename(tmp_path / "arm.urdf")
+    assert cinegen.load(tmp_path / "arm.urdf").loops[0].first == "end_a"
+
+
+@pytest.mark.parametrize(
+    ("kind", "joints"),
+    [
+        ("SPHERICAL", ("elbow_X", "elbow_Y", "elbow_Z")),
+        ("UJOINT_XY", ("elbow_X", "elbow_Y")),
+        ("UJOINT_ZX", ("elbow_Z", "elbow_X")),
+        ("FIXED", ()),
+    ],
+)
+def test_joints_are_replaced(write, kind, joints):
+    extra = f"joint_name: ['elbow']\njoint_type: ['{kind}']\n"
+    mechanism = cinegen.load(write("name_mot: [drive, swing]\n" + extra))
+    assert tuple(joint for joint in mechanism.joints if joint.startswith("elbow")) == joints
+    assert mechanism.nodes == LINKS
+    assert mechanism.actuated == ("drive", "swing")
+    if len(joints) > 1:
+        first = mechanism.jacobian(mechanism.q_home, "coupler")[3:, mechanism.v_index(joints[0])]
+        assert np.allclose(np.abs(first), np.eye(3)["XYZ".index(joints[0][-1])])
+
+
+def test_a_motor_of_several_freedoms_drives_all_of_them(write):
+    text = "name_mot: [elbow]\njoint_name: [elbow]\njoint_type: [UJOINT_YZ]\n"
+    assert cinegen.load(write(text)).actuated == ("elbow_Y", "elbow_Z")
+
+
+def test_without_motors_they_are_chosen(write):
+    mechanism = cinegen.load(write(YAML.replace("name_mot: ['drive']", "name_mot: []").replace("6d", "3d")))
+    assert len(mechanism.actuated) == mechanism.mobility
+    assert "drive" in mechanism.actuated
+
+
+def test_missing_meshes_are_left_out_with_one_warning(write):
+    visual = '<visual><geometry><mesh filename="package:///{0}.stl"/></geometry></visual>'
+    urdf = URDF
+    for link in ("crank", "rocker"):
+        urdf = urdf.replace(f'<link name="{link}"/>', f'<link name="{link}">{visual.format(link)}</link>')
+    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.urdf:3: mesh .*crank.stl.*1 more like it.*left out") as seen:
+        mechanism = cinegen.load(write(urdf=urdf))
+    assert len(seen) == 1
+    assert len(mechanism.visual.geometryObjects) > 4  # a stick figure
+
+
+def test_a_joint_that_is_not_there_is_not_replaced_and_told(write):
+    text = YAML + "joint_name: ['elbo']\njoint_type: ['SPHERICAL']\n"
+    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.yaml:4: joint 'elbo' is not in the URDF.*mean 'elbow'"):
+        assert "elbow" in cinegen.load(write(text)).joints
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("'loop_B'", "'loop_C'"), r"robot.yaml:1: no joint or link 'loop_C': did you mean 'loop_B'"),
+        (("6d", "5d"), r"robot.yaml:2: a loop's type is 3d or 6d, not '5d'"),
+        (("['6d']", "['6d', '3d']"), r"robot.yaml:2: closed_loop has 1 entries and type 2"),
+        (("['6d']", "6d"), r"robot.yaml:2: type must be a list"),
+        (("'loop_A', ", ""), r"robot.yaml:1: a closed loop is a pair of frames"),
+        (("'drive'", "'driver'"), r"robot.yaml:3: the motor 'driver' is no joint that moves: did you mean 'drive'"),
+        (("name_mot", "motors"), r"robot.yaml:3: 'motors' is none of its words"),
+        (("['drive']", "['drive'"), r"robot.yaml:\d: no YAML"),
+        ((YAML, "- a\n"), r"robot.yaml:1: it must say closed_loop"),
+        ((YAML, YAML + "joint_name: [elbow]\njoint_type: [UJOINT_XX]\n"), r"robot.yaml:5: a joint's type is SPHERICAL"),
+        ((YAML, YAML + "joint_name: [elbow]\njoint_type: [HINGE]\n"), r"robot.yaml:5: .*not 'HINGE'"),
+    ],
+)
+def test_what_is_wrong_is_told_by_its_line(write, change, says):
+    assert change[0] in YAML
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(write(YAML.replace(*change)))

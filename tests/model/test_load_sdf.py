@@ -1,0 +1,217 @@
+"""SDF: poses in any frame, every kind of joint, loops, and errors with the element's line."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+import raff2urdf
+
+PARALLELOGRAM = """<?xml version="1.0"?>
+<sdf version="1.9">
+  <world name="w">
+    <model name="parallelogram">
+      <link name="ground"/>
+      <link name="crank"><pose>0 0 0 0 0 0</pose>
+        <visual name="v"><pose>0.1 0 0 0 0 0</pose><geometry><box><size>0.2 0.02 0.02</size></box></geometry>
+          <material><diffuse>0 0 1 1</diffuse></material></visual></link>
+      <link name="coupler"><pose relative_to="crank">0.2 0 0 0 0 1.5707963267948966</pose></link>
+      <link name="rocker"><pose degrees="true">0 0.4 0 0 0 0</pose></link>
+      <joint name="world_joint" type="fixed"><parent>world</parent><child>ground</child></joint>
+      <joint name="drive" type="revolute"><parent>ground</parent><child>crank</child>
+        <axis><xyz>0 0 1</xyz><limit><lower>-2</lower><upper>2</upper><velocity>3</velocity></limit></axis></joint>
+      <joint name="elbow" type="revolute"><parent>crank</parent><child>coupler</child>
+        <axis><xyz>0 0 1</xyz></axis></joint>
+      <joint name="swing" type="revolute"><parent>ground</parent><child>rocker</child>
+        <axis><xyz>0 0 1</xyz></axis></joint>
+      <joint name="cut" type="{kind}"><pose relative_to="rocker">0.2 0 0 0 0 0</pose>
+        <parent>coupler</parent><child>rocker</child><axis><xyz>0 0 1</xyz></axis></joint>
+    </model>
+  </world>
+</sdf>"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "robot.sdf"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(("kind", "rows", "mobility"), [("revolute", 5, 1), ("ball", 3, 1), ("fixed", 6, 0)])
+def test_a_joint_between_links_that_stand_closes_a_loop(write, kind, rows, mobility):
+    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind=kind)))
+    assert [(loop.name, loop.rows) for loop in mechanism.loops] == [("cut", rows)]
+    assert mechanism.mobility == mobility
+    assert mechanism.gap_as_written < 1e-15
+    assert mechanism.joints == ("drive", "elbow", "swing")
+    if kind == "revolute":
+        assert mechanism.actuated == ("drive",)
+
+
+def test_a_parallelogram_keeps_its_coupler_upright(write):
+    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="revolute")))
+    home = mechanism.placement(mechanism.q_home, "coupler").rotation
+    for angle in np.linspace(-1.0, 1.0, 9):
+        q = mechanism.close(mechanism.configuration({"drive": angle, "swing": angle, "elbow": -angle}), locked="drive")
+        stands = mechanism.placement(q, "coupler")
+        assert np.allclose(stands.rotation, home, atol=1e-12)
+        assert np.allclose(stands.translation, [0.2 * np.cos(angle), 0.2 * np.sin(angle), 0.0], atol=1e-12)
+
+
+def test_a_model_that_is_fixed_to_the_world_stands_where_it_is_put(write):
+    text = PARALLELOGRAM.format(kind="revolute").replace(
+        '<link name="ground"/>', '<pose>1 2 3 0 0 0</pose><link name="ground"/>'
+    )
+    mechanism = cinegen.load(write(text))
+    assert mechanism.nodes[0] == "world"
+    assert mechanism.placement(mechanism.q_home, "rocker").translation == pytest.approx([1.0, 2.4, 3.0])
+
+
+def test_limits_and_shapes_are_read(write):
+    mechanism = cinegen.load(write(PARALLELOGRAM.format(kind="ball")))
+    i, j = mechanism.q_index("drive"), mechanism.v_index("drive")
+    model = mechanism.model
+    assert (model.lowerPositionLimit[i], model.upperPositionLimit[i], model.upperVelocityLimit[j]) == (-2.0, 2.0, 3.0)
+    assert np.isinf(model.upperPositionLimit[mechanism.q_index("elbow")])
+    (shape,) = mechanism.visual.geometryObjects
+    assert np.allclose(shape.meshColor, [0.0, 0.0, 1.0, 1.0])
+
+
+ARM = """<sdf version="{version}">
+  <model name="arm">
+    <pose>5 5 5 0 0 0</pose>
+    <link name="a"/>
+    <link name="b"><pose>0 0 1 0 0 0.5</pose></link>
+    <frame name="mark" attached_to="b"><pose>0.3 0 0 0 0.2 0</pose></frame>
+    <joint name="j" type="{kind}"><pose>0.1 0.2 0 0 0 0</pose><parent>a</parent><child>b</child>
+      {axis}</joint>
+  </model>
+</sdf>"""
+
+
+def arm(kind="revolute", version="1.9", axis="<axis><xyz>0 1 0</xyz></axis>"):
+    return ARM.format(kind=kind, version=version, axis=axis)
+
+
+B = pin.SE3(pin.utils.rotate("z", 0.5), np.array([0.0, 0.0, 1.0]))  # where b stands
+J = B * pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.0]))  # where the joint stands
+
+
+def about(axis, angle):
+    """The turn about an axis of the model's frame through the joint."""
+    return pin.SE3(pin.AngleAxis(angle, axis / np.linalg.norm(axis)).matrix(), np.zeros(3))
+
+
+@pytest.mark.parametrize(
+    ("version", "axis", "direction"),
+    [
+        ("1.9", "<axis><xyz>0 1 0</xyz></axis>", J.rotation @ [0.0, 1.0, 0.0]),
+        ("1.9", '<axis><xyz expressed_in="__model__">0 1 0</xyz></axis>', np.array([0.0, 1.0, 0.0])),
+        ("1.9", '<axis><xyz expressed_in="mark">1 0 0</xyz></axis>', B.rotation @ pin.utils.rotate("y", 0.2)[:, 0]),
+        ("1.6", "<axis><xyz>0 1 0</xyz></axis>", J.rotation @ [0.0, 1.0, 0.0]),
+        (
+            "1.6",
+            "<axis><xyz>0 1 0</xyz><use_parent_model_frame>1</use_parent_model_frame></axis>",
+            np.array([0.0, 1.0, 0.0]),
+        ),
+        ("1.4", "<axis><xyz>0 1 0</xyz></axis>", np.array([0.0, 1.0, 0.0])),
+    ],
+)
+def test_an_axis_counts_in_the_frame_that_its_version_says(write, version, axis, direction):
+    """And it passes through the joint, which stands beside the link's origin."""
+    mechanism = cinegen.load(write(arm(version=version, axis=axis)))
+    for angle in (0.0, 0.7, -1.2):
+        through = pin.SE3(np.eye(3), J.translation)
+        wanted = through * about(direction, angle) * through.inverse() * B
+        stands = mechanism.placement(mechanism.configuration({"j": angle}), "b")
+        assert stands.isApprox(wanted, 1e-12)
+
+
+def test_a_slide_and_two_axes_and_a_ball(write):
+    slide = cinegen.load(write(arm("prismatic")))
+    stands = slide.placement(slide.configuration({"j": 0.25}), "b")
+    assert stands.isApprox(pin.SE3(B.rotation, B.translation + 0.25 * J.rotation[:, 1]), 1e-12)
+    two = cinegen.load(write(arm("universal", axis="<axis><xyz>0 1 0</xyz></axis><axis2><xyz>1 0 0</xyz></axis2>")))
+    assert two.joints == ("j_1", "j_2")
+    stands = two.placement(two.configuration({"j_1": 0.3, "j_2": 0.4}), "b")
+    turn = about(np.array([0.0, 1.0, 0.0]), 0.3) * about(np.array([1.0, 0.0, 0.0]), 0.4)
+    assert stands.isApprox(J * turn * J.inverse() * B, 1e-12)
+    ball = cinegen.load(write(arm("ball", axis="")))
+    assert ball.joints == ("j_X", "j_Y", "j_Z")
+    turn = pin.SE3(pin.utils.rotate("x", 0.3) @ pin.utils.rotate("y", 0.4) @ pin.utils.rotate("z", 0.5), np.zeros(3))
+    stands = ball.placement(ball.configuration({"j_X": 0.3, "j_Y": 0.4, "j_Z": 0.5}), "b")
+    assert stands.isApprox(J * turn * J.inverse() * B, 1e-12)
+
+
+def test_a_joint_that_leads_inwards_is_walked_the_other_way(write):
+    """The tree begins at the first link that no joint holds; b's joint holds it from there all the same."""
+    text = arm().replace("<parent>a</parent><child>b</child>", "<parent>b</parent><child>a</child>")
+    text = text.replace("<model name", '<model canonical_link="a" name')
+    mechanism = cinegen.load(write(text))
+    assert mechanism.nodes[0] == "a"
+    joint = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.0]))  # now it is given on a
+    for angle in (0.0, 0.6):
+        wanted = joint * about(np.array([0.0, 1.0, 0.0]), -angle) * joint.inverse() * B
+        assert mechanism.placement(mechanism.configuration({"j": angle}), "b").isApprox(wanted, 1e-12)
+
+
+def test_models_within_models_stand_where_they_are_put(write):
+    text = """<sdf version="1.9"><model name="outer"><link name="base"/>
+      <model name="inner"><pose>0 0 2 0 0 0</pose><link name="part"><pose>1 0 0 0 0 0</pose></link></model>
+      <joint name="j" type="revolute"><parent>base</parent><child>inner::part</child><pose relative_to="base"/>
+        <axis><xyz>0 0 1</xyz></axis></joint></model></sdf>"""
+    mechanism = cinegen.load(write(text))
+    assert mechanism.nodes == ("base", "inner::part")
+    stands = mechanism.placement(mechanism.configuration({"j": np.pi / 2}), "inner::part")
+    assert np.allclose(stands.translation, [0.0, 1.0, 2.0], atol=1e-12)
+
+
+def test_a_gearbox_is_left_out_with_a_warning(write):
+    gear = (
+        '<joint name="gear" type="gearbox"><parent>a</parent><child>b</child><gearbox_ratio>2</gearbox_ratio></joint>'
+    )
+    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.sdf:\d+: joint 'gear' couples two joints: left out"):
+        mechanism = cinegen.load(write(arm().replace("</model>", f"{gear}</model>")))
+    assert mechanism.mobility == 1
+
+
+def test_the_first_model_is_loaded_unless_another_is_named(write):
+    text = '<sdf version="1.9"><model name="x"><link name="a"/></model><model name="y"><link name="b"/></model></sdf>'
+    path = write(text)
+    assert cinegen.load(path).name == "x"
+    assert cinegen.load(path, "y").nodes == ("b",)
+    with pytest.raises(cinegen.CinegenError, match=r"no model 'z'.*known: x, y"):
+        cinegen.load(path, "z")
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (("<child>b</child>", "<child>c</child>"), r":7: joint 'j' has the child 'c', no link"),
+        (("<parent>a</parent>", "<parent>x</parent>"), r":7: joint 'j' has the parent 'x', no link"),
+        (("0 1 0</xyz>", "0 0 0</xyz>"), r":8: the axis '0 0 0' of joint 'j' must be three numbers, not all 0"),
+        (("0 1 0</xyz>", "0 nan 0</xyz>"), r":8: the axis '0 nan 0' of joint 'j'"),
+        (("</axis>", "<limit><lower>2</lower><upper>1</upper></limit></axis>"), r":8: .*lower limit of 2 is above"),
+        (("</axis>", "<limit><lower>nan</lower></limit></axis>"), r":8: joint 'j': its lower limit 'nan' is no number"),
+        (("</axis>", "<limit><velocity>-2</velocity></limit></axis>"), r":8: joint 'j': its limit of velocity is -2"),
+        (("0 0 1 0 0 0.5", "0 0 1 0 0"), r":5: the pose '0 0 1 0 0' must be six numbers"),
+        (("<pose>0 0 1", '<pose relative_to="lost">0 0 1'), r":5: no frame 'lost'"),
+        (("<pose>0 0 1", '<pose relative_to="b">0 0 1'), r":5: the pose of 'b' is given relative to itself"),
+        (('type="revolute"', 'type="screw"'), r":7: joint 'j' is of the type 'screw', which can't be said"),
+        (('<link name="b">', '<link name="a">'), r":5: a second link 'a'"),
+        (("<axis><xyz>0 1 0</xyz></axis>", ""), r":7: joint 'j' wants 1 axes and has 0"),
+        (('<link name="a"/>', '<link name="a"/><include><uri>model://sun</uri></include>'), r":4: it includes 'model://sun'"),
+        (("</sdf>", ""), r":\d+: no XML"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_by_its_line(write, change, says):
+    text = arm()
+    assert change[0] in text
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(write(text.replace(*change)))

@@ -1,0 +1,115 @@
+"""What is seen of a mechanism: its meshes, where they may lie, and a stick figure where there are none."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import trimesh
+
+import cinegen
+from cinegen.show import page_of
+
+URDF = """<robot name="arm">
+  <link name="base">{0}</link>
+  <link name="upper">{1}</link>
+  <link name="tool"/>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="upper"/><origin xyz="0 0 0.5"/><axis xyz="0 0.6 0.8"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="reach" type="prismatic">
+    <parent link="upper"/><child link="tool"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+VISUAL = '<visual><geometry><mesh filename="{0}"/></geometry></visual>'
+
+
+@pytest.fixture
+def write(tmp_path):
+    folder = tmp_path / "arm_description/urdf"
+    folder.mkdir(parents=True)
+    (tmp_path / "arm_description/meshes").mkdir()
+    trimesh.creation.box(extents=(0.1, 0.2, 0.3)).export(tmp_path / "arm_description/meshes/part.stl")
+
+    def write(*visuals):
+        path = folder / "arm.urdf"
+        path.write_text(URDF.format(*visuals, *[""] * (2 - len(visuals))))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["../meshes/part.stl", "package://arm_description/meshes/part.stl", "model://arm_description/meshes/part.stl"],
+)
+def test_a_mesh_is_found_by_its_path_or_its_package(write, name):
+    (shape,) = cinegen.load(write(VISUAL.format(name))).visual.geometryObjects
+    assert shape.meshPath.endswith("arm_description/meshes/part.stl")
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("lost.stl", "mesh 'lost.stl' is not found"),
+        ("../meshes/cut.stl", "cut.stl' can't be read"),
+        ("../../../etc/passwd", "leads out of"),
+        ("package://arm_description/../../x.stl", "leads out of"),
+        ("package://other/x.stl", "no folder 'other' is known"),
+        ("ftp://somewhere/x.stl", "'ftp://' can't be read"),
+    ],
+)
+def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, name, says, tmp_path):
+    meshes = tmp_path / "arm_description/meshes"
+    (meshes / "cut.stl").write_bytes((meshes / "part.stl").read_bytes()[:200])
+    path = write("", VISUAL.format(name))
+    mechanism = cinegen.load(path)  # whoever only computes needs no mesh
+    assert mechanism.mobility == 2
+    with pytest.raises(cinegen.CinegenError, match=rf"arm.urdf:3: .*{says}"):
+        _ = mechanism.visual
+    page = tmp_path / "page.html"
+    run = subprocess.run(
+        [sys.executable, "-m", "cinegen", "drive", path, "--snapshot", page, "--no-browser"],
+        capture_output=True,
+        text=True,
+    )
+    assert run.returncode == 1
+    assert f"{path}:3: " in run.stderr
+    assert "Traceback" not in run.stderr
+    assert not page.exists()
+
+
+def test_a_link_to_a_folder_elsewhere_is_the_owners_own_doing(write, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    (tmp_path / "arm_description/meshes").rename(elsewhere)
+    (tmp_path / "arm_description/meshes").symlink_to(elsewhere)
+    assert len(cinegen.load(write(VISUAL.format("../meshes/part.stl"))).visual.geometryObjects) == 1
+
+
+def test_without_shapes_a_stick_figure_stands_in(write):
+    mechanism = cinegen.load(write())
+    shapes = mechanism.visual.geometryObjects
+    model = mechanism.model
+    owners = {model.frames[shape.parentFrame].name for shape in shapes}
+    assert owners == {"base", "upper", "tool"}
+    bars = {model.frames[s.parentFrame].name: s for s in shapes if s.name.startswith("bar")}
+    ends = {"base": [0.0, 0.0, 0.5], "upper": [0.4, 0.0, 0.0]}
+    for node, end in ends.items():
+        bar = bars[node]
+        half = bar.geometry.halfLength * bar.placement.rotation[:, 2]
+        assert np.allclose(bar.placement.translation + half, end, atol=1e-9)
+        assert np.allclose(bar.placement.translation - half, 0.0, atol=1e-9)
+    (drum,) = [s for s in shapes if model.frames[s.parentFrame].name == "upper" and s.name.startswith("joint")]
+    assert np.allclose(drum.placement.rotation[:, 2], [0.0, 0.6, 0.8], atol=1e-9)
+    page, _ = page_of({"arm": mechanism})
+    assert len(page.html()) > 1000
+
+
+def test_one_body_alone_has_nothing_to_draw(tmp_path):
+    path = tmp_path / "one.urdf"
+    path.write_text('<robot name="one"><link name="base"/></robot>')
+    assert len(cinegen.load(path).visual.geometryObjects) == 0

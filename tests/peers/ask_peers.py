@@ -1,0 +1,113 @@
+"""Asks pink and placo for one step of differential inverse kinematics on reference robots, and keeps their answers.
+
+    make .venv-bench/installed
+    .venv/bin/python tests/peers/ask_peers.py
+
+They bring a Pinocchio of their own, so they can't stand beside ours in one environment: test_differential_ik.py
+compares with what is kept in data/differential_ik.json, and asks again where .venv-bench is there. The problems have
+one answer each: as many joints as the pull has rows, and a robot that is not singular.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sysconfig
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from lxml import etree
+
+from cinegen.model.urdf import simple
+from raff2urdf.readers.urdf import joints, parse
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent.parent
+PYTHON = ROOT / ".venv-bench/bin/python"
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+KEPT = HERE / "data/differential_ik.json"
+
+PROBLEMS = (  # URDF, node, rotations that are held
+    ("ur_description/urdf/ur3_robot.urdf", "tool0", 3),
+    ("ur_description/urdf/ur5_robot.urdf", "tool0", 3),
+    ("ur_description/urdf/ur10_robot.urdf", "tool0", 3),
+    ("kinova_description/robots/kinova.urdf", "j2s6s200_link_6", 3),
+    ("finger_edu_description/robots/finger_edu.urdf", "finger_tip_link", 0),
+    ("solo_description/robots/solo12.urdf", "FL_FOOT", 0),
+    ("solo_description/robots/solo12.urdf", "HR_FOOT", 0),
+    ("anymal_b_simple_description/robots/anymal.urdf", "LF_FOOT", 0),
+    ("a1_description/urdf/a1.urdf", "RR_foot", 0),
+    ("go2_description/urdf/go2.urdf", "FL_foot", 0),
+    ("hyq_description/robots/hyq_no_sensors.urdf", "rh_foot", 0),
+    ("bolt_description/robots/bolt.urdf", "FL_FOOT", 0),
+)
+DT, FAR = 1e-3, 1e-5  # s; how far the target is from where the node is (m, rad)
+
+
+def scene(name: str, node: str, rotation: int) -> tuple[dict[str, Any], bytes]:
+    """A problem as `benchmarks/peers/worker.py` reads it, and its URDF without shapes."""
+    tree = parse((SHARE / name).read_text(encoding="utf-8"), name)
+    for link in tree.iter("link"):
+        for part in [*link.findall("visual"), *link.findall("collision")]:
+            link.remove(part)
+    said = simple(tree, name)
+    for joint in joints(tree):  # no limit has a say
+        limit = joint.find("limit")
+        if limit is not None:
+            for word, value in {"lower": "-10", "upper": "10", "velocity": "1000", "effort": "1000"}.items():
+                limit.set(word, value)
+    text = etree.tostring(tree)
+    model = pin.buildModelFromXML(text.decode())
+    rng = np.random.default_rng(0)
+    data, frame, rows = model.createData(), model.getFrameId(node), 6 if rotation else 3
+    best, q = 0.0, pin.neutral(model)
+    for _ in range(30):  # far from singular
+        trial = rng.uniform(0.3, 1.5, size=model.nq)
+        jacobian = pin.computeFrameJacobian(model, data, trial, frame, pin.LOCAL_WORLD_ALIGNED)[:rows]
+        least = float(np.linalg.svd(jacobian, compute_uv=False)[rows - 1])
+        best, q = max((best, q), (least, trial), key=lambda pair: pair[0])
+    home = {entry["name"]: float(q[model.joints[model.getJointId(entry["name"])].idx_q]) for entry in said["joints"]}
+    pin.framesForwardKinematics(model, data, q)
+    at = data.oMf[frame]
+    turn = pin.exp3(FAR * rng.normal(size=3)) if rotation else np.eye(3)
+    target = pin.SE3(turn @ at.rotation, at.translation + FAR * rng.normal(size=3))
+    entries = [
+        {"name": joint, "home": value, "low": -10.0, "high": 10.0, "velocity": None} for joint, value in home.items()
+    ]
+    problem: dict[str, Any] = {"dt": DT, "gain": 1.0, "node": node, "rotation": rotation, "joints": entries}
+    return problem | {"loops": [], "targets": [target.homogeneous.tolist()]}, text
+
+
+def ask(peer: str, problem: dict[str, Any], urdf: bytes) -> list[float]:
+    """The joints' values after one step of a peer, in the order of the problem's joints."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.urdf"
+        file.write_bytes(urdf)
+        described = Path(folder) / "scene.json"
+        described.write_text(json.dumps(problem | {"urdf": str(file)}))
+        done = subprocess.run(
+            [PYTHON, ROOT / f"benchmarks/peers/{peer}_.py", described],
+            input='{"steps": 1}\n',
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    values: list[float] = json.loads(done.stdout.splitlines()[1])["q"][0]
+    return values
+
+
+def main() -> None:
+    answers = []
+    for name, node, rotation in PROBLEMS:
+        problem, urdf = scene(name, node, rotation)
+        found = {peer: ask(peer, problem, urdf) for peer in ("pink", "placo")}
+        answers.append({"urdf": name, "node": node, "rotation": rotation, **found})
+        print(name, node)
+    KEPT.write_text(json.dumps(answers, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

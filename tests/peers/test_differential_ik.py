@@ -1,0 +1,63 @@
+"""One step of our solver beside pink's and placo's, where differential inverse kinematics has one answer.
+
+Our robot is the round trip's: URDF -> RAFF -> the mechanism that `cinegen.load` makes of it.
+"""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from ask_peers import DT, FAR, KEPT, PROBLEMS, PYTHON, SHARE, ask, scene
+
+import cinegen
+import raff2urdf
+
+ANSWERS = json.loads(KEPT.read_text())
+SAME = 1e-3  # of the step: what first and second order differ by, and what a QP's regularisation costs
+
+
+def ours(answer, folder):
+    """The joints' values after our step, and before it, in the order of the problem."""
+    problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"])
+    (folder / "robot.urdf").write_bytes(urdf)
+    found = raff2urdf.reverse(folder / "robot.urdf", folder / "robot.raff")
+    mechanism = cinegen.load(folder / "robot.raff")
+    names = [joint["name"] for joint in problem["joints"]]
+    begin = np.array([joint["home"] for joint in problem["joints"]])
+    offsets = np.array([found.offsets[found.joints[name]] for name in names])
+    indices = [mechanism.q_index(found.joints[name]) for name in names]
+    q = np.zeros(mechanism.model.nq)
+    q[indices] = begin + offsets
+    solver = cinegen.Solver(mechanism, DT, q=q)
+    pull = solver.pull(found.nodes[answer["node"]], rotation=answer["rotation"])
+    pull.target = pin.SE3(np.array(problem["targets"][0]))
+    solver.step()
+    return solver.q[indices] - offsets, begin
+
+
+def test_every_problem_is_answered():
+    assert [(a["urdf"], a["node"], a["rotation"]) for a in ANSWERS] == list(PROBLEMS)
+
+
+@pytest.mark.parametrize("answer", ANSWERS, ids=[f"{a['urdf'].split('/')[-1]}:{a['node']}" for a in ANSWERS])
+@pytest.mark.parametrize("peer", ["pink", "placo"])
+def test_our_step_is_theirs(answer, peer, tmp_path, recwarn):
+    after, before = ours(answer, tmp_path)
+    step, theirs = after - before, np.array(answer[peer]) - before
+    assert 0.1 * FAR < np.linalg.norm(theirs) < 1000.0 * FAR
+    assert np.linalg.norm(step - theirs) < SAME * np.linalg.norm(theirs)
+
+
+@pytest.mark.skipif(not PYTHON.exists(), reason="pink and placo live in .venv-bench, which `make bench` makes")
+def test_what_is_kept_is_what_they_say():
+    answer = ANSWERS[0]
+    problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"])
+    for peer in ("pink", "placo"):
+        assert np.allclose(ask(peer, problem, urdf), answer[peer], atol=1e-9)
+
+
+def test_the_reference_robots_are_where_they_were():
+    assert all((SHARE / name).is_file() for name, _, _ in PROBLEMS)

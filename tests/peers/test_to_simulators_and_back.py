@@ -1,0 +1,88 @@
+"""RAFF -> MJCF or SDF -> `cinegen.load`: the same mobility, the same motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+import raff2urdf
+from raff2urdf.conversion import convert_file
+
+ROBOTS = Path(__file__).resolve().parent.parent.parent / "robots"
+FILES = [(path, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
+
+MORE = {
+    "slide_loop": """RAFF Slide
+robot slide {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
+  frame 4 { parameters { alpha 90 d 100 } pred 3 }
+  frame 5 { parameters { gamma 30 d 350 alpha 90 } pred 0 }
+  constraint { frame 4 frame 5 type 1 }
+}""",
+    "floating": """RAFF Floating
+sensor 1 { port "/dev/tty" }
+robot floating {
+  base { parameters { r 500 alpha 30 } }
+  link 1 { parameters { theta 40 r 100 } type 2 pred 0 limits { -170 170 } velocity 90 }
+  link 2 { parameters { r 300 alpha 90 } type 1 pred 1 limits { 0 500 } }
+  constraint { base sensor ( 0 1 ) }
+}""",
+}
+
+
+@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *MORE])
+def original(request, tmp_path_factory):
+    """The RAFF file, and which of its robots."""
+    if request.param not in MORE:
+        return next(one for one in FILES if f"{one[0].stem}:{one[1]}" == request.param)
+    path = tmp_path_factory.mktemp("raff") / f"{request.param}.raff"
+    path.write_text(MORE[request.param])
+    return path, None
+
+
+@pytest.mark.parametrize("format", ["mjcf", "sdf"])
+def test_what_comes_back_is_the_same_mechanism(original, format, tmp_path, recwarn):
+    path, name = original
+    there = cinegen.load(path, name)
+    made = [one for one in convert_file(path, tmp_path, format=format) if one.robot == there.name]
+    back = cinegen.load(made[0].file)
+    assert back.mobility == there.mobility
+    assert back.floating == there.floating
+    assert set(back.actuated) == set(there.actuated)
+    assert set(there.joints) <= set(back.joints)
+    assert set(there.nodes) <= set(back.nodes)
+    added = set(back.joints) - set(there.joints)
+    assert len(added) == (format == "mjcf") * sum(loop.kind.name == "PRISMATIC" for loop in there.loops)
+    for joint in there.joints:
+        assert back.q_home[back.q_index(joint)] == pytest.approx(there.q_home[there.q_index(joint)], abs=1e-9)
+        for end in ("lowerPositionLimit", "upperPositionLimit"):
+            own, other = getattr(there.model, end)[there.q_index(joint)], getattr(back.model, end)[back.q_index(joint)]
+            assert own == other or own == pytest.approx(other, abs=1e-9)
+
+    def carried(q, source, target):
+        """A configuration of one mechanism in the other."""
+        p = target.configuration({joint: q[source.q_index(joint)] for joint in there.joints})
+        if there.floating:
+            base = source.placement(q, "base")
+            free = target.placement(target.q_home, "base")
+            p = p.copy()
+            p[:7] = pin.SE3ToXYZQUAT(pin.XYZQUATToSE3(target.q_home[:7]) * free.inverse() * base)
+        return p
+
+    for q in [there.q_home, *there.random_closed(4)]:
+        p = carried(q, there, back)
+        if added:
+            p = back.close(p, locked=there.joints)
+        assert back.closure(p) < 1e-11
+        for node in there.nodes:
+            wanted, stands = there.placement(q, node), back.placement(p, node)
+            assert np.abs(wanted.homogeneous - stands.homogeneous).max() < 1e-9
+    for p in back.random_closed(4):  # and it can do nothing else
+        assert there.closure(carried(p, back, there)) < 1e-9
