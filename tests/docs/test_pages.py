@@ -2,8 +2,9 @@
 
 Python blocks run in one namespace for each page. A `text` block that comes next is what one prints. RAFF blocks are
 read, and whole files converted too; the word behind `raff` may be the name they are saved by ("excerpt": only read,
-"wrong": must fail). In `console` blocks the lines behind `$` are run, and the others are what is printed. A number
-below 1e-12 is as good as another, and a line `...` stands for any lines.
+"wrong": must fail); NFF blocks are read and saved, XML and YAML blocks saved. In `console` blocks the lines behind `$`
+are run, and the others are what is printed. A number below 1e-12 is as good as another, digits beyond the 12th decimal
+don't count, and a line `...` stands for any lines.
 """
 
 from __future__ import annotations
@@ -25,6 +26,9 @@ from pages import NAMES, ROOT, Block, blocks, table
 
 import cinegen
 import raff2urdf
+from raff2urdf.graphics import nff
+
+COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff", "cinegen": "cinegen.cli"}
 
 
 @pytest.fixture
@@ -54,6 +58,11 @@ def test_a_page_says_what_happens(name: str, folder: Path):
                 _read(block, folder, where)
             elif block.language == "console":
                 _console(block, folder, where)
+            elif block.language == "nff":
+                (folder / block.word).write_text(block.text, encoding="utf-8")
+                assert nff.read(folder / block.word), f"{where}: holds no surface"
+            elif block.language in ("xml", "yaml"):
+                (folder / block.word).write_text(block.text, encoding="utf-8")
             elif block.language == "json":
                 json.loads(block.text)
             else:
@@ -97,14 +106,16 @@ def _completed(part: str) -> str:
 
 def _console(block: Block, folder: Path, where: str) -> None:
     for command, said in re.findall(r"^\$ (.*)\n((?:(?!\$ ).*\n)*)", block.text, flags=re.MULTILINE):
-        words = shlex.split(command)
+        words, given = shlex.split(command), ""
+        if words[0] == "echo" and words[2] == "|":
+            given, words = f"{words[1]}\n", words[3:]
         if words[0] == "cat":
             printed = Path(folder, words[1]).read_text(encoding="utf-8")
         elif words[:2] == ["cinegen", "drive"]:
             printed = _in_a_process(words)
         else:
-            assert words[0] in ("raff2urdf", "cinegen"), f"{where}: '{words[0]}' is not run"
-            printed = _in_this_process(words)
+            assert words[0] in COMMANDS, f"{where}: '{words[0]}' is not run"
+            printed = _in_this_process(words, given)
         assert _same(said, printed, folder), f"{where}: {command} prints:\n{printed}"
 
 
@@ -116,12 +127,15 @@ def _in_a_process(words: list[str]) -> str:
     ).stdout  # fmt: skip
 
 
-def _in_this_process(words: list[str]) -> str:
+def _in_this_process(words: list[str], given: str) -> str:
     """The same, without a second for all imports."""
     said = io.StringIO()
+    monkey = pytest.MonkeyPatch()
+    monkey.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(given.encode())))
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said), warnings.catch_warnings():
         warnings.simplefilter("default")
-        importlib.import_module(f"{words[0]}.cli").main(words[1:])
+        importlib.import_module(COMMANDS[words[0]]).main(words[1:])
+    monkey.undo()
     return said.getvalue()
 
 
@@ -134,6 +148,7 @@ def _same(said: str, printed: str, folder: Path) -> bool:
 
 def _settled(text: str) -> str:
     text = re.sub(r"-?\b\d(?:\.\d+)?e-(?:1[3-9]|[2-9]\d)\b", "0", text)
+    text = re.sub(r"(\.\d{12})\d+\b", r"\1", text)
     text = re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:port", text)
     return "".join(f"{line.rstrip()}\n" for line in text.strip("\n").splitlines())
 
