@@ -9,14 +9,13 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_THICK = 0.015  # of the mechanism's reach: radius of a bar
+_THICK = 0.06  # of the median length: radius of a bar
 _BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's blue; nearly black
 
 
 def stick_figure(model: pin.Model) -> pin.GeometryModel:
     """Shapes for every body of a model: from its joint to those that stand on it, and to its frames."""
     figure = pin.GeometryModel()
-    origins = [model.jointPlacements[j].translation for j in range(1, model.njoints)]
     bodies = {frame.parentJoint: i for i, frame in reversed(list(enumerate(model.frames))) if _is_body(frame)}
     ends: dict[int, list[Array]] = {j: [] for j in range(model.njoints)}
     for j in range(1, model.njoints):
@@ -24,8 +23,9 @@ def stick_figure(model: pin.Model) -> pin.GeometryModel:
     for frame in model.frames:
         if _is_body(frame):
             ends[frame.parentJoint].append(np.array(frame.placement.translation))
-    lengths = [float(np.linalg.norm(point)) for point in (*origins, *(p for points in ends.values() for p in points))]
-    radius = _THICK * (sum(lengths[: len(origins)]) or max(lengths, default=0.0) or 1.0)
+    lengths = [float(np.linalg.norm(point)) for points in ends.values() for point in points]
+    longer = [length for length in lengths if length > 1e-3 * max(lengths)]
+    radius = _THICK * (float(np.median(longer)) if longer else 1.0)
     for j, points in ends.items():
         carrier = bodies.get(j)
         if carrier is None:  # nothing is named there, so nothing can be shown

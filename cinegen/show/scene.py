@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import coal
 import meshcat
@@ -16,6 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.model import Mechanism
 from cinegen.show.page import Page
+
+if TYPE_CHECKING:  # trimesh takes its time
+    from raff2urdf.graphics.surface import Surface
 
 Array = NDArray[np.float64]
 
@@ -85,20 +90,14 @@ class Scene:
         model = mechanism.model
         owners = {frame: node for node, frame in ((node, mechanism.frame_id(node)) for node in mechanism.nodes)}
         for i, solid in enumerate(mechanism.visual.geometryObjects):
-            drawn = _shape(solid)
-            if drawn is None:
-                continue
             node = owners.get(solid.parentFrame)
             if node is None:
                 continue
-            geometry, extra = drawn
-            place = self._root[name][node][str(i)]
-            if isinstance(geometry, shape.Object):
-                place.set_object(geometry)
-            else:
-                place.set_object(geometry, _material(solid.meshColor))
             in_node = model.frames[solid.parentFrame].placement.actInv(solid.placement)
-            place.set_transform(in_node.homogeneous @ extra)
+            for k, (geometry, material, extra) in enumerate(_drawn(solid)):
+                place = self._root[name][node][f"{i}.{k}" if k else str(i)]
+                place.set_object(geometry, material)
+                place.set_transform(in_node.homogeneous @ extra)
         for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
             self._root[name][node]["triad"].set_object(shape.triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
@@ -124,51 +123,30 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
         yield corners @ within.rotation.T + within.translation
 
 
-def _material(rgba: Sequence[float]) -> shape.MeshLambertMaterial:
+def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
     """Of any four numbers, as a URDF may have them."""
     red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
     colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
     return shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
 
 
-class _InItsColours(shape.Object):  # type: ignore[misc]
-    """An OBJ or DAE file whose own materials the page shows, but for textures.
+@cache
+def _surfaces(path: Path) -> tuple[Surface, ...]:
+    """The surfaces of a file in its own colours; none if they can't be read so. (A robot often shows a part twice.)"""
+    from raff2urdf.graphics import scene
 
-    Args:
-        path: of the file.
-        library: of an OBJ file's materials.
-    """
-
-    def __init__(self, path: Path, library: Path | None = None) -> None:
-        self.uuid = shape.SceneElement().uuid
-        self.kind, self.text = path.suffix.lower()[1:], _text(path)
-        self.materials = {} if library is None else {"mtl_library": _text(library)}
-
-    def lower(self) -> dict[str, Any]:
-        """As the viewer takes it."""
-        thing = {"uuid": self.uuid, "type": "_meshfile_object", "format": self.kind, "data": self.text, "resources": {}}
-        return {
-            "metadata": {"version": 4.5, "type": "Object"},
-            "geometries": [],
-            "materials": [],
-            "object": thing | self.materials,
-        }
+    with suppress(Exception):  # every reader has errors of its own
+        return tuple(scene.read(path))
+    return ()
 
 
-def _in_its_colours(path: Path) -> _InItsColours | None:
-    """A file that has colours of its own; None if it has not."""
-    if path.suffix.lower() == ".dae":
-        return _InItsColours(path)
+def _is_coloured(path: Path) -> bool:
+    """Whether a file has colours of its own."""
     if path.suffix.lower() == ".obj":
-        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", _text(path), flags=re.MULTILINE)
-        library = path.parent / named[1] if named else None
-        if library is not None and library.is_file():
-            return _InItsColours(path, library)
-    return None
-
-
-def _text(path: Path) -> str:
-    return path.read_text(encoding="utf-8", errors="replace")
+        text = path.read_text(encoding="utf-8", errors="replace")
+        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
+        return named is not None and (path.parent / named[1]).is_file()
+    return path.suffix.lower() == ".dae"
 
 
 def _is_file(solid: pin.GeometryObject) -> bool:
@@ -176,24 +154,29 @@ def _is_file(solid: pin.GeometryObject) -> bool:
     return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
 
 
-def _shape(solid: pin.GeometryObject) -> tuple[Any, Array] | None:
-    """A Pinocchio shape as a geometry or an object of meshcat's, and what turns and scales the one into the other;
-    None if it is unknown."""
-    geometry, extra = solid.geometry, np.eye(4)
+def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
+    """A Pinocchio shape as meshcat's: geometry, material, and what turns and scales the one into the other.
+
+    Nothing if it is unknown; several if a mesh has several colours.
+    """
+    geometry, extra, material = solid.geometry, np.eye(4), _material(solid.meshColor)
     if _is_file(solid):
         extra[:3, :3] = np.diag(solid.meshScale)
-        kinds = {".stl": shape.StlMeshGeometry, ".obj": shape.ObjMeshGeometry, ".dae": shape.DaeMeshGeometry}
         path = Path(solid.meshPath)
+        surfaces = _surfaces(path) if not solid.overrideMaterial and _is_coloured(path) else ()
+        for surface in surfaces:
+            colour = solid.meshColor if surface.colour is None else np.array(surface.colour) / 255.0
+            corners = surface.triangles.reshape(-1, 3)
+            triangles = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
+            yield shape.TriangularMeshGeometry(corners, triangles), _material(colour), extra
+        kinds = {".stl": shape.StlMeshGeometry, ".obj": shape.ObjMeshGeometry, ".dae": shape.DaeMeshGeometry}
         kind = kinds.get(path.suffix.lower())
-        if kind is None:
-            return None
-        coloured = None if solid.overrideMaterial else _in_its_colours(path)  # which the URDF would override
-        return coloured or kind.from_file(solid.meshPath), extra
-    if isinstance(geometry, coal.Box):
-        return shape.Box((2.0 * geometry.halfSide).tolist()), extra
-    if isinstance(geometry, coal.Sphere):
-        return shape.Sphere(float(geometry.radius)), extra
-    if isinstance(geometry, coal.Cylinder):
+        if kind is not None and not surfaces:
+            yield kind.from_file(solid.meshPath), material, extra
+    elif isinstance(geometry, coal.Box):
+        yield shape.Box((2.0 * geometry.halfSide).tolist()), material, extra
+    elif isinstance(geometry, coal.Sphere):
+        yield shape.Sphere(float(geometry.radius)), material, extra
+    elif isinstance(geometry, coal.Cylinder):
         extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders stand along y
-        return shape.Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), extra
-    return None
+        yield shape.Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sysconfig
 from pathlib import Path
 from typing import Any
 
@@ -78,13 +79,24 @@ def test_odd_colours_are_no_failure(
     assert (made.color, made.opacity) == (colour, opacity)
 
 
-def test_a_mesh_with_colours_of_its_own_is_shown_in_them(tmp_path: Path, box: trimesh.Trimesh) -> None:
-    thing = shown(tmp_path, "box.dae")["object"]
-    assert (thing["type"], thing["format"]) == ("_meshfile_object", "dae")
-    assert thing["data"] == (tmp_path / "box.dae").read_text()
-    thing = shown(tmp_path, "box.obj")["object"]
-    assert (thing["type"], thing["format"]) == ("_meshfile_object", "obj")
-    assert thing["mtl_library"] == (tmp_path / "box.mtl").read_text()
+@pytest.mark.parametrize(("name", "colour"), [("box.dae", 0x0000FF), ("box.obj", 0xFF0000)])
+def test_a_mesh_with_colours_of_its_own_is_shown_in_them(
+    tmp_path: Path, box: trimesh.Trimesh, name: str, colour: int
+) -> None:
+    thing = shown(tmp_path, name)
+    assert thing["materials"][0]["color"] == colour
+    corners = np.frombuffer(thing["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
+    assert (corners.min(), corners.max()) == (-1.0, 1.0)
+
+
+def test_every_colour_of_a_mesh_is_shown(tmp_path: Path) -> None:
+    """Collada may lay several materials on one mesh, which the viewer's own reader loses."""
+    share = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+    ur5 = cinegen.load(share / "ur_description/urdf/ur5_robot.urdf")
+    sent = drawn(ur5)
+    parts = {path: thing["object"] for path, thing in sent.items() if "shoulder_link" in path and "object" in thing}
+    assert len(parts) == 3
+    assert len({thing["materials"][0]["color"] for thing in parts.values()}) == 3
 
 
 @pytest.mark.parametrize("name", ["plain.obj", "gone.obj", "box.stl"])
