@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import coal
 import pinocchio as pin
@@ -11,8 +14,9 @@ from lxml import etree
 from cinegen.errors import LoadError
 from cinegen.model.stick import stick_figure
 from raff2urdf.errors import RaffError
+from raff2urdf.graphics.meshes import CONVERTED, SHOWN, Drawing, converted
 from raff2urdf.graphics.names import find
-from raff2urdf.readers.urdf import parse_xml
+from raff2urdf.readers.xml_file import parse_xml
 
 
 def shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.GeometryModel:
@@ -28,24 +32,67 @@ def shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.Ge
         LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
     """
     tree = parse_xml(urdf, name)
-    for geometry in tree.iter("collision"):
-        geometry.getparent().remove(geometry)
-    meshes = [mesh for visual in tree.iter("visual") for mesh in visual.iter("mesh")]
-    names = [mesh.get("filename", "") for mesh in meshes]
-    if folder is not None:
-        for mesh in meshes:
+    _leave_shapes(tree)
+    meshes: list[tuple[str, str]] = []  # files that Pinocchio reads, and where they are named
+    for visual in list(tree.iter("visual")):
+        for mesh in visual.iter("mesh"):
+            said = mesh.get("filename", "")
             try:
-                mesh.set("filename", str(find(mesh.get("filename", ""), Path(folder))))
+                path = Path(said) if folder is None else find(said, Path(folder))
+                mesh.set("filename", str(path))
+                if path.suffix.lower() not in SHOWN:
+                    _replace(visual, _converted(path))
             except RaffError as error:
-                raise LoadError(f"{_where(name, mesh.get('filename', ''))}: {error}") from None
+                raise LoadError(f"{_where(name, said)}: {error}") from None
+            meshes.append((str(path), _where(name, said)))
     text = etree.tostring(tree, encoding="unicode")
     try:
         found = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
-        for mesh, said in zip(meshes, names, strict=True):
-            _check(mesh.get("filename"), _where(name, said))
+        for path_of_mesh, where in meshes:
+            _check(path_of_mesh, where)
         raise LoadError(f"{name}: the shapes of '{model.name}' can't be read: {error}") from None
     return found if found.geometryObjects else stick_figure(model)
+
+
+def _converted(path: Path) -> list[Drawing]:
+    """A file that Pinocchio does not read, or hangs on, as files that it reads.
+
+    Raises:
+        RaffError: it can't be read here either.
+    """
+    if path.suffix.lower() not in CONVERTED:
+        raise RaffError(f"the mesh '{path}' can't be read: only {', '.join((*SHOWN, *CONVERTED))} can")
+    try:
+        return converted(path)
+    except Exception as error:  # every reader has errors of its own
+        said = " ".join(str(error).split()) or type(error).__name__
+        raise RaffError(f"the mesh '{path}' can't be read: {said[:200]}") from None
+
+
+def _replace(visual: Any, drawings: Sequence[Drawing]) -> None:
+    """One visual for each drawing in the place of another."""
+    for drawing in drawings:
+        copied = copy.deepcopy(visual)
+        copied.find("geometry/mesh").set("filename", str(drawing.path))
+        if copied.find("material") is None and drawing.colour is not None:
+            rgba = " ".join(str(channel / 255.0) for channel in drawing.colour)
+            material = etree.SubElement(copied, "material", name=f"colour {rgba}")
+            etree.SubElement(material, "color", rgba=rgba)
+        visual.addnext(copied)
+    visual.getparent().remove(visual)
+
+
+def _leave_shapes(tree: Any) -> None:
+    """Takes out what has no part in a picture, or is said twice: Pinocchio refuses some of it."""
+    tree.set("name", tree.get("name") or "robot")
+    known: set[str | None] = set()
+    for element in list(tree.iter("collision", "inertial", "mimic", "safety_controller", "calibration", "dynamics")):
+        element.getparent().remove(element)
+    for material in list(tree.iterchildren("material")):
+        if material.get("name") in known:
+            tree.remove(material)
+        known.add(material.get("name"))
 
 
 def _check(path: str, where: str) -> None:

@@ -134,6 +134,23 @@ class Graphics:
         return stem
 
 
+def converted(path: Path) -> list[Drawing]:
+    """What viewers can read of a file that they can't: one STL for each of its colours, in the user's cache.
+
+    Args:
+        path: of a file of one of the `CONVERTED` kinds.
+
+    Raises:
+        RaffError: it holds no surface, or its reader says that it is wrong.
+        Exception: of any kind, as other readers have it.
+    """
+    from raff2urdf.graphics.cache import keep
+    from raff2urdf.graphics.surface import stl
+
+    surfaces, _ = _surfaces(path)
+    return [Drawing(keep(stl(surface.triangles), ".stl"), surface.colour) for surface in surfaces]
+
+
 def _surfaces(path: Path) -> tuple[list[Surface], str | None]:
     """The surfaces of a file, one for each colour, and what they lack of it."""
     from raff2urdf.graphics.surface import fewer_colours

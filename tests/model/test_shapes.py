@@ -60,12 +60,16 @@ def test_a_mesh_is_found_by_its_path_or_its_package(write, name):
         ("../../../etc/passwd", "leads out of"),
         ("package://arm_description/../../x.stl", "leads out of"),
         ("package://other/x.stl", "no folder 'other' is known"),
+        ("../meshes/part.step", "part.step' can't be read: only .stl, "),
+        ("../meshes/haines.nff", "haines.nff' can't be read"),
         ("ftp://somewhere/x.stl", "'ftp://' can't be read"),
     ],
 )
 def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, name, says, tmp_path):
     meshes = tmp_path / "arm_description/meshes"
     (meshes / "cut.stl").write_bytes((meshes / "part.stl").read_bytes()[:200])
+    (meshes / "part.step").write_text("ISO-10303-21;")
+    (meshes / "haines.nff").write_text("v\nfrom 0 0 0\n")
     path = write("", VISUAL.format(name))
     mechanism = cinegen.load(path)  # whoever only computes needs no mesh
     assert mechanism.mobility == 2
@@ -81,6 +85,20 @@ def test_what_is_wrong_with_a_mesh_is_told_by_its_line_when_it_is_shown(write, n
     assert f"{path}:3: " in run.stderr
     assert "Traceback" not in run.stderr
     assert not page.exists()
+
+
+@pytest.mark.parametrize("ending", ["glb", "ply", "off"])
+def test_what_pinocchio_does_not_read_or_browsers_is_converted(write, tmp_path, ending):
+    box = trimesh.creation.box(extents=(0.1, 0.2, 0.3))
+    material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 0, 255])
+    if ending == "glb":
+        box.visual = trimesh.visual.TextureVisuals(material=material)
+    box.export(tmp_path / f"arm_description/meshes/box.{ending}")
+    (shape,) = cinegen.load(write(VISUAL.format(f"../meshes/box.{ending}"))).visual.geometryObjects
+    shape.geometry.computeLocalAABB()
+    assert np.allclose(shape.geometry.aabb_local.max_, [0.05, 0.1, 0.15], atol=1e-6)
+    if ending == "glb":
+        assert np.allclose(shape.meshColor, [1.0, 0.0, 0.0, 1.0])
 
 
 def test_a_link_to_a_folder_elsewhere_is_the_owners_own_doing(write, tmp_path):
