@@ -1,0 +1,26 @@
+"""A delta robot goes to MuJoCo, where gravity pulls at it and its loops hold, and comes back as it was."""
+
+import tempfile
+
+import mujoco
+
+import cinegen
+import raff2urdf
+
+delta = cinegen.load("robots/delta4.raff")
+with tempfile.TemporaryDirectory() as folder:
+    (made,) = raff2urdf.convert("robots/delta4.raff", folder, format="mjcf")
+    model = mujoco.MjModel.from_xml_path(str(made.file))
+    back = cinegen.load(made.file)
+
+data = mujoco.MjData(model)
+mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+while data.time < 0.5:  # s
+    mujoco.mj_step(model, data)
+
+q = delta.configuration({joint: data.joint(joint).qpos[0] for joint in delta.joints})
+print(f"after {data.time:.1f} s of MuJoCo its loops stand open by {1000 * delta.length * delta.closure(q):.2f} mm")
+print(back)
+away = delta.random_closed(1)[0]
+there = back.configuration({joint: away[delta.q_index(joint)] for joint in delta.joints})
+print("closed here and there:", delta.closure(away) < 1e-12, back.closure(there) < 1e-12)
