@@ -58,7 +58,7 @@ class Ahead:
 
     def __init__(self, twin: Solver) -> None:
         self.dt, self._twin = twin.dt, twin
-        self._kinds: list[tuple[str, str, int, int]] = []
+        self._kinds: list[tuple[str, str, int, int, pin.SE3]] = []
         self._notes: list[tuple[Array, Array, Array]] = []
         self._noted = False
         self._evaluate = twin._evaluate
@@ -111,12 +111,12 @@ class Ahead:
     def _mirror(self, solver: Solver, held: list[tuple[int, Pull]]) -> None:
         """Makes the twin stand, move and be pulled as a solver is, by the pulls that hold in it."""
         twin = self._twin
-        kinds = [(pull.node, pull.axes, pull.translation, pull.rotation) for _, pull in held]
+        kinds = [(pull.node, pull.axes, pull.translation, pull.rotation, pull.at) for _, pull in held]
         if kinds != self._kinds:
             for own in twin.pulls:
                 twin.release(own)
-            for node, axes, translation, rotation in kinds:
-                twin.pull(node, translation=translation, rotation=rotation, axes=axes)
+            for node, axes, translation, rotation, at in kinds:
+                twin.pull(node, translation=translation, rotation=rotation, axes=axes, at=at)
             self._kinds = kinds
         for own, (_, pull) in zip(twin.pulls, held, strict=True):
             own.weight, own.target = pull.weight, pull.target

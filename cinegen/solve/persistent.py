@@ -76,7 +76,7 @@ class PersistentSolver(Solver):
         pulls = [pull for pull in self._pulls if pull.makes_sense()]
         if not pulls or any(pull.twist is not None for pull in pulls):
             return
-        wanted = [Pull(p.node, p.target, p.translation, p.rotation, p.weight, p.axes) for p in pulls]
+        wanted = [Pull(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, at=p.at) for p in pulls]
         try:
             reached = reach(self.mechanism, wanted, starts=_STARTS)
         except CinegenError:

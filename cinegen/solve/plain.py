@@ -47,10 +47,11 @@ def equations(mechanism: Mechanism, system: ClosedLoops, pulls: Sequence[tuple[P
     errors, rows = [np.zeros(0)], [np.zeros((0, model.nv))]
     heaviest = max((pull.weight for pull, _ in pulls), default=1.0)  # only the weights' proportions matter
     for pull, axes in pulls:
-        placement = pin.updateFramePlacement(model, data, pull.frame)
+        placement = pin.updateFramePlacement(model, data, pull.frame) * pull.at
         jacobian = np.zeros((6, model.nv))
         if model.nv:
-            jacobian[:] = pin.getFrameJacobian(model, data, pull.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
+            of_node = pin.getFrameJacobian(model, data, pull.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
+            jacobian[:] = pull.at.toActionMatrixInverse() @ of_node
         error, row = pull.equations(placement, jacobian * system.scale, axes)
         straight, turn = error[: pull.translation] / length, error[pull.translation :]
         weight = pull.weight / heaviest

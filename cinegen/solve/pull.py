@@ -25,6 +25,7 @@ class Pull:
 
     Attributes:
         node: which follows.
+        at: what of it: a frame that is fixed on the node, as seen from it; the node's own unless another was asked for.
         axes: whose axes its rows are in: "target", "world", or the name of a node ("the node itself" is its own name).
         frame: Pinocchio's number of the node's frame.
     """
@@ -38,8 +39,10 @@ class Pull:
         weight: float = 1.0,
         axes: str = "target",
         frame: int = 0,
+        at: pin.SE3 | None = None,
     ) -> None:
         self.node, self.axes, self.frame = node, axes, frame
+        self.at = pin.SE3.Identity() if at is None else at.copy()
         self.row: Array = np.zeros(m.PULL_WIDTH)  # of the solver's table, once it is there
         self.changed: Callable[[], None] = _nobody  # whom to tell that the number of rows is another
         self._wrong: dict[str, Any] = {}

@@ -136,11 +136,11 @@ def _ever(
 
 
 def _twists(mechanism: Mechanism, system: ClosedLoops, pulls: Sequence[tuple[Pull, Array]], along: Array) -> Array:
-    """(pulls, 6) the shortest twists of the nodes, in the world's axes, that their pulls see as `along` (rows,)."""
+    """(pulls, 6) the shortest twists of what is pulled, in the world's axes, that the pulls see as `along` (rows,)."""
     heaviest = max(pull.weight for pull, _ in pulls)
     twists, row = np.zeros((len(pulls), 6)), 0
     for twist, (pull, axes) in zip(twists, pulls, strict=True):
-        placement = pin.updateFramePlacement(mechanism.model, system.data, pull.frame)
+        placement = pin.updateFramePlacement(mechanism.model, system.data, pull.frame) * pull.at
         seen = pull.equations(placement, np.eye(6), axes)[1]  # (rows, 6) of the node's twist in its own axes
         part = along[row : row + pull.rows] / units(pull, mechanism.length) * (heaviest / pull.weight)
         own = np.linalg.pinv(seen) @ part

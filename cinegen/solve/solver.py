@@ -143,6 +143,7 @@ class Solver:
         rotation: int = 3,
         weight: float = 1.0,
         axes: str = "target",
+        at: pin.SE3 | ArrayLike | None = None,
     ) -> Pull:
         """Makes a node follow a pose. Set `pull.target` to move it on, or `pull.twist` to give it a speed.
 
@@ -153,10 +154,13 @@ class Solver:
             rotation: how many rotations it holds, 0 to 3.
             weight: of its equations where several pulls can't all be met.
             axes: whose axes these are: "target", "world" or the name of a node.
+            at: what of the node follows: a point (3,) or a frame that is fixed on it, as seen from it (m); its own
+                frame unless given. A part may be taken anywhere.
 
         Raises:
             UnknownNameError: no such node.
-            CinegenError: translation or rotation not 0 to 3, a weight not above 0, or the target no SE3.
+            CinegenError: translation or rotation not 0 to 3, a weight not above 0, the target no SE3, or `at` neither
+                that nor three finite numbers.
         """
         frame = self.mechanism.frame_id(node)
         if translation not in range(4) or rotation not in range(4):
@@ -165,11 +169,12 @@ class Solver:
             raise CinegenError(f"a pull's weight must be above 0, not {weight}")
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
+        grip = _grip(at)
         if target is None:
-            target = self.mechanism.placement(self._q, node)
+            target = self.mechanism.placement(self._q, node) * grip
         if not isinstance(target, pin.SE3):
             raise CinegenError(f"a pull's target is a pinocchio.SE3, not {type(target).__name__}")
-        pull = Pull(node, target, translation, rotation, weight, axes, frame)
+        pull = Pull(node, target, translation, rotation, weight, axes, frame, grip)
         pull.changed = self._notice
         self._pulls.append(pull)
         self._changed = True
@@ -234,7 +239,7 @@ class Solver:
             pull.lies_in(table[i])
             frame = self._model.frames[pull.frame]
             table[i, m.JOINT] = frame.parentJoint
-            table[i, m.LOCAL : m.LOCAL + 12] = m.columns_of(frame.placement)
+            table[i, m.LOCAL : m.LOCAL + 12] = m.columns_of(frame.placement * pull.at)
             table[i, m.AXES_OF] = {"target": m.OF_TARGET, "world": m.OF_WORLD}.get(pull.axes, m.OF_NODE)
             if pull.axes not in ("target", "world"):
                 axes = self._model.frames[mechanism.frame_id(pull.axes)]
@@ -252,7 +257,7 @@ class Solver:
         memory.put("pull_state", np.zeros((max(len(pulls), 1), m.STATE_WIDTH)))
         memory.put("moves", moved_by)
         self._make_room(6 * len(pulls))
-        self._layout = Layout(mechanism, tuple((pull.node, pull.axes) for pull in pulls), offset)
+        self._layout = Layout(mechanism, tuple((pull.node, pull.axes, pull.at) for pull in pulls), offset)
         self._record = memory.put("record", np.zeros(self._layout.starts[-1]))
         self._earlier, self._latest = None, None
         self._changed = False
@@ -272,7 +277,8 @@ class Solver:
         """The generic rank of the pulls that make sense."""
         pulls = [pull for pull in self._pulls if pull.makes_sense()]
         offset = int(self._table[m.OFFSET])
-        key = (offset, *((pull.frame, pull.axes, pull.translation, pull.rotation) for pull in pulls))
+        grips = [(pull.frame, pull.axes, *pull.at.homogeneous.ravel().tolist()) for pull in pulls]
+        key = (offset, *((grip, pull.translation, pull.rotation) for grip, pull in zip(grips, pulls, strict=True)))
         if key not in self._ranks:
             self._ranks[key] = pull_rank(self.mechanism, self.mechanism.system, pulls, slice(offset, None))
         self._table[m.PULL_RANK] = self._ranks[key]
@@ -414,3 +420,19 @@ class Solver:
 
 def _nothing() -> None:
     """Nobody is to be told."""
+
+
+def _grip(at: pin.SE3 | ArrayLike | None) -> pin.SE3:
+    """What of a node is pulled, as a frame on it."""
+    if at is None:
+        return pin.SE3.Identity()
+    if isinstance(at, pin.SE3):
+        grip = at
+    else:
+        try:
+            grip = pin.SE3(np.eye(3), np.asarray(at, dtype=float).reshape(3))
+        except (TypeError, ValueError):
+            grip = None
+    if grip is None or not np.isfinite(grip.homogeneous).all():
+        raise CinegenError("what of a node is pulled is a point of three finite numbers, or a pinocchio.SE3")
+    return grip

@@ -44,12 +44,12 @@ class Layout:
 
     Attributes:
         mechanism: which was moved.
-        pulls: node and axes of each pull.
+        pulls: of each pull the node, the axes, and what of the node is pulled.
         resting: columns that rest: those of a base that is not pulled.
     """
 
     mechanism: Mechanism
-    pulls: tuple[tuple[str, str], ...]
+    pulls: tuple[tuple[str, str, pin.SE3], ...]
     resting: int
 
     @cached_property
@@ -102,7 +102,7 @@ class Step:
         mechanism, q = self._layout.mechanism, self.q
         found = []
         for pull, axes in self._wanted():
-            straight, turn = pull.errors(mechanism.placement(q, pull.node), axes)
+            straight, turn = pull.errors(mechanism.placement(q, pull.node) * pull.at, axes)
             found.append((math.hypot(*straight), math.hypot(*turn)))
         return tuple(found)
 
@@ -111,13 +111,12 @@ class Step:
         start = self._layout.starts
         rows = self._record[start[3] : start[4]].reshape(-1, m.WANTED)
         pulls = []
-        for (node, _), row in zip(self._layout.pulls, rows, strict=True):
+        for (node, _, at), row in zip(self._layout.pulls, rows, strict=True):
             if row[24]:
                 aim = pin.SE3(row[:9].reshape(3, 3).T, row[9:12])
                 frame = self._layout.mechanism.frame_id(node)
-                pulls.append(
-                    (Pull(node, aim, int(row[21]), int(row[22]), row[23], frame=frame), row[12:21].reshape(3, 3))
-                )
+                pull = Pull(node, aim, int(row[21]), int(row[22]), row[23], frame=frame, at=at)
+                pulls.append((pull, row[12:21].reshape(3, 3)))
         return pulls
 
     @property

@@ -49,19 +49,18 @@ class Reached:
     iterations: int
     holding: tuple[str, ...]
     _mechanism: Mechanism = field(repr=False)
-    _pulls: tuple[tuple[str, pin.SE3, int, int, str], ...] = field(repr=False)
+    _pulls: tuple[Pull, ...] = field(repr=False)
 
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
         """For each target, what is left: m and rad."""
-        return tuple(self._error(*pull) for pull in self._pulls)
+        return tuple(self._error(pull) for pull in self._pulls)
 
-    def _error(self, node: str, target: pin.SE3, translation: int, rotation: int, axes: str) -> tuple[float, float]:
-        pull = Pull(node, target, translation, rotation, 1.0, axes)
-        own = target.rotation
-        if axes != "target":
-            own = np.eye(3) if axes == "world" else self._mechanism.placement(self.q, axes).rotation
-        straight, turn = pull.errors(self._mechanism.placement(self.q, node), own)
+    def _error(self, pull: Pull) -> tuple[float, float]:
+        own = pull.target.rotation
+        if pull.axes != "target":
+            own = np.eye(3) if pull.axes == "world" else self._mechanism.placement(self.q, pull.axes).rotation
+        straight, turn = pull.errors(self._mechanism.placement(self.q, pull.node) * pull.at, own)
         return math.hypot(*straight), math.hypot(*turn)
 
     def __bool__(self) -> bool:
@@ -186,9 +185,11 @@ class _Finder:
         held, aims = step.saturated, self._aims()
         return Reached(False, step.q, step.closure, starts, iterations, held, self.mechanism, aims)
 
-    def _aims(self) -> tuple[tuple[str, pin.SE3, int, int, str], ...]:
+    def _aims(self) -> tuple[Pull, ...]:
+        """What was asked for, as values of its own: the seeker's pulls are for the next one."""
         return tuple(
-            (pull.node, pull.target.copy(), pull.translation, pull.rotation, pull.axes) for pull in self.seeker.pulls
+            Pull(pull.node, pull.target, pull.translation, pull.rotation, 1.0, pull.axes, at=pull.at)
+            for pull in self.seeker.pulls
         )
 
 
@@ -211,7 +212,10 @@ _finders = _Finders()
 
 
 def _finder(mechanism: Mechanism, pulls: tuple[Pull, ...], limits: bool, seed: int) -> _Finder:
-    what = [(pull.node, pull.translation, pull.rotation, pull.axes, pull.weight) for pull in pulls]
+    what = [
+        (pull.node, pull.translation, pull.rotation, pull.axes, pull.weight, *pull.at.homogeneous.ravel().tolist())
+        for pull in pulls
+    ]
     key = (id(mechanism), limits, seed, *what)
     recent = _finders.recent
     finder = recent.get(key)

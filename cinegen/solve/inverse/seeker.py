@@ -37,7 +37,7 @@ class Seeker(Solver):
         if not limits:
             arrays["low"][:], arrays["high"][:] = -np.inf, np.inf
         for pull in pulls:
-            self.pull(pull.node, None, pull.translation, pull.rotation, pull.weight, pull.axes)
+            self.pull(pull.node, None, pull.translation, pull.rotation, pull.weight, pull.axes, pull.at)
         self._arrange()
         rows = 6 * len(pulls) + int(self._table[m.ROWS])
         self._scratch = np.zeros(scratch_size(rows, model.nv))
@@ -127,7 +127,7 @@ class Seeker(Solver):
 
     def placements(self, q: Array) -> list[pin.SE3]:
         """Of all pulled nodes."""
-        return [self.mechanism.placement(q, pull.node) for pull in self.pulls]
+        return [self.mechanism.placement(q, pull.node) * pull.at for pull in self.pulls]
 
 
 _STRIDE = 0.6  # rad or lengths: from one configuration of the tree to the next
