@@ -34,8 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     drive = commands.add_parser("drive", help="move a mechanism in a page")
     _of_files(drive)
     drive.add_argument(
-        "--follow", default="circle", choices=["circle", "figure8", "line"],
-        help="the path its end follows, as large as fits into the workspace (%(default)s)",
+        "--follow", default="circle", choices=["circle", "figure8", "line", "still"],
+        help="the path its end follows, as large as fits into the workspace (%(default)s); still: none",
     )  # fmt: skip
     drive.add_argument("--node", metavar="NAME", help="which node follows it (its sensor's, or the last in the file)")
     drive.add_argument("--seconds", type=_seconds, metavar="S", help="stop after so long (at Ctrl-C)")
@@ -56,6 +56,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _of_files(close, several=False)
     close.add_argument("--start", metavar="FILE", help="begin where an answer says, kept in a file, instead of at home")
     close.set_defaults(run=_close)
+
+    sensors = commands.add_parser(
+        "sensors", help="which sensors a file names and what could be one here; watch one",
+        description="Lists the sensors that files name, the serial ports of this machine, and what else may be a "
+        "sensor. With --monitor, shows what one says until Ctrl-C.",
+    )  # fmt: skip
+    sensors.add_argument("files", nargs="*", metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
+    sensors.add_argument(
+        "--sensor", action="append", default=[], metavar="N=URL", help="another port for the files' sensor N"
+    )
+    sensors.add_argument("--monitor", metavar="URL", help="show what this one says: a port or a URL")
+    sensors.add_argument("--seconds", type=_seconds, metavar="S", help="stop after so long (at Ctrl-C)")
+    sensors.add_argument("--json", action="store_true", help="as JSON; with --monitor, a recording")
+    sensors.set_defaults(run=_sensors)
 
     options = parser.parse_args(arguments)
     from cinegen.errors import CinegenError
@@ -190,9 +204,15 @@ def _drive(options: argparse.Namespace) -> int:
     seconds, snapshot = options.seconds, options.snapshot
     if seconds is None and not attended:
         seconds, snapshot = _UNATTENDED, f"{Path(options.files[0]).stem}.html"
-    driven = {name: Driven.along(mechanism, options.follow, options.node) for name, mechanism in mechanisms.items()}
+    driven = {
+        name: Driven.still(mechanism)
+        if options.follow == "still"
+        else Driven.along(mechanism, options.follow, options.node)
+        for name, mechanism in mechanisms.items()
+    }
     for name, one in driven.items():
-        print(f"{name}: {one.path.node} follows a {one.path.shape} of {one.path.size:.3g} m")
+        if one.path is not None:
+            print(f"{name}: {one.path.node} follows a {one.path.shape} of {one.path.size:.3g} m")
     url = page.serve(options.port)
     print(f"page: {url}", "- Ctrl-C ends" if seconds is None else f"- for {seconds:g} s", flush=True)
     if not options.no_browser and _has_screen():
@@ -247,6 +267,20 @@ def _close(options: argparse.Namespace) -> int:
     if sys.stdin is not None:
         with contextlib.suppress(KeyboardInterrupt):
             Lines(motion).serve(sys.stdin.buffer, _say_at_once)
+    return 0
+
+
+# --- sensors -----------------------------------------------------------------------------------------------------
+
+
+def _sensors(options: argparse.Namespace) -> int:
+    from cinegen.sense import report
+
+    if options.monitor:
+        rewrite = sys.stdout.isatty() and not options.json
+        report.monitor(options.monitor, _say_at_once, options.seconds, options.json, rewrite)
+        return 0
+    print(report.listing(options.files, options.sensor, options.json))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Mechanisms that move in a page after a script, in real time."""
+"""Mechanisms that move in a page, in real time: after a script, until a person takes them in hand."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+import pinocchio as pin
+
 from cinegen.model import Mechanism
 from cinegen.sense import Path, fitted
+from cinegen.show.hand import Hand
 from cinegen.show.page import Page
 from cinegen.show.scene import Scene
 from cinegen.solve import Pull, Solver, Step
@@ -18,13 +22,28 @@ TICKS = 4  # of the solver in a frame
 
 @dataclass(slots=True)
 class Driven:
-    """A mechanism, the solver that moves it, and the path that its node is pulled along."""
+    """A mechanism, the solver that moves it, and the path that its node is pulled along until a hand takes a part.
+
+    Attributes:
+        mechanism: which.
+        solver: that moves it.
+        path: that its node follows; given up when a hand has taken a part. None where it stands still until then.
+        pull: that leads it: along the path, or after the hand; None if it is left alone.
+        hand: that holds it.
+        step: the last one.
+    """
 
     mechanism: Mechanism
     solver: Solver
-    path: Path
-    pull: Pull
+    path: Path | None = None
+    pull: Pull | None = None
+    hand: Hand | None = None
     step: Step | None = None
+
+    @classmethod
+    def still(cls, mechanism: Mechanism) -> Driven:
+        """A mechanism that stands at home until a hand takes it."""
+        return cls(mechanism, Solver(mechanism, 1.0 / (FRAMES * TICKS)))
 
     @classmethod
     def along(cls, mechanism: Mechanism, shape: str, node: str | None = None) -> Driven:
@@ -32,6 +51,29 @@ class Driven:
         path = fitted(mechanism, node or mechanism.end, shape)
         solver = Solver(mechanism, 1.0 / (FRAMES * TICKS))
         return cls(mechanism, solver, path, solver.pull(path.node, path.home, rotation=path.rotation))
+
+    def tick(self, time: float) -> None:
+        """Moves it on, along its path as it is at a time (s), or after the hand."""
+        if self.pull is not None:
+            if self.hand is None and self.path is not None:
+                self.pull.target = self.path.target(time)
+            elif self.hand is not None and self.hand.target is not None:
+                self.pull.target = pin.SE3(self.pull.target.rotation, np.array(self.hand.target))
+        self.step = self.solver.step()
+
+    def obey(self, hand: Hand | None) -> None:
+        """Takes what a hand holds, or lets go of it."""
+        before, self.hand = self.hand, hand
+        if hand is not None and (before is None or (before.node, before.point) != (hand.node, hand.point)):
+            self._release()
+            self.pull = self.solver.pull(hand.node, rotation=0, at=np.array(hand.point))
+        elif hand is None and before is not None:
+            self._release()
+
+    def _release(self) -> None:
+        if self.pull is not None:
+            self.solver.release(self.pull)
+            self.pull = None
 
 
 def drive(
@@ -53,12 +95,14 @@ def drive(
     dt = 1.0 / (FRAMES * TICKS)
     try:
         while seconds is None or frame < seconds * FRAMES:
+            hands = scene.page.hands
             for name, one in driven.items():
+                one.obey(hands.get(name))
                 for tick in range(TICKS):
-                    one.pull.target = one.path.target((frame * TICKS + tick) * dt)
-                    one.step = one.solver.step()
+                    one.tick((frame * TICKS + tick) * dt)
                 scene.show(name, one.solver.q)
-                scene.target(name, one.path.node, one.pull.target)
+                if one.pull is not None:
+                    scene.target(name, "target", one.pull.target)
             frame += 1
             if report is not None and frame % FRAMES == 0:
                 report(frame / FRAMES, driven)

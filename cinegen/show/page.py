@@ -3,7 +3,7 @@
 A `Page` stands where meshcat's ViewerWindow stands: `meshcat.Visualizer(window=page)` draws into it. It keeps the
 newest of everything drawn, so that a browser that comes late sees the whole scene. meshcat's stock server is not
 used: it listens on all interfaces and queues up behind a slow browser; here each browser gets the newest state, as
-fast as it takes it.
+fast as it takes it. A browser may take a part of a robot and lead it: see `cinegen.show.hand`.
 """
 
 from __future__ import annotations
@@ -11,6 +11,8 @@ from __future__ import annotations
 import asyncio
 import base64
 import threading
+import time
+from collections.abc import Collection, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -21,14 +23,20 @@ import tornado.websocket
 import umsgpack
 
 from cinegen.errors import CinegenError
+from cinegen.show.hand import Hand, HandError, after
 
 _KEPT = ("set_object", "set_transform", "delete")  # what replaces its like; properties are kept by name
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
 <head><meta charset="utf-8"><title>{title}</title>
-<style>body {{ margin: 0; }} #pane {{ width: 100vw; height: 100vh; overflow: hidden; }}</style></head>
-<body><div id="pane"></div>
+<style>
+body {{ margin: 0; }}
+#pane {{ width: 100vw; height: 100vh; overflow: hidden; }}
+#hand {{ position: fixed; left: 0; right: 0; bottom: 12px; text-align: center; pointer-events: none;
+         font: 15px system-ui, sans-serif; color: #333; }}
+</style></head>
+<body><div id="pane"></div><div id="hand" role="status"></div>
 <script{source}>{viewer}</script>
 <script>
 var viewer = new MeshCat.Viewer(document.getElementById("pane"));
@@ -45,18 +53,34 @@ for (const text of {blobs}) {{
 """
 
 
+_CONNECT = """
+viewer.connect("ws://" + location.host + "/scene");
+var script = document.createElement("script");
+script.onload = () => {
+  viewer.hand = new CinegenHand(viewer, (said) => viewer.connection.send(JSON.stringify(said)));
+};
+script.src = "hand.js";
+document.body.appendChild(script);
+"""
+
+
 class PageError(CinegenError):
     """A page that can't be served."""
 
 
 class Page:
-    """A scene, and the browsers that look at it."""
+    """A scene, and the browsers that look at it.
+
+    Attributes:
+        nodes: of each robot, by its name in the page: what hands may take.
+    """
 
     def __init__(self, title: str = "cinegen") -> None:
         self.title = title
         self._kept: dict[tuple[str, str, str], bytes] = {}  # path, kind, property -> newest message
         self._lock = threading.Lock()
         self._browsers: set[_Browser] = set()
+        self.nodes: Mapping[str, Collection[str]] = {}
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def send(self, command: Any) -> None:
@@ -107,6 +131,13 @@ class Page:
         return f"http://127.0.0.1:{candidate}/"
 
     @property
+    def hands(self) -> dict[str, Hand]:
+        """What is held now, by robot; of two hands that hold the same robot, the one that took it first."""
+        with self._lock:
+            held = [browser.hand for browser in sorted(self._browsers, key=lambda browser: browser.since)]
+        return {hand.robot: hand for hand in reversed(held) if hand is not None}
+
+    @property
     def browsers(self) -> int:
         """How many browsers look at the page now."""
         return len(self._browsers)
@@ -116,7 +147,12 @@ class Page:
             self._loop = asyncio.get_running_loop()
             hosts = {f"{name}:{sockets[0].getsockname()[1]}" for name in ("127.0.0.1", "localhost")}
             options = {"page": self, "hosts": hosts}
-            routes = [("/", _Index, options), ("/viewer.js", _Viewer, options), ("/scene", _Browser, options)]
+            routes = [
+                ("/", _Index, options),
+                ("/viewer.js", _Viewer, options),
+                ("/hand.js", _HandScript, options),
+                ("/scene", _Browser, options),
+            ]
             tornado.httpserver.HTTPServer(tornado.web.Application(routes)).add_sockets(sockets)
             ready.set()
             await asyncio.Event().wait()
@@ -146,8 +182,7 @@ class _Local(tornado.web.RequestHandler):
 
 class _Index(_Local):
     def get(self) -> None:
-        connect = 'viewer.connect("ws://" + location.host + "/scene");'
-        self.write(_PAGE.format(title=self.page.title, source=' src="viewer.js"', viewer="", commands=connect))
+        self.write(_PAGE.format(title=self.page.title, source=' src="viewer.js"', viewer="", commands=_CONNECT))
 
 
 class _Viewer(_Local):
@@ -156,10 +191,18 @@ class _Viewer(_Local):
         self.write(_viewer())
 
 
+class _HandScript(_Local):
+    def get(self) -> None:
+        self.set_header("Content-Type", "text/javascript; charset=utf-8")
+        self.write(files("cinegen.show").joinpath("static/hand.js").read_text(encoding="utf-8"))
+
+
 class _Browser(tornado.websocket.WebSocketHandler, _Local):  # its own check_origin refuses foreign pages
     """One browser: what it has not been sent yet, newest only."""
 
     def open(self, *_: str, **__: str) -> None:
+        self.hand: Hand | None = None
+        self.since = time.monotonic()  # it holds what it holds
         self.waiting: dict[tuple[str, str, str], bytes] = self.page._scene()
         self.wake = asyncio.Event()
         self.wake.set()
@@ -180,7 +223,16 @@ class _Browser(tornado.websocket.WebSocketHandler, _Local):  # its own check_ori
             pass
 
     def on_message(self, message: str | bytes) -> None:
-        """A browser has nothing to say yet."""
+        """What a hand does. Who says something else is told why, and heard no more."""
+        try:
+            hand = after(message, self.hand, self.page.nodes)
+        except HandError as error:
+            self.close(1008, str(error))
+            return
+        with self.page._lock:
+            if (hand is None) != (self.hand is None):
+                self.since = time.monotonic()
+            self.hand = hand
 
     def on_close(self) -> None:
         with self.page._lock:

@@ -42,6 +42,7 @@ class Scene:
         self.page, self.mechanisms = page, dict(mechanisms)
         self._root = meshcat.Visualizer(window=page)["cinegen"]
         self._targets: set[str] = set()
+        page.nodes = {name: mechanism.nodes for name, mechanism in mechanisms.items()}
         self._fit()
         for name, mechanism in self.mechanisms.items():
             self._draw(name, mechanism)
