@@ -6,14 +6,15 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 import cinegen
 
 ROOT = Path(__file__).resolve().parent.parent
 ROBOTS = ROOT / "robots"
 
-settings.register_profile("cinegen", deadline=None, derandomize=True)
+# On a busy machine making examples may take long: that is no failure.
+settings.register_profile("cinegen", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("cinegen")
 
 
