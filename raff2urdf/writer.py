@@ -115,4 +115,4 @@ _WORD_ENDS = frozenset(' \t\r\f\v{}()"/')
 def _name(name: str) -> str:
     """A name as a bare word where it is one: neither a number nor broken by what ends a word."""
     word = name and name.isprintable() and not _WORD_ENDS & set(name)
-    return name if word and name[0] not in "+-.0123456789" else _text(name)
+    return name if word and name[0] not in "+-." and not name[0].isdecimal() else _text(name)

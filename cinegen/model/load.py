@@ -10,22 +10,24 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from lxml import etree
 from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
 from cinegen.model.loops import Loop
 from cinegen.model.mechanism import Mechanism, Source
-from cinegen.model.urdf import completed, simple
+from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import constraints as beside
 from raff2urdf import readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
-from raff2urdf.readers.urdf import parse
+from raff2urdf.readers.urdf import joints, parse
 from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
+
+_MOST = 400
+"""Joints that may move: for so many, Pinocchio wants 3.5 GB of memory."""
 
 
 def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | None = None) -> Mechanism:
@@ -110,8 +112,9 @@ def build(
         constraints = completed(simple(tree, name), constraints, name)
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
+    _check_size(tree, name)
     try:
-        model = pin.buildModelFromXML(etree.tostring(tree, encoding="unicode"))
+        model = pin.buildModelFromXML(kinematics(tree))
     except (ValueError, RuntimeError) as error:
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
     _set_limits(model, constraints)
@@ -141,6 +144,14 @@ def build(
             mechanism.actuated = _motors(mechanism, generic)
     mechanism.q_home.flags.writeable = False
     return mechanism
+
+
+def _check_size(tree: Any, name: str) -> None:
+    """Pinocchio keeps second derivatives for every model, whose memory grows with the cube of its size."""
+    moving = sum(joint.get("type") != "fixed" for joint in joints(tree))
+    if moving > _MOST:
+        size = 54 * moving**3 / 1e9
+        raise LoadError(f"{name}: {moving} joints move, {_MOST} may: Pinocchio would want {size:.0f} GB of memory")
 
 
 def _motors(mechanism: Mechanism, q: Array) -> tuple[str, ...]:

@@ -84,11 +84,19 @@ def _replace(visual: Any, drawings: Sequence[Drawing]) -> None:
 
 
 def _leave_shapes(tree: Any) -> None:
-    """Takes out what has no part in a picture, or is said twice: Pinocchio refuses some of it."""
+    """Takes out what has no part in a picture, or is said twice: Pinocchio refuses some of it.
+
+    Where the links stand, it knows from the model.
+    """
     tree.set("name", tree.get("name") or "robot")
     known: set[str | None] = set()
-    for element in list(tree.iter("collision", "inertial", "mimic", "safety_controller", "calibration", "dynamics")):
+    for element in list(tree.iter("collision", "inertial")):
         element.getparent().remove(element)
+    for joint in tree.iterchildren("joint"):
+        joint.set("type", "fixed")
+        for element in list(joint.iterchildren()):
+            if element.tag not in ("parent", "child"):
+                joint.remove(element)
     for material in list(tree.iterchildren("material")):
         if material.get("name") in known:
             tree.remove(material)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from typing import Any
 
@@ -11,7 +12,7 @@ from cinegen.errors import CinegenWarning, LoadError
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import ends, joints, limits, links, silent, velocity
+from raff2urdf.readers.urdf import UNLIMITED, ends, joints, limits, links, middle, number, silent, velocity
 
 
 def simple(tree: Any, name: str) -> Constraints:
@@ -50,14 +51,30 @@ def simple(tree: Any, name: str) -> Constraints:
                 "velocity": velocity(joint),
             }
         )
-        _give_limits(joint, kind == "continuous" or allowed is None)
+        _give_limits(joint, allowed)
     return {
-        "robot": tree.get("name", "robot"),
+        "robot": tree.get("name") or "robot",
         "nodes": nodes,
         "floating": floating,
         "joints": entries,
         "loops": [],
     }
+
+
+def kinematics(tree: Any) -> str:
+    """The text of a URDF, its root from `simple`, without what Pinocchio may refuse though no motion depends on it."""
+    robot = etree.Element("robot", name=tree.get("name") or "robot")
+    for link in links(tree):
+        kept = etree.SubElement(robot, "link", name=link.get("name"))
+        kept.extend(copy.deepcopy(inertial) for inertial in link.iterchildren("inertial"))
+    for joint in joints(tree):
+        kept = etree.SubElement(robot, "joint", name=joint.get("name"), type=joint.get("type"))
+        for word in ("parent", "child", "origin", "axis", "limit"):
+            found = joint.find(word)
+            if found is not None:
+                kept.append(copy.deepcopy(found))
+    text: str = etree.tostring(robot, encoding="unicode")
+    return text
 
 
 def completed(said: Constraints, beside: Constraints | None, name: str) -> Constraints:
@@ -73,14 +90,21 @@ def completed(said: Constraints, beside: Constraints | None, name: str) -> Const
     """
     if beside is None:
         for entry in said["joints"]:  # without loops, 0 is as good as anything else
-            low, high = entry["limits"] or (0.0, 0.0)
-            entry["home"] = 0.0 if low <= 0.0 <= high else (low + high) / 2.0
+            entry["home"] = middle(entry["limits"])
         return said
     known = {entry["name"]: entry for entry in said["joints"]}
     for entry in beside.get("joints", []):
         if entry["name"] not in known:
             near = did_you_mean(entry["name"], list(known))
             raise LoadError(f"{name}: the constraints name joint '{entry['name']}', which the URDF lacks{near}")
+    named = {entry["name"] for entry in beside.get("joints", [])}
+    for joint in known if "joints" in beside else ():
+        if joint not in named:
+            raise LoadError(f"{name}: the constraints don't name joint '{joint}', which moves")
+    if beside.get("floating", said["floating"]) != said["floating"]:
+        raise LoadError(
+            f"{name}: the constraints say that '{beside['floating']}' lets the base move, the URDF does not"
+        )
     for node in beside.get("nodes", []):
         if node not in said["nodes"]:
             raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
@@ -106,14 +130,13 @@ def _warn(name: str, found: list[Any], what: str) -> None:
     warnings.warn(f"{first}{others}: {what}", CinegenWarning, stacklevel=5)
 
 
-def _give_limits(joint: Any, none: bool) -> None:
+def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:
     """Writes all that Pinocchio wants of limits, and limits that mean nothing where a joint has none."""
     joint.set("type", "prismatic" if joint.get("type") == "prismatic" else "revolute")
     limit = joint.find("limit")
     if limit is None:
         limit = etree.SubElement(joint, "limit")
     for word in ("effort", "velocity"):
-        limit.set(word, limit.get(word, "0"))
-    if none:
-        limit.set("lower", "-1")
-        limit.set("upper", "1")
+        limit.set(word, repr(min(number(limit.get(word, "0")), UNLIMITED)))
+    for word, value in zip(("lower", "upper"), (-1.0, 1.0) if allowed is None else allowed, strict=True):
+        limit.set(word, repr(float(value)))

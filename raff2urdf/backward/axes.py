@@ -40,6 +40,7 @@ class Body:
         axis: (3,) of the joint; the root's is the z of its first link.
         children: bodies that stand on it.
         frame: (4, 4) its frame, once chosen.
+        size: how many bodies it carries, itself counted.
     """
 
     joint: Any
@@ -48,16 +49,12 @@ class Body:
     axis: Array
     children: list[Body] = field(default_factory=list)
     frame: Array = field(default_factory=lambda: np.eye(4))
+    size: int = 1
 
     @property
     def own(self) -> Array:
         """Where the link stands that the joint holds: its origin is a point of the axis."""
         return self.links[0][1]
-
-    @property
-    def size(self) -> int:
-        """How many bodies it carries, itself counted."""
-        return 1 + sum(child.size for child in self.children)
 
 
 def choose_frame(body: Body, length: float) -> Array:
@@ -207,6 +204,9 @@ def gather(root: Body, joints_on: dict[str, list[Any]], joint_axis: Any, placed_
                 moved = Body(joint, body, [(child, there)], there[:3, :3] @ (axis / np.linalg.norm(axis)))
                 body.children.append(moved)
                 found.append(moved)
+    for body in reversed(found):
+        if body.father is not None:
+            body.father.size += body.size
     return found
 
 

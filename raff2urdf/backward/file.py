@@ -42,16 +42,23 @@ def reverse_file(
         message = f"{first}{more}: no lower and upper limit are given; written without limits"
         warnings.warn(message, RaffWarning, stacklevel=3)
     found = reverse(tree, str(path), beside, units or units_of(tree), free_mimic)
-    if out is None:
+    try:
         check(found.document)
+    except RaffError as error:
+        raise RaffError(
+            f"{path}: RAFF can't say it: {'; '.join(problem.message for problem in error.problems)}"
+        ) from None
+    if out is None:
         return found
     written: dict[Path, bytes] = {}
     if graphics:
         carried = Carried(tree, str(path), path.parent, out.parent, out.stem)
         found = replace(found, document=replace(found.document, robots=(carried.robot(found.document, found.nodes),)))
         written |= carried.written
-    check(found.document)
-    written[out] = write(found.document, _head(path, found), found.notes).encode()
+    try:
+        written[out] = write(found.document, _head(path, found), found.notes).encode()
+    except RaffError as error:
+        raise RaffError(f"{path}: {error}") from None
     try:
         write_all(written)
     except OSError as error:

@@ -140,7 +140,7 @@ class Carried:
         import trimesh
 
         shape = (
-            next(iter(visual.find("geometry").iterchildren()), None) if visual.find("geometry") is not None else None
+            next(iter(visual.find("geometry").iterchildren("*")), None) if visual.find("geometry") is not None else None
         )
         if shape is None:
             raise RaffError(f"{self.name}:{visual.sourceline}: a visual without a shape")
@@ -194,7 +194,7 @@ class Carried:
 
     def _like(self, visual: Any, drawn: Any) -> bool:
         geometry = visual.find("geometry")
-        shape = None if geometry is None else next(iter(geometry.iterchildren()), None)
+        shape = None if geometry is None else next(iter(geometry.iterchildren("*")), None)
         own = next((k, v) for k, v in vars(drawn.geometry).items() if v is not None)
         if shape is None or shape.tag != own[0]:
             return False

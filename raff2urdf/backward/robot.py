@@ -38,7 +38,7 @@ from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse, of_origin
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import ends, joints, limits, links, origin, three, velocity
+from raff2urdf.readers.urdf import ends, joints, limits, links, middle, origin, three, velocity
 from raff2urdf.urdf import BASE_JOINT
 
 Array = NDArray[np.float64]
@@ -92,8 +92,19 @@ def reverse(
             f"{name}:{mimics[0].sourceline}: RAFF can't say that a joint mimics another: {listed}{more}. With "
             "--free-mimic (in Python free_mimic=True) they become joints of their own"
         )
-    successive.replace_compound(tree, name, keep_root=True)
+    successive.replace_compound(tree, name, keep_root=_root(tree) not in _looped(beside))
     return _Robot(tree, name, beside or {}, units).reversal()
+
+
+def _root(tree: Any) -> str:
+    """The link that stands on nothing."""
+    held = {ends(joint)[1] for joint in joints(tree)}
+    return next(str(link.get("name")) for link in links(tree) if link.get("name") not in held)
+
+
+def _looped(beside: Constraints | None) -> set[str]:
+    """The links where loops end."""
+    return {loop[end]["node"] for loop in (beside or {}).get("loops", []) for end in ("first", "second")}
 
 
 class _Robot:
@@ -106,8 +117,11 @@ class _Robot:
         for joint in joints(tree):
             self.joints_on.setdefault(ends(joint)[0], []).append(joint)
         self.holder = {ends(joint)[1]: (i, joint) for i, joint in enumerate(joints(tree))}
+        self.root = _root(tree)
         self.entries = {entry["name"]: entry for entry in beside.get("joints", [])}
-        self.numbers = _Numbers(tree)
+        self.placing = self._placing()
+        own = self.placing is not None and self.placing.get("name") == BASE_JOINT
+        self.numbers = _Numbers(tree, self.placing if own else None)
         self.names = _Names(str(link.get("name")) for link in links(tree))
         self.parts: list[tuple[float, Link | Frame]] = []  # each with its place in the file
         self.placed: dict[int, Array] = {}  # nodes by number, as the written numbers place them, joints at 0
@@ -135,7 +149,7 @@ class _Robot:
         robot = Robot(
             name=_xml_name(str(self.tree.get("name") or "robot")),
             base=Base(base),
-            parts=tuple(self._with_motors(part) for _, part in self.parts),
+            parts=tuple(self._with_motors(part for _, part in self.parts)),
             loops=tuple(loops),
             sensor_constraints=tuple(self._sensor_constraints(floats)),
         )
@@ -146,17 +160,23 @@ class _Robot:
         document = Document(str(self.beside.get("name") or robot.name), (robot,), sensors, self.units)
         return Reversal(document, self.joints, self.offsets, self.nodes, self.notes)
 
+    def _placing(self) -> Any:
+        """The joint that only places the robot in the world, or frees it; None without any, or if a loop ends there."""
+        own = self.joints_on.get(self.root, []) if self.root not in _looped(self.beside) else []
+        places = len(own) == 1 and (
+            own[0].get("type") == "floating" or (own[0].get("type") == "fixed" and self.root == _WORLD)
+        )
+        return own[0] if places else None
+
     def _start(self) -> tuple[str, Array, bool]:
         """The link that becomes the base, where it stands, and whether it can move.
 
         A root that only places the robot in the world, or frees it, is left out: it is the world.
         """
-        root = next(link.get("name") for link in links(self.tree) if link.get("name") not in self.holder)
-        own = self.joints_on.get(root, [])
-        if len(own) == 1 and (own[0].get("type") == "floating" or (own[0].get("type") == "fixed" and root == _WORLD)):
-            child, placed = self._held(own[0])
-            return child, placed, own[0].get("type") == "floating"
-        return root, np.eye(4), False
+        if self.placing is None:
+            return self.root, np.eye(4), False
+        child, placed = self._held(self.placing)
+        return child, placed, self.placing.get("type") == "floating"
 
     def _axis(self, joint: Any) -> Array | None:
         axis = joint.find("axis")
@@ -268,19 +288,20 @@ class _Robot:
             allowed = None if entry["limits"] is None else (entry["limits"][0], entry["limits"][1])
         if "velocity" in entry:
             fastest = entry["velocity"]
-        low, high = allowed or (0.0, 0.0)
-        inside = 0.0 if low <= 0.0 <= high or self.beside.get("loops") else (low + high) / 2.0
+        inside = 0.0 if self.beside.get("loops") else middle(allowed)
         return entry.get("home", inside), allowed, fastest
 
-    def _with_motors(self, part: Link | Frame) -> Link | Frame:
+    def _with_motors(self, parts: Iterable[Link | Frame]) -> Iterator[Link | Frame]:
         """Says which joints have motors, where that is not what RAFF takes for granted."""
-        said = [entry.get("actuated", True) for entry in self.entries.values()]
-        if isinstance(part, Frame) or not part.type or (all(said) and not self.beside.get("loops")):
-            return part
         has = {self.joints[name]: entry.get("actuated", True) for name, entry in self.entries.items()}
-        if any(said):
-            return replace(part, actuated=True) if has.get(part.joint, True) else part
-        return replace(part, actuated=False)
+        granted = all(has.values()) and not self.beside.get("loops")
+        for part in parts:
+            if isinstance(part, Frame) or not part.type or granted:
+                yield part
+            elif any(has.values()):
+                yield replace(part, actuated=True) if has.get(part.joint, True) else part
+            else:
+                yield replace(part, actuated=False)
 
     def _note(self, link: Link, own: str, offset: float, slides: bool) -> None:
         """What a reader wants to know of a joint that has another name, or another zero, in the URDF."""
@@ -361,8 +382,9 @@ class _Robot:
 class _Numbers:
     """Numbers of links and frames: those of `joint5` where all joints are called so, else in file order."""
 
-    def __init__(self, tree: Any) -> None:
-        all_joints = [joint for joint in joints(tree) if joint.get("name") != BASE_JOINT]
+    def __init__(self, tree: Any, base: Any) -> None:
+        """Of a URDF's tree; `base` is raff2urdf's own joint that only places the base, which needs none."""
+        all_joints = [joint for joint in joints(tree) if joint is not base]
         said = [re.fullmatch("joint([1-9][0-9]{0,8})", joint.get("name")) for joint in all_joints]
         if all(said):
             self.by_joint = {joint.get("name"): int(m[1]) for joint, m in zip(all_joints, said, strict=True) if m}

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raff2urdf.errors import RaffError
-from raff2urdf.readers.urdf import parse_xml, read_text
+from raff2urdf.readers.xml_file import parse_xml, read_text
 
 if TYPE_CHECKING:  # each format is imported where it is read
     from raff2urdf.constraints import Constraints
@@ -33,20 +33,23 @@ def read(path: Path, robot: str | None = None) -> Description:
         RaffError: the file, or one beside it, can't be read or is wrong: where and why.
     """
     text = read_text(path)
-    kind = str(parse_xml(text, str(path)).tag)
+    root = parse_xml(text, str(path))
+    kind = str(root.tag)
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)
-        raise RaffError(f"{path}: its first element is <{kind}>: this is no robot (known: {known})")
+        why = _NO_ROBOTS.get(kind, f"this is no robot (known: {known})")
+        raise RaffError(f"{path}:{root.sourceline}: its first element is <{kind}>: {why}")
     return READERS[kind](text, path, robot)
 
 
 def _urdf(text: str, path: Path, robot: str | None) -> Description:
     from raff2urdf import constraints
     from raff2urdf.readers import robot_yaml
+    from raff2urdf.readers.urdf import names
 
     companion = path.with_suffix(".constraints.json")
     if companion.exists():
-        return text, constraints.load(companion)
+        return text, constraints.load(companion, names(text, str(path)))
     gepetto = robot_yaml.beside(path)
     return (text, None) if gepetto is None else robot_yaml.read(gepetto, text, str(path))
 
@@ -62,5 +65,10 @@ def _mjcf(text: str, path: Path, robot: str | None) -> Description:
 
     return mjcf.read(path)
 
+
+_NO_ROBOTS = {
+    "mujocoinclude": "this is no robot, but a part of one: load the file that includes it",
+    "gazebo": "this is no robot of SDF 1.4 or later: Gazebo's `gz sdf --convert` makes one of it",
+}
 
 READERS = {"robot": _urdf, "sdf": _sdf, "mujoco": _mjcf}

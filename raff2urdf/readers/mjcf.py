@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.readers.urdf import LARGEST, UNLIMITED
 from raff2urdf.urdf import dumps
 
 Array = NDArray[np.float64]
@@ -48,10 +48,14 @@ def read(path: Path) -> tuple[str, Constraints]:
         spec = mujoco.MjSpec.from_file(str(path))
         meshes = _without_meshes(mujoco, spec)
         model = spec.compile()
-    except (ValueError, OSError) as error:
+    except (ValueError, OSError, RuntimeError) as error:
         raise RaffError(f"{path}: MuJoCo can't read it: {' '.join(str(error).split())}") from None
     finally:
         mujoco.set_mju_user_warning(before)
+    placed = {"body": model.body_pos, "joint": model.jnt_pos, "equality": model.eq_data, "keyframe": model.key_qpos}
+    for what, numbers in placed.items():
+        if not np.abs(numbers).max(initial=0.0) <= LARGEST:
+            raise RaffError(f"{path}: a {what} has a number beyond {LARGEST:g}")
     return _Writer(mujoco, model, spec.modelname or path.stem, meshes, str(path)).write()
 
 
@@ -103,7 +107,10 @@ class _Writer:
         self.joints: list[yourdfpy.Joint] = []
         self.entries: list[dict[str, Any]] = []
         self.floating: str | None = None
-        self.bodies = [_WORLD, *(self._named("BODY", b, "body") for b in range(1, model.nbody))]
+        self.taken: set[str] = {_WORLD}
+        self.bodies = [_WORLD, *self._all_named("BODY", model.nbody, "body")[1:]]
+        self.called = self._all_named("JOINT", model.njnt, "joint")
+        self.taken |= {*self.bodies, *self.called}
         self.motors = self._motors()
         self.home = model.key_qpos[self._key()] if model.nkey else model.qpos0
 
@@ -126,6 +133,15 @@ class _Writer:
     def _named(self, kind: str, index: int, word: str) -> str:
         found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
         return str(found or f"{word}{index}")
+
+    def _all_named(self, kind: str, count: int, word: str) -> list[str]:
+        """Names of all that is of a kind; what has none gets one that is free."""
+        find, sort = self.mujoco.mj_id2name, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}")
+        said = [find(self.model, sort, i) for i in range(count)]
+        taken, names = set(said), []
+        for i, name in enumerate(said):
+            names.append(str(name or _free(f"{word}{i}", taken)))
+        return names
 
     def _key(self) -> int:
         names = [self._named("KEY", k, "") for k in range(self.model.nkey)]
@@ -159,7 +175,7 @@ class _Writer:
         at = np.zeros(3)
         for step, anchor in steps:
             straight = step is steps[-1][0] and not anchor.any()
-            holds = child if straight else f"{step.name}_axis"
+            holds = child if straight else _free(f"{step.name}_axis", self.taken)
             if not straight:
                 self.links.append(yourdfpy.Link(name=holds))
             turned = step.origin.copy()
@@ -169,7 +185,7 @@ class _Writer:
         if father != child or not steps:
             back = placed.copy()
             back[:3, 3] += placed[:3, :3] @ -at
-            name = f"{child}_fixed"
+            name = _free(f"{child}_fixed", self.taken)
             self.joints.append(yourdfpy.Joint(name=name, type="fixed", parent=father, child=child, origin=back))
 
     def _add(self, joint: yourdfpy.Joint, parent: str, child: str, origin: Array) -> None:
@@ -180,11 +196,11 @@ class _Writer:
         """A body's joints as those of a URDF, moved back to their zeros, and their anchors in the body's frame."""
         kinds, model = _numbers(self.mujoco.mjtJoint), self.model
         for j in joints:
-            name, at = self._named("JOINT", j, "joint"), int(model.jnt_qposadr[j])
+            name, at = self.called[j], int(model.jnt_qposadr[j])
             kind, anchor, axis = model.jnt_type[j], model.jnt_pos[j], model.jnt_axis[j]
             motor = {"actuated": j in self.motors} if self.motors else {}
             if kind == kinds.mjJNT_FREE:
-                if self.floating is None and body == 1:  # the first joint of all: the base moves
+                if body == 1 and np.count_nonzero(model.body_parentid == 0) == 2:  # all but the world: the base moves
                     yield yourdfpy.Joint(name=name, type="floating", parent="", child=""), np.zeros(3)
                     return
                 for i, letter in enumerate("XYZ"):
@@ -280,6 +296,14 @@ class _Writer:
                 cap = np.array(IDENTITY)
                 cap[2, 3] = end
                 yield yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=a)), cap
+
+
+def _free(name: str, taken: set[Any]) -> str:
+    """A name that is not taken yet, for something that the file does not name."""
+    while name in taken:
+        name += "_"
+    taken.add(name)
+    return name
 
 
 def _placement(position: Array, quaternion: Array | None) -> Array:

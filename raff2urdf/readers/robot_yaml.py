@@ -26,17 +26,22 @@ from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.graphics.names import find
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import ends, joints, links, parse, remove
+from raff2urdf.readers.xml_file import read_text
 
 _WORDS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+_OURS = ("closed_loop", "name_mot", "joint_name")
 _KINDS = {"6d": "rigid", "3d": "ball"}
 
 
 def beside(path: Path) -> Path | None:
-    """The file of this kind that belongs to a URDF: `<stem>.yaml` or `robot.yaml`; None without any."""
-    for candidate in (path.with_suffix(".yaml"), path.with_name("robot.yaml")):
-        if candidate.is_file():
-            return candidate
-    return None
+    """The file of this kind that belongs to a URDF: `<stem>.yaml` or `robot.yaml`; None without any.
+
+    Other programs keep a `<stem>.yaml` of their own beside a URDF: it must hold one of the words that are only ours.
+    """
+    own, shared = path.with_suffix(".yaml"), path.with_name("robot.yaml")
+    if own.is_file() and (own == shared or any(word.encode() in own.read_bytes() for word in _OURS)):
+        return own
+    return shared if shared.is_file() else None
 
 
 def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
@@ -61,27 +66,35 @@ def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
     became: dict[str, list[str]] = {}
     by_name = {joint.get("name"): joint for joint in joints(tree)}
     for joint, kind in said.pairs("joint_name", "joint_type"):
+        said.check_word(joint, kind)
         if joint.value not in by_name:  # published files name some that are gone, or spelt otherwise
             message = said.error(joint, f"joint '{joint.value}' is not in the URDF, nothing is replaced", list(by_name))
             warnings.warn(str(message), RaffWarning, stacklevel=4)
             continue
-        became[joint.value] = _replaced(tree, by_name[joint.value], kind, said)
+        became[joint.value] = _replaced(tree, by_name[joint.value], kind, said, name)
+    became |= successive.replace_compound(tree, name, keep_root=True)
     moving = [joint.get("name") for joint in joints(tree) if joint.get("type") not in ("fixed", "floating")]
     motors = _motors(said, moving, became)
-    loops = []
+    loops: list[dict[str, Any]] = []
     for ends_of, kind in said.pairs("closed_loop", "type"):
+        said.check_word(kind)
         if kind.value.lower() not in _KINDS:
             raise said.error(kind, f"a loop's type is 3d or 6d, not '{kind.value}'")
         pair = list(ends_of.value) if isinstance(ends_of, yaml.SequenceNode) else []
         if len(pair) != 2:
             raise said.error(ends_of, "a closed loop is a pair of frames")
+        said.check_word(*pair)
         for end in pair:
             if end.value not in carried and end.value not in nodes:
                 raise said.error(end, f"no joint or link '{end.value}'", [*carried, *nodes])
         first, second = (carried.get(end.value, end.value) for end in pair)
+        if first == second:
+            raise said.error(ends_of, f"the loop joins '{first}' with itself")
+        called = f"{pair[0].value}-{pair[1].value}"
+        again = sum(loop["name"].partition("#")[0] == called for loop in loops)
         loops.append(
             {
-                "name": f"{pair[0].value}-{pair[1].value}",
+                "name": f"{called}#{again + 1}" if again else called,
                 "kind": _KINDS[kind.value.lower()],
                 "first": {"node": first, "placement": IDENTITY},
                 "second": {"node": second, "placement": IDENTITY},
@@ -109,7 +122,7 @@ def _drop_missing(tree: Any, folder: Path, name: str) -> None:
         warnings.warn(f"{lost[0]}{more}: left out", RaffWarning, stacklevel=5)
 
 
-def _replaced(tree: Any, joint: Any, kind: Any, said: _Said) -> list[str]:
+def _replaced(tree: Any, joint: Any, kind: Any, said: _Said, name: str) -> list[str]:
     """Replaces a joint of the URDF; names of those it became."""
     word = str(kind.value).upper()
     axes = re.fullmatch("UJOINT_([XYZ])([XYZ])", word)
@@ -117,16 +130,17 @@ def _replaced(tree: Any, joint: Any, kind: Any, said: _Said) -> list[str]:
         joint.set("type", "fixed")
         return []
     if word == "SPHERICAL":
-        return successive.replace(tree, joint, successive.SPHERICAL)
+        return successive.replace(tree, joint, successive.SPHERICAL, name)
     if axes is None or axes[1] == axes[2]:
         raise said.error(kind, f"a joint's type is SPHERICAL, FIXED or UJOINT_XY (any two axes), not '{kind.value}'")
-    return successive.replace(tree, joint, [successive.TURNS[axis] for axis in axes.groups()])
+    return successive.replace(tree, joint, [successive.TURNS[axis] for axis in axes.groups()], name)
 
 
 def _motors(said: _Said, moving: list[str], became: Mapping[str, list[str]]) -> set[str]:
     """Names of the joints with a motor; of one that became several, all."""
     motors: set[str] = set()
     for entry in said.entries("name_mot"):
+        said.check_word(entry)
         found = became.get(entry.value, [entry.value])
         for joint in found:
             if joint not in moving:
@@ -141,18 +155,23 @@ class _Said:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            root = yaml.compose(path.read_text(encoding="utf-8"), yaml.SafeLoader)
-        except (OSError, UnicodeDecodeError) as error:
-            raise RaffError(f"{path}: can't be read: {error}") from None
+            root = yaml.compose(read_text(path), yaml.SafeLoader)
+        except RecursionError:
+            raise RaffError(f"{path}:1: its lists stand in one another too deeply") from None
         except yaml.YAMLError as error:
             line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-            raise RaffError(f"{path}:{line}: no YAML: {getattr(error, 'problem', error)}") from None
+            raise RaffError(
+                f"{path}:{line}: no YAML: {' '.join(str(getattr(error, 'problem', error)).split())}"
+            ) from None
         self.values: dict[str, Any] = {}
         if not isinstance(root, yaml.MappingNode):
             raise RaffError(f"{path}:1: it must say closed_loop, type and name_mot, each with a list")
         for word, value in root.value:
+            self.check_word(word)
             if word.value not in _WORDS:
                 raise self.error(word, f"'{word.value}' is none of its words", list(_WORDS))
+            if word.value in self.values:
+                raise self.error(word, f"'{word.value}' is said a second time")
             self.values[word.value] = value
 
     def entries(self, word: str) -> list[Any]:
@@ -163,6 +182,12 @@ class _Said:
         if not isinstance(value, yaml.SequenceNode):
             raise self.error(value, f"{word} must be a list")
         return list(value.value)
+
+    def check_word(self, *nodes: Any) -> None:
+        """Raises RaffError where one of them is a list or a mapping."""
+        for node in nodes:
+            if not isinstance(node, yaml.ScalarNode):
+                raise self.error(node, "here must stand a word, not a list")
 
     def pairs(self, word: str, other: str) -> list[tuple[Any, Any]]:
         """The entries of two lists that belong together."""

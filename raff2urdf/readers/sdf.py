@@ -16,13 +16,15 @@ from typing import Any
 
 import numpy as np
 import yourdfpy
+from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.loops import skew
 from raff2urdf.placement import inverse, of_origin
-from raff2urdf.readers.urdf import UNLIMITED, numbers, parse_xml
+from raff2urdf.readers.urdf import SIZE, UNLIMITED, number, numbers
+from raff2urdf.readers.xml_file import parse_xml
 from raff2urdf.urdf import BASE_JOINT, dumps
 
 Array = NDArray[np.float64]
@@ -39,7 +41,7 @@ _JOINTS = (*_LOOPS, *_TWO, _COUPLING)
 _STRAIGHT = 1e-12  # m: a joint whose axis passes this near a link's origin turns about it
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class _Joint:
     """A joint, everything in the model's frame."""
 
@@ -64,6 +66,7 @@ class _Model:
     placements: dict[str, Array] = field(default_factory=dict)
     joints: list[_Joint] = field(default_factory=list)
     frames: dict[str, str] = field(default_factory=dict)  # by the links that they are attached to
+    fixed: bool = False  # static: it stands on the world
     ours: Any = None  # the element raff:robot
 
 
@@ -79,11 +82,15 @@ def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constrain
         RaffError: no SDF, no such model, or something in it that can't be said; with the element's line.
     """
     root = parse_xml(text, name)
+    etree.strip_tags(root, etree.Comment)
     models = [m for m in root.iter("model") if m.getparent().tag in ("sdf", "world", "population")]
     chosen = [m for m in models if robot is None or m.get("name") == robot]
     if not chosen:
         known = [str(m.get("name")) for m in models]
         what = "it holds no model" if robot is None else f"no model '{robot}'{did_you_mean(robot, known)}"
+        for include in root.iter("include"):
+            what += f", but includes '{include.findtext('uri', '').strip()}': load that file itself"
+            break
         raise RaffError(f"{name}:{root.sourceline}: {what}")
     version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]
     model = _Reader(name, (int(version[0]), int(version[-1]) if len(version) > 1 else 0)).model(chosen[0])
@@ -102,40 +109,52 @@ class _Reader:
     def model(self, element: Any) -> _Model:
         """A model and all within it."""
         found = _Model(str(element.get("name", "model")))
-        self._gather(element, "", self.pose(element), found)
+        for include in element.iter("include"):
+            uri = include.findtext("uri", "").strip()
+            raise self.error(include, f"it includes '{uri}': write what it holds into the file")
+        around = element.getparent()
+        poses = _Poses(self, around, np.eye(4), "").inner(element) if around.tag == "world" else None
+        poses = poses or _Poses(self, element, self.pose(element), "")
+        poses.prefix = ""
+        self._gather(poses, found)
         if not found.links:
             raise self.error(element, f"the model '{found.name}' has no link")
-        canonical = element.get("canonical_link")
-        if canonical is not None and canonical not in found.links:
-            near = did_you_mean(canonical, list(found.links))
-            raise self.error(element, f"the canonical link '{canonical}' does not exist{near}")
-        found.root = canonical
+        if element.get("canonical_link") is not None:
+            found.root = poses.canonical()
+        found.fixed = element.findtext("static", "").strip() in ("1", "true")
         found.ours = element.find(f"{{{SPACE}}}robot")
         return found
 
-    def _gather(self, element: Any, prefix: str, placed: Array, found: _Model) -> None:
-        for include in element.iterchildren("include"):
-            uri = include.findtext("uri", "").strip()
-            raise self.error(include, f"it includes '{uri}': write what it holds into the file")
-        poses = _Poses(self, element, placed)
-        for nested in element.iterchildren("model"):
-            self._gather(nested, f"{prefix}{nested.get('name')}::", poses.of(nested.get("name")), found)
-        for link in element.iterchildren("link"):
-            own = prefix + str(link.get("name", ""))
-            if own in found.links or not link.get("name"):
-                raise self.error(link, f"a second link '{own}'" if own in found.links else "a link without a name")
+    def _gather(self, poses: _Poses, found: _Model) -> None:
+        for nested in poses.model.iterchildren("model"):
+            self._gather(poses.inner(nested), found)
+        for element in poses.model.iterchildren("link", "joint", "frame"):
+            if not element.get("name"):
+                raise self.error(element, f"a {element.tag} without a name")
+        for link in poses.model.iterchildren("link"):
+            own = poses.prefix + link.get("name")
+            if link.get("name") == _WORLD:
+                raise self.error(link, f"a link can't be called '{_WORLD}': that is the world itself")
+            if own in found.links:
+                raise self.error(link, f"a second link '{own}': the first is on line {found.links[own].sourceline}")
             found.links[own] = link
-            found.placements[own] = poses.of(str(link.get("name")))
-        for frame in element.iterchildren("frame"):
-            name, holder = str(frame.get("name", "")), prefix + poses.link(str(frame.get("name", "")))
-            if holder in found.links and prefix + name not in found.links:
-                found.frames[prefix + name] = holder
-                found.placements[prefix + name] = poses.of(name)
-        for joint in element.iterchildren("joint"):
-            found.joints.append(self._joint(joint, prefix, poses, found))
+            found.placements[own] = poses.of_element(link)
+        for frame in poses.model.iterchildren("frame"):
+            own = poses.prefix + frame.get("name")
+            if own not in found.links:
+                found.frames[own] = poses.link(frame.get("name"), frame)
+                found.placements[own] = poses.of_element(frame)
+        known: dict[str, Any] = {}
+        for joint in poses.model.iterchildren("joint"):
+            first = known.setdefault(joint.get("name"), joint)
+            if first is not joint:
+                raise self.error(
+                    joint, f"a second joint '{joint.get('name')}': the first is on line {first.sourceline}"
+                )
+            found.joints.append(self._joint(joint, poses, found))
 
-    def _joint(self, element: Any, prefix: str, poses: _Poses, found: _Model) -> _Joint:
-        name, kind = prefix + str(element.get("name", "")), str(element.get("type", ""))
+    def _joint(self, element: Any, poses: _Poses, found: _Model) -> _Joint:
+        name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))
         said = f"joint '{name}'"
         if kind not in _JOINTS:
             raise self.error(
@@ -144,13 +163,15 @@ class _Reader:
         ends = []
         for word in ("parent", "child"):
             end = element.find(word)
-            text = "" if end is None else (end.get("link_name") or end.text or "").strip()
-            link = poses.link(text)
-            if text != _WORLD and prefix + link not in found.links:
-                near = did_you_mean(text, [_WORLD, *found.links])
-                raise self.error(element if end is None else end, f"{said} has the {word} '{text}', no link{near}")
-            ends.append(_WORLD if text == _WORLD else prefix + link)
-        placement = poses.of(str(element.get("name")))
+            text = "" if end is None else _named(end)
+            where = element if end is None else end
+            if not text:
+                raise self.error(where, f"{said} has no {word}")
+            link = poses.link(text, where, f"{said} has the {word} '{text}', no link")
+            ends.append(link)
+        if ends[0] == ends[1]:
+            raise self.error(element, f"{said} holds '{ends[0]}' on itself")
+        placement = poses.of_element(element)
         axes, limits, velocities = [], [], []
         for word in ("axis", "axis2"):
             axis = element.find(word)
@@ -169,7 +190,7 @@ class _Reader:
         found = numbers(text)
         if found is None or len(found) != 3 or math.hypot(*found) <= 1e-9:
             at = element if xyz is None else xyz
-            raise self.error(at, f"the axis '{text.strip()}' of {said} must be three numbers, not all 0")
+            raise self.error(at, f"the axis '{text.strip()}' of {said} must be three numbers, not all 0{SIZE}")
         frame = placement
         expressed = None if xyz is None else xyz.get("expressed_in")
         if expressed:
@@ -192,10 +213,7 @@ class _Reader:
         element = axis.find(path)
         if element is None or not (element.text or "").strip():
             return default
-        try:
-            value = float(element.text)
-        except ValueError:
-            value = math.nan
+        value = number(element.text.strip())
         word = path.rpartition("/")[2]
         if math.isnan(value):
             raise self.error(element, f"{said}: its {word} limit '{element.text.strip()}' is no number")
@@ -214,7 +232,7 @@ class _Reader:
         found = numbers(text)
         quaternion = pose.get("rotation_format") == "quat_xyzw"
         if found is None or len(found) != (7 if quaternion else 6):
-            raise self.error(pose, f"the pose '{text}' must be {'seven' if quaternion else 'six'} numbers")
+            raise self.error(pose, f"the pose '{text}' must be {'seven' if quaternion else 'six'} numbers{SIZE}")
         matrix = np.eye(4)
         matrix[:3, 3] = found[:3]
         if quaternion:
@@ -226,56 +244,124 @@ class _Reader:
 
 
 class _Poses:
-    """Where the links, joints, frames and models of one model stand, in the outermost model's frame."""
+    """Where the links, joints, frames and models of one model stand, in the outermost model's frame.
 
-    def __init__(self, reader: _Reader, model: Any, placed: Array) -> None:
-        self.reader, self.placed = reader, placed
-        self.elements = {
-            str(element.get("name")): element
-            for element in model
-            if element.tag in ("link", "joint", "frame", "model") and element.get("name")
-        }
-        self.found: dict[str, Array] = {"__model__": placed, "": placed}
-        self.asked: list[str] = []
+    Names are looked up in the model itself; `inner::name` is in a model within it.
+    """
 
-    def of(self, name: str | None, where: Any = None) -> Array:
-        """The placement of what bears this name."""
-        name = str(name)
-        if name in self.found:
-            return self.found[name]
-        if name not in self.elements:
-            known = [*self.elements, "__model__"]
-            raise self.reader.error(where, f"no frame '{name}'{did_you_mean(name, known)}")
-        element = self.elements[name]
-        if name in self.asked:
-            raise self.reader.error(element, f"the pose of '{name}' is given relative to itself")
-        self.asked.append(name)
-        self.found[name] = self._base(element) @ self.reader.pose(element)
-        self.asked.pop()
-        return self.found[name]
+    def __init__(self, reader: _Reader, model: Any, placed: Array, prefix: str) -> None:
+        self.reader, self.model, self.placed, self.prefix = reader, model, placed, prefix
+        self.elements: dict[str, Any] = {}
+        for tag in ("link", "model", "frame", "joint"):  # files before 1.7 give a joint and a link the same name
+            for element in model.iterchildren(tag):
+                self.elements.setdefault(str(element.get("name", "")), element)
+        self.found: dict[Any, Array] = {}
+        self.within: dict[Any, _Poses] = {}
+        self.asked: set[Any] = set()
 
-    def link(self, name: str) -> str:
-        """The link that a name stands for: itself, or what a frame is attached to."""
-        for _ in range(len(self.elements) + 1):
-            element = self.elements.get(name)
-            if element is None or element.tag != "frame" or not element.get("attached_to"):
-                break
-            name = str(element.get("attached_to"))
-        return name
+    def of(self, name: str, where: Any) -> Array:
+        """The placement of what bears this name; `where` is the element that speaks of it."""
+        if name in ("__model__", ""):
+            return self.placed
+        element, inner, rest = self._find(name)
+        if inner is not None:
+            return inner.of(rest, where)
+        if element is not None:
+            return self.of_element(element)
+        if name == _WORLD:
+            return np.eye(4)
+        known = [*self.elements, "__model__"]
+        raise self.reader.error(where, f"no frame '{name}'{did_you_mean(name, known)}")
 
-    def _base(self, element: Any) -> Array:
-        """What an element's pose is relative to."""
+    def of_element(self, element: Any) -> Array:
+        """The placement of a link, joint, frame or model."""
+        chain, at = [], element  # each is placed relative to the next
+        while at is not None and at not in self.found:
+            if at in self.asked:
+                raise self.reader.error(at, f"the pose of '{at.get('name')}' is given relative to itself")
+            self.asked.add(at)
+            chain.append(at)
+            at = self._find(self._base(at)[0])[0]
+        for one in reversed(chain):
+            self.found[one] = self.of(*self._base(one)) @ self.reader.pose(one)
+        self.asked.difference_update(chain)
+        return self.found[element]
+
+    def inner(self, model: Any) -> _Poses:
+        """The same of a model within this one."""
+        if model not in self.within:
+            prefix, placed, held = f"{self.prefix}{model.get('name')}::", self.of_element(model), np.eye(4)
+            if model.get("placement_frame"):  # that is what the pose places
+                held = _Poses(self.reader, model, np.eye(4), prefix).of(model.get("placement_frame"), model)
+            self.within[model] = _Poses(self.reader, model, placed @ inverse(held), prefix)
+        return self.within[model]
+
+    def link(self, name: str, where: Any, wrong: str = "") -> str:
+        """The link, by its full name, that a name stands for: what a frame is attached to, a joint's child.
+
+        Args:
+            name: of a link, a frame, a joint or a model.
+            where: the element that speaks of it.
+            wrong: what to say if there is none.
+        """
+        passed = set()
+        while name not in ("__model__", ""):
+            element, inner, rest = self._find(name)
+            if inner is not None:
+                return inner.link(rest, where, wrong)
+            if element is None and name == _WORLD:
+                return _WORLD
+            if element is None:
+                near = did_you_mean(name, [_WORLD, *self.elements])
+                raise self.reader.error(where, (wrong or f"no link or frame '{name}'") + near)
+            if element.tag == "link":
+                return self.prefix + name
+            if element.tag == "model":
+                return self.inner(element).canonical()
+            if element in passed:
+                raise self.reader.error(element, f"the {element.tag} '{name}' is attached to itself")
+            passed.add(element)
+            child, where = element.find("child"), element
+            name = element.get("attached_to", "") if element.tag == "frame" else "" if child is None else _named(child)
+        return self.canonical()
+
+    def canonical(self) -> str:
+        """The link, by its full name, that the model's own frame is attached to."""
+        said = self.model.get("canonical_link")
+        if said:
+            return self.link(said, self.model, f"the canonical link '{said}' does not exist")
+        for link in self.model.iterchildren("link"):
+            return self.prefix + str(link.get("name", ""))
+        for model in self.model.iterchildren("model"):
+            return self.inner(model).canonical()
+        raise self.reader.error(self.model, f"the model '{self.model.get('name', '')}' has no link")
+
+    def _find(self, name: str) -> tuple[Any, _Poses | None, str]:
+        """The element of that name; or the model within this one where the rest of the name is to be looked up."""
+        if name in ("__model__", _WORLD, ""):
+            return None, None, ""
+        if name in self.elements:
+            return self.elements[name], None, ""
+        for model in self.model.iterchildren("model"):
+            if name.startswith(f"{model.get('name')}::"):
+                return None, self.inner(model), name[len(str(model.get("name"))) + 2 :]
+        return None, None, ""
+
+    def _base(self, element: Any) -> tuple[str, Any]:
+        """The name of what an element's pose is relative to, and the element that says so."""
         pose = element.find("pose")
         said = None if pose is None else pose.get("relative_to") or pose.get("frame")
         if said:
-            return self.of(said, pose)
+            return str(said), pose
         if element.tag == "joint":
             child = element.find("child")
-            name = "" if child is None else (child.get("link_name") or child.text or "").strip()
-            return self.placed if name == _WORLD else self.of(name, element if child is None else child)
-        if element.tag == "frame" and element.get("attached_to"):
-            return self.of(element.get("attached_to"), element)
-        return self.placed
+            return ("", element) if child is None else (_named(child), child)
+        return (element.get("attached_to") or "" if element.tag == "frame" else ""), element
+
+
+def _named(end: Any) -> str:
+    """The name that a joint's <parent> or <child> holds."""
+    return str(end.get("link_name") or end.text or "").strip()
 
 
 class _Writer:
@@ -288,6 +374,7 @@ class _Writer:
         self.joints: list[yourdfpy.Joint] = []
         self.entries: list[dict[str, Any]] = []
         self.loops: list[dict[str, Any]] = []
+        self.taken = {*model.links, *model.frames, *(joint.name for joint in model.joints)}
         self.said = {} if model.ours is None else {e.get("name"): e for e in model.ours if isinstance(e.tag, str)}
 
     def write(self) -> tuple[str, Constraints]:
@@ -302,7 +389,7 @@ class _Writer:
         self.links += [yourdfpy.Link(name=n, visuals=self._visuals(e)) for n, e in self.model.links.items()]
         self.links += [yourdfpy.Link(name=frame) for frame in self.model.frames]
         for frame, holder in self.model.frames.items():
-            held = yourdfpy.Joint(name=f"{frame}_attached", type="fixed", parent=holder, child=frame)
+            held = yourdfpy.Joint(name=self._free(f"{frame}_attached"), type="fixed", parent=holder, child=frame)
             held.origin = inverse(self.placements[holder]) @ self.placements[frame]
             self.joints.append(held)
         nodes = [root, *(n for n in (*self.model.links, *self.model.frames) if n != root)]
@@ -327,7 +414,7 @@ class _Writer:
 
         A link stands on the first joint of the file that reaches it: from its parent if any does, else from its child.
         """
-        couplings = [joint for joint in self.model.joints if joint.kind == _COUPLING]
+        couplings = [j for j in self.model.joints if j.kind == _COUPLING or j.element.find("axis/mimic") is not None]
         if couplings:
             first, more = couplings[0], len(couplings) - 1
             others = f" and {more} more" if more else ""
@@ -338,29 +425,38 @@ class _Writer:
                 stacklevel=6,
             )
         joints = [joint for joint in self.model.joints if joint.kind != _COUPLING]
-        fixed = any(_WORLD in (joint.parent, joint.child) for joint in joints)
-        root = _WORLD if fixed else self.model.root or self._first(joints)
+        fixed = self.model.fixed or any(_WORLD in (joint.parent, joint.child) for joint in joints)
+        root = _WORLD if fixed else self.model.root or self._first(joints, set())
         reached, tree, left = {root}, [], list(joints)
         while True:
-            ahead = next((j for j in left if j.parent in reached and j.child not in reached), None)
-            back = next((j for j in left if j.child in reached and j.parent not in reached), None)
-            step = ahead or back
-            if step is None:
-                break
-            left.remove(step)
-            tree.append((step, ahead is None))
-            reached |= {step.parent, step.child}
-        lost = [link for link in self.model.links if link not in reached]
-        for link in lost:  # it stands where it is, on nothing
-            fixed_joint = yourdfpy.Joint(name=f"{link}_stands", type="fixed", parent=root, child=link)
-            fixed_joint.origin = inverse(self.placements[root]) @ self.placements[link]
-            self.joints.append(fixed_joint)
-        return tree, left, root
+            step = next((j for j in left if j.parent in reached and j.child not in reached), None)
+            ahead = step is not None
+            step = step or next((j for j in left if j.child in reached and j.parent not in reached), None)
+            if step is not None:
+                left.remove(step)
+                tree.append((step, not ahead))
+                reached |= {step.parent, step.child}
+            elif len(reached - {_WORLD}) < len(self.model.links):
+                link = self._first(left, reached)  # it stands where it is, on nothing, with all that stands on it
+                stands = yourdfpy.Joint(name=self._free(f"{link}_stands"), type="fixed", parent=root, child=link)
+                stands.origin = inverse(self.placements[root]) @ self.placements[link]
+                self.joints.append(stands)
+                reached.add(link)
+            else:
+                return tree, left, root
 
-    def _first(self, joints: Sequence[_Joint]) -> str:
-        """The first link that no joint holds, or the first at all."""
+    def _first(self, joints: Sequence[_Joint], reached: set[str]) -> str:
+        """The first link, of those not reached, that no joint holds, or the first at all."""
         held = {joint.child for joint in joints}
-        return next((link for link in self.model.links if link not in held), next(iter(self.model.links)))
+        left = [link for link in self.model.links if link not in reached]
+        return next((link for link in left if link not in held), left[0])
+
+    def _free(self, name: str) -> str:
+        """A name for something that the file does not name."""
+        while name in self.taken:
+            name += "_"
+        self.taken.add(name)
+        return name
 
     def _tree_joint(self, joint: _Joint, turned: bool) -> None:
         """One joint for each axis; the last one holds the link, by a fixed joint where the axis passes beside it."""
@@ -384,7 +480,7 @@ class _Writer:
             name = joint.name if len(steps) == 1 else f"{joint.name}_{'XYZ'[i] if joint.kind == 'ball' else i + 1}"
             home, motor = self._own(name)
             last = i == len(steps) - 1 and np.array_equal(at, self.placements[child])
-            holds = child if last else f"{name}_axis"
+            holds = child if last else self._free(f"{name}_axis")
             if not last:
                 self.links.append(yourdfpy.Link(name=holds))
             made = yourdfpy.Joint(name=name, type=kind, parent=father, child=holds)
@@ -397,7 +493,7 @@ class _Writer:
             self.entries.append({"name": name, "home": home, **motor})
             father, standing = holds, at
         if father != child:
-            name = joint.name if not steps else f"{joint.name}_holds"
+            name = joint.name if not steps else self._free(f"{joint.name}_holds")
             made = yourdfpy.Joint(name=name, type="fixed", parent=father, child=child)
             made.origin = inverse(standing) @ self.placements[child]
             self.joints.append(made)
@@ -416,7 +512,7 @@ class _Writer:
         """A joint that was cut; of two axes, the first becomes a joint of the tree."""
         first, kind, axes = joint.parent, joint.kind, joint.axes
         if kind in _TWO:
-            helper = f"{joint.name}_cross"
+            helper = self._free(f"{joint.name}_cross")
             self.placements[helper] = joint.placement
             half = _Joint(joint.element, f"{joint.name}_1", "revolute", first, helper, joint.placement, [], [], [])
             half.axes, half.limits, half.velocities = axes[:1], joint.limits[:1], joint.velocities[:1]

@@ -36,7 +36,7 @@ SPHERICAL: tuple[Step, ...] = tuple(TURNS.values())
 _FAR = "1e9"  # what a URDF says of a slide without limits
 
 
-def replace_compound(tree: Any, name: str, keep_root: bool) -> list[str]:
+def replace_compound(tree: Any, name: str, keep_root: bool) -> dict[str, list[str]]:
     """Replaces all planar, spherical and floating joints of a URDF.
 
     Args:
@@ -45,22 +45,20 @@ def replace_compound(tree: Any, name: str, keep_root: bool) -> list[str]:
         keep_root: leave a floating joint alone that lets the whole robot move: the only one at its root.
 
     Returns:
-        names of the joints that were replaced.
+        the joints that were replaced, each with the names of those that it became.
     """
-    replaced = []
+    replaced: dict[str, list[str]] = {}
     for joint in joints(tree):
         kind = joint.get("type")
         if kind == "floating" and keep_root and is_root(tree, joint):
             continue
+        own = str(joint.get("name"))
         if kind == "planar":
-            replace(tree, joint, _planar(joint, name))
+            replaced[own] = replace(tree, joint, _planar(joint, name), name)
         elif kind == "spherical":
-            replace(tree, joint, SPHERICAL)
+            replaced[own] = replace(tree, joint, SPHERICAL, name)
         elif kind == "floating":
-            replace(tree, joint, (*SLIDES, *SPHERICAL))
-        else:
-            continue
-        replaced.append(str(joint.get("name")))
+            replaced[own] = replace(tree, joint, (*SLIDES, *SPHERICAL), name)
     return replaced
 
 
@@ -71,13 +69,14 @@ def is_root(tree: Any, joint: Any) -> bool:
     return all(parent not in (other.find("parent").get("link"), other.find("child").get("link")) for other in others)
 
 
-def replace(tree: Any, joint: Any, steps: Sequence[Step]) -> list[str]:
+def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str]:
     """Replaces a joint by successive ones, each named after it; between them stand empty links.
 
     Args:
         tree: the URDF's root; changed.
         joint: an element of it. It becomes the last of the successive joints.
         steps: the joints, from the parent on.
+        file: what errors call the URDF.
 
     Returns:
         names of the successive joints.
@@ -90,7 +89,8 @@ def replace(tree: Any, joint: Any, steps: Sequence[Step]) -> list[str]:
     taken = {element.get("name") for element in (*joints(tree), *links(tree))}
     for name in names:
         if name in taken:
-            raise RaffError(f"joint '{own}' can't be written as successive joints: the name '{name}' is taken")
+            what = f"joint '{own}' can't be written as successive joints: the name '{name}' is taken"
+            raise RaffError(f"{file}:{joint.sourceline}: {what}")
     parent, start = joint.find("parent").get("link"), joint.find("origin")
     at = joint.getparent().index(joint)
     for i, (name, (_, kind, axis)) in enumerate(zip(names, steps, strict=True)):

@@ -3,51 +3,23 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.readers.xml_file import parse_xml
 
 UNLIMITED = 1e9
 """What a URDF says where there is no limit and it wants one (rad/s, m/s, N, N m; m for a slide's travel)."""
 
+LARGEST = 1e13
+"""No number may be greater (m, rad): its square must leave room for the rest. RAFF's own are a tenth of it at most."""
+
+SIZE = f" (none beyond {LARGEST:g})"
+
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical")
 """Types of a joint. `spherical` is none of URDF's own, but some write it."""
-
-
-def read_text(path: Path) -> str:
-    """The text of a file.
-
-    Raises:
-        RaffError: it can't be read.
-    """
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise RaffError(f"{path}: can't be read: {error}") from None
-
-
-def parse_xml(text: str, name: str) -> Any:
-    """The first element of an XML text. Entities that it defines are not read.
-
-    Args:
-        text: of the file.
-        name: what errors call it.
-
-    Raises:
-        RaffError: no XML, or one with entities.
-    """
-    parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True, load_dtd=False)
-    try:
-        tree = etree.fromstring(text.encode(), parser)
-    except etree.XMLSyntaxError as error:
-        raise RaffError(f"{name}:{error.lineno or 1}: no XML: {error.msg}") from None
-    subset = tree.getroottree().docinfo.internalDTD
-    for entity in subset.iterentities() if subset is not None else ():
-        raise RaffError(f"{name}:1: it defines the entity '{entity.name}': entities are not read")
-    return tree
 
 
 def parse(text: str, name: str) -> Any:
@@ -64,6 +36,17 @@ def parse(text: str, name: str) -> Any:
     tree = parse_xml(text, name)
     if tree.tag != "robot":
         raise RaffError(f"{name}:{tree.sourceline}: this is no URDF: its first element is <{tree.tag}>, not <robot>")
+    try:
+        _check(tree, name)
+    except RaffError as error:
+        raise RaffError(f"{error}{_unmade(tree, name)}") from None
+    return tree
+
+
+def _check(tree: Any, name: str) -> None:
+    for joint in tree.iterchildren("joint"):
+        if joint.find("parent") is None:
+            raise RaffError(f"{name}:{joint.sourceline}: joint '{joint.get('name', '')}' has no <parent>")
     for joint in joints(tree):
         _check_axis(joint, name)
         _check_limit(joint, name)
@@ -72,7 +55,15 @@ def parse(text: str, name: str) -> Any:
             what = f"the type '{joint.get('type')}' of joint '{joint.get('name', '')}' is none of URDF's"
             raise RaffError(f"{name}:{joint.sourceline}: {what}{did_you_mean(str(joint.get('type')), KINDS)}")
     _check_tree(tree, name)
-    return tree
+
+
+def _unmade(tree: Any, name: str) -> str:
+    """What to say of a file that is wrong, if it is xacro: no URDF yet."""
+    for element in tree.iter("*"):
+        prefix = element.prefix or str(element.tag).partition(":")[0]
+        if prefix == "xacro" or any("$(" in value or "${" in value for value in element.attrib.values()):
+            return f". It holds xacro's words (line {element.sourceline}): load what `xacro {name}` makes of it"
+    return ""
 
 
 def joints(tree: Any) -> list[Any]:
@@ -83,6 +74,20 @@ def joints(tree: Any) -> list[Any]:
 def links(tree: Any) -> list[Any]:
     """The links of a URDF, in file order."""
     return list(tree.iterchildren("link"))
+
+
+def names(text: str, name: str) -> tuple[list[str], list[str]]:
+    """Names of the links of a URDF, and of its joints that move, once each is one number.
+
+    Raises:
+        RaffError: no URDF.
+    """
+    from raff2urdf.readers import successive
+
+    tree = parse(text, name)
+    known = [str(link.get("name")) for link in links(tree)]
+    successive.replace_compound(tree, name, keep_root=True)
+    return known, [str(joint.get("name")) for joint in joints(tree) if joint.get("type") not in ("fixed", "floating")]
 
 
 def remove(element: Any) -> None:
@@ -120,37 +125,52 @@ def three(element: Any, word: str, name: str, default: str = "0 0 0") -> tuple[f
     text = element.get(word, default)
     found = numbers(text)
     if found is None or len(found) != 3:
-        raise RaffError(f'{name}:{element.sourceline}: {word}="{text}" of <{element.tag}> must be three numbers')
+        shown = text if len(text) <= 60 else f"{text[:60]}..."
+        raise RaffError(f'{name}:{element.sourceline}: {word}="{shown}" of <{element.tag}> must be three numbers{SIZE}')
     return found[0], found[1], found[2]
 
 
 def numbers(text: str) -> list[float] | None:
-    """The finite numbers of a text, parted by spaces; None if something else is in it."""
+    """The numbers of a text, parted by spaces; None if something else is in it, or a number beyond LARGEST."""
+    found = [number(word) for word in text.split()]
+    return found if all(abs(value) <= LARGEST for value in found) else None
+
+
+def number(word: str) -> float:
+    """A number as XML writes it, perhaps infinite; NaN where it is none."""
     try:
-        found = [float(word) for word in text.split()]
+        return float(word) if word.isascii() and "_" not in word else math.nan
     except ValueError:
-        return None
-    return found if all(map(math.isfinite, found)) else None
+        return math.nan
 
 
 def limits(joint: Any) -> tuple[float, float] | None:
     """Low and high (rad or m) of a revolute or prismatic joint; None where it has no limits.
 
     A joint whose `<limit>` gives neither `lower` nor `upper` has none: exporters leave them out, and a joint from 0 to
-    0, as the format has it, would be none. Where one is given, the other is 0. Limits of `UNLIMITED` are none either.
+    0, as the format has it, would be none. Where one is given, the other is 0. Limits of `UNLIMITED` are none either,
+    and where only one is so far away, it is that.
     """
     limit = joint.find("limit")
     if joint.get("type") not in ("revolute", "prismatic") or silent(joint):
         return None
-    low, high = float(limit.get("lower", 0.0)), float(limit.get("upper", 0.0))
+    low, high = (min(max(number(limit.get(word, "0")), -UNLIMITED), UNLIMITED) for word in ("lower", "upper"))
     return None if low <= -UNLIMITED and high >= UNLIMITED else (low, high)
+
+
+def middle(allowed: tuple[float, float] | None) -> float:
+    """Where a joint stands if nothing says so: at 0, or between its limits (1 rad or m from one without another)."""
+    low, high = allowed or (0.0, 0.0)
+    if low <= 0.0 <= high:
+        return 0.0
+    return high - 1.0 if low <= -UNLIMITED else low + 1.0 if high >= UNLIMITED else (low + high) / 2.0
 
 
 def velocity(joint: Any) -> float | None:
     """The greatest speed (rad/s or m/s) of a joint; None where it has none, or one of 0, as exporters write."""
     limit = joint.find("limit")
-    fastest = 0.0 if limit is None else float(limit.get("velocity", 0.0))
-    return fastest if 0.0 < fastest < UNLIMITED else None
+    fastest = 0.0 if limit is None else number(limit.get("velocity", "0"))
+    return fastest if 1e-12 < fastest < UNLIMITED else None
 
 
 def silent(joint: Any) -> bool:
@@ -167,7 +187,7 @@ def _check_axis(joint: Any, name: str) -> None:
     found = numbers(axis.get("xyz", "1 0 0"))
     if found is None or len(found) != 3 or math.hypot(*found) <= 1e-9:
         what = f"axis '{axis.get('xyz')}' of joint '{joint.get('name', '')}'"
-        raise RaffError(f"{name}:{axis.sourceline}: the {what} must be three numbers, not all 0")
+        raise RaffError(f"{name}:{axis.sourceline}: the {what} must be three numbers, not all 0{SIZE}")
 
 
 def _check_limit(joint: Any, name: str) -> None:
@@ -179,10 +199,7 @@ def _check_limit(joint: Any, name: str) -> None:
     for word in ("lower", "upper", "velocity", "effort"):
         if limit.get(word) is None:
             continue
-        try:
-            values[word] = float(limit.get(word))
-        except ValueError:
-            values[word] = math.nan
+        values[word] = number(limit.get(word))
         if math.isnan(values[word]):
             raise RaffError(f"{where}: its {word} limit '{limit.get(word)}' is no number")
     for word in ("velocity", "effort"):
@@ -223,13 +240,16 @@ def _check_tree(tree: Any, name: str) -> None:
     if len(roots) > 1:
         listed = ", ".join(f"'{root}' (line {known[root].sourceline})" for root in roots[:8])
         raise RaffError(f"{name}:{known[roots[1]].sourceline}: {len(roots)} links stand on nothing: {listed}")
-    for start in known:
-        at, steps = start, 0
-        while at in father:
-            at, steps = ends(father[at])[0], steps + 1
-            if steps > len(known):
-                line = father[start].sourceline
-                raise RaffError(f"{name}:{line}: link '{start}' stands on itself, through its parents")
+    carried: dict[str, list[str]] = {}
+    for child, joint in father.items():
+        carried.setdefault(ends(joint)[0], []).append(child)
+    reached = roots
+    for link in reached:
+        reached += carried.get(link, [])
+    if len(reached) < len(known):
+        stands = set(reached)
+        start = next(link for link in known if link not in stands)
+        raise RaffError(f"{name}:{father[start].sourceline}: link '{start}' stands on itself, through its parents")
 
 
 def _unique(element: Any, seen: dict[str, Any], name: str) -> None:

@@ -267,3 +267,54 @@ def test_a_mechanism_can_be_sent_to_another_process(robot):
     assert np.array_equal(copy.q_home, delta.q_home)
     assert copy.mobility == delta.mobility
     assert np.array_equal(copy.loop_jacobian(delta.q_home), delta.loop_jacobian(delta.q_home))
+
+
+def arm(joint="", links='<link name="a"/><link name="b"/>', name='name="arm"'):
+    held = f'<joint name="j" type="revolute"><parent link="a"/><child link="b"/>{joint}</joint>'
+    return f"<robot {name}>{links}{held}</robot>"
+
+
+@pytest.mark.parametrize(
+    ("limit", "home", "allowed"),
+    [
+        ('<limit lower="2" upper="inf" effort="inf" velocity="inf"/>', 3.0, (2.0, 1e9)),
+        ('<limit lower="-1e308" upper="-3" effort="1e308" velocity="1"/>', -4.0, (-1e9, -3.0)),
+        ('<limit lower="-inf" upper="inf"/>', 0.0, (-np.inf, np.inf)),
+    ],
+)
+def test_limits_may_be_infinite(tmp_path, limit, home, allowed):
+    path = tmp_path / "arm.urdf"
+    path.write_text(arm(limit))
+    mechanism = cinegen.load(path)
+    assert mechanism.q_home.tolist() == [home]
+    assert (mechanism.model.lowerPositionLimit[0], mechanism.model.upperPositionLimit[0]) == allowed
+    raff2urdf.reverse(path)
+
+
+def test_what_no_motion_depends_on_may_be_wrong(tmp_path):
+    """Pinocchio refuses a robot without a name, and a material that is said twice."""
+    path = tmp_path / "arm.urdf"
+    red = '<material name="red"><color rgba="1 0 0 1"/></material>'
+    shape = '<visual><geometry><sphere radius="1"/></geometry><material name="red"/></visual>'
+    mass = '<inertial><mass value="heavy"/></inertial>'
+    path.write_text(
+        arm('<limit lower="-1"/>', f'{red}{red}<link name="a">{mass}</link><link name="b">{shape}</link>', "")
+    )
+    mechanism = cinegen.load(path)
+    assert mechanism.name == "robot"
+    (ball,) = mechanism.visual.geometryObjects
+    assert ball.meshColor.tolist() == [1.0, 0.0, 0.0, 1.0]
+
+
+def test_more_joints_than_pinocchio_has_memory_for_are_refused(tmp_path):
+    path = tmp_path / "long.urdf"
+    links = "".join(f'<link name="l{i}"/>' for i in range(600))
+    turns = "".join(
+        f'<joint name="j{i}" type="continuous"><parent link="l{i - 1}"/><child link="l{i}"/></joint>'
+        for i in range(1, 600)
+    )
+    path.write_text(f'<robot name="r">{links}{turns}</robot>')
+    with pytest.raises(cinegen.CinegenError, match="599 joints move, 400 may: Pinocchio would want 12 GB of memory"):
+        cinegen.load(path)
+    path.write_text(path.read_text().replace("continuous", "fixed"))
+    assert cinegen.load(path).mobility == 0

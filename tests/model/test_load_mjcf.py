@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 
 import cinegen
+import raff2urdf
 
 MODEL = """<mujoco model="zoo">
   <compiler angle="degree" eulerseq="xyz" meshdir="parts"/>
@@ -189,6 +190,7 @@ def test_shapes_are_shown_but_for_hidden_groups_and_meshes_need_not_be_there(wri
         ("<body><joint axis='0 0 0'/><geom size='1'/></body>", "can't read it: .*line 1"),
         ("<body><wheel/></body>", "MuJoCo can't read it: .*wheel.*line 1"),
         ("</worldbody><equality><connect body1='x' body2='y' anchor='0 0 0'/></equality><worldbody>", "'x'"),
+        ("<body name='a'/></worldbody><equality><connect body1='a' anchor=''/></equality><worldbody>", "can't read it"),
     ],
 )
 def test_what_is_wrong_is_told(text, says, write):
@@ -203,3 +205,39 @@ def test_no_log_is_left_behind(write, monkeypatch, tmp_path):
     monkeypatch.chdir(folder)
     cinegen.load(write(more="<option timestep='1'/>"))
     assert list(folder.iterdir()) == []
+
+
+def test_a_free_body_beside_others_keeps_its_six_joints(write):
+    """It was taken for a base that moves, and its joints were lost."""
+    geom = "<geom size='1'/>"
+    text = f"<body name='a'><freejoint name='f'/>{geom}</body><body name='b' pos='1 0 0'>{geom}</body>"
+    mechanism = cinegen.load(write(text=f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
+    assert not mechanism.floating
+    assert mechanism.joints == ("f_TX", "f_TY", "f_TZ", "f_X", "f_Y", "f_Z")
+
+
+def test_what_has_no_name_gets_one_that_is_free(write):
+    geom = "<geom size='1'/>"
+    text = f"<body name='body2'><joint name='joint1'/>{geom}<body><joint/>{geom}</body></body>"
+    mechanism = cinegen.load(write(text=f"<mujoco><worldbody>{text}</worldbody></mujoco>"))
+    assert mechanism.nodes == ("world", "body2", "body2_")
+    assert mechanism.joints == ("joint1", "joint1_")
+
+
+def test_a_place_beyond_all_measure_is_refused(write):
+    text = "<mujoco><worldbody><body pos='1e200 0 0'><joint/><geom size='1'/></body></worldbody></mujoco>"
+    with pytest.raises(cinegen.CinegenError, match="a body has a number beyond"):
+        cinegen.load(write(text=text))
+
+
+@pytest.mark.parametrize("free", ["<freejoint name='f'/>", ""])
+def test_a_body_that_is_tied_to_the_world_is_turned_into_raff(write, free):
+    arm = "<body name='arm'><joint name='j'/><geom size='1'/></body>"
+    text = f"<body name='hull' pos='0 0 1'>{free}<geom size='1'/>{arm}</body>"
+    tie = "<equality><connect name='tie' body1='arm' anchor='0 0 0.5'/></equality>"
+    path = write(text=f"<mujoco><worldbody>{text}</worldbody>{tie}</mujoco>")
+    found = raff2urdf.reverse(path, path.with_suffix(".raff"))
+    mechanism = cinegen.load(path.with_suffix(".raff"))
+    assert len(mechanism.loops) == 1
+    assert mechanism.mobility == cinegen.load(path).mobility == (4 if free else 1)
+    assert mechanism.placement(mechanism.q_home, found.nodes["hull"]).translation.tolist() == [0.0, 0.0, 1.0]

@@ -134,3 +134,26 @@ def test_what_is_wrong_is_told_by_its_line(write, change, says):
     assert change[0] in YAML
     with pytest.raises(cinegen.CinegenError, match=says):
         cinegen.load(write(YAML.replace(*change)))
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("closed_loop: &a [*a]\ntype: [3d]\n", r":1: a closed loop is a pair of frames"),
+        ("closed_loop: [&a [*a, *a]]\ntype: [3d]\n", r":1: here must stand a word, not a list"),
+        ("name_mot: [[a]]\n", r":1: here must stand a word, not a list"),
+        ("name_mot: [a]\nname_mot: [a]\n", r":2: 'name_mot' is said a second time"),
+        ("closed_loop: " + 20_000 * "[", r":1: its lists stand in one another too deeply"),
+    ],
+)
+def test_lists_where_words_should_be_are_refused(tmp_path, text, says):
+    (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    (tmp_path / "robot.yaml").write_text(text)
+    with pytest.raises(cinegen.CinegenError, match=r"robot\.yaml" + says):
+        cinegen.load(tmp_path / "r.urdf")
+
+
+def test_a_yaml_of_another_program_is_passed_over(tmp_path):
+    (tmp_path / "r.urdf").write_text('<robot name="r"><link name="a"/></robot>')
+    (tmp_path / "r.yaml").write_text("controllers: [a]\n")
+    assert cinegen.load(tmp_path / "r.urdf").loops == ()

@@ -215,3 +215,95 @@ def test_what_is_wrong_is_told_by_its_line(write, change, says):
     assert change[0] in text
     with pytest.raises(cinegen.CinegenError, match=says):
         cinegen.load(write(text.replace(*change)))
+
+
+NESTED = """<sdf version="1.9"><world name="w">
+  <frame name="spot"><pose>0 0 5 0 0 0</pose></frame>
+  <model name="outer"><pose relative_to="spot">1 0 0 0 0 0</pose>
+    <link name="a"/>
+    <model name="inner" placement_frame="grip"><pose relative_to="a">0 2 0 0 0 0</pose>
+      <link name="b"><pose>0 0 1 0 0 0</pose></link>
+      <frame name="grip" attached_to="b"><pose>0 0 1 0 0 0</pose></frame>
+      <link name="c"/>
+      <joint name="j" type="fixed"><parent>grip</parent><child>c</child></joint>
+    </model>
+    <frame name="f" attached_to="inner::j"><pose relative_to="inner::grip">3 0 0 0 0 0</pose></frame>
+    <joint name="world" type="fixed"><parent>world</parent><child>__model__</child></joint>
+    <joint name="k" type="revolute"><pose relative_to="inner::__model__"/><parent>a</parent><child>inner</child>
+      <axis><xyz expressed_in="f">0 0 1</xyz></axis></joint>
+  </model>
+</world></sdf>"""
+
+
+def test_names_within_nested_models_are_found(write):
+    """As Drake, which reads SDF by Gazebo's own library, has them."""
+    mechanism = cinegen.load(write(NESTED))
+    assert mechanism.joints == ("k",)
+    stands = {
+        name: mechanism.placement(mechanism.q_home, name).translation.tolist()
+        for name in ("a", "inner::b", "inner::grip", "inner::c", "f")
+    }
+    assert stands == {
+        "a": [1.0, 0.0, 5.0],
+        "inner::b": [1.0, 2.0, 4.0],
+        "inner::grip": [1.0, 2.0, 5.0],
+        "inner::c": [1.0, 2.0, 3.0],
+        "f": [4.0, 2.0, 5.0],
+    }
+    turned = mechanism.placement(mechanism.configuration({"k": np.pi / 2}), "f")
+    assert np.allclose(turned.translation, [1.0, 5.0, 5.0])
+
+
+def test_what_stands_on_nothing_keeps_its_joints(write):
+    link = '<link name="{}"><pose>{} 0 0 0 0 0</pose></link>'
+    turn = '<joint name="{}" type="revolute"><parent>{}</parent><child>{}</child><axis><xyz>0 0 1</xyz></axis></joint>'
+    parts = [link.format(name, i) for i, name in enumerate("abcd")] + [turn.format("j", "a", "b")]
+    mechanism = cinegen.load(
+        write(f'<sdf version="1.9"><model name="m">{"".join(parts)}{turn.format("k", "c", "d")}</model></sdf>')
+    )
+    assert (mechanism.joints, mechanism.loops) == (("j", "k"), ())
+    assert mechanism.placement(mechanism.q_home, "d").translation.tolist() == [3.0, 0.0, 0.0]
+
+
+def test_a_static_model_stands_in_its_world(write):
+    text = PARALLELOGRAM.format(kind="revolute").replace(
+        '<link name="ground"/>', '<static>true</static><pose>1 0 0 0 0 0</pose><link name="ground"/>'
+    )
+    text = text.replace(
+        '<joint name="world_joint" type="fixed"><parent>world</parent><child>ground</child></joint>', ""
+    )
+    mechanism = cinegen.load(write(text))
+    assert mechanism.nodes[0] == "world"
+    assert mechanism.placement(mechanism.q_home, "ground").translation.tolist() == [1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ('name="elbow"', 'name="drive"', r":14: a second joint 'drive': the first is on line 12"),
+        ('<link name="ground"/>', '<link name="world"/>', r":5: a link can't be called 'world'"),
+        ("<parent>crank</parent>", "<parent>coupler</parent>", r":14: joint 'elbow' holds 'coupler' on itself"),
+        ('relative_to="crank"', 'relative_to="coupler"', "the pose of 'coupler' is given relative to itself"),
+        ("<pose>0.1 0 0 0 0 0</pose>", "<pose>1e308 0 0 0 0 0</pose>", r":7: the pose '1e308.* must be six numbers"),
+    ],
+)
+def test_what_makes_no_sense_is_told_by_its_own_line(write, old, new, says):
+    with pytest.raises(cinegen.CinegenError, match=says):
+        cinegen.load(write(PARALLELOGRAM.format(kind="revolute").replace(old, new, 1)))
+
+
+def test_one_that_mimics_another_is_told(write):
+    text = PARALLELOGRAM.format(kind="revolute").replace("<limit>", '<mimic joint="swing"/><limit>', 1)
+    with pytest.warns(raff2urdf.RaffWarning, match="joint 'drive' couples two joints"):
+        cinegen.load(write(text))
+
+
+def test_a_chain_of_relative_poses_may_be_long(write):
+    links = "".join(
+        f'<link name="l{i}"><pose relative_to="l{i - 1}">0.1 0 0 0 0 0</pose></link>' for i in range(1, 1500)
+    )
+    held = "".join(
+        f'<joint name="j{i}" type="fixed"><parent>l{i - 1}</parent><child>l{i}</child></joint>' for i in range(1, 1500)
+    )
+    mechanism = cinegen.load(write(f'<sdf version="1.9"><model name="m"><link name="l0"/>{links}{held}</model></sdf>'))
+    assert mechanism.placement(mechanism.q_home, "l1499").translation[0] == pytest.approx(149.9)

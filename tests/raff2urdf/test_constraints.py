@@ -224,7 +224,7 @@ def test_a_wrong_value_is_refused_at_its_place(
     assert constraints.loads(json.dumps(values)) == values
     with pytest.raises(RaffError) as caught:
         constraints.loads(json.dumps(changed(values, path, value)), "delta4.constraints.json")
-    assert str(caught.value).startswith("delta4.constraints.json: ")
+    assert str(caught.value).startswith("delta4.constraints.json:1: ")
     assert place in str(caught.value)
 
 
@@ -237,7 +237,7 @@ def test_a_number_that_is_none_is_refused(values: constraints.Constraints, numbe
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "null", "5", "RAFF t", 100_000 * "["])
 def test_what_is_no_such_file_is_refused_by_name(text: str) -> None:
-    with pytest.raises(RaffError, match=r"^some\.json: "):
+    with pytest.raises(RaffError, match=r"^some\.json:1: "):
         constraints.loads(text, "some.json")
 
 
@@ -256,3 +256,21 @@ def test_a_file_reads_as_its_text_does(tmp_path: Path, values: constraints.Const
 
 def test_the_kind_of_a_loop_is_raffs(values: constraints.Constraints) -> None:
     assert [constraints.loop_kind(entry) for entry in values["loops"]] == [LoopKind.BALL]
+
+
+def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:
+    known = (values["nodes"], [joint["name"] for joint in values["joints"]])
+    text = constraints.dumps(values)
+    assert constraints.loads(text, "some.json", known) == values
+    changes = [("loops/0/second/node", "nowhere"), ("nodes/1", "elsewhere"), ("joints/1/name", "wheel")]
+    changes += [("loops/0/first/placement/0/0", -1.0), ("loops/0/first/placement/3/0", 1.0)]
+    changes += [("loops/0/first/placement/0/3", 1e300)]
+    for path, value in changes:
+        wrong = constraints.dumps(changed(values, path, value))
+        with pytest.raises(RaffError) as caught:
+            constraints.loads(wrong, "some.json", known)
+        line = int(str(caught.value).split(":")[1])
+        within = wrong.splitlines()[line - 1]
+        assert str(value) in within or "placement" in within
+    with pytest.raises(RaffError, match=r"some\.json:\d+: joint 'joint1' of the URDF is left out"):
+        constraints.loads(constraints.dumps({**values, "joints": values["joints"][1:]}), "some.json", known)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from mouse_streams import NIBBLES, counts, cut, magellan_keys, magellan_motion, magellan_twist, nibbles
 
 from cinegen.sense.magellan import Magellan
 from cinegen.sense.mouse_events import Fault, Keys, Model, Motion
 
+STUMP = re.compile(rb"d[%b]{19,21}$" % re.escape(NIBBLES))
 packets = st.one_of(counts.map(magellan_motion), st.integers(0, 0xFFF).map(magellan_keys))
 
 
@@ -104,11 +107,19 @@ def damaged(draw) -> tuple[bytes, bytes]:
 @given(st.lists(st.one_of(packets.map(lambda p: (p, p)), damaged()), max_size=10))
 def test_every_whole_packet_is_used_and_nothing_else(sent):
     """Between two packets no noise: a packet that lost its CR runs into the next one, which is used all the same."""
+    # Two packets of keys with four nibbles are what a model with more keys sends.
+    assume(sum(bool(re.fullmatch(rb"k[%b]{4}\r" % re.escape(NIBBLES), there)) for _, there in sent) < 2)
     decoder = Magellan()
     found = decoder.feed(magellan_keys(0)) + decoder.feed(b"".join(there for _, there in sent))
     moves = [event for event in found if isinstance(event, Motion)]
     pressed = [event for event in found if isinstance(event, Keys)]
-    whole = [packet for packet, there in sent if packet == there]
+    stumps = [b"", *(there for _, there in sent)]
+    whole = [
+        packet
+        for (packet, there), before in zip(sent, stumps, strict=False)
+        # Behind a packet of motion that is cut just there, a k may as well be a nibble of it that was damaged.
+        if packet == there and not (packet.startswith(b"k") and STUMP.search(before))
+    ]
     expected = [event for packet in whole for event in Magellan().feed(packet)]
     allowed = [event for packet, there in sent for event in Magellan().feed(packet)]
     assert _within([e for e in expected if isinstance(e, Motion)], moves)

@@ -232,3 +232,31 @@ def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
 def test_every_joint_of_the_file_is_there_once():
     found = reverse(parse(CHAIN, "x"), "x")
     assert len(found.joints) == len([j for j in joints(parse(CHAIN, "x")) if j.get("type") != "fixed"])
+
+
+def chain(count):
+    links = "".join(f'<link name="l{i}"/>' for i in range(count))
+    turns = (
+        f'<joint name="j{i}" type="continuous"><parent link="l{i - 1}"/><child link="l{i}"/>'
+        f'<origin xyz="0.1 0 0" rpy="0 {0.3 * (i % 2)} 0.1"/><axis xyz="0 0 1"/></joint>'
+        for i in range(1, count)
+    )
+    return f'<robot name="r">{links}{"".join(turns)}</robot>'
+
+
+def test_a_chain_of_two_thousand_links_is_turned():
+    """Bodies were counted by a function that called itself, as deep as the chain is long."""
+    assert len(reverse(parse(chain(2000), "x"), "x").document.robot().links) == 1999
+
+
+def test_a_joint_may_be_called_as_raff2urdf_calls_the_one_that_places_the_base():
+    found = reverse(parse(chain(3).replace('"j1"', '"joint0"'), "x"), "x")
+    assert found.joints == {"joint0": "joint1", "j2": "joint2"}
+    held = chain(3).replace('"j2" type="continuous"', '"joint0" type="fixed"')
+    assert set(reverse(parse(held, "x"), "x").nodes) == {"l0", "l1", "l2"}
+
+
+@pytest.mark.parametrize("name", ["\uff11\uff12", "1a", "a b", "-"])
+def test_a_robot_of_any_name_is_read_back(name):
+    text = raff2urdf.dumps(reverse(parse(chain(2).replace('"r"', f'"{name}"'), "x"), "x").document)
+    assert len(raff2urdf.loads(text).robot().links) == 1

@@ -6,7 +6,7 @@ import pytest
 from lxml import etree
 
 from raff2urdf.errors import RaffError
-from raff2urdf.readers.urdf import joints, limits, origin, parse, remove, velocity
+from raff2urdf.readers.urdf import joints, limits, middle, origin, parse, remove, velocity
 
 ARM = """<robot name="arm">
   <link name="base"/>
@@ -41,6 +41,11 @@ ARM = """<robot name="arm">
         (('xyz="0 0 1" rpy', 'xyz="0 nan 1" rpy'), r'x:8: xyz="0 nan 1" of <origin> must be three numbers'),
         (('effort="1"', 'effort="nan"'), r"x:10: joint 'turn': its effort limit 'nan' is no number"),
         (('effort="1"', 'effort="-1"'), r"x:10: joint 'turn': its limit of effort is -1, below 0"),
+        (('effort="1"', 'effort="1_0"'), r"x:10: joint 'turn': its effort limit '1_0' is no number"),
+        (('xyz="0 0 1" rpy', 'xyz="0 1e308 1" rpy'), r"x:8: .* must be three numbers \(none beyond 1e\+13\)"),
+        (('xyz="0 0 1" rpy', 'xyz="0 \uff11 1" rpy'), r"x:8: .* must be three numbers"),
+        (('<parent link="base"/>', ""), r"x:5: joint 'turn' has no <parent>"),
+        (('rpy="0 0 0.5"', 'rpy="0 0 ${a}"'), r"x:8: .*It holds xacro's words \(line 8\): load what `xacro x` makes"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_by_its_line(change, says):
@@ -68,6 +73,8 @@ def test_links_that_stand_on_each_other_in_a_ring_are_refused():
         ("", None, None),
         ('<limit lower="-1e9" upper="1e9" velocity="1e9"/>', None, None),
         ('<limit lower="-inf" upper="inf" velocity="inf"/>', None, None),
+        ('<limit lower="2" upper="inf" velocity="1e-320"/>', (2.0, 1e9), None),
+        ('<limit lower="-1e308" upper="2"/>', (-1e9, 2.0), None),
     ],
 )
 def test_limits_that_are_left_out_or_beyond_all_measure_are_none(limit, allowed, fastest):
@@ -94,3 +101,17 @@ def test_what_is_taken_out_leaves_its_lines_behind():
 def test_joints_that_other_elements_speak_of_are_no_joints():
     text = ARM.replace("</robot>", '<transmission name="t"><joint name="turn"/></transmission></robot>')
     assert len(joints(parse(text, "x"))) == 2
+
+
+def test_a_joint_stands_at_zero_or_inside_its_limits():
+    assert [middle(allowed) for allowed in (None, (-1.0, 2.0), (1.0, 2.0))] == [0.0, 0.0, 1.5]
+    assert [middle(allowed) for allowed in ((2.0, 1e9), (-1e9, -3.0))] == [3.0, -4.0]
+
+
+def test_a_long_chain_is_checked_in_no_time():
+    """It took the square of its length."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(3000))
+    held = (
+        f'<joint name="j{i}" type="fixed"><parent link="l{i - 1}"/><child link="l{i}"/></joint>' for i in range(1, 3000)
+    )
+    assert len(joints(parse(f'<robot name="r">{links}{"".join(held)}</robot>', "x"))) == 2999
