@@ -33,6 +33,27 @@ def of_origin(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
     )
 
 
+def turn(axis: Sequence[float] | Array, angle: float) -> Array:
+    """The turn by an angle about an axis (3,) of length 1, as a placement."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned = np.eye(4)
+    turned[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+    return turned
+
+
+def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
+    """The rotation (3, 3) of a quaternion, of any length above 0."""
+    w, x, y, z = np.array([w, x, y, z], dtype=float) / math.hypot(w, x, y, z)
+    return np.array(
+        [
+            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+        ]
+    )
+
+
 def roll_pitch_yaw(placement: ArrayLike) -> tuple[float, float, float]:
     """URDF's angles, R = Rz(yaw) Ry(pitch) Rx(roll), of a placement's rotation.
 

@@ -12,7 +12,18 @@ from cinegen.errors import CinegenWarning, LoadError
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import UNLIMITED, ends, joints, limits, links, middle, number, silent, velocity
+from raff2urdf.readers.urdf import (
+    UNLIMITED,
+    joints,
+    limits,
+    links,
+    middle,
+    number,
+    root_first,
+    several,
+    silent,
+    velocity,
+)
 
 
 def simple(tree: Any, name: str) -> Constraints:
@@ -29,9 +40,7 @@ def simple(tree: Any, name: str) -> Constraints:
     Returns:
         what `raff2urdf.constraints` would say of it: nodes, joints, floating, and no loops.
     """
-    nodes = [link.get("name") for link in links(tree)]
-    standing = {ends(joint)[1] for joint in joints(tree)}
-    nodes.sort(key=lambda node: node in standing)  # the root first
+    nodes = root_first(tree)
     successive.replace_compound(tree, name, keep_root=True)
     _tell(tree, name)
     floating, entries = None, []
@@ -125,9 +134,7 @@ def _tell(tree: Any, name: str) -> None:
 
 
 def _warn(name: str, found: list[Any], what: str) -> None:
-    first = f"{name}:{found[0].sourceline}: joint '{found[0].get('name', '')}'"
-    others = f" and {len(found) - 1} more" if len(found) > 1 else ""
-    warnings.warn(f"{first}{others}: {what}", CinegenWarning, stacklevel=5)
+    warnings.warn(f"{several(found, name)}: {what}", CinegenWarning, stacklevel=5)
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:

@@ -14,7 +14,7 @@ from raff2urdf.backward.robot import Reversal, reverse
 from raff2urdf.check import check
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.files import write_all
-from raff2urdf.readers.urdf import joints, parse, silent
+from raff2urdf.readers.urdf import joints, parse, several, silent
 from raff2urdf.writer import write
 
 
@@ -37,9 +37,7 @@ def reverse_file(
     tree = parse(text, str(path))
     left_out = [joint for joint in joints(tree) if silent(joint)]
     if left_out:
-        first = f"{path}:{left_out[0].sourceline}: joint '{left_out[0].get('name')}'"
-        more = f" and {len(left_out) - 1} more" if len(left_out) > 1 else ""
-        message = f"{first}{more}: no lower and upper limit are given; written without limits"
+        message = f"{several(left_out, str(path))}: no lower and upper limit are given; written without limits"
         warnings.warn(message, RaffWarning, stacklevel=3)
     found = reverse(tree, str(path), beside, units or units_of(tree), free_mimic)
     try:

@@ -38,13 +38,13 @@ from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse, of_origin
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import ends, joints, limits, links, middle, origin, three, velocity
+from raff2urdf.readers.urdf import ends, joints, limits, links, middle, origin, root_first, three, velocity
 from raff2urdf.urdf import BASE_JOINT
 
 Array = NDArray[np.float64]
 
 ROUGH = 1e-10
-"""The same of a limit, which matters less: 180 instead of 180.00000000001."""
+"""What a limit (m or rad) may lose to be written shorter: more than other numbers (`TIDY`), for less hangs on it."""
 
 _WORLD = "world"
 
@@ -74,7 +74,7 @@ def reverse(
     """A URDF in RAFF, without its graphics.
 
     Args:
-        tree: its root element, from `urdf_reader.parse`. Planar, spherical and floating joints are replaced in it by
+        tree: its root element, from `readers.urdf.parse`. Planar, spherical and floating joints are replaced in it by
             successive ones; a floating joint that frees the whole robot becomes a base that can move.
         name: what errors call it.
         beside: what its `.constraints.json` says: loops, motors, home, sensors.
@@ -92,14 +92,8 @@ def reverse(
             f"{name}:{mimics[0].sourceline}: RAFF can't say that a joint mimics another: {listed}{more}. With "
             "--free-mimic (in Python free_mimic=True) they become joints of their own"
         )
-    successive.replace_compound(tree, name, keep_root=_root(tree) not in _looped(beside))
+    successive.replace_compound(tree, name, keep_root=root_first(tree)[0] not in _looped(beside))
     return _Robot(tree, name, beside or {}, units).reversal()
-
-
-def _root(tree: Any) -> str:
-    """The link that stands on nothing."""
-    held = {ends(joint)[1] for joint in joints(tree)}
-    return next(str(link.get("name")) for link in links(tree) if link.get("name") not in held)
 
 
 def _looped(beside: Constraints | None) -> set[str]:
@@ -117,7 +111,7 @@ class _Robot:
         for joint in joints(tree):
             self.joints_on.setdefault(ends(joint)[0], []).append(joint)
         self.holder = {ends(joint)[1]: (i, joint) for i, joint in enumerate(joints(tree))}
-        self.root = _root(tree)
+        self.root = root_first(tree)[0]
         self.entries = {entry["name"]: entry for entry in beside.get("joints", [])}
         self.placing = self._placing()
         own = self.placing is not None and self.placing.get("name") == BASE_JOINT

@@ -19,8 +19,10 @@ import numpy as np
 import yourdfpy
 from numpy.typing import NDArray
 
-from raff2urdf.constraints import IDENTITY, Constraints
+from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.placement import of_quaternion, turn
+from raff2urdf.readers import visuals
 from raff2urdf.readers.urdf import LARGEST, UNLIMITED
 from raff2urdf.urdf import dumps
 
@@ -59,7 +61,7 @@ def read(path: Path) -> tuple[str, Constraints]:
     return _Writer(mujoco, model, spec.modelname or path.stem, meshes, str(path)).write()
 
 
-def _without_meshes(mujoco: Any, spec: Any) -> dict[str, yourdfpy.Mesh]:
+def _without_meshes(mujoco: Any, spec: Any) -> dict[str, visuals.Shape]:
     """Puts a box in the place of every mesh, and takes all that is read from other files out.
 
     Returns:
@@ -67,7 +69,7 @@ def _without_meshes(mujoco: Any, spec: Any) -> dict[str, yourdfpy.Mesh]:
     """
     files = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
     folder = Path(spec.meshdir or "")
-    found: dict[str, yourdfpy.Mesh] = {}
+    found: dict[str, visuals.Shape] = {}
     for i, geom in enumerate(spec.geoms):
         if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
             spec.delete(geom)
@@ -77,7 +79,7 @@ def _without_meshes(mujoco: Any, spec: Any) -> dict[str, yourdfpy.Mesh]:
         geom.name = geom.name or f"mesh {i}"
         mesh = files.get(geom.meshname)
         if mesh is not None and mesh.file:
-            found[geom.name] = yourdfpy.Mesh(filename=(folder / mesh.file).as_posix(), scale=np.array(mesh.scale))
+            found[geom.name] = visuals.mesh((folder / mesh.file).as_posix(), mesh.scale)
         geom.meshname, geom.type, geom.size = "", mujoco.mjtGeom.mjGEOM_BOX, [1e-3, 1e-3, 1e-3]
     soft = {flex.name for flex in spec.flexes}
     joined = [equality for equality in spec.equalities if soft & {equality.name1, equality.name2}]
@@ -101,7 +103,7 @@ def _numbers(enumeration: Any) -> Any:
 class _Writer:
     """A compiled model as a tree of joints, and loops."""
 
-    def __init__(self, mujoco: Any, model: Any, robot: str, meshes: dict[str, yourdfpy.Mesh], name: str) -> None:
+    def __init__(self, mujoco: Any, model: Any, robot: str, meshes: dict[str, visuals.Shape], name: str) -> None:
         self.mujoco, self.model, self.robot, self.meshes, self.name = mujoco, model, robot, meshes, name
         self.links: list[yourdfpy.Link] = []
         self.joints: list[yourdfpy.Joint] = []
@@ -226,7 +228,7 @@ class _Writer:
         if kind == "prismatic":
             joint.origin[:3, 3] = -zero * np.array(axis)
         else:
-            joint.origin[:3, :3] = _rotation(_about(axis, -zero))
+            joint.origin = turn(axis / np.linalg.norm(axis), -zero)
         low, high = limits or (-UNLIMITED, UNLIMITED)
         joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=UNLIMITED)
         if kind != "continuous":
@@ -272,30 +274,26 @@ class _Writer:
             if model.geom_group[g] >= _HIDDEN or body == 0:
                 continue
             material = int(model.geom_matid[g])
-            rgba = np.clip(model.mat_rgba[material] if material >= 0 else model.geom_rgba[g], 0.0, 1.0)
-            colour = "".join(f"{round(255 * float(value)):02x}" for value in rgba)
-            look = yourdfpy.Material(name=f"c{colour}", color=yourdfpy.Color(rgba=rgba.astype(float)))
+            look = visuals.material(model.mat_rgba[material] if material >= 0 else model.geom_rgba[g])
             placed = _placement(model.geom_pos[g], model.geom_quat[g])
             for shape, offset in self._shapes(kinds, g):
                 yield yourdfpy.Visual(origin=placed @ offset, geometry=shape, material=look)
 
-    def _shapes(self, kinds: Any, geom: int) -> Iterator[tuple[yourdfpy.Geometry, Array]]:
+    def _shapes(self, kinds: Any, geom: int) -> Iterator[visuals.Shape]:
         """A geom as shapes that a URDF has; an ellipsoid as the box around it."""
         mesh = self.meshes.get(self._named("GEOM", geom, "geom"))
         a, b, c = (float(x) for x in self.model.geom_size[geom])
         kind = self.model.geom_type[geom]
         if mesh is not None:
-            yield yourdfpy.Geometry(mesh=mesh), np.eye(4)
+            yield mesh
         elif kind in (kinds.mjGEOM_BOX, kinds.mjGEOM_ELLIPSOID):
-            yield yourdfpy.Geometry(box=yourdfpy.Box(size=2.0 * np.array([a, b, c]))), np.eye(4)
+            yield visuals.box([2.0 * a, 2.0 * b, 2.0 * c])
         elif kind == kinds.mjGEOM_SPHERE:
-            yield yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=a)), np.eye(4)
-        elif kind in (kinds.mjGEOM_CYLINDER, kinds.mjGEOM_CAPSULE):
-            yield yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius=a, length=2.0 * b)), np.eye(4)
-            for end in (-b, b) if kind == kinds.mjGEOM_CAPSULE else ():
-                cap = np.array(IDENTITY)
-                cap[2, 3] = end
-                yield yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=a)), cap
+            yield visuals.sphere(a)
+        elif kind == kinds.mjGEOM_CYLINDER:
+            yield visuals.cylinder(a, 2.0 * b)
+        elif kind == kinds.mjGEOM_CAPSULE:
+            yield from visuals.capsule(a, 2.0 * b)
 
 
 def _free(name: str, taken: set[Any]) -> str:
@@ -310,30 +308,13 @@ def _placement(position: Array, quaternion: Array | None) -> Array:
     placement = np.eye(4)
     placement[:3, 3] = position
     if quaternion is not None:
-        placement[:3, :3] = _rotation(quaternion)
+        placement[:3, :3] = of_quaternion(*quaternion)
     return placement
-
-
-def _rotation(wxyz: Array) -> Array:
-    w, x, y, z = np.array(wxyz, dtype=float) / np.linalg.norm(wxyz)
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
-
-
-def _about(axis: Array, angle: float) -> Array:
-    """The quaternion (w, x, y, z) of a turn about an axis."""
-    unit = np.array(axis) / np.linalg.norm(axis)
-    return np.array([math.cos(angle / 2.0), *(math.sin(angle / 2.0) * unit)])
 
 
 def _turns(wxyz: Array) -> tuple[float, float, float]:
     """Angles a, b, c of the rotation Rx(a) Ry(b) Rz(c)."""
-    r = _rotation(wxyz)
+    r = of_quaternion(*wxyz)
     a = math.atan2(-r[1, 2], r[2, 2])
     ca, sa = math.cos(a), math.sin(a)
     return (

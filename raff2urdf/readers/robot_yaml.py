@@ -25,7 +25,7 @@ from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.graphics.names import find
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import ends, joints, links, parse, remove
+from raff2urdf.readers.urdf import ends, joints, parse, remove, root_first
 from raff2urdf.readers.xml_file import read_text
 
 _WORDS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
@@ -59,9 +59,7 @@ def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
     said = _Said(path)
     tree = parse(urdf, name)
     _drop_missing(tree, path.parent, name)
-    nodes = [link.get("name") for link in links(tree)]
-    standing = {ends(joint)[1] for joint in joints(tree)}
-    nodes.sort(key=lambda node: node in standing)
+    nodes = root_first(tree)
     carried = {joint.get("name"): ends(joint)[1] for joint in joints(tree)}  # what a joint's frame moves with
     became: dict[str, list[str]] = {}
     by_name = {joint.get("name"): joint for joint in joints(tree)}

@@ -76,6 +76,18 @@ def links(tree: Any) -> list[Any]:
     return list(tree.iterchildren("link"))
 
 
+def root_first(tree: Any) -> list[str]:
+    """Names of the links of a URDF: the one that stands on nothing, then the others in file order."""
+    held = {ends(joint)[1] for joint in joints(tree)}
+    return sorted((str(link.get("name")) for link in links(tree)), key=held.__contains__)
+
+
+def several(found: list[Any], name: str) -> str:
+    """Where the first of some joints stands, its name, and how many more there are."""
+    more = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    return f"{name}:{found[0].sourceline}: joint '{found[0].get('name', '')}'{more}"
+
+
 def names(text: str, name: str) -> tuple[list[str], list[str]]:
     """Names of the links of a URDF, and of its joints that move, once each is one number.
 

@@ -17,6 +17,7 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.placement import turn
 from raff2urdf.readers.urdf import UNLIMITED
 
 Array = NDArray[np.float64]
@@ -110,7 +111,7 @@ class Bodies:
         """Where the joint's child stands on its parent at closed home (4, 4)."""
         origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
         if joint.type in TURNS:
-            return np.asarray(origin @ rotation(axis(joint), self.value(joint)))
+            return np.asarray(origin @ turn(axis(joint), self.value(joint)))
         if joint.type in SLIDES:
             along = np.eye(4)
             along[:3, 3] = axis(joint) * self.value(joint)
@@ -194,15 +195,6 @@ def limits(joint: yourdfpy.Joint) -> tuple[float, float]:
 def greatest(value: float | None) -> float:
     """A limit of speed or effort; infinite where the URDF gives none."""
     return math.inf if value is None or value >= UNLIMITED else float(value)
-
-
-def rotation(about: Array, angle: float) -> Array:
-    """The turn by an angle (rad) about an axis (3,) of length 1, as a placement (4, 4)."""
-    x, y, z = about
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned = np.eye(4)
-    turned[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-    return turned
 
 
 def unlike(name: str, taken: Collection[str]) -> str:
