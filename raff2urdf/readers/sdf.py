@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.loops import skew
-from raff2urdf.placement import inverse, of_origin
+from raff2urdf.placement import inverse, of_origin, of_quaternion, turn
+from raff2urdf.readers import visuals
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, number, numbers
 from raff2urdf.readers.xml_file import parse_xml
 from raff2urdf.urdf import BASE_JOINT, dumps
@@ -236,7 +237,8 @@ class _Reader:
         matrix = np.eye(4)
         matrix[:3, 3] = found[:3]
         if quaternion:
-            matrix[:3, :3] = _of_quaternion(found[3:])
+            x, y, z, w = found[3:]
+            matrix[:3, :3] = of_quaternion(w, x, y, z)
         else:
             degrees = pose.get("degrees", "false") in ("1", "true")
             matrix = of_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
@@ -543,7 +545,7 @@ class _Writer:
         return found
 
 
-def _geometry(geometry: Any) -> Iterator[tuple[yourdfpy.Geometry, Array]]:
+def _geometry(geometry: Any) -> Iterator[visuals.Shape]:
     """The shapes of a visual as a URDF has them, each with where it stands; what a URDF can't show is left out."""
 
     def three(path: str, default: str) -> Array:
@@ -555,41 +557,31 @@ def _geometry(geometry: Any) -> Iterator[tuple[yourdfpy.Geometry, Array]]:
     if geometry is None:
         return
     if geometry.find("box") is not None:
-        yield yourdfpy.Geometry(box=yourdfpy.Box(size=three("box/size", "1 1 1"))), np.eye(4)
-    for word in ("cylinder", "capsule"):
-        if geometry.find(word) is None:
-            continue
-        radius, length = one(f"{word}/radius"), one(f"{word}/length")
-        yield yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius=radius, length=length)), np.eye(4)
-        for end in (-0.5, 0.5) if word == "capsule" else ():
-            cap = np.eye(4)
-            cap[2, 3] = end * length
-            yield yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=radius)), cap
+        yield visuals.box(three("box/size", "1 1 1"))
+    if geometry.find("cylinder") is not None:
+        yield visuals.cylinder(one("cylinder/radius"), one("cylinder/length"))
+    if geometry.find("capsule") is not None:
+        yield from visuals.capsule(one("capsule/radius"), one("capsule/length"))
     if geometry.find("sphere") is not None:
-        yield yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=one("sphere/radius"))), np.eye(4)
+        yield visuals.sphere(one("sphere/radius"))
     if geometry.find("mesh") is not None:
-        file = geometry.findtext("mesh/uri", "").strip()
-        yield yourdfpy.Geometry(mesh=yourdfpy.Mesh(filename=file, scale=three("mesh/scale", "1 1 1"))), np.eye(4)
+        yield visuals.mesh(geometry.findtext("mesh/uri", "").strip(), three("mesh/scale", "1 1 1"))
 
 
 def _material(visual: Any) -> yourdfpy.Material | None:
     for word in ("diffuse", "ambient"):
         found = numbers(visual.findtext(f"material/{word}", "none"))
         if found is not None and len(found) in (3, 4):
-            rgba = np.clip([*found, 1.0][:4], 0.0, 1.0)
-            named = "".join(f"{round(255 * value):02x}" for value in rgba)
-            return yourdfpy.Material(name=f"c{named}", color=yourdfpy.Color(rgba=rgba))
+            return visuals.material([*found, 1.0][:4])
     return None
 
 
 def _moved(kind: str, axis: Array, value: float) -> Array:
     """The placement (4, 4) that a joint brings about."""
+    if kind != "prismatic":
+        return turn(axis, value)
     moved = np.eye(4)
-    if kind == "prismatic":
-        moved[:3, 3] = value * axis
-    else:
-        cross = skew(axis)
-        moved[:3, :3] += math.sin(value) * cross + (1.0 - math.cos(value)) * (cross @ cross)
+    moved[:3, 3] = value * axis
     return moved
 
 
@@ -599,9 +591,3 @@ def _with_z(axis: Array) -> Array:
     x = np.cross(aside, axis)
     x /= np.linalg.norm(x)
     return np.column_stack([x, np.cross(axis, x), axis])
-
-
-def _of_quaternion(xyzw: Sequence[float]) -> Array:
-    x, y, z, w = np.array(xyzw) / np.linalg.norm(xyzw)
-    v = skew((x, y, z))
-    return np.asarray(np.eye(3) + 2.0 * w * v + 2.0 * v @ v)

@@ -73,6 +73,20 @@ def test_constraint_jacobians_are_those_of_finite_differences(mechanism):
             assert np.allclose((ahead - behind) / (2.0 * step), jacobian[:, column], atol=1e-8)
 
 
+def test_its_freedoms_are_those_of_finite_differences(mechanism):
+    """The rank of the loops, counted without our Jacobian, wherever it is closed: the freedoms that are left."""
+    for q in mechanism.random_closed(3):
+        columns, step = [], 1e-5
+        for direction in np.eye(mechanism.model.nv):
+            ahead, behind = (
+                mechanism.loop_residual(pin.integrate(mechanism.model, q, sign * step * direction))
+                for sign in (1.0, -1.0)
+            )
+            columns.append((ahead - behind) / (2.0 * step))
+        rank = np.linalg.matrix_rank(np.column_stack(columns), tol=1e-7)
+        assert mechanism.mobility == mechanism.model.nv - rank
+
+
 def test_dragged_about_it_does_not_tear(mechanism):
     """Its end is pulled to and fro, further than it can go: loops closed in every tick, no joint leaps."""
     solver = cinegen.Solver(mechanism, 1e-3)
