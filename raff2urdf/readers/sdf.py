@@ -238,6 +238,8 @@ class _Reader:
         matrix[:3, 3] = found[:3]
         if quaternion:
             x, y, z, w = found[3:]
+            if math.hypot(x, y, z, w) <= 1e-9:
+                raise self.error(pose, f"the quaternion of the pose '{text}' is 0: it turns no way")
             matrix[:3, :3] = of_quaternion(w, x, y, z)
         else:
             degrees = pose.get("degrees", "false") in ("1", "true")

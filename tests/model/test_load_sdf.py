@@ -109,6 +109,23 @@ def about(axis, angle):
 
 
 @pytest.mark.parametrize(
+    "pose",
+    [
+        '<pose degrees="true">0 0 1 10 20 30</pose>',
+        f"<pose>0 0 1 {np.radians(10)} {np.radians(20)} {np.radians(30)}</pose>",
+        '<pose rotation_format="quat_xyzw">0 0 1 {} {} {} {}</pose>'.format(
+            *3.0 * pin.Quaternion(pin.rpy.rpyToMatrix(*np.radians([10.0, 20.0, 30.0]))).coeffs()
+        ),
+    ],
+    ids=["degrees", "radians", "quaternion"],
+)
+def test_a_pose_may_be_written_in_three_ways(write, pose):
+    mechanism = cinegen.load(write(arm().replace("<pose>0 0 1 0 0 0.5</pose>", pose)))
+    wanted = pin.SE3(pin.rpy.rpyToMatrix(*np.radians([10.0, 20.0, 30.0])), np.array([0.0, 0.0, 1.0]))
+    assert mechanism.placement(mechanism.q_home, "b").isApprox(wanted, 1e-12)
+
+
+@pytest.mark.parametrize(
     ("version", "axis", "direction"),
     [
         ("1.9", "<axis><xyz>0 1 0</xyz></axis>", J.rotation @ [0.0, 1.0, 0.0]),
@@ -201,6 +218,8 @@ def test_the_first_model_is_loaded_unless_another_is_named(write):
         (("</axis>", "<limit><lower>nan</lower></limit></axis>"), r":8: joint 'j': its lower limit 'nan' is no number"),
         (("</axis>", "<limit><velocity>-2</velocity></limit></axis>"), r":8: joint 'j': its limit of velocity is -2"),
         (("0 0 1 0 0 0.5", "0 0 1 0 0"), r":5: the pose '0 0 1 0 0' must be six numbers"),
+        (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0'), r":5: the pose .* must be seven"),
+        (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0 0'), r":5: the quaternion .* is 0"),
         (("<pose>0 0 1", '<pose relative_to="lost">0 0 1'), r":5: no frame 'lost'"),
         (("<pose>0 0 1", '<pose relative_to="b">0 0 1'), r":5: the pose of 'b' is given relative to itself"),
         (('type="revolute"', 'type="screw"'), r":7: joint 'j' is of the type 'screw', which can't be said"),
