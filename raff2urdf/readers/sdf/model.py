@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers.sdf.poses import WORLD, Poses, error_at, named, pose
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, number, numbers
+from raff2urdf.simulators.sdf import NAMESPACE
 
 Array = NDArray[np.float64]
-
-SPACE = "urn:raff2urdf"
-"""The namespace of what raff2urdf adds."""
 
 ONE = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 LOOPS = {"fixed": "rigid", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "ball"}
@@ -76,7 +74,7 @@ class Reader:
         if element.get("canonical_link") is not None:
             found.root = poses.canonical()
         found.fixed = element.findtext("static", "").strip() in ("1", "true")
-        found.ours = element.find(f"{{{SPACE}}}robot")
+        found.ours = element.find(f"{{{NAMESPACE}}}robot")
         return found
 
     def _gather(self, poses: Poses, found: Model) -> None:
