@@ -10,15 +10,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.solve.kernel.thresholds import NEAR, RESTING
+from cinegen.solve.kernel.thresholds import NEAR
 
 Array = NDArray[np.float64]
 
 
-def damping(sigma: Array, error: float) -> Array:
-    """(k,) what is added to each squared singular value: exactly 0 from `NEAR` on.
+def damping(sigma: Array, error: float, near: float = NEAR) -> Array:
+    """(k,) what is added to each squared singular value: exactly 0 from `near` on.
 
-    (1 - (sigma / NEAR)^2)^2 (RESTING + error) below. The term in the error's size is what keeps a robot at rest
+    (1 - (sigma / near)^2)^2 (near^2 / 4 + error) below. The term in the error's size is what keeps a robot at rest
     that is stretched towards a target out of its reach: there the step is proportional to the small singular value
     and the error to its square, and undamped the two play ping-pong (T. Sugihara, "Solvability-unconcerned inverse
     kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27, 2011).
@@ -26,6 +26,7 @@ def damping(sigma: Array, error: float) -> Array:
     Args:
         sigma: (k,) singular values.
         error: size of what is to be done, dimensionless.
+        near: the singular value from which on nothing is damped.
     """
-    near = np.maximum(0.0, 1.0 - (sigma / NEAR) ** 2) ** 2
-    return np.asarray(near * (RESTING + error))
+    part = np.maximum(0.0, 1.0 - (sigma / near) ** 2) ** 2
+    return np.asarray(part * (0.25 * near * near + error))

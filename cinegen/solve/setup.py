@@ -12,12 +12,12 @@ from cinegen.model import memory as loops
 from cinegen.model.loops import ClosedLoops
 from cinegen.model.mechanism import translations
 from cinegen.solve.kernel import memory as m
-from cinegen.solve.kernel.thresholds import ERROR_CAP, STEP_CAP
+from cinegen.solve.kernel.thresholds import ERROR_CAP, NEAR, STEP_CAP
 
 Array = NDArray[np.float64]
 
 
-def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float, gain: float) -> Memory:
+def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float) -> Memory:
     """All that does not depend on pulls, for Pinocchio's data in `system`."""
     model = mechanism.model
     nv = model.nv
@@ -34,7 +34,8 @@ def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float, gain: float)
     memory.put("r", np.zeros((4, 3)))
     settings = np.zeros(m.SETTINGS_WIDTH)
     settings[m.LENGTH] = mechanism.length
-    settings[m.DT], settings[m.GAIN], settings[m.ERROR_CAP] = dt, gain, ERROR_CAP
+    settings[m.DT], settings[m.GAIN], settings[m.ERROR_CAP] = dt, 1.0, ERROR_CAP
+    settings[m.NEAR] = NEAR
     settings[m.BEND] = _bend(model, mechanism.length)
     settings[m.TRUST] = 1.0
     memory.put("settings", settings)

@@ -66,10 +66,8 @@ class Solver:
     ) -> None:
         if not (np.isfinite(dt) and dt > 0.0):
             raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
-        if not 0.0 < gain <= 1.0:
-            raise CinegenError(f"gain must be in (0, 1], not {gain}")
         prepare_tick()
-        self.mechanism, self.dt, self.gain = mechanism, dt, gain
+        self.mechanism, self.dt = mechanism, dt
         self._system = mechanism.own_system()  # scratch of its own: no other thread or solver disturbs it
         self._model, self._data = self._system.model, self._system.data
         self._evaluate = pin.computeJointJacobians if self._model.nv else pin.forwardKinematics
@@ -77,8 +75,9 @@ class Solver:
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
         self._ranks: dict[tuple[object, ...], int] = {}
-        self._memory = memory_of(mechanism, self._system, dt, gain)
+        self._memory = memory_of(mechanism, self._system, dt)
         self._table = self._memory.table
+        self.gain = gain
         self._q, self._trial = np.zeros(self._model.nq), np.zeros(self._model.nq)
         if self._model.nq:
             self._q, self._trial = self._memory.arrays["q"], self._memory.arrays["trial"]
@@ -89,6 +88,37 @@ class Solver:
         self._latest: Array | None = None
         self._ahead: Ahead | None = None
         self.q = mechanism.q_home if q is None else q
+
+    @property
+    def gain(self) -> float:
+        """The part of a pull's error that a tick makes good, above 0 to 1. May be set at any time.
+
+        Raises:
+            CinegenError: set to something else.
+        """
+        return float(self._memory.arrays["settings"][m.GAIN])
+
+    @gain.setter
+    def gain(self, gain: float) -> None:
+        if not 0.0 < gain <= 1.0:
+            raise CinegenError(f"gain must be in (0, 1], not {gain}")
+        self._memory.arrays["settings"][m.GAIN] = gain
+
+    @property
+    def near(self) -> float:
+        """The singular value (without unit) of the pulls below which motion is damped, 0.05 unless set. More makes a
+        robot calmer near singularities, and slower; less, livelier. May be set at any time.
+
+        Raises:
+            CinegenError: set to what is not above 0 and 1 at most.
+        """
+        return float(self._memory.arrays["settings"][m.NEAR])
+
+    @near.setter
+    def near(self, near: float) -> None:
+        if not 0.0 < near <= 1.0:
+            raise CinegenError(f"damping sets in below a singular value above 0, 1 at most, not {near}")
+        self._memory.arrays["settings"][m.NEAR] = near
 
     @property
     def q(self) -> Array:
@@ -313,8 +343,7 @@ class Solver:
         if not (0.0 < seconds < np.inf and 0.0 < dt < np.inf):
             raise CinegenError(f"a forecast's seconds and dt must be positive times, not {seconds} and {dt}")
         if self._ahead is None or self._ahead.dt != dt:
-            gain = self.gain if dt == self.dt else 1.0 - (1.0 - self.gain) ** (dt / self.dt)
-            self._ahead = Ahead(Solver(self.mechanism, dt, gain=gain))
+            self._ahead = Ahead(Solver(self.mechanism, dt))
         path = self._ahead.run(self, math.ceil(seconds / dt - 1e-9), moving)
         return foresee(path, threshold, passive_threshold)
 

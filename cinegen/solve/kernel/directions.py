@@ -61,4 +61,5 @@ def all_axes(t: Table, pull_rank: int) -> int:
         vector(t[m.SCRATCH] + 8 * k, k),
         vector(t[m.SCRATCH] + 16 * k, k),
         matrix(t[m.WORK] + 8 * k * k, k, k),
+        vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.NEAR],
     )

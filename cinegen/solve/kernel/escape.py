@@ -10,7 +10,6 @@ from cinegen.kernel.compiled import Array, Table, compiled, matrix, vector
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.directions import all_axes
 from cinegen.solve.kernel.resolve import to_joints
-from cinegen.solve.kernel.thresholds import NEAR
 
 _NUDGE = 0.02  # rad or lengths of the step
 _WINS = 0.01  # of what curvature might give at the best: then it was worth it
@@ -24,7 +23,8 @@ def nudge(t: Table, step: Array, pull_rank: int) -> float:
     known = all_axes(t, pull_rank)
     square = vector(t[m.SQUARE], lesser)
     first = known
-    while first > 0 and square[first - 1] < NEAR * NEAR:
+    near = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.NEAR]
+    while first > 0 and square[first - 1] < near * near:
         first -= 1
     if first == k:
         return 0.0

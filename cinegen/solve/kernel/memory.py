@@ -135,11 +135,12 @@ _ARRAYS = (
 LAYOUT = loops.LAYOUT + _SIZES + _ARRAYS
 
 # settings, behind those of loops: seconds, gain, largest error of a tick, most that a placement bends (lengths per
-# rad^2, infinite where it is not known); then what a tick remembers: the distance it began with, what its step should
-# win, what pulls lacked last, and the part of its wish that redundancy is trusted with
+# rad^2, infinite where it is not known), the singular value below which damping sets in; then what a tick remembers:
+# the distance it began with, what its step should win, what pulls lacked last, and the part of its wish that
+# redundancy is trusted with
 _DT = loops.SETTINGS_WIDTH
-DT, GAIN, ERROR_CAP, BEND, DISTANCE, GAINED, LACK, TRUST = range(_DT, _DT + 8)
-SETTINGS_WIDTH = _DT + 8
+DT, GAIN, ERROR_CAP, BEND, NEAR, DISTANCE, GAINED, LACK, TRUST = range(_DT, _DT + 9)
+SETTINGS_WIDTH = _DT + 9
 
 # a pull's row of its table
 VALID, JOINT, TRANSLATION, ROTATION, WEIGHT, AXES_OF, AXES_JOINT, IS_TWIST, TARGET = range(9)

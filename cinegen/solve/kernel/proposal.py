@@ -14,7 +14,7 @@ from cinegen.solve.kernel.escape import nudge
 from cinegen.solve.kernel.limits import keep_bounds
 from cinegen.solve.kernel.redundancy import project_wish
 from cinegen.solve.kernel.resolve import far_from_singular, to_joints, unbounded
-from cinegen.solve.kernel.thresholds import ARRIVED, NEAR, NOISE, REST
+from cinegen.solve.kernel.thresholds import ARRIVED, NOISE, REST
 
 
 @compiled
@@ -63,11 +63,12 @@ def propose(t: Table) -> bool:
     jp, a = matrix(t[m.JP], p, n), matrix(t[m.A], lesser, larger)
     triangle = matrices(t[m.TRIANGLE], 2, p, p)
     t[m.QUICK] = 0
-    if p == pull_rank and far_from_singular(jp, p, motions, k, n, looped, e, a, triangle, y):
+    near = settings[m.NEAR]
+    if p == pull_rank and far_from_singular(jp, p, motions, k, n, looped, e, a, triangle, y, near):
         t[m.QUICK] = 1
     else:
         singular_values(t)
-        unbounded(e, p, k, pull_rank, u, b, square, y)
+        unbounded(e, p, k, pull_rank, u, b, square, y, near)
     to_joints(y, motions, k, n, looped, step)
     wishing = t[m.WISHING] != 0
     if wishing and not project_wish(t, pull_rank):
@@ -104,7 +105,7 @@ def propose(t: Table) -> bool:
             refine = refine and stopped[j] == 0.0
         if t[m.QUICK] == 0:
             for i in range(pull_rank):
-                refine = refine and square[i] >= NEAR * NEAR
+                refine = refine and square[i] >= near * near
         state = matrix(t[m.PULL_STATE], t[m.PULLS], m.STATE_WIDTH)
         for i in range(t[m.PULLS]):
             if state[i, m.HOLDS] != 0.0:

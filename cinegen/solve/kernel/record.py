@@ -15,7 +15,6 @@ from cinegen.solve.kernel.thresholds import (
     BEGIN,
     FOLLOWING,
     IDLE,
-    NEAR,
     NEAR_TYPE_2,
     ON_DETOUR,
     OUT_OF_REACH,
@@ -113,7 +112,7 @@ def finish(t: Table, accepted: bool) -> None:
         verdict = AT_LIMIT
     elif fastest < REST:
         verdict = OUT_OF_REACH
-    elif smallest < NEAR or settings[m.LOOP_SIGMA] < NEAR_TYPE_2:
+    elif smallest < settings[m.NEAR] or settings[m.LOOP_SIGMA] < NEAR_TYPE_2:
         verdict = SINGULAR
     else:
         verdict = FOLLOWING

@@ -8,16 +8,16 @@ from cinegen.kernel.compiled import Array, compiled
 from cinegen.kernel.null_space import factor, free_motions
 from cinegen.kernel.svd import decompose
 from cinegen.solve.kernel.bounds import TOUCH, nearest
-from cinegen.solve.kernel.thresholds import NEAR, RESTING
+from cinegen.solve.kernel.thresholds import RESTING
 
 _LOST = 1e-12  # a singular value below this part of the largest says nothing of its direction
 
 
 @compiled
-def damping(square: float, error: float) -> float:
+def damping(square: float, error: float, near: float) -> float:
     """What is added to a squared singular value, as `cinegen.solve.damping.damping`."""
-    ratio = square / (NEAR * NEAR)
-    return (1.0 - ratio) * (1.0 - ratio) * (RESTING + error) if ratio < 1.0 else 0.0
+    ratio = square / (near * near)
+    return (1.0 - ratio) * (1.0 - ratio) * (0.25 * near * near + error) if ratio < 1.0 else 0.0
 
 
 @compiled
@@ -77,8 +77,9 @@ def far_from_singular(
     a: Array,
     triangle: Array,
     y: Array,
+    near: float,
 ) -> bool:
-    """The same y as `unbounded` where no singular value is below `NEAR`, at a third of the cost; else False.
+    """The same y as `unbounded` where no singular value is below `near`, at a third of the cost; else False.
 
     Rows of A are made orthonormal, A = T Q with T triangular (Gram and Schmidt); the smallest singular value is at
     least 1 / |T^-1|, in Frobenius's norm.
@@ -110,7 +111,7 @@ def far_from_singular(
         s = 0.0
         for j in range(k):
             s += a[i, j] * a[i, j]
-        if not s > NEAR * NEAR:
+        if not s > near * near:
             return False
         s = 1.0 / math.sqrt(s)
         for j in range(k):
@@ -124,7 +125,7 @@ def far_from_singular(
             dot *= -s
             triangle[1, i, c] = dot
             inverse += dot * dot
-    if inverse * NEAR * NEAR > 1.0:
+    if inverse * near * near > 1.0:
         return False
     for j in range(k):
         y[j] = 0.0
@@ -138,7 +139,9 @@ def far_from_singular(
 
 
 @compiled
-def unbounded(e: Array, p: int, k: int, pull_rank: int, u: Array, b: Array, square: Array, y: Array) -> None:
+def unbounded(
+    e: Array, p: int, k: int, pull_rank: int, u: Array, b: Array, square: Array, y: Array, near: float
+) -> None:
     """What the free motions should do, bounds apart: y (k,), the least of |A y - e|^2 + damping."""
     error = 0.0
     for i in range(p):
@@ -152,7 +155,7 @@ def unbounded(e: Array, p: int, k: int, pull_rank: int, u: Array, b: Array, squa
         asked = 0.0
         for j in range(p):
             asked += (u[i, j] if rows else b[i, j]) * e[j]
-        h = square[i] + damping(square[i], error) if i < pull_rank else RESTING
+        h = square[i] + damping(square[i], error, near) if i < pull_rank else RESTING
         weight = asked / h  # of s_i w_i where rows, of w_i else
         for j in range(k):
             y[j] += weight * (b[i, j] if rows else u[i, j])
@@ -174,6 +177,7 @@ def scaled_axes(
     left: Array,
     tau: Array,
     h: Array,
+    near: float,
 ) -> int:
     """All right singular vectors w_i as rows of axes (k, k), and the root of s_i^2 + damping_i, `size` (k,).
 
@@ -188,7 +192,7 @@ def scaled_axes(
         for i in range(k):
             for j in range(k):
                 axes[i, j] = u[i, j]
-            size[i] = math.sqrt(square[i] + damping(square[i], error) if i < pull_rank else RESTING)
+            size[i] = math.sqrt(square[i] + damping(square[i], error, near) if i < pull_rank else RESTING)
         return pull_rank
     known = 0
     for i in range(min(p, pull_rank)):
@@ -197,13 +201,13 @@ def scaled_axes(
             for j in range(k):
                 axes[i, j] = s * b[i, j]
                 f[i, j] = axes[i, j]
-            size[i] = math.sqrt(square[i] + damping(square[i], error))
+            size[i] = math.sqrt(square[i] + damping(square[i], error, near))
             known += 1
     if known < k:
         factor(f, known, k, known, order, left, tau, h)
         free_motions(k, known, tau, h, axes[known:])
     for i in range(known, k):
-        size[i] = math.sqrt(damping(0.0, error) if i < pull_rank else RESTING)
+        size[i] = math.sqrt(damping(0.0, error, near) if i < pull_rank else RESTING)
     return known
 
 

@@ -20,7 +20,6 @@ from cinegen.solve.kernel.thresholds import (
     EVALUATE,
     EXACT,
     LEAST_TRUST,
-    NEAR,
     NOISE,
     STEP_CAP,
     TIGHT,
@@ -233,14 +232,15 @@ def _without_held(t: Table) -> bool:
         free_motions(n, t[m.RANK], vector(t[m.TAU], n), matrix(t[m.H], t[m.RANK], n), motions)
     lesser = min(p, k)
     rank = min(t[m.PULL_RANK], lesser)
+    near = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.NEAR]
     if p == rank:
         e, y, triangle = vector(t[m.E_TRIAL], p), vector(t[m.Y], k), matrices(t[m.TRIANGLE], 2, p, p)
-        if far_from_singular(jp, p, motions, k, n, looped, e, matrix(t[m.A], p, k), triangle, y):
+        if far_from_singular(jp, p, motions, k, n, looped, e, matrix(t[m.A], p, k), triangle, y, near):
             t[m.QUICK] = 1
             return True
     singular_values(t)
     t[m.QUICK] = 2
-    if rank > 0 and vector(t[m.SQUARE], lesser)[rank - 1] >= NEAR * NEAR:
+    if rank > 0 and vector(t[m.SQUARE], lesser)[rank - 1] >= near * near:
         return True
     t[m.REFINE] = 0
     return False
