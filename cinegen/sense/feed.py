@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 import threading
-import time
 from abc import ABC, abstractmethod
 
 from cinegen.errors import CinegenError
 from cinegen.sense.newest import Newest
-from cinegen.sense.reading import NO_TWIST, Reading, State, Status
+from cinegen.sense.reading import Reading, State, Status
 
 _SHORTEST, _LONGEST = 0.1, 3.0  # s between two attempts to open: doubled from one to the next
 _PATIENCE = 3.0  # s that `close` waits for the thread
@@ -77,11 +76,9 @@ class Feed(ABC):
         """What it is doing."""
         state, words = self._said
         if state is State.LIVE:
-            last = self.newest.last
-            if last.twist is not None and last.twist != NO_TWIST:
-                silent = time.monotonic() - last.time
-                if silent > self.timeout:
-                    state, words = State.SILENT, f"{self.url} has said nothing for {silent:.1f} s"
+            silent = self.newest.silence()
+            if silent > self.timeout:
+                state, words = State.SILENT, f"{self.url} has said nothing for {silent:.1f} s"
         return Status(state, words, self.newest.count, self.damaged)
 
     def close(self) -> None:

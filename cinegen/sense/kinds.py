@@ -8,20 +8,18 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path as File
 from typing import NamedTuple
 
-from cinegen.errors import CinegenError, CinegenWarning
+from cinegen.errors import CinegenWarning
 from cinegen.model import Mechanism
+from cinegen.sense.gamepad import Gamepad
 from cinegen.sense.json_socket import JsonSocket
 from cinegen.sense.path import SHAPES, fitted
-from cinegen.sense.reading import Sensor
+from cinegen.sense.reading import Sensor, SensorError
 from cinegen.sense.replay import Replay
 from cinegen.sense.scripted import Scripted
+from cinegen.sense.seam_file import open_seam
 from cinegen.sense.serial_mouse import SerialMouse
 from cinegen.sense.spacenav import Spacenav
 from raff2urdf.errors import did_you_mean
-
-
-class SensorError(CinegenError):
-    """A sensor that there can't be; says what can."""
 
 
 class Scene(NamedTuple):
@@ -59,12 +57,24 @@ def _path(url: str, scene: Scene) -> Sensor:
     return Scripted(fitted(scene.mechanism, scene.node or scene.mechanism.end, shape))
 
 
+def _seam(url: str, scene: Scene) -> Sensor:
+    return open_seam(url)
+
+
+def _gamepad(url: str, scene: Scene) -> Sensor:
+    if url != "gamepad:":
+        raise SensorError(f"'{url}': write gamepad:, the one of the browser that shows the robot")
+    return Gamepad()
+
+
 KINDS: Mapping[str, tuple[Callable[[str, Scene], Sensor], str]] = {
     "": (_serial, "/dev/ttyUSB0, COM3 - a Magellan (SpaceMouse) or Spaceball on a serial port"),
     "spnav": (_spacenav, "spnav: - the 3D mice of today, through the spacenav daemon"),
     "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends lines of JSON"),
     "replay": (_replay, "replay:FILE.jsonl - a recording"),
     "path": (_path, "path:circle - a script"),
+    "seam": (_seam, "seam:weld.csv?distance=10&speed=20 - along points with normals: a weld, or what is inspected"),
+    "gamepad": (_gamepad, "gamepad: - the gamepad of the browser that shows the robot"),
     "socket": (_serial, "socket://host:port - a serial 3D mouse on another machine"),
     "rfc2217": (_serial, "rfc2217://host:port - the same, behind a serial server"),
     "hwgrep": (_serial, "hwgrep://text - the serial port whose description holds a text"),
@@ -104,6 +114,12 @@ def open_sensor(
     if missing:
         warnings.warn(missing, CinegenWarning, stacklevel=2)
     return KINDS[kind][0](url, Scene(mechanism, node))
+
+
+def what_is(url: str) -> str | None:
+    """What a sensor's URL names, for people; None where no kind of sensor begins so."""
+    kind = scheme(url)
+    return KINDS[kind][1].partition(" - ")[2] if kind in KINDS else None
 
 
 def why_missing(url: str, number: int | None = None) -> str:

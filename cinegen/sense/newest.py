@@ -7,7 +7,7 @@ from collections import deque
 
 import pinocchio as pin
 
-from cinegen.sense.reading import Reading, Twist
+from cinegen.sense.reading import NO_TWIST, Reading, Twist
 
 _MOST = 64  # presses that nobody has read yet
 
@@ -49,6 +49,11 @@ class Newest:
             return down
         self._pressed.extend(sorted(buttons - down))  # before the reading that they belong to
         return buttons
+
+    def silence(self) -> float:
+        """For how long (s) nothing was said after a motion that was not at rest; 0 after one that was."""
+        last = self.last
+        return 0.0 if last.twist is None or last.twist == NO_TWIST else time.monotonic() - last.time
 
     def take(self) -> Reading | None:
         """The newest reading, with all presses that were not read yet; None if it was read already."""

@@ -7,6 +7,8 @@ from typing import NamedTuple, Protocol
 
 import pinocchio as pin
 
+from cinegen.errors import CinegenError
+
 Twist = tuple[float, float, float, float, float, float]
 """Three translations, then three rotations, each from -1 to 1: full deflection is 1.
 
@@ -15,6 +17,10 @@ Rotations are right-handed about the same axes. All devices are brought to this.
 """
 
 NO_TWIST: Twist = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class SensorError(CinegenError):
+    """A sensor that there can't be; says what can."""
 
 
 class State(Enum):

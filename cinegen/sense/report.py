@@ -12,8 +12,8 @@ from serial.tools import list_ports
 
 from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
-from cinegen.sense.kinds import KINDS, SensorError, open_sensor, overrides, scheme, why_missing
-from cinegen.sense.reading import NO_TWIST, Reading, Sensor, State, Status
+from cinegen.sense.kinds import KINDS, open_sensor, overrides, scheme, what_is, why_missing
+from cinegen.sense.reading import NO_TWIST, Reading, Sensor, SensorError, State, Status
 from cinegen.sense.record import header, line
 from cinegen.sense.spacenav import socket_path
 
@@ -67,17 +67,12 @@ def named(path: str | Path, ports: Mapping[int, str]) -> list[dict[str, Any]]:
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():
             url = ports.get(number, sensor["port"])
-            entry = found.setdefault(number, {**sensor, "port": url, "nodes": [], "kind": _kind(url)})
+            entry = found.setdefault(number, {**sensor, "port": url, "nodes": [], "kind": what_is(url)})
             entry["missing"] = why_missing(url, number)
             for node, numbers in mechanism.sensor_constraints:
                 if number in numbers:
                     entry["nodes"].append(node if len(mechanisms) == 1 else f"{mechanism.name}.{node}")
     return [found[number] for number in sorted(found)]
-
-
-def _kind(url: str) -> str | None:
-    kind = scheme(url)
-    return KINDS[kind][1].partition(" - ")[2] if kind in KINDS else None
 
 
 def here() -> dict[str, Any]:

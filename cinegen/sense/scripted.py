@@ -42,7 +42,9 @@ class Scripted:
         """Live while it is started."""
         if self._begin is None:
             return Status(State.CLOSED, f"{self.url} is not started")
-        return Status(State.LIVE, f"{self.path.node} along a {self.path.shape} of {self.path.size:.3g} m", self._count)
+        return Status(
+            State.LIVE, f"{self.path.node} follows a {self.path.shape} of {self.path.size:.3g} m", self._count
+        )
 
     def close(self) -> None:
         """Ends; when it is started again, it begins at its beginning."""

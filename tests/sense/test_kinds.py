@@ -13,9 +13,9 @@ from played import PlayedMagellan
 
 from cinegen import CinegenWarning
 from cinegen.cli import main
-from cinegen.sense import SensorError, open_sensor, overrides
+from cinegen.sense import Gamepad, SensorError, open_sensor, overrides
 from cinegen.sense.json_socket import JsonSocket
-from cinegen.sense.kinds import KINDS, scheme
+from cinegen.sense.kinds import KINDS, scheme, what_is
 from cinegen.sense.report import bar, monitor
 from cinegen.sense.scripted import Scripted
 from cinegen.sense.serial_mouse import SerialMouse
@@ -33,6 +33,7 @@ from cinegen.sense.spacenav import Spacenav
         ("spnav:", Spacenav, "spnav"),
         ("spnav:/tmp/x", Spacenav, "spnav"),
         ("tcp://127.0.0.1:7070", JsonSocket, "tcp"),
+        ("gamepad:", Gamepad, "gamepad"),
         ("tcp://:7070", JsonSocket, "tcp"),
         ("tcp://[::1]:7070", JsonSocket, "tcp"),
     ],
@@ -43,6 +44,7 @@ def test_a_url_says_the_kind(url, kind, name):
     sensor = open_sensor(url)
     assert type(sensor) is kind
     assert sensor.url == url
+    assert what_is(url)
 
 
 def test_a_path_needs_a_robot(robot):
@@ -65,6 +67,11 @@ def test_a_path_needs_a_robot(robot):
 def test_what_there_can_not_be(url, why):
     with pytest.raises(SensorError, match=re.escape(why).replace(re.escape(", did"), ".*did")):
         open_sensor(url, 2)
+
+
+def test_what_a_url_is():
+    assert what_is("path:circle") == "a script"
+    assert what_is("spnaw:") is None
 
 
 def test_a_port_that_is_not_there_is_a_warning_with_a_hint():
