@@ -49,6 +49,7 @@ class Mechanism:
         floating: whether the base can move (then q begins with its seven numbers).
         length: characteristic length, m: it makes translations commensurable with angles.
         scale: (nv,) what one dimensionless step is in each direction: `length` for slides, 1 for angles.
+        source: what it was built from: a URDF's text, and what that can't say.
         gap_as_written: how far the loops stood open in the file, without unit.
         sensors: the file's sensors, by number, as the constraints file has them.
         sensor_constraints: node and sensors, for each node that may follow some.
@@ -75,7 +76,7 @@ class Mechanism:
         self.length = length
         self.floating = floating
         self.scale = _scale(model, length)
-        self._source = source
+        self.source = source
         self._scratch = threading.local()
         self.q_home: Array = pin.neutral(model)  # until `load` has closed the loops
         self.loop_rank = 0
@@ -90,7 +91,7 @@ class Mechanism:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pinocchio's constraint models can't be pickled: a copy in another process is built from the texts."""
-        build, *texts = self._source
+        build, *texts = self.source
         return build, tuple(texts)
 
     @property
@@ -128,7 +129,7 @@ class Mechanism:
         Raises:
             LoadError: a mesh can't be read.
         """
-        return shapes(self.model, self._source.urdf, self._source.folder, self._source.name)
+        return shapes(self.model, self.source.urdf, self.source.folder, self.source.name)
 
     @property
     def end(self) -> str:

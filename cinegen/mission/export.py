@@ -1,0 +1,122 @@
+"""From a recording to a file for a robot: read, sampled anew, checked, and only then written."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+from cinegen.mission.check import Findings, check
+from cinegen.mission.formats import format_of
+from cinegen.mission.line import MissionError
+from cinegen.mission.recording import Recording
+from cinegen.mission.trajectory import Trajectory, resampled
+from raff2urdf.files import write_all
+
+_TOLD = 3  # findings in an error
+
+
+@dataclass(frozen=True, eq=False)
+class ExportReport:
+    """What was exported.
+
+    Attributes:
+        path: of the file.
+        to: the format's name.
+        joints: whose motion it holds.
+        trajectory: the motion.
+        findings: of its check.
+        recorded: how long the same took in the recording, s, by the tempo that was asked for.
+        notes: what there is to know about the file.
+    """
+
+    path: Path
+    to: str
+    joints: tuple[str, ...]
+    trajectory: Trajectory
+    findings: Findings
+    recorded: float
+    notes: tuple[str, ...]
+
+
+def export(
+    recording_path: str | Path,
+    to: str,
+    output: str | Path | None = None,
+    robot: str | None = None,
+    rate: float = 125.0,
+    speed: float = 1.0,
+    all_joints: bool = False,
+    force: bool = False,
+) -> ExportReport:
+    """Writes a robot's recorded motion to a file, whole or not at all. A file that is there is written anew.
+
+    Args:
+        recording_path: of the mission.
+        to: one of `FORMATS`.
+        output: path of the file; that of the recording with the format's ending unless given.
+        robot: its name in the recording; the only one unless given.
+        rate: samples per second.
+        speed: times as fast as recorded, as far as limits allow.
+        all_joints: whether the joints without motors are written too.
+        force: whether a motion that a robot must not be sent is written all the same.
+
+    Raises:
+        MissionError: the recording can't be read or exported, its motion leaves loops open, passes limits or a type 2
+            singularity (and when), the format can't hold it, or the file can't be written.
+        UnknownNameError: no such format, or no such robot.
+    """
+    source, form = Path(recording_path), format_of(to)
+    path = source.with_suffix(form.SUFFIX) if output is None else Path(output)
+    if os.path.realpath(path) == os.path.realpath(source):
+        raise MissionError(f"{path}: is the recording itself; name another file (-o FILE)")
+    recording = Recording.load(source)
+    trajectory = resampled(recording, robot, rate, speed)
+    joints = trajectory.mechanism.joints if all_joints else trajectory.actuated
+    content = form.write(trajectory, joints)
+    findings = check(trajectory)
+    if findings.serious and not force:
+        raise MissionError(_refused(source, trajectory, findings))
+    try:
+        write_all({path: content})
+    except OSError as error:
+        raise MissionError(f"{path}: can't be written: {(error.strerror or str(error)).lower()}") from None
+    recorded = float(trajectory.passes[-1, 1] - trajectory.passes[0, 1]) / speed
+    notes = tuple(filter(None, [form.note(content)]))
+    return ExportReport(path, to, joints, trajectory, findings, recorded, notes)
+
+
+def _refused(source: Path, trajectory: Trajectory, findings: Findings) -> str:
+    serious = findings.serious
+    told = [f"  {finding}" for finding in serious[:_TOLD]]
+    if len(serious) > _TOLD:
+        told.append(f"  and {len(serious) - _TOLD} more")
+    return "\n".join(
+        [
+            f"{source}: the motion of {trajectory.name} is not one to send to a robot:",
+            *told,
+            "record it again around that; --force writes it all the same",
+        ]
+    )
+
+
+def report_text(report: ExportReport) -> str:
+    """What was exported, for people."""
+    trajectory, findings = report.trajectory, report.findings
+    count, seconds = len(report.joints), trajectory.seconds
+    lines = [
+        f"{report.path}: {count} joint{'s' * (count != 1)} of {trajectory.name}, {len(trajectory.times)} samples in "
+        f"{seconds:.3f} s, {trajectory.rate:g} a second"
+    ]
+    slower = float(trajectory.passes[-1, 0]) - report.recorded
+    if slower > 1e-3:
+        lines.append(f"slowed down by {slower:.3f} s, for velocity limits")
+    if not findings.serious:
+        loops = trajectory.mechanism.loops
+        closed, passed = (
+            (f"loops closed to {findings.closure:.1g}, ", ", no type 2 singularity passed") if loops else ("", "")
+        )
+        lines.append(f"checked: {closed}joints within their limits{passed}")
+    for finding in findings:
+        lines.append(f"{'NOT TO BE SENT TO A ROBOT' if finding.kind.serious else 'note'}: {finding}")
+    return "\n".join([*lines, *(f"note: {note}" for note in report.notes)])

@@ -1,0 +1,53 @@
+"""A program in URScript for a Universal Robots arm, or one that reads the same: to the start by `movej`, then every
+sample by `servoj`. rad, six digits. The first of the six motors is the base, the last the third wrist."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.mission.line import MissionError
+from cinegen.mission.trajectory import Trajectory
+
+Array = NDArray[np.float64]
+
+SUFFIX = ".script"
+
+_ACCELERATION, _SPEED = 1.0, 0.5  # rad/s^2 and rad/s of the motion to the start
+_LOOKAHEAD = 0.1  # s
+_GAIN = 300
+_STOP = 2.0  # rad/s^2
+
+
+def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
+    """The program.
+
+    Raises:
+        MissionError: these are not six joints with motors that turn.
+    """
+    mechanism = trajectory.mechanism
+    turning = [joint for joint in joints if joint in mechanism.actuated and not mechanism.slides(joint)]
+    if len(joints) != 6 or len(turning) != 6:
+        more = f", and {len(joints) - len(turning)} other joints" if len(joints) > len(turning) else ""
+        raise MissionError(f"URScript is for six motors that turn: {trajectory.name} has {len(turning)}{more}")
+    q, period = trajectory.positions(joints), 1.0 / trajectory.rate
+    lines = [
+        f"# {trajectory.name}: {len(q)} positions in {trajectory.seconds:.3f} s, {trajectory.rate:g} a second",
+        f"# joints, base first (rad): {', '.join(joints)}",
+        "# Made by cinegen. First it goes to its start, straight in joint space: nothing may stand in that way.",
+        "def cinegen_motion():",
+        f"  movej({_list(q[0])}, a={_ACCELERATION}, v={_SPEED})",
+        *(f"  servoj({_list(one)}, 0, 0, {period:.6g}, {_LOOKAHEAD}, {_GAIN})" for one in q[1:]),
+        f"  stopj({_STOP})",
+        "end",
+    ]
+    return ("\n".join(lines) + "\n").encode()
+
+
+def note(content: bytes) -> str:
+    """There is nothing to know."""
+    return ""
+
+
+def _list(q: Array) -> str:
+    return f"[{', '.join(f'{value:.6f}' for value in q + 0.0)}]"

@@ -1,0 +1,55 @@
+"""Missions that are recorded for tests."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from cinegen import Mechanism, Solver
+from cinegen.mission import Motion, Recorder, Recording
+from cinegen.model import ForwardKinematics
+
+
+def record(path: Path, mechanism: Mechanism, times, q, name: str = "robot") -> Recording:
+    """A recording of configurations."""
+    with Recorder(path, {name: mechanism}, overwrite=True) as recorder:
+        for time, one in zip(times, q, strict=True):
+            recorder.write(float(time), {name: Motion(np.asarray(one))})
+    assert recorder.lost == 0
+    return Recording.load(path)
+
+
+def swung(mechanism: Mechanism, seconds: float = 2.0, rate: float = 100.0, part: float = 0.25, seed: int = 0):
+    """Times and configurations of all motors swinging about home, inside their limits, on home's branch."""
+    model, rng = mechanism.model, np.random.default_rng(seed)
+    forward = ForwardKinematics(mechanism)
+    times = np.arange(round(seconds * rate) + 1) / rate
+    swings = {}
+    for joint in mechanism.actuated:
+        i, column = mechanism.q_index(joint), mechanism.v_index(joint)
+        home = mechanism.q_home[i]
+        room = min(model.upperPositionLimit[i] - home, home - model.lowerPositionLimit[i], mechanism.scale[column])
+        swings[joint] = home, part * room * rng.uniform(0.3, 1.0), rng.uniform(0.5, 1.5)
+    q = []
+    for time in times:
+        phase = 2.0 * math.pi * time / seconds
+        q.append(forward.move({joint: home + size * math.sin(f * phase) for joint, (home, size, f) in swings.items()}))
+    return times, np.array(q)
+
+
+def dragged(mechanism: Mechanism, way, seconds: float = 1.0, rate: float = 100.0, rotation: int = 0):
+    """Times and configurations of the end pulled along `way` (3,), m, by a solver of 1 kHz."""
+    solver = Solver(mechanism, 0.001)
+    pull = solver.pull(mechanism.end, rotation=rotation)
+    begin, every = pull.target.translation.copy(), round(1000 / rate)
+    times, found = [0.0], [solver.q]
+    for tick in range(1, round(1000 * seconds) + 1):
+        pull.target = pin.SE3(pull.target.rotation, begin + np.asarray(way) * (tick / (1000 * seconds)))
+        solver.step()
+        if tick % every == 0:
+            times.append(tick / 1000)
+            found.append(solver.q)
+    return np.array(times), np.array(found)

@@ -1,0 +1,241 @@
+"""What is handed on reads back as the motion that was recorded; what must not be sent is not written."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import re
+import sys
+
+import numpy as np
+import pytest
+import yaml
+from recorded import record, swung
+
+from cinegen.errors import UnknownNameError
+from cinegen.mission import FORMATS, MissionError, Motion, Recorder, Recording, export, report_text, resampled
+from cinegen.mission.formats import format_of
+
+
+@pytest.fixture
+def recording(robot, tmp_path):
+    """`recording("delta4")`: the path of one, `run.jsonl`."""
+
+    def make(name: str, seconds: float = 0.5):
+        mechanism = robot(name)
+        record(tmp_path / "run.jsonl", mechanism, *swung(mechanism, seconds), name=name)
+        return tmp_path / "run.jsonl"
+
+    return make
+
+
+def _table(path):
+    names, *rows = csv.reader(io.StringIO(path.read_text()))
+    return names, np.array(rows, dtype=float)
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "four_bar", "delta4", "gough"])
+@pytest.mark.parametrize("all_joints", [False, True])
+def test_a_table(robot, recording, name, all_joints):
+    path, mechanism = recording(name), robot(name)
+    report = export(path, "csv", all_joints=all_joints)
+    assert report.path == path.with_suffix(".csv")
+    names, rows = _table(report.path)
+    joints = mechanism.joints if all_joints else mechanism.actuated
+    assert names == ["time", *joints]
+    motion = resampled(Recording.load(path))
+    assert (rows[:, 0] == motion.times).all()
+    assert (rows[:, 1:] == motion.positions(joints)).all()  # bit for bit
+    if all_joints:
+        q = np.array([mechanism.configuration(dict(zip(joints, row, strict=True))) for row in rows[:, 1:]])
+        assert max(map(mechanism.closure, q)) <= 1e-10
+
+
+def test_arrays(recording, tmp_path):
+    path = recording("delta4")
+    export(path, "npz", tmp_path / "out" / "motion.npz", rate=50.0)
+    motion = resampled(Recording.load(path), rate=50.0)
+    with np.load(tmp_path / "out" / "motion.npz") as found:
+        assert found["joints"].tolist() == list(motion.actuated)
+        assert (found["times"] == motion.times).all()
+        assert (found["q"] == motion.positions(motion.actuated)).all()
+        assert (found["v"] == motion.velocities(motion.actuated)).all()
+        assert (float(found["rate"]), str(found["robot"])) == (50.0, "delta4")
+
+
+@pytest.mark.parametrize("name", ["four_bar", "gough", "rx90"])
+def test_a_goal_of_ros_2(recording, name):
+    path = recording(name, 1.5)
+    report = export(path, "ros2", rate=60.0)
+    motion = report.trajectory
+    assert report.path.name == "run.yaml"
+    (key, goal), *more = yaml.safe_load(report.path.read_text()).items()
+    assert (key, more) == ("trajectory", [])
+    assert goal["joint_names"] == list(motion.actuated)
+    points = goal["points"]
+    assert [sorted(point) for point in points] == [["positions", "time_from_start", "velocities"]] * len(motion.times)
+    times = [(point["time_from_start"]["sec"], point["time_from_start"]["nanosec"]) for point in points]
+    assert all(type(part) is int and 0 <= part < 10**9 for time in times for part in time)
+    assert [sec + nano / 1e9 for sec, nano in times] == pytest.approx(motion.times, abs=1e-9)
+    assert times == sorted(set(times))
+    for key, exact in (("positions", motion.positions), ("velocities", motion.velocities)):
+        found = [point[key] for point in points]
+        assert all(type(value) is float for row in found for value in row)
+        assert np.array(found) == pytest.approx(exact(motion.actuated), abs=1e-9)
+    assert set(points[0]["velocities"]) == set(points[-1]["velocities"]) == {0.0}
+    assert report.notes == ()
+
+
+def test_a_goal_that_is_too_long_for_a_shell_is_noted(recording):
+    report = export(recording("gough"), "ros2", rate=2000.0)
+    assert report.path.stat().st_size > 128 * 1024
+    assert "--stdin" in report.notes[0]
+    assert report.notes[0] in report_text(report)
+
+
+SERVO = re.compile(r"  servoj\(\[([-\d., ]+)\], 0, 0, ([\d.]+), 0\.1, 300\)")
+
+
+@pytest.mark.parametrize("rate", [125.0, 500.0])
+def test_a_program_in_urscript(recording, rate):
+    path = recording("rx90")
+    report = export(path, "urscript", rate=rate)
+    motion = report.trajectory
+    assert report.path.name == "run.script"
+    lines = report.path.read_text().splitlines()
+    begin = lines.index("def cinegen_motion():")
+    assert all(line.startswith("# ") for line in lines[:begin])
+    assert f"# rx90: {len(motion.times)} positions in" in lines[0]
+    move, *servos, stop, end = lines[begin + 1 :]
+    start = re.fullmatch(r"  movej\(\[([-\d., ]+)\], a=1\.0, v=0\.5\)", move)
+    found = [SERVO.fullmatch(line) for line in servos]
+    assert all(found)
+    q = np.array([[float(word) for word in match[1].split(",")] for match in (start, *found)])
+    assert q == pytest.approx(motion.positions(motion.actuated), abs=5.1e-7)
+    assert all(len(word.rpartition(".")[2]) == 6 for match in found for word in match[1].split(","))
+    assert {float(match[2]) for match in found} == {1.0 / rate}
+    assert (stop, end) == ("  stopj(2.0)", "end")
+
+
+@pytest.mark.parametrize(
+    ("name", "all_joints", "has"),
+    [("delta4", False, "has 3$"), ("gough", False, "has 0, and 6 other joints"), ("sr400", True, "has 6, and 3 other")],
+)
+def test_urscript_is_for_six_motors_that_turn(recording, name, all_joints, has):
+    path = recording(name)
+    with pytest.raises(MissionError, match=f"six motors that turn: {name} {has}"):
+        export(path, "urscript", all_joints=all_joints)
+    assert [one.name for one in path.parent.iterdir()] == ["run.jsonl"]
+
+
+def test_formats_are_listed_once():
+    for name in FORMATS:
+        form = format_of(name)
+        assert form.SUFFIX.startswith(".")
+    with pytest.raises(UnknownNameError, match="no format 'cvs'"):
+        format_of("cvs")
+
+
+# --- findings --------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def forbidden(robot, tmp_path):
+    """A recording in which joint1 of the planar arm passes its limit."""
+    arm = robot("planar_3r")
+    high = arm.model.upperPositionLimit[0]
+    times = np.arange(101) / 100
+    q = np.column_stack([high - 0.5 + times, 0.5 + 0.0 * times, 0.2 * times])
+    record(tmp_path / "run.jsonl", arm, times, q)
+    return tmp_path / "run.jsonl"
+
+
+def test_what_must_not_be_sent_is_not_written(forbidden):
+    with pytest.raises(MissionError) as refused:
+        export(forbidden, "csv")
+    words = str(refused.value)
+    assert re.search(r"at 0\.\d+ s joint1 goes 0\.5 rad beyond its upper limit", words)
+    assert "record it again" in words
+    assert "--force" in words
+    assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
+
+
+def test_unless_it_is_forced(forbidden):
+    report = export(forbidden, "csv", force=True)
+    assert report.path.exists()
+    assert "NOT TO BE SENT TO A ROBOT: at 0.5" in report_text(report)
+    assert "checked" not in report_text(report)
+    assert len(report.findings.serious) == 1
+
+
+def test_what_is_told(robot, tmp_path, recording):
+    text = report_text(export(recording("delta4", 1.5), "csv"))
+    assert re.search(r"run\.csv: 3 joints of delta4, 189 samples in 1\.504 s, 125 a second\n", text)
+    assert re.search(r"checked: loops closed to \d+e-\d+, joints within their limits, no type 2 singularity", text)
+    arm = robot("planar_3r")
+    record(tmp_path / "leap.jsonl", arm, [0.0, 0.01], [[0.0, 0.5, 0.0], [1.0, 0.5, 0.0]])
+    text = report_text(export(tmp_path / "leap.jsonl", "csv", all_joints=True))
+    slower = float(re.search(r"slowed down by ([\d.]+) s, for velocity limits", text)[1])
+    assert slower == pytest.approx(1.5 / arm.model.upperVelocityLimit[0] - 0.01, rel=3e-3)
+    assert "loops" not in text
+
+
+# --- files -----------------------------------------------------------------------------------------------------------
+
+
+def test_one_of_several_robots(robot, tmp_path):
+    arm, delta = robot("planar_3r"), robot("delta4")
+    path = tmp_path / "run.jsonl"
+    with Recorder(path, {"arm": arm, "delta": delta}) as recorder:
+        for i in range(20):
+            recorder.write(i / 20, {"arm": Motion(np.full(3, 0.5 + i / 40)), "delta": Motion(delta.q_home)})
+    with pytest.raises(MissionError, match="several robots: name one of arm, delta"):
+        export(path, "csv")
+    with pytest.raises(UnknownNameError, match="no robot 'amr'"):
+        export(path, "csv", robot="amr")
+    assert export(path, "csv", robot="arm").joints == arm.joints
+    assert _table(tmp_path / "run.csv")[0] == ["time", *arm.joints]
+
+
+def test_faster_and_slower(recording):
+    path = recording("planar_3r", 2.0)
+    once, slow = export(path, "csv"), export(path, "csv", speed=0.5)
+    assert slow.trajectory.seconds == 2.0 * once.trajectory.seconds
+    assert "slowed down" not in report_text(slow)
+    assert export(path, "csv", speed=100.0).trajectory.seconds > 0.05
+    with pytest.raises(MissionError, match="speed must be a positive number"):
+        export(path, "csv", speed=0.0)
+
+
+def test_a_file_is_written_whole_or_not_at_all(recording, tmp_path, monkeypatch):
+    path = recording("planar_3r")
+    out = tmp_path / "out.csv"
+    out.write_text("the one before")
+    with pytest.raises(MissionError, match="is the recording itself"):
+        export(path, "csv", path)
+    (tmp_path / "link").symlink_to(path)
+    with pytest.raises(MissionError, match="is the recording itself"):
+        export(path, "csv", tmp_path / "link")
+
+    def full(contents):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(sys.modules[export.__module__], "write_all", full)
+    with pytest.raises(MissionError, match=r"out\.csv: can't be written: no space left"):
+        export(path, "csv", out)
+    assert out.read_text() == "the one before"
+    monkeypatch.undo()
+    export(path, "csv", out)
+    assert out.read_text().startswith("time,joint1")
+    with pytest.raises(MissionError, match="can't be written"):
+        export(path, "csv", tmp_path)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["link", "out.csv", "run.jsonl"]
+
+
+def test_numbers_are_not_dressed_up(recording):
+    """No -0.000000 in programs, no number in words that YAML takes for text."""
+    path = recording("rx90")
+    assert "-0.000000" not in export(path, "urscript").path.read_text()
+    assert not re.search(r"[ \[]-?\d+e", export(path, "ros2").path.read_text())
+    assert math.isfinite(export(path, "csv").findings.sigma)

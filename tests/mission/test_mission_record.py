@@ -1,0 +1,465 @@
+"""A mission in a file: what was handed over is read back bit for bit, whatever happens to program, disk and file."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recorded import record, swung
+
+import cinegen.mission.recorder as module
+from cinegen import CinegenError
+from cinegen.errors import UnknownNameError
+from cinegen.mission import MissionError, Motion, Place, Player, Pull, Recorder, Recording
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+doubles = st.lists(finite, min_size=3, max_size=3)
+
+
+def _wait(condition, seconds=10.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it took too long"
+        time.sleep(0.002)
+
+
+def _pull(x=0.0, who="hand"):
+    turned = pin.SE3(pin.exp3(np.array([0.1, x, -0.3])), np.array([x, 0.2, 0.3]))
+    return Pull("tool", who, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), turned, 3, 0, 2.5)
+
+
+def _same(one: Pull, other: Pull):
+    assert one[:2] == other[:2]
+    assert one[4:] == other[4:]
+    assert one.at.isApprox(other.at, 1e-14)
+    assert (one.target is None) == (other.target is None)
+    assert one.target is None or one.target.isApprox(other.target, 1e-14)
+
+
+# --- what was handed over is read ------------------------------------------------------------------------------------
+
+
+@settings(max_examples=30)
+@given(st.lists(doubles, max_size=8), st.floats(-1e6, 1e6))
+def test_what_was_recorded_is_read_bit_for_bit(robot, tmp_path_factory, configurations, begin):
+    arm, path = robot("planar_3r"), tmp_path_factory.mktemp("mission") / "run.jsonl"
+    with Recorder(path, {"arm": arm}) as recorder:
+        for i, q in enumerate(configurations):
+            recorder.write(begin + i / 64, {"arm": Motion(np.array(q))})
+    recording = Recording.load(path)
+    assert recorder.lost == 0
+    assert recorder.seconds == pytest.approx(recording.seconds, abs=1e-9)
+    assert recording.q["arm"].tobytes() == np.array(configurations).tobytes()
+    assert recording.times == pytest.approx([i / 64 for i in range(len(configurations))], abs=1e-9)
+
+
+def test_pulls_verdicts_and_places_are_read(robot, tmp_path):
+    arm, delta = robot("planar_3r"), robot("delta4")
+    place = Place(("arm", "tool"), pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), np.array([0.1, 0.0, 0.5])))
+    pulls = [(), (_pull(),), (_pull(),), (_pull(1.0), _pull(0.0, "pin")), (_pull()._replace(target=None),), ()]
+    with Recorder(tmp_path / "run.jsonl", {"arm": arm, "delta": delta}, {"delta": place}) as recorder:
+        for i, now in enumerate(pulls):
+            q = np.array([0.1, 0.2, 0.01 * i])
+            robots = {"arm": Motion(q, now, "FOLLOWING" if now else "IDLE")}
+            if i == 3:
+                robots["delta"] = Motion(delta.q_home, (), "AT_LIMIT")
+            recorder.write(i / 100, robots)
+            q[:] = np.nan  # it may be used again
+    recording = Recording.load(tmp_path / "run.jsonl")
+    assert recording.robots == ("arm", "delta")
+    for said, read in zip(pulls, recording.pulls["arm"], strict=True):
+        assert len(said) == len(read)
+        for one, other in zip(said, read, strict=True):
+            _same(one, other)
+    assert recording.verdicts["arm"] == ["IDLE", *["FOLLOWING"] * 4, "IDLE"]
+    assert recording.q["arm"][:, 2] == pytest.approx([0.01 * i for i in range(6)])
+    assert recording.verdicts["delta"] == ["IDLE"] * 3 + ["AT_LIMIT"] * 3  # unsaid: at home, then as it was
+    assert (recording.q["delta"] == delta.q_home).all()
+    stands_on, placement = recording.places["delta"]
+    assert stands_on == ("arm", "tool")
+    assert placement.isApprox(place.placement, 1e-14)
+    assert recording.places["arm"].stands_on is None
+    assert recording.places["arm"].placement == pin.SE3.Identity()
+
+
+def test_what_does_not_change_is_not_written_again(robot, tmp_path):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    with Recorder(path, {"arm": arm}) as recorder:
+        for i in range(4):
+            recorder.write(i, {"arm": Motion(np.array([0.0, 0.0, 1.0 * (i > 1)]), (_pull(),))})
+        recorder.write(4, {"arm": Motion(np.array([-0.0, 0.0, 1.0]), (_pull(),))})
+    lines = [json.loads(line)["robots"] for line in path.read_text().splitlines()[1:]]
+    assert [sorted(line.get("arm", "")) for line in lines] == [
+        ["pulls", "q", "verdict"], [], ["q", "verdict"], [], ["q", "verdict"]
+    ]  # fmt: skip
+    assert np.signbit(Recording.load(path).q["arm"][-1, 0])
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "four_bar", "delta4", "gough", "hybrid", "sr400"])
+def test_the_robot_is_built_again_from_the_file_alone(robot, tmp_path, name):
+    mechanism = robot(name)
+    times, q = swung(mechanism, 0.2)
+    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
+    again = recording.mechanism("robot")
+    assert again is recording.mechanism("robot")
+    assert (again.name, again.joints, again.actuated, again.nodes) == (
+        mechanism.name, mechanism.joints, mechanism.actuated, mechanism.nodes
+    )  # fmt: skip
+    said = json.loads((tmp_path / "run.jsonl").read_text().splitlines()[0])["robots"]["robot"]
+    assert dict(zip(said["joints"], q[-1][said["index"]], strict=True)) == {
+        joint: q[-1][mechanism.q_index(joint)] for joint in mechanism.joints
+    }
+    assert again.q_home.tobytes() == mechanism.q_home.tobytes()
+    assert max(map(again.closure, recording.q["robot"])) <= 1e-12
+    assert again.placement(q[-1], again.end) == mechanism.placement(q[-1], mechanism.end)
+
+
+def test_a_robot_whose_meshes_are_gone_is_built_again(tmp_path):
+    (tmp_path / "part.stl").write_bytes(b"solid\nendsolid\n")
+    urdf = tmp_path / "one.urdf"
+    urdf.write_text(
+        '<robot name="one"><link name="a"><visual><geometry><mesh filename="part.stl"/></geometry></visual></link>'
+        '<link name="b"/><joint name="j" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 0 1"/>'
+        "</joint></robot>"
+    )
+    import cinegen
+
+    mechanism = cinegen.load(urdf)
+    recording = record(tmp_path / "run.jsonl", mechanism, [0.0], [mechanism.q_home])
+    assert json.loads((tmp_path / "run.jsonl").read_text().splitlines()[0])["robots"]["robot"]["folder"] == str(
+        tmp_path
+    )
+    (tmp_path / "part.stl").unlink()
+    urdf.unlink()
+    assert recording.mechanism("robot").joints == ("j",)
+
+
+# --- programs, disks -------------------------------------------------------------------------------------------------
+
+
+def test_a_process_that_is_killed_leaves_all_but_the_last_line(tmp_path, root):
+    path = tmp_path / "run.jsonl"
+    program = f"""
+import itertools, time
+import numpy as np
+import cinegen
+from cinegen.mission import Motion, Recorder
+arm = cinegen.load({str(root / "robots" / "planar_3r.raff")!r})
+recorder = Recorder({str(path)!r}, {{"arm": arm}})
+for i in itertools.count():
+    recorder.write(i / 100, {{"arm": Motion(np.full(3, float(i)))}})
+    print(i, flush=True)
+    time.sleep(0.001)
+"""
+    with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True) as process:
+        said = [process.stdout.readline() for _ in range(100)]
+        time.sleep(0.1)
+        process.send_signal(signal.SIGKILL)
+    assert said[-1] == "99\n"
+    recording = Recording.load(path)
+    count = len(recording.times)
+    assert count >= 100
+    assert (recording.q["arm"] == np.arange(float(count))[:, None]).all()
+
+
+@pytest.mark.parametrize("keep", [0.3, 0.9999])
+def test_a_line_that_was_cut_is_left_out(robot, tmp_path, keep):
+    path = tmp_path / "run.jsonl"
+    arm = robot("planar_3r")
+    whole = record(path, arm, np.arange(5) / 10, np.arange(15.0).reshape(5, 3))
+    lines = path.read_bytes().splitlines(keepends=True)
+    path.write_bytes(b"".join(lines[:-1]) + lines[-1][: int(keep * len(lines[-1]))])
+    cut = Recording.load(path)
+    assert cut.times.tolist() == whole.times[:-1].tolist()
+    assert (cut.q["robot"] == whole.q["robot"][:-1]).all()
+
+
+def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    recorder, write = Recorder(path, {"arm": arm}), os.write
+    room = [2500]
+
+    def nearly_full(file, data):
+        if room[0] <= 0:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        room[0], data = room[0] - len(data), data[: room[0]]
+        return write(file, data)
+
+    monkeypatch.setattr(module.os, "write", nearly_full)
+    for i in range(100):
+        recorder.write(i / 10, {"arm": Motion(np.full(3, float(i)))})
+    _wait(lambda: recorder.error)
+    assert recorder.error == "the disk is full"
+    recorder.write(100.0, {"arm": Motion(np.zeros(3))})
+    recorder.close()
+    recorder.close()
+    assert recorder.error == "the disk is full"
+    assert 10 < len(Recording.load(path).times) < 60
+
+
+def test_a_line_that_the_system_takes_in_parts(robot, tmp_path, monkeypatch):
+    arm, write = robot("planar_3r"), os.write
+    q = np.random.default_rng(0).normal(size=(20, 3))
+    monkeypatch.setattr(module.os, "write", lambda file, data: write(file, data[:7]))
+    assert (record(tmp_path / "run.jsonl", arm, np.arange(20), q).q["robot"] == q).all()
+
+
+def test_a_disk_that_is_full_from_the_beginning(robot, monkeypatch):
+    if not os.path.exists("/dev/full"):
+        pytest.skip("no /dev/full here")
+    with pytest.raises(MissionError, match="/dev/full: can't be written: the disk is full"):
+        Recorder("/dev/full", {"arm": robot("planar_3r")})
+
+
+def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    monkeypatch.setattr(module, "MOST", 20)
+    monkeypatch.setattr(module, "_PATIENCE", 0.05)
+    recorder, write, stuck = Recorder(path, {"arm": arm}), os.write, [True]
+
+    def waits(file, data):
+        while stuck[0]:
+            time.sleep(0.002)
+        return write(file, data)
+
+    monkeypatch.setattr(module.os, "write", waits)
+    for i in range(200):
+        recorder.write(i / 10, {"arm": Motion(np.full(3, float(i)))})
+        time.sleep(0.0005)
+    assert 150 < recorder.lost < 181
+    assert len(recorder._queue) == 20
+    taken = 200 - recorder.lost
+    recorder.close()
+    assert recorder.error == "the disk does not answer"
+    stuck[0] = False
+    _wait(lambda: not recorder._thread.is_alive())
+    assert len(Recording.load(path).times) == taken
+
+
+def test_what_makes_no_sense_is_left_out(robot, tmp_path):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    good = np.zeros(3)
+    with Recorder(path, {"arm": arm}) as recorder:
+        for time_ in (float("nan"), float("inf"), None):
+            recorder.write(time_, {"arm": Motion(good)})
+        recorder.write(0.5, {"arm": Motion(good[:2])})
+        recorder.write(1.0, {"arm": Motion(good)})
+        recorder.write(1.0 + 1e-12, {"arm": Motion(good)})  # the file tells ns
+        for robots in (
+            {"arm": Motion(np.array([0.0, np.nan, 0.0]))},
+            {"arm": Motion(np.zeros(4))},
+            {"leg": Motion(good)},
+            {"arm": Motion(good, (None,))},
+            {"arm": Motion(good, (_pull()._replace(weight=float("nan")),))},
+            {"arm": None},
+            None,
+        ):
+            recorder.write(2.0 + recorder.lost, robots)
+            _wait(lambda: not recorder._queue)
+            time.sleep(0.03)
+        recorder.write(0.5, {"arm": Motion(good)})  # earlier
+        recorder.write(float("nan"), {"arm": Motion(good)})
+        pull = _pull()._replace(target="somewhere")
+        recorder.write(40.0, {"arm": Motion(good + 1.0, (pull,))})
+    assert recorder.lost == 14
+    recording = Recording.load(path)
+    assert recording.times.tolist() == [0.0, 39.0]
+    assert recording.pulls["arm"][1][0].target is None
+
+
+def test_a_loop_closes_without_waiting(robot, tmp_path):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    recorder = Recorder(path, {"arm": arm})
+    for i in range(100):
+        recorder.write(i / 100, {"arm": Motion(np.full(3, float(i)))})
+    begin = time.perf_counter()
+    recorder.close(wait=False)
+    assert time.perf_counter() - begin < 0.02
+    assert recorder.error == "closed"
+    recorder.write(9.0, {"arm": Motion(np.zeros(3))})
+    recorder.close()
+    assert (recorder.lost, len(Recording.load(path).times)) == (0, 100)
+
+
+def test_it_leaves_no_file_and_no_thread(robot, tmp_path):
+    import threading
+
+    if not os.path.isdir("/proc/self/fd"):
+        pytest.skip("no /proc here")
+    files, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
+    for i in range(5):
+        Recorder(tmp_path / f"{i}", {"arm": robot("planar_3r")}).close()
+    assert (len(os.listdir("/proc/self/fd")), threading.active_count()) == (files, threads)
+    assert sorted(path.name for path in tmp_path.iterdir()) == list("01234")
+
+
+def test_it_takes_no_time(robot, tmp_path):
+    mechanism = robot("gough")
+    motion = {"gough": Motion(mechanism.q_home, (_pull(), _pull()))}
+    with Recorder(tmp_path / "run.jsonl", {"gough": mechanism}) as recorder:
+        took = []
+        for i in range(500):
+            begin = time.perf_counter()
+            recorder.write(i / 100, motion)
+            took.append(time.perf_counter() - begin)
+    assert np.median(took) < 50e-6  # it is less than 5 on a machine that does nothing else
+
+
+# --- files that are there --------------------------------------------------------------------------------------------
+
+
+def test_nothing_that_is_there_is_lost(robot, tmp_path):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    path.write_text("my notes\n")
+    for overwrite in (False, True):
+        with pytest.raises(MissionError, match="is there already, and no mission"):
+            Recorder(path, {"arm": arm}, overwrite=overwrite)
+    assert path.read_text() == "my notes\n"
+    path.unlink()
+    record(path, arm, [0.0, 1.0], np.zeros((2, 3)))
+    before = path.read_bytes()
+    with pytest.raises(MissionError, match="is a mission already; name another"):
+        Recorder(path, {"arm": arm})
+    assert path.read_bytes() == before
+    Recorder(path, {"arm": arm}, overwrite=True).close()
+    assert len(Recording.load(path).times) == 0
+    (tmp_path / "empty").touch()
+    Recorder(tmp_path / "empty", {"arm": arm}).close()
+    with pytest.raises(MissionError, match="can't be written: is a directory"):
+        Recorder(tmp_path, {"arm": arm})
+
+
+def test_places_of_robots_that_are_not_there(robot, tmp_path):
+    for places, why in (
+        ({"leg": Place()}, "no robot 'leg'"),
+        ({"arm": Place(("leg", "tool"))}, "'tool' of 'leg'"),
+        ({"arm": Place(("arm", "hat"))}, "'hat' of 'arm'"),
+    ):
+        with pytest.raises(MissionError, match=why):
+            Recorder(tmp_path / "run.jsonl", {"arm": robot("planar_3r")}, places)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda lines: [b"", *lines], "no recording of a mission"),
+        (lambda lines: [b"[]"], "no recording of a mission"),
+        (lambda lines: [b'{"cinegen":"readings","version":1}'], "It is one of a sensor's readings"),
+        (lambda lines: [lines[0].replace(b'"version":1', b'"version":7', 1)], "version 7, only 1"),
+        (lambda lines: [b'{"cinegen":"mission","version":1,"robots":{}}'], "names no robots"),
+        (lambda lines: [b'{"cinegen":"mission","version":1,"robots":{"a":{"nq":1}}}'], "does not describe"),
+        (lambda lines: [*lines[:2], lines[2][:-5], *lines[3:]], ":3: no JSON"),
+        (lambda lines: [*lines[:3], lines[1]], ":4: its time is not after"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"leg":{}}}'], ":5: robot 'leg' is not one"),
+        (lambda lines: [*lines, b'{"t":NaN,"robots":{}}'], ":5: no JSON"),
+        (lambda lines: [*lines, b'{"t":1e999,"robots":{}}'], ":5: 't' must be finite"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1]}}}'], ":5: 'q' must be a list of 3"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'], ":5: 'verdict'"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"verdict":"X","pulls":[3]}}}'], ":5: a pull"),
+    ],
+)
+def test_a_file_that_is_damaged_or_something_else(robot, tmp_path, change, why):
+    path = tmp_path / "run.jsonl"
+    record(path, robot("planar_3r"), [0.0, 1.0, 2.0], np.arange(9.0).reshape(3, 3))
+    path.write_bytes(b"\n".join(change(path.read_bytes().splitlines())) + b"\n")
+    with pytest.raises(MissionError, match=why):
+        Recording.load(path)
+
+
+def test_a_file_that_is_not_there(tmp_path):
+    with pytest.raises(MissionError, match="can't be read: no such file"):
+        Recording.load(tmp_path / "none")
+
+
+def test_a_description_that_was_changed(robot, tmp_path):
+    path = tmp_path / "run.jsonl"
+    recording = record(path, robot("planar_3r"), [0.0], np.zeros((1, 3)))
+    with pytest.raises(UnknownNameError, match="no robot 'leg'"):
+        recording.mechanism("leg")
+    path.write_bytes(path.read_bytes().replace(b"<robot", b"<!-- --><robot", 1))
+    with pytest.raises(MissionError, match=":1: the description of 'robot' was changed"):
+        Recording.load(path).mechanism("robot")
+
+
+# --- played ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "five_bar", "delta4", "gough"])
+def test_between_two_moments_loops_are_closed(robot, tmp_path, name):
+    mechanism = robot(name)
+    times, q = swung(mechanism, 1.0, rate=25.0)
+    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
+    for i in range(0, 25, 5):
+        assert recording.at(times[i])["robot"].tobytes() == q[i].tobytes()
+        for x in (0.1, 0.5, 0.9):
+            at = recording.at(times[i] + x / 25.0)["robot"]
+            assert mechanism.closure(at) <= 1e-12
+            assert at == pytest.approx(q[i] + x * (q[i + 1] - q[i]), abs=2e-2)
+    for time_, end in ((-1.0, q[0]), (99.0, q[-1]), (float("inf"), q[-1])):
+        assert (recording.at(time_)["robot"] == end).all()
+
+
+def test_across_a_leap_it_is_on_one_side(robot, tmp_path):
+    """Between two assembly modes of a four-bar there may be no way: then nothing is made up."""
+    mechanism = robot("four_bar")
+    q = mechanism.q_home
+    other = mechanism.close(mechanism.configuration({"joint2": -q[1], "joint3": -q[2]}), ["joint1"])
+    assert mechanism.closure(other) < 1e-12
+    assert np.abs(other - q).max() > 1.0
+    recording = record(tmp_path / "run.jsonl", mechanism, [0.0, 1.0], [q, other])
+    for x in np.linspace(0.0, 1.0, 11):
+        assert mechanism.closure(recording.at(x)["robot"]) < 1e-12
+
+
+def test_a_player(robot, tmp_path):
+    arm = robot("planar_3r")
+    player = Player(record(tmp_path / "run.jsonl", arm, [0.0, 1.0, 2.0], [[0, 0, 0], [1, 1, 1], [2, 2, 3]]))
+    assert (player.time, player.playing, player.seconds, player.factor) == (0.0, False, 2.0, 1.0)
+    assert player.advance(0.5)["robot"].tolist() == [0, 0, 0]
+    player.play()
+    assert player.advance(0.5)["robot"].tolist() == [0.5, 0.5, 0.5]
+    player.tempo(2.0)
+    assert player.advance(0.5)["robot"].tolist() == [1.5, 1.5, 2.0]
+    assert player.index == 1
+    player.pause()
+    assert player.advance(0.5)["robot"].tolist() == [1.5, 1.5, 2.0]
+    player.seek(0.25)
+    assert player.advance(0.5)["robot"].tolist() == [0.25, 0.25, 0.25]
+    player.play()
+    player.tempo(1000.0)
+    assert player.factor == 100.0
+    assert player.advance(1.0)["robot"].tolist() == [2, 2, 3]
+    assert (player.time, player.playing) == (2.0, False)
+    player.play()  # again
+    player.tempo(float("nan"))
+    player.tempo(-3.0)
+    assert player.advance(1.0)["robot"] == pytest.approx([0.01] * 3)
+    player.seek(float("nan"))
+    player.seek(float("-inf"))
+    assert player.time == 0.0
+    player.seek(float("inf"))
+    assert player.time == 2.0
+
+
+def test_a_player_of_nothing(robot, tmp_path):
+    arm = robot("planar_3r")
+    player = Player(record(tmp_path / "run.jsonl", arm, [], []))
+    player.play()
+    assert not player.playing
+    assert (player.advance(0.1)["robot"] == arm.q_home).all()
+    assert player.index == 0
+
+
+def test_errors_are_cinegens():
+    assert issubclass(MissionError, CinegenError)

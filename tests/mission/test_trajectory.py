@@ -1,0 +1,498 @@
+"""Recorded motion sampled anew: on the recorded way, on its branch, no faster than any joint may be; and its check."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from recorded import dragged, record, swung
+
+from cinegen.errors import UnknownNameError
+from cinegen.mission import Kind, MissionError, Motion, Recorder, Recording, Trajectory, check, resampled
+from cinegen.mission.crossing import Rows, crossings, of_passive_joints
+from cinegen.mission.curve import Curve, slowed
+from cinegen.model import ForwardKinematics
+
+ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
+seeds = st.integers(0, 2**32 - 1)
+
+
+def _steps(trajectory: Trajectory):
+    """Of each step, the part of each joint's velocity limit that it takes."""
+    limits = trajectory.mechanism.model.upperVelocityLimit
+    return np.abs(np.diff(trajectory.q, axis=0)) * trajectory.rate / limits
+
+
+def _motors(trajectory: Trajectory):
+    return trajectory.positions(trajectory.actuated)
+
+
+def _kinds(findings):
+    return {finding.kind for finding in findings}
+
+
+# --- curves ----------------------------------------------------------------------------------------------------------
+
+
+@given(seeds, st.integers(2, 12), st.integers(1, 3))
+def test_a_curve_passes_its_points_overshoots_nowhere_and_rests_at_its_ends(seed, count, width):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.3, 2.0, count))
+    points = np.round(rng.normal(size=(count, width)), 1)  # some are equal
+    curve = Curve(times, points)
+    assert (curve.at(times) == points).all()
+    dense = np.linspace(times[0], times[-1], 4001)
+    values, speeds = curve.at(dense), curve.speeds(dense)
+    i = np.clip(np.searchsorted(times, dense, side="right") - 1, 0, count - 2)
+    assert (values >= np.minimum(points[i], points[i + 1]) - 1e-12).all()
+    assert (values <= np.maximum(points[i], points[i + 1]) + 1e-12).all()
+    assert (speeds[[0, -1]] == 0.0).all()
+    found = np.diff(values, axis=0) / np.diff(dense)[:, None]
+    assert np.abs(found - 0.5 * (speeds[1:] + speeds[:-1])).max() <= 5e-2 * np.abs(speeds).max() + 1e-9
+    for k in range(count - 1):
+        fastest = np.abs(curve.speeds(np.linspace(times[k], times[k + 1], 801))).max(axis=0)
+        assert (fastest <= curve.fastest[k] + 1e-9).all()
+        assert (fastest >= 0.999 * curve.fastest[k] - 1e-9).all()
+
+
+@given(seeds, st.integers(2, 40))
+def test_a_curve_is_slowed_as_far_as_needed(seed, count):
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.uniform(0.01, 1.0, count))
+    points, limits = rng.normal(size=(count, 2)), np.array([rng.uniform(0.05, 20.0), math.inf])
+    passes = slowed(times, points, limits)
+    before, after = np.diff(times), np.diff(passes)
+    assert passes[0] == 0.0
+    assert (after >= before - 1e-9).all()
+    assert (Curve(passes, points).fastest[:, 0] <= limits[0] * (1 + 1e-9)).all()
+    mean = np.abs(np.diff(points[:, 0])) / limits[0]
+    assert (after <= np.maximum(before, 3.01 * mean) + 1e-9).all()
+    assert slowed(times, points, np.array([math.inf, math.inf])) == pytest.approx(times - times[0])
+
+
+# --- laws ------------------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=16)
+@given(st.sampled_from(ROBOTS), seeds, st.sampled_from([10.0, 125.0, 133.7]), st.sampled_from([0.3, 1.0, 40.0]))
+def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, seed, rate, speed):
+    mechanism = robot(name)
+    times, q = swung(mechanism, 0.6, rate=50.0, seed=seed)
+    recording = record(tmp_path_factory.mktemp("mission") / "run.jsonl", mechanism, times, q)
+    motion = resampled(recording, rate=rate, speed=speed)
+    assert (_steps(motion) <= 1.0 + 1e-9).all()
+    assert max(map(mechanism.closure, motion.q)) <= 1e-10
+    motors = [mechanism.v_index(joint) for joint in mechanism.actuated]
+    limits = mechanism.model.upperVelocityLimit
+    assert (np.abs(motion.v[:, motors]) <= limits[motors] * (1 + 1e-9)).all()
+    assert motion.times == pytest.approx(np.arange(len(motion.q)) / rate)
+    assert motion.seconds == pytest.approx(motion.passes[-1, 0], abs=1.0 / rate)
+    assert motion.seconds >= motion.passes[-1, 0] - 1e-9
+    assert (motion.v[[0, -1]] == 0.0).all()
+    assert (motion.q[0] == q[0]).all()
+    assert motion.q[-1] == pytest.approx(q[-1], abs=1e-12)
+    # it passes all recorded positions in their order, at the times that it says
+    assert (motion.passes[:, 1] == recording.times).all()
+    assert (np.diff(motion.passes[:, 0]) >= np.diff(times) / speed - 1e-9).all()
+    curve = Curve(motion.passes[:, 0], q[:, [mechanism.q_index(joint) for joint in mechanism.actuated]])
+    assert (curve.at(motion.passes[:, 0]) == curve.points).all()
+    assert _motors(motion) == pytest.approx(curve.at(np.minimum(motion.times, motion.passes[-1, 0])), abs=1e-12)
+    findings = check(motion)
+    assert not findings.serious, [str(finding) for finding in findings]
+    assert findings.closure <= 1e-10
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "delta4", "gough"])
+def test_it_is_near_what_was_recorded(robot, tmp_path, name):
+    mechanism = robot(name)
+    times, q = swung(mechanism, 2.0, rate=50.0)
+    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=400.0)
+    assert motion.passes[:, 0] == pytest.approx(times)
+    exact = np.array([motion.q[round(400 * time)] for time in times])
+    assert exact == pytest.approx(q, abs=1e-9)
+    assert motion.v[1:-1] == pytest.approx((motion.q[2:] - motion.q[:-2]) * 200.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "five_bar"])
+def test_half_as_fast_takes_twice_as_long(robot, tmp_path, name):
+    mechanism = robot(name)
+    times, q = swung(mechanism, 2.0)
+    recording = record(tmp_path / "run.jsonl", mechanism, times, q)
+    once, twice = resampled(recording), resampled(recording, speed=0.5)
+    assert (twice.passes[:, 0] == 2.0 * once.passes[:, 0]).all()
+    assert twice.q[::2] == pytest.approx(once.q, abs=1e-9)
+    assert twice.recorded(1.0) == once.recorded(0.5) == pytest.approx(0.5)
+
+
+@settings(max_examples=10)
+@given(seeds, st.integers(1, 6))
+def test_any_positions_of_a_serial_robot_are_passed_in_order(robot, tmp_path_factory, seed, count):
+    arm, rng = robot("rx90"), np.random.default_rng(seed)
+    low, high = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
+    q = rng.uniform(low, high, (count, 6))
+    motion = resampled(record(tmp_path_factory.mktemp("mission") / "run.jsonl", arm, np.arange(count) / 100, q))
+    assert (_steps(motion) <= 1.0 + 1e-9).all()
+    assert not check(motion).serious
+    reached = 0
+    for k in range(count):  # the sample next to the time at which it is passed is at most a step away
+        near = round(motion.passes[k, 0] * motion.rate)
+        near = min(near, len(motion.q) - 1)
+        assert near >= reached
+        reached = near
+        assert (np.abs(motion.q[near] - q[k]) <= arm.model.upperVelocityLimit / motion.rate).all()
+
+
+# --- limits ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_leap_becomes_a_motion_at_the_limit(robot, tmp_path):
+    arm = robot("planar_3r")
+    still, there = np.array([0.1, 0.4, 0.3]), np.array([0.1, 1.4, 0.3])
+    q = [still] * 50 + [there] * 50
+    motion = resampled(record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q))
+    fastest = arm.model.upperVelocityLimit[1]
+    assert motion.passes[-1, 0] == pytest.approx(0.98 + 1.5 / fastest, rel=2e-3)  # from rest to rest, a cubic
+    assert _steps(motion).max() == pytest.approx(1.0, abs=5e-3)
+    assert np.diff(motion.q[:, 1]).min() >= 0.0
+    assert motion.recorded(motion.passes[60, 0]) == pytest.approx(0.6)
+
+
+def test_a_leap_of_a_closed_robot_stays_on_its_branch(robot, tmp_path):
+    delta = robot("delta4")
+    forward = ForwardKinematics(delta)
+    home = forward.q
+    there = forward.move({name: home[delta.q_index(name)] + 0.5 for name in delta.actuated})
+    motion = resampled(record(tmp_path / "run.jsonl", delta, [0.0, 0.01, 0.02], [home, there, home]))
+    assert motion.seconds > 0.4
+    assert (_steps(motion) <= 1.0 + 1e-9).all()
+    assert not check(motion).serious
+    assert motion.q[-1] == pytest.approx(home, abs=1e-9)
+
+
+FOUR_BAR = """
+robot linkage {
+  base { }
+  link 1 { parameters { theta 50.0 } type 2 pred 0 velocity 720.0 actuated 1 }
+  link 2 { parameters { theta -25.722522 d 120.0 } type 2 pred 1 }
+  link 3 { parameters { theta 88.735117 d 400.0 } type 2 pred 0 velocity 20.0 }
+  frame 4 { parameters { d 360.0 } pred 2 }
+  frame 5 { parameters { d 240.0 } pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+}
+"""
+
+
+@pytest.mark.parametrize("rate", [20.0, 125.0])
+def test_joints_without_motors_obey_their_limits_too(raff, tmp_path, rate):
+    slow = raff(FOUR_BAR)
+    forward, begin = ForwardKinematics(slow), slow.q_home[0]
+    times = np.arange(101) / 100
+    q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
+    motion = resampled(record(tmp_path / "run.jsonl", slow, times, q), rate=rate)
+    taken = _steps(motion)[:, slow.v_index("joint3")]
+    assert taken.max() <= 1.0 + 1e-9
+    assert taken.max() > 0.95
+    assert motion.seconds < 2.0 * 2.0 * np.abs(np.diff([one[2] for one in q])).sum() / math.radians(20.0)
+    assert not check(motion).serious
+    assert np.median(taken) > 0.5  # it is slow only where it must be
+
+
+def test_standing_still_is_left_out_on_request(robot, tmp_path):
+    arm = robot("planar_3r")
+    q = np.zeros((100, 3))
+    q[:, 0] = np.clip((np.arange(100) - 30) / 100, 0.0, 0.3)
+    recording = record(tmp_path / "run.jsonl", arm, np.arange(100) / 100, q)
+    whole, trimmed = resampled(recording), resampled(recording, trim=True)
+    assert whole.passes[[0, -1], 1] == pytest.approx([0.0, 0.99])
+    assert trimmed.passes[[0, -1], 1] == pytest.approx([0.3, 0.6])
+    assert (trimmed.q[[0, -1]] == q[[0, -1]]).all()
+    still = record(tmp_path / "still.jsonl", arm, [0.0, 1.0, 2.0], np.zeros((3, 3)))
+    assert len(resampled(still, trim=True).q) == 1
+    assert len(resampled(still).q) == 251
+    one = resampled(record(tmp_path / "one.jsonl", arm, [5.0], np.ones((1, 3))))
+    assert (one.times.tolist(), one.q.tolist(), one.v.tolist()) == ([0.0], [[1.0] * 3], [[0.0] * 3])
+    assert not check(one).serious
+
+
+# --- what can't be sampled -------------------------------------------------------------------------------------------
+
+
+def test_what_can_not_be_sampled(robot, raff, tmp_path):
+    arm = robot("planar_3r")
+    empty = record(tmp_path / "empty.jsonl", arm, [], [])
+    with pytest.raises(MissionError, match="nothing was recorded"):
+        resampled(empty)
+    one = record(tmp_path / "one.jsonl", arm, [0.0], np.zeros((1, 3)))
+    for options in ({"rate": 0.0}, {"rate": math.nan}, {"speed": -1.0}, {"speed": math.inf}):
+        with pytest.raises(MissionError, match="must be a positive number"):
+            resampled(one, **options)
+    with pytest.raises(UnknownNameError, match="no robot 'leg'"):
+        resampled(one, "leg")
+    with Recorder(tmp_path / "two.jsonl", {"left": arm, "right": arm}) as recorder:
+        recorder.write(0.0, {"left": Motion(np.zeros(3)), "right": Motion(np.ones(3))})
+    two = Recording.load(tmp_path / "two.jsonl")
+    with pytest.raises(MissionError, match="name one of left, right"):
+        resampled(two)
+    assert resampled(two, "right").q.tolist() == [[1.0] * 3]
+    far = record(tmp_path / "far.jsonl", arm, [0.0, 1e5], np.zeros((2, 3)))
+    with pytest.raises(MissionError, match="are too many"):
+        resampled(far)
+
+
+ROVER = """
+robot rover {
+  base { }
+  link 1 { type 2 pred 0 }
+  constraint { base sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/ttyS0" }
+"""
+
+
+def test_a_base_that_moves(raff, tmp_path):
+    rover = raff(ROVER)
+    assert rover.floating
+    there = rover.q_home.copy()
+    there[:7] = 1.0, 0.0, 0.0, 0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)
+    recording = record(tmp_path / "run.jsonl", rover, [0.0, 1.0], [rover.q_home, there])
+    half = recording.at(0.5)["robot"]
+    assert half[6] == pytest.approx(math.cos(math.pi / 8))  # a turn by 45 degrees
+    with pytest.raises(MissionError, match="its base can move"):
+        resampled(recording)
+
+
+def test_a_leap_to_another_branch_is_told(robot, tmp_path):
+    mechanism = robot("four_bar")
+    q = mechanism.q_home
+    other = mechanism.close(mechanism.configuration({"joint2": -q[1], "joint3": -q[2]}), ["joint1"])
+    assert np.abs(other - q).max() > 1.0
+    recording = record(tmp_path / "run.jsonl", mechanism, [0.0, 0.5, 0.51, 1.0], [q, q, other, other])
+    with pytest.raises(MissionError, match=r"between 0.500 and 0.510 s of the recording it leaps to another branch"):
+        resampled(recording)
+
+
+def test_loops_that_were_open_are_told(robot, tmp_path):
+    mechanism = robot("four_bar")
+    q = np.array([mechanism.q_home] * 3)
+    q[1, 2] += 0.1
+    recording = record(tmp_path / "run.jsonl", mechanism, [0.0, 0.5, 1.0], q)
+    with pytest.raises(MissionError, match=r"at 0.500 s loops of linkage stand open by"):
+        resampled(recording)
+    q[1, 2] -= 0.1 - 1e-7  # rounded values are closed
+    assert check(resampled(record(tmp_path / "run.jsonl", mechanism, [0.0, 0.5, 1.0], q))).closure <= 1e-12
+
+
+# --- singularities between samples -----------------------------------------------------------------------------------
+
+
+def _two_bars(base, x, y, side):
+    """The angles of a five-bar's arm (0.25 and 0.4 m long) whose end is at x, y."""
+    dx, square = x - base, (x - base) ** 2 + y * y
+    elbow = side * math.acos((square - 0.25**2 - 0.4**2) / (2 * 0.25 * 0.4))
+    return math.atan2(y, dx) - math.atan2(0.4 * math.sin(elbow), 0.25 + 0.4 * math.cos(elbow)), elbow
+
+
+def _five_bar(mechanism, x, y):
+    """The five-bar with its tool at x, y, the one elbow left and the other right of its arm, inwards."""
+    (first, second), (third, fourth) = _two_bars(-0.15, x, y, 1.0), _two_bars(0.15, x, y, -1.0)
+    values = {"joint1": first, "joint2": second, "joint3": third, "joint4": fourth}
+    return mechanism.configuration({**values, "joint5": first + second - third - fourth})
+
+
+def _area(mechanism, x, y):
+    """The sine of the angle between the outer bars: 0 where the motors don't hold the tool."""
+    q = dict(zip(mechanism.joints, _five_bar(mechanism, x, y), strict=True))
+    return math.sin(q["joint1"] + q["joint2"] - q["joint3"] - q["joint4"])
+
+
+@pytest.mark.parametrize(("step", "rate"), [(0.01, 125.0), (0.1, 125.0), (0.2, 500.0), (0.1, 10.0)])
+@pytest.mark.parametrize("x", [0.0, 0.03])
+def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step, rate, x):
+    """The tool goes straight, from 0.57 to 0.62 m: in between, both elbows are at the same place."""
+    mechanism = robot("five_bar")
+    times = np.arange(round(1.0 / step) + 1) * step
+    q = [_five_bar(mechanism, x, 0.57 + 0.05 * time) for time in times]
+    assert max(map(mechanism.closure, q)) < 1e-12
+    low, high = 0.0, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        same = _area(mechanism, x, 0.57) * _area(mechanism, x, 0.57 + 0.05 * middle) > 0.0
+        low, high = (middle, high) if same else (low, middle)
+    assert low == pytest.approx((0.2 + math.sqrt(0.16 - x * x) - 0.57) / 0.05)
+    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=rate)
+    findings = check(motion)
+    assert findings.closure <= 1e-12
+    (found,) = (one for one in findings if one.kind is Kind.TYPE_2)
+    assert found.recorded == pytest.approx(low, abs=5e-3 / rate + 4e-2 * step**2)
+    assert found.time == pytest.approx(motion.passes[-1, 0] * low, abs=0.05)
+    assert found.sigma < 1e-6
+    assert mechanism.closure(found.q) <= 1e-12
+    assert math.sin(found.q[mechanism.q_index("joint5")]) == pytest.approx(0.0, abs=1e-6)
+    assert "passes through a type 2 singularity" in str(found)
+    assert found in findings.serious
+    # the motion goes on on the branch that was recorded
+    assert motion.q[-1] == pytest.approx(q[-1], abs=1e-9)
+    assert _motors(motion)[-1] == pytest.approx(q[-1][[0, 2]], abs=1e-12)
+
+
+@pytest.fixture
+def rocker(robot, raff, root):
+    """The four-bar with its rocker as the motor, and the crank's angles where that loses its hold: the crank and the
+    coupler are in line."""
+    text = (root / "robots" / "four_bar.raff").read_text(encoding="utf-8").partition("\n")[2]
+    text = text.replace("    velocity 360.0\n    actuated 1\n", "", 1)
+    mechanism = raff(text.replace("    limits { 80.0 152.0 }\n", "    velocity 900.0\n    actuated 1\n", 1))
+    assert mechanism.actuated == ("joint3",)
+    dead = []
+    for way, turned in ((0.48, 0.0), (0.24, math.pi)):  # from the crank's axis to the rocker's end
+        dead.append(math.acos((0.4**2 + way**2 - 0.24**2) / (2.0 * 0.4 * way)) + turned)
+    return mechanism, np.array(dead)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.05])
+def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path, step):
+    (mechanism, dead), crank = rocker, robot("four_bar")
+    forward, begin = ForwardKinematics(crank), crank.q_home[0]
+    times = np.arange(round(1.0 / step) + 1) * step
+    q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
+    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+    found = [one.recorded for one in findings if one.kind is Kind.TYPE_2]
+    assert found == pytest.approx(sorted((dead - begin) % (2.0 * math.pi) / (2.0 * math.pi)), abs=0.03 * step)
+    assert Kind.TYPE_1 not in _kinds(findings)
+    assert not check(resampled(record(tmp_path / "run.jsonl", crank, times, q))).serious
+
+
+def test_singularities_far_apart_from_samples(robot, rocker):
+    """However far two samples are apart, as far as the way between them is known: each is found, and nothing else."""
+    (mechanism, dead), rng = rocker, np.random.default_rng(1)
+    rows, counts = of_passive_joints(mechanism), []
+    for begin, way in zip(rng.uniform(-6.0, 6.0, 40), rng.uniform(0.1, 2.5, 40), strict=True):
+        forward = ForwardKinematics(robot("four_bar"))
+        first, second = forward.move({"joint1": begin}), forward.move({"joint1": begin + way})
+        expected = sorted((dead - begin) % (2.0 * math.pi))
+        found = [one.q[0] - begin for one in crossings(mechanism, rows, first, second)]
+        assert found == pytest.approx([one for one in expected if one < way], abs=1e-6)
+        counts.append(len(found))
+    assert set(counts) == {0, 1}
+
+
+@pytest.mark.parametrize("turn", [0.0, 1.0, 1.8, 2.6])
+@pytest.mark.parametrize("zero", [-1.0, 0.1, 0.37, 0.8, 2.0])
+def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
+    """Its singular vectors turn by so much (rad) that from sample to sample they may seem to have turned round."""
+    arm = robot("planar_3r")
+
+    def matrix(q):
+        cos, sin = math.cos(turn * q[0]), math.sin(turn * q[0])
+        return np.array([[cos, -sin], [sin, cos]]) @ np.diag([4.0, q[0] - zero])
+
+    found = [one.x for one in crossings(arm, Rows(matrix, 2), np.zeros(3), np.ones(3))]
+    assert found == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
+
+
+def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest(robot, tmp_path):
+    mechanism = robot("five_bar")
+    times = np.arange(101) / 100
+    q = [_five_bar(mechanism, 0.0, 0.58 + 0.015 * math.sin(math.pi * time)) for time in times]
+    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+    (near,) = (one for one in findings if one.kind is Kind.NEAR_TYPE_2)
+    assert near.time == pytest.approx(0.5, abs=0.01)
+    assert near.sigma == findings.passive_sigma < 0.05
+    assert near not in findings.serious
+    assert Kind.TYPE_2 not in _kinds(findings)
+
+
+def test_a_motion_that_ends_at_a_type_2_singularity_is_serious(robot, tmp_path):
+    mechanism = robot("five_bar")
+    times = np.arange(101) / 100
+    q = [_five_bar(mechanism, 0.0, 0.57 + 0.03 * time) for time in times]
+    findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
+    assert Kind.TYPE_2 in _kinds(findings.serious)
+
+
+def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):
+    arm = robot("planar_3r")
+    times = np.arange(11) / 10
+    q = [[0.3, 0.4 - 0.77 * time, 0.5] for time in times]
+    findings = check(resampled(record(tmp_path / "run.jsonl", arm, times, q), rate=10.0))
+    (found,) = (one for one in findings if one.kind is Kind.TYPE_1)
+    assert found.q[1] == pytest.approx(0.0, abs=1e-6)
+    assert found.recorded == pytest.approx(0.4 / 0.77, abs=1e-2)
+    assert not findings.serious
+    assert found.sigma < 1e-6
+    assert findings.passive_sigma == math.inf
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "rx90", "hybrid"])
+def test_what_a_solver_did_can_be_sent(robot, tmp_path, name):
+    mechanism = robot(name)
+    way = 0.05 * mechanism.length * np.array([1.0, 0.5, 0.3])
+    times, q = dragged(mechanism, way, 0.5)
+    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q))
+    assert not check(motion).serious
+    moved = mechanism.placement(motion.q[-1], mechanism.end).translation
+    assert moved == pytest.approx(mechanism.placement(q[-1], mechanism.end).translation, abs=1e-9)
+
+
+# --- what a check finds ----------------------------------------------------------------------------------------------
+
+
+def _made(mechanism, q, rate=100.0):
+    q = np.array(q)
+    times = np.arange(len(q)) / rate
+    return Trajectory("made", mechanism, rate, times, q, np.zeros_like(q), np.column_stack([times, times]))
+
+
+def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
+    mechanism = robot("four_bar")
+    q = np.array([mechanism.q_home] * 9)
+    q[3:5, 1] += [1e-3, 2e-3]
+    findings = check(_made(mechanism, q))
+    (found,) = (one for one in findings if one.kind is Kind.OPEN)
+    assert (found.time, found in findings.serious) == (0.03, True)
+    assert findings.closure == max(map(mechanism.closure, q)) > 1e-4
+    arm = robot("planar_3r")
+    q = np.zeros((9, 3))
+    q[:, 1] = 0.5
+    high, fastest = arm.model.upperPositionLimit[0], arm.model.upperVelocityLimit
+    q[4:, 0] = high + 0.1
+    findings = check(_made(arm, q))
+    assert _kinds(findings.serious) == {Kind.LIMIT, Kind.SPEED}
+    assert sorted(one.time for one in findings.serious) == pytest.approx([0.03, 0.04])
+    assert "joint1 goes 0.1 rad beyond its upper limit" in " ".join(map(str, findings))
+    q[:, 0] = np.arange(9) * fastest[0] / 100
+    assert not check(_made(arm, q)).serious
+    assert check(_made(arm, 1.01 * q)).serious
+
+
+@pytest.mark.parametrize(("motors", "noted"), [("joint1 joint2 joint3", False), ("joint3", True)])
+def test_motors_in_excess_and_motors_that_are_missing(robot, raff, root, tmp_path, motors, noted):
+    """Where motors don't determine the motion, or contradict each other between samples, it is still the recorded."""
+    times, q = swung(robot("five_bar"), 1.0)
+    text = (root / "robots" / "five_bar.raff").read_text(encoding="utf-8").partition("\n")[2]
+    text = text.replace("    actuated 1\n", "").replace("    type 2\n", "    type 2\n    actuated 0\n")
+    for motor in motors.split():
+        head, link, rest = text.partition(f"  link {motor[-1]} {{")
+        text = head + link + rest.replace("actuated 0", "actuated 1", 1)
+    mechanism = raff(text)
+    assert mechanism.actuated == tuple(motors.split())
+    motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=200.0)
+    findings = check(motion)
+    assert not findings.serious
+    assert (Kind.UNDRIVEN in _kinds(findings)) == noted
+    exact = np.array([motion.q[min(round(200 * time), len(motion.q) - 1)] for time in motion.passes[:, 0]])
+    assert exact == pytest.approx(q, abs=1e-2)
+    assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)
+
+
+def test_motors_without_a_velocity_limit_are_noted(raff, tmp_path):
+    arm = raff("robot r {\n base { }\n link 1 { type 2 pred 0 }\n link 2 { parameters { d 300 } type 2 pred 1 }\n}\n")
+    times = np.arange(51) / 50
+    recording = record(tmp_path / "run.jsonl", arm, times, np.column_stack([times, 1.0 - np.cos(2.0 * np.pi * times)]))
+    findings = check(resampled(recording))
+    (found,) = (one for one in findings if one.kind is Kind.NO_SPEED_LIMIT)
+    assert "joint2, which has no velocity limit, moves at 6.2" in found.words
+    assert not findings.serious
