@@ -60,7 +60,7 @@ class PersistentSolver(Solver):
             left = np.abs(pin.difference(self._model, self._q, self._goal) / self.mechanism.scale).max(initial=0.0)
             if left < _THERE or moved < _REST:
                 self._take_over()
-        elif moved < _REST and step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH):
+        elif moved < _REST * self.gain and step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH):
             self._resting += 1
             if self._resting >= _TICKS and self._places() != self._tried:
                 self._look_for_another()

@@ -77,7 +77,7 @@ def propose(t: Table) -> bool:
     largest = _largest(step, n)
     t[m.NUDGED] = 0
     to_win = 0.0
-    if largest < REST and p > 0 and t[m.WISHING] == 0 and settings[m.DISTANCE] > ARRIVED * ARRIVED:
+    if largest < REST * settings[m.GAIN] and p > 0 and t[m.WISHING] == 0 and settings[m.DISTANCE] > ARRIVED * ARRIVED:
         to_win = nudge(t, step, pull_rank)
         if to_win > 0.0:
             t[m.NUDGED] = 1
@@ -155,7 +155,7 @@ def is_sure(t: Table) -> bool:
             return False
         total += abs(taken[j])
         largest = max(largest, abs(taken[j]))
-    if record[m.R_PACE] != 1.0 or t[m.REFINE] != 0 or t[m.NUDGED] != 0 or largest < 10.0 * REST:
+    if record[m.R_PACE] != 1.0 or t[m.REFINE] != 0 or t[m.NUDGED] != 0 or largest < 10.0 * REST * settings[m.GAIN]:
         return False
     pulls = t[m.PULLS]
     table = matrix(t[m.PULL_TABLE], pulls, m.PULL_WIDTH)

@@ -110,7 +110,7 @@ def finish(t: Table, accepted: bool) -> None:
         verdict = ON_DETOUR
     elif saturated:
         verdict = AT_LIMIT
-    elif fastest < REST:
+    elif fastest < REST * settings[m.GAIN]:
         verdict = OUT_OF_REACH
     elif smallest < settings[m.NEAR] or settings[m.LOOP_SIGMA] < NEAR_TYPE_2:
         verdict = SINGULAR

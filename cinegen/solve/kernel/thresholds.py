@@ -32,7 +32,7 @@ ARRIVED = 1e-6
 """rad or lengths: a pull this near to its target has reached it."""
 
 REST = 1e-7
-"""rad or lengths in a tick: slower than this nothing moves."""
+"""rad or lengths in a tick that makes good all it can (times its gain else): slower than this nothing moves."""
 
 FULL = 1.0 - 1e-9  # part of a velocity limit that is used: rounding never goes beyond it
 NOISE = 1e-26  # of `distance`: rounding where a target is reached
