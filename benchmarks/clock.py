@@ -19,9 +19,9 @@ from statistics import median
 from typing import Any
 
 import cinegen
+from cinegen.cockpit import page_of
 from cinegen.sense import Path as Way
 from cinegen.sense import fitted
-from cinegen.show import page_of
 from cinegen.solve.clock import Clock, Tick
 
 ROBOTS = Path(__file__).parent.parent / "robots"

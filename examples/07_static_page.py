@@ -4,7 +4,7 @@ import tempfile
 from pathlib import Path
 
 import cinegen
-from cinegen.show import page_of
+from cinegen.cockpit import page_of
 
 gough = cinegen.load("robots/gough.raff")
 page, scene = page_of({"gough": gough})

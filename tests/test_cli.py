@@ -99,7 +99,7 @@ def test_at_a_terminal_it_moves_until_ctrl_c_and_ends_well(root, tmp_path):
     try:
         said = _until(master, said, "Ctrl-C ends")
         url = re.search(r"http://\S+", said).group()
-        assert b"MeshCat" in urllib.request.urlopen(url, timeout=10).read()
+        assert b"viewer.js" in urllib.request.urlopen(url, timeout=10).read()
         said = _until(master, said, "closure")
         process.send_signal(signal.SIGINT)
         said = _until(master, said, "stopped")

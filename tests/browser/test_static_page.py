@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import cinegen
-from cinegen.show import Page, Scene
+from cinegen.cockpit import Page, Scene
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -58,16 +58,6 @@ def test_the_static_page_shows_the_robot_well_in_view(robot, tmp_path, name):
     assert 0.002 < _drawn(picture) < 0.3
     edge = np.concatenate([picture[40:, :5].reshape(-1, 3), picture[40:, -5:].reshape(-1, 3)])
     assert (edge.max(axis=1) - edge.min(axis=1)).max() < 60  # nothing is cut off
-
-
-def test_the_served_page_shows_the_same(robot, tmp_path):
-    page = Page()
-    scene = Scene(page, {"delta": robot("delta4")})
-    url = page.serve(port=7800)
-    first = _picture(url, tmp_path)
-    assert _drawn(first) > 0.002
-    scene.show("delta", robot("delta4").random_closed(3)[-1])
-    assert np.abs(_picture(url, tmp_path) - first).max() > 60  # it has moved
 
 
 def test_converted_graphics_are_seen_in_their_colours(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 import cinegen
-from cinegen.show import page_of
+from cinegen.cockpit import page_of
 
 URDF = """<robot name="arm">
   <link name="base">{0}</link>

@@ -1,0 +1,103 @@
+"""What several commands have in common: files of robots, times, texts."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from cinegen.model import Mechanism
+
+
+def of_files(parser: argparse.ArgumentParser, several: bool = True) -> None:
+    """A command about robots."""
+    count = "+" if several else 1
+    parser.add_argument("files", nargs=count, metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
+    parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
+    parser.add_argument(
+        "--loop", action="append", default=[], metavar="NAME=KIND",
+        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
+    )  # fmt: skip
+
+
+def seconds(text: str) -> float:
+    """A time that an option says."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value < 1e9:
+        raise argparse.ArgumentTypeError(f"'{text}' is no time in seconds")
+    return value
+
+
+def mechanisms(options: argparse.Namespace) -> dict[str, Mechanism]:
+    """All robots of all files, by a name that is theirs alone."""
+    return {name: mechanism for name, (mechanism, _) in mechanisms_and_files(options).items()}
+
+
+def mechanisms_and_files(options: argparse.Namespace) -> dict[str, tuple[Mechanism, str]]:
+    """The same, each with its file."""
+    from cinegen.errors import CinegenError
+    from cinegen.model.load import load, robots
+
+    loops = {}
+    for text in options.loop:
+        name, equals, kind = text.rpartition("=")
+        if not equals:
+            raise CinegenError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
+        loops[name] = kind
+    found: dict[str, tuple[Mechanism, str]] = {}
+    for file in options.files:
+        path = Path(file)
+        wanted = robots(path) if options.robot is None else [options.robot]
+        for robot in wanted:
+            mechanism = load(path, robot, loops)
+            name = path.stem if len(wanted) == 1 else f"{path.stem}.{mechanism.name}"
+            while name in found:
+                name += "'"
+            found[name] = mechanism, str(file)
+    return found
+
+
+def read(file: str) -> str:
+    """A file's text.
+
+    Raises:
+        CinegenError: it can't be read.
+    """
+    from cinegen.errors import CinegenError
+
+    try:
+        return Path(file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise CinegenError(f"{file}: can't be read: {error}") from None
+
+
+def write(path: Path, text: str) -> None:
+    """Writes a text, with the folder that it is in.
+
+    Raises:
+        CinegenError: it can't be written.
+    """
+    from cinegen.errors import CinegenError
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
+
+
+def say_at_once(text: str) -> None:
+    """Prints a text that somebody waits for."""
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+def count(things: Sequence[Any], name: str) -> str:
+    """So many of them, in words."""
+    return f"{len(things)} {name}{'s' * (len(things) != 1)}"

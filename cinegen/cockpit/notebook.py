@@ -1,0 +1,88 @@
+"""`cinegen.show`: the live page in a cell of a notebook, or in a browser."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from numpy.typing import NDArray
+
+from cinegen.cockpit.cockpit import Cockpit
+from cinegen.model import Mechanism
+from cinegen.session import Setup, arrange
+
+
+class Shown:
+    """Robots in a live page. In a notebook, the value of a cell: the page stands below it.
+
+    Args:
+        cockpit: that shows them.
+        height: of the page in a cell, pixels.
+
+    Attributes:
+        cockpit: that shows them.
+    """
+
+    def __init__(self, cockpit: Cockpit, height: int = 600) -> None:
+        self.cockpit, self.height = cockpit, height
+
+    def __repr__(self) -> str:
+        return f"<{self.cockpit.title} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        url, title = html.escape(self.url), html.escape(self.cockpit.title)
+        style = f"width: 100%; height: {self.height}px; border: 0"
+        return f'<iframe src="{url}" title="{title}" style="{style}" allow="gamepad; fullscreen"></iframe>'
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        return self.cockpit.url
+
+    @property
+    def q(self) -> dict[str, NDArray[Any]]:
+        """(nq,) where each robot is now, by name."""
+        return {name: robot.q for name, robot in self.cockpit.state.robots.items()}
+
+    def wait(self, seconds: float | None = None) -> None:
+        """Waits until the time is over (at Ctrl-C): a program that ends takes its page with it."""
+        self.cockpit.wait(seconds)
+
+    def close(self) -> None:
+        """Ends it."""
+        self.cockpit.close()
+
+
+def show(
+    robots: Mechanism | Sequence[Mechanism] | Mapping[str, Mechanism] | Setup,
+    follow: str | None = None,
+    port: int = 7000,
+    height: int = 600,
+) -> Shown:
+    """Shows robots in a live page, in which any part can be taken and moved. Returns at once.
+
+    Args:
+        robots: one, several, several by the names they have in the page, or a whole session.
+        follow: the shape that each one's end follows until it is taken: circle, figure8 or line; none unless given.
+        port: the first to try.
+        height: of the page in a notebook's cell, pixels.
+
+    Raises:
+        CinegenError: the page can't be served.
+    """
+    if isinstance(robots, Setup):
+        setup = robots
+    else:
+        if isinstance(robots, Mechanism):
+            robots = [robots]
+        if not isinstance(robots, Mapping):
+            named: dict[str, Mechanism] = {}
+            for robot in robots:
+                name = robot.name
+                while name in named:
+                    name += "'"
+                named[name] = robot
+            robots = named
+        setup = arrange(robots, follow=follow)
+    return Shown(Cockpit(setup, port=port, own_process=False), height)

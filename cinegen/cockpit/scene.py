@@ -1,0 +1,200 @@
+"""A mechanism drawn into a page: one node of the scene for each node of the mechanism, moved by its placement."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import coal
+import meshcat
+import meshcat.geometry as shape
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.cockpit.page import Page
+from cinegen.model import Mechanism
+
+if TYPE_CHECKING:  # trimesh takes its time
+    from raff2urdf.graphics.surface import Surface
+
+Array = NDArray[np.float64]
+
+_SHOWN = 1.6  # m: the radius of what is shown, whatever its true size, so that every robot fills the view
+_EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # m, y up: where the view is from; far away, so that near parts don't look fat
+_LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: where a loop is closed
+_TARGET = 0xD55E00  # vermillion: where something should be
+
+
+class Scene:
+    """Mechanisms in a page, at a scale that fits them into the view.
+
+    Args:
+        page: to draw into.
+        mechanisms: by the name they have in the page.
+        bases: where those stand that don't stand in the world's origin.
+    """
+
+    def __init__(
+        self, page: Page, mechanisms: Mapping[str, Mechanism], bases: Mapping[str, pin.SE3] | None = None
+    ) -> None:
+        self.page, self.mechanisms = page, dict(mechanisms)
+        self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
+        self._root = meshcat.Visualizer(window=page)["cinegen"]
+        self._targets: set[str] = set()
+        self._fit()
+        for name, mechanism in self.mechanisms.items():
+            self._draw(name, mechanism)
+            self.show(name, mechanism.q_home, self.bases[name])
+
+    def show(self, name: str, q: ArrayLike, base: pin.SE3 | None = None) -> None:
+        """Moves a mechanism to q (nq,), and what it stands on if that is given."""
+        mechanism = self.mechanisms[name]
+        model, data = mechanism.model, mechanism.system.data
+        if base is not None:
+            self._root[name].set_transform(base.homogeneous)
+        pin.forwardKinematics(model, data, mechanism.checked(q))
+        for node in mechanism.nodes:
+            placement = pin.updateFramePlacement(model, data, mechanism.frame_id(node))
+            self._root[name][node].set_transform(placement.homogeneous)
+
+    def target(self, name: str, label: str, placement: pin.SE3) -> None:
+        """Shows where something should be as a triad; drawn when first shown, then moved."""
+        path = f"{name}/targets/{label}"
+        size = 0.12 * self.mechanisms[name].length
+        if path not in self._targets:
+            self._targets.add(path)
+            self._root[path].set_object(shape.triad(size))
+            ball = shape.MeshLambertMaterial(color=_TARGET, opacity=0.85)
+            self._root[path]["ball"].set_object(shape.Sphere(0.12 * size), ball)
+        self._root[path].set_transform(placement.homogeneous)
+
+    def _fit(self) -> None:
+        """Scales and moves the whole so that it fills the view, and puts the floor under it."""
+        points = np.vstack(
+            [
+                part @ self.bases[name].rotation.T + self.bases[name].translation
+                for name, mechanism in self.mechanisms.items()
+                for part in _extent(mechanism)
+            ]
+        )
+        centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+        radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
+        scale = _SHOWN / radius
+        whole = np.diag([scale, scale, scale, 1.0])
+        whole[:3, 3] = -scale * centre
+        self._root.set_transform(whole)
+        floor = np.eye(4)
+        floor[2, 3] = scale * float(points[:, 2].min() - centre[2]) - 0.05
+        window = meshcat.Visualizer(window=self.page)
+        window["/Grid"].set_transform(floor)
+        window["/Cameras/default/rotated/<object>"].set_property("position", list(_EYE))
+        window["/Cameras/default/rotated/<object>"].set_property("zoom", _ZOOM)
+        window["/Axes"].set_property("visible", False)
+        window["/Background"].set_property("top_color", [0.92, 0.95, 0.98])
+        window["/Background"].set_property("bottom_color", [1.0, 1.0, 1.0])
+
+    def _draw(self, name: str, mechanism: Mechanism) -> None:
+        model = mechanism.model
+        owners = {frame: node for node, frame in ((node, mechanism.frame_id(node)) for node in mechanism.nodes)}
+        for i, solid in enumerate(mechanism.visual.geometryObjects):
+            node = owners.get(solid.parentFrame)
+            if node is None:
+                continue
+            in_node = model.frames[solid.parentFrame].placement.actInv(solid.placement)
+            for k, (geometry, material, extra) in enumerate(_drawn(solid)):
+                place = self._root[name][node][f"{i}.{k}" if k else str(i)]
+                place.set_object(geometry, material)
+                place.set_transform(in_node.homogeneous @ extra)
+        for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
+            self._root[name][node]["triad"].set_object(shape.triad(0.15 * mechanism.length))
+        for loop in mechanism.loops:
+            mark = self._root[name][loop.first][f"loop {loop.name}"]
+            ball = shape.MeshLambertMaterial(color=_LOOP, opacity=0.6)
+            mark.set_object(shape.Sphere(0.05 * mechanism.length), ball)
+            mark.set_transform(loop.first_placement.homogeneous)
+
+
+def _extent(mechanism: Mechanism) -> Iterator[Array]:
+    """Points (n, 3) that reach as far as the mechanism does at home: its nodes, and the corners of its meshes."""
+    places = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
+    yield np.array([place.translation for place in places])
+    frames = {mechanism.frame_id(node): place for node, place in zip(mechanism.nodes, places, strict=True)}
+    for solid in mechanism.visual.geometryObjects:
+        place = frames.get(solid.parentFrame)
+        if place is None or not _is_file(solid):
+            continue
+        solid.geometry.computeLocalAABB()
+        box = solid.geometry.aabb_local
+        corners = np.stack(np.meshgrid(*zip(box.min_, box.max_, strict=True)), axis=-1).reshape(-1, 3)
+        within = place * mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
+        yield corners @ within.rotation.T + within.translation
+
+
+def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
+    """Of any four numbers, as a URDF may have them."""
+    red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
+    colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
+    return shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
+
+
+@cache
+def _surfaces(path: Path) -> tuple[Surface, ...]:
+    """The surfaces of a file in its own colours; none if they can't be read so. (A robot often shows a part twice.)"""
+    from raff2urdf.graphics import scene
+
+    with suppress(Exception):  # every reader has errors of its own
+        return tuple(scene.read(path))
+    return ()
+
+
+def _is_coloured(path: Path) -> bool:
+    """Whether a file has colours of its own."""
+    if path.suffix.lower() == ".obj":
+        text = path.read_text(encoding="utf-8", errors="replace")
+        named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
+        return named is not None and (path.parent / named[1]).is_file()
+    return path.suffix.lower() == ".dae"
+
+
+def _is_file(solid: pin.GeometryObject) -> bool:
+    """Whether a shape is a mesh; of others, Pinocchio says their kind where meshes have their path."""
+    return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
+
+
+def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
+    """A Pinocchio shape as meshcat's: geometry, material, and what turns and scales the one into the other.
+
+    Nothing if it is unknown; several if a mesh has several colours.
+    """
+    geometry, extra, material = solid.geometry, np.eye(4), _material(solid.meshColor)
+    if _is_file(solid):
+        extra[:3, :3] = np.diag(solid.meshScale)
+        path = Path(solid.meshPath)
+        surfaces = _surfaces(path) if not solid.overrideMaterial and _is_coloured(path) else ()
+        for surface in surfaces:
+            colour = solid.meshColor if surface.colour is None else np.array(surface.colour) / 255.0
+            corners = surface.triangles.reshape(-1, 3)
+            triangles = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
+            yield shape.TriangularMeshGeometry(corners, triangles), _material(colour), extra
+        kinds = {".stl": shape.StlMeshGeometry, ".obj": shape.ObjMeshGeometry, ".dae": shape.DaeMeshGeometry}
+        kind = kinds.get(path.suffix.lower())
+        if kind is not None and not surfaces:
+            yield kind.from_file(solid.meshPath), material, extra
+    elif isinstance(geometry, coal.Box):
+        yield shape.Box((2.0 * geometry.halfSide).tolist()), material, extra
+    elif isinstance(geometry, coal.Sphere):
+        yield shape.Sphere(float(geometry.radius)), material, extra
+    elif isinstance(geometry, coal.Cylinder):
+        extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders stand along y
+        yield shape.Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra
+
+
+def page_of(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, Scene]:
+    """A page that shows mechanisms at home, by the names they have in it."""
+    page = Page(", ".join(mechanisms))
+    return page, Scene(page, mechanisms)

@@ -1,0 +1,52 @@
+// Which of the aids are shown; chosen in the menu "Show" and remembered.
+
+import { memory } from "../base/dom.js";
+import { Events } from "../base/events.js";
+
+export const AIDS = [
+  { id: "ghost", words: "Target of what is pulled", hint: "A ghost where the part should be, and the way to it" },
+  {
+    id: "lost",
+    words: "Lost directions",
+    hint: "Arrow or arc along which a motion is lost or gained, near singularities",
+  },
+  { id: "forecast", words: "Path ahead", hint: "Where the pulls lead, and where a singularity or a limit will be met" },
+  { id: "limits", words: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
+  { id: "trail", words: "Trail", hint: "Where the pulled part or the tool has been" },
+  { id: "ellipsoid", words: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
+  { id: "frames", words: "Frames", hint: "Axes of the tool: red x, green y, blue z" },
+  { id: "loops", words: "Loop marks", hint: "Balls where a loop is closed" },
+];
+const OFF = ["ellipsoid"]; // until they are wished for
+export const BODIES = ["parts", "skeleton"];
+
+/** Events: change. */
+export class Aids extends Events {
+  #on;
+  bodies = memory.get("bodies", "parts"); // how robots are drawn
+
+  /** @param none show none, whatever was chosen */
+  constructor(none = false) {
+    super();
+    this.none = none;
+    const chosen = memory.get("aids", {});
+    this.#on = new Map(AIDS.map(({ id }) => [id, chosen[id] ?? !OFF.includes(id)]));
+    if (!BODIES.includes(this.bodies)) this.bodies = "parts";
+  }
+
+  shows(id) {
+    return !this.none && this.#on.get(id) === true;
+  }
+
+  choose(id, on) {
+    this.#on.set(id, on);
+    memory.set("aids", Object.fromEntries(this.#on));
+    this.tell("change");
+  }
+
+  draw(bodies) {
+    this.bodies = bodies;
+    memory.set("bodies", bodies);
+    this.tell("change");
+  }
+}

@@ -1,0 +1,71 @@
+// The manipulability ellipsoid: long where the tool moves easily, flat where it hardly does.
+
+import { Group, Matrix4, Mesh, SphereGeometry, Vector3 } from "three";
+import { Fresh } from "./fresh.js";
+import { paint, rod, span } from "../view/shapes.js";
+import { COLOURS } from "../view/theme.js";
+
+const FLAT = 1e-3; // of the longest half axis: none is thinner
+const ORIGIN = new Vector3();
+
+export class Ellipsoids {
+  #shown = new Map();
+  #fresh = new Fresh();
+
+  constructor({ view, session, aids }) {
+    Object.assign(this, { view, session, aids });
+    session.on("report", () => this.#show());
+    session.on("hello", () => {
+      for (const one of this.#shown.values()) view.stage.remove(one.group);
+      this.#shown.clear();
+      this.#fresh.clear();
+    });
+    aids.on("change", () => this.#show());
+  }
+
+  #show() {
+    for (const robot of this.session.robots) {
+      const found = this.aids.shows("ellipsoid") ? this.session.report?.robots?.[robot.name]?.ellipsoid : null;
+      const one = this.#shown.get(robot.name);
+      if (!this.#fresh.is(robot.name, found)) continue;
+      if (found?.at && found.axes?.length > 0) this.#place(one ?? this.#make(robot.name), found, robot);
+      else if (one?.group.visible) {
+        one.group.visible = false;
+        this.view.changed();
+      }
+    }
+  }
+
+  #place(one, found, robot) {
+    const axes = [0, 1, 2].map((i) => new Vector3().fromArray(found.axes[i] ?? [0, 0, 0]));
+    const longest = Math.max(...axes.map((axis) => axis.length()));
+    if (!(longest > 0)) return;
+    axes.forEach((axis, i) => {
+      // what is flat stays a body: across the other two
+      if (axis.length() >= FLAT * longest) return;
+      const [first, second] = axes.filter((_, k) => k !== i);
+      axis.copy(first).cross(second);
+      if (axis.lengthSq() === 0) axis.set(first.y - second.z, second.x + first.z, first.x + 1e-9);
+      axis.setLength(FLAT * longest);
+    });
+    one.group.visible = true;
+    one.group.position.fromArray(found.at);
+    one.body.matrix.copy(new Matrix4().makeBasis(...axes));
+    one.body.matrixWorldNeedsUpdate = true;
+    axes.forEach((axis, i) => span(one.rods[i], axis.clone().negate(), axis, 0.003 * robot.length));
+    this.view.changed();
+  }
+
+  #make(name) {
+    const one = { group: new Group() };
+    one.body = new Mesh(new SphereGeometry(1, 32, 20), paint(COLOURS.green, { opacity: 0.22, through: false }));
+    one.body.matrixAutoUpdate = false;
+    const ink = paint(COLOURS.green, { opacity: 0.8 });
+    one.rods = [0, 1, 2].map(() => rod(ink));
+    one.rods.forEach((made) => span(made, ORIGIN, ORIGIN, 0));
+    one.group.add(one.body, ...one.rods);
+    this.view.stage.add(one.group);
+    this.#shown.set(name, one);
+    return one;
+  }
+}

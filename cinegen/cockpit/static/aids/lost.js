@@ -1,0 +1,94 @@
+// The direction that is being lost (type 1) or the motion that the motors hold badly (type 2), drawn on the robot: an
+// arrow both ways for a translation, an arc for a turn, both where it is a screw. It shows stronger the nearer it is.
+
+import { Group, Vector3 } from "three";
+import { Fresh } from "./fresh.js";
+import { along, paint, twist, twoWays } from "../view/shapes.js";
+import { COLOURS } from "../view/theme.js";
+
+const WIDE = 5; // times the threshold: where it begins to show
+const SAID = 1.5; // times the threshold: where it is told in words
+const SHARE = 0.3; // of a twist: a smaller part of it is not drawn
+const SIZE = 0.2; // characteristic lengths
+
+export const KINDS = {
+  type1: { colour: COLOURS.vermillion, label: "lost" },
+  type2: { colour: COLOURS.purple, label: "gained" },
+};
+
+export class Lost {
+  #marks = new Map();
+  #fresh = new Fresh();
+
+  constructor({ view, session, labels, aids }) {
+    Object.assign(this, { view, session, labels, aids });
+    session.on("report", () => this.#show());
+    session.on("hello", () => this.#clear());
+    aids.on("change", () => this.#show());
+  }
+
+  #clear() {
+    for (const mark of this.#marks.values()) this.#hide(mark);
+    this.#marks.clear();
+    this.#fresh.clear();
+  }
+
+  #show() {
+    for (const robot of this.session.robots) {
+      for (const kind of Object.keys(KINDS)) {
+        const found = this.session.report?.robots?.[robot.name]?.[kind];
+        const key = `${kind} ${robot.name}`;
+        const near = this.aids.shows("lost") ? closeness(found) : 0;
+        const mark = this.#marks.get(key);
+        if (!this.#fresh.is(key, near > 0 ? found : null)) continue;
+        if (near > 0 && found.twist?.length === 6 && found.at)
+          this.#place(mark ?? this.#make(key, kind), found, near, robot);
+        else if (mark !== undefined) this.#hide(mark);
+      }
+    }
+  }
+
+  #hide(mark) {
+    if (!mark.group.visible) return;
+    mark.group.visible = false;
+    this.labels.put(mark.key, "");
+    this.view.changed();
+  }
+
+  #place(mark, found, near, robot) {
+    const straight = new Vector3().fromArray(found.twist, 0);
+    const turn = new Vector3().fromArray(found.twist, 3);
+    const shares = [straight.length() / robot.length, turn.length()];
+    const most = Math.max(...shares) || 1;
+    mark.group.visible = true;
+    mark.group.position.fromArray(found.at);
+    mark.group.scale.setScalar(SIZE * robot.length);
+    mark.paint.opacity = 0.2 + 0.75 * near;
+    mark.arrow.visible = shares[0] >= SHARE * most;
+    mark.arc.visible = shares[1] >= SHARE * most;
+    along(mark.arrow, straight);
+    along(mark.arc, turn);
+    const said = found.sigma < SAID * (found.near ?? 0);
+    mark.where.fromArray(found.at);
+    this.labels.put(mark.key, said ? (found.words ?? "") : "", mark.where, KINDS[mark.kind].label);
+    this.view.changed();
+  }
+
+  #make(key, kind) {
+    const mark = { key, kind, group: new Group(), where: new Vector3(), paint: paint(KINDS[kind].colour) };
+    mark.arrow = twoWays(mark.paint);
+    mark.arc = twist(mark.paint);
+    mark.arc.scale.setScalar(0.7);
+    mark.group.add(mark.arrow, mark.arc);
+    this.view.stage.add(mark.group);
+    this.#marks.set(key, mark);
+    return mark;
+  }
+}
+
+/** From 0, far from a singularity, to 1 at its threshold or below. */
+function closeness(found) {
+  if (!found || !(found.sigma >= 0) || !(found.near > 0)) return 0;
+  const decades = Math.log((WIDE * found.near) / Math.max(found.sigma, 1e-12)) / Math.log(WIDE);
+  return Math.min(1, Math.max(0, decades));
+}

@@ -1,0 +1,113 @@
+// What the server draws and the page looks after: parts near a limit get its colour, marks of loops turn red where a
+// loop stands open, frames and marks are shown or not.
+
+import { Color, Vector3 } from "three";
+import { keyOf } from "../base/session.js";
+import { units } from "../base/units.js";
+import { ball, paint } from "../view/shapes.js";
+import { COLOURS } from "../view/theme.js";
+
+const OPEN = 1e-6; // rad or characteristic lengths
+
+export class Marks {
+  #halos = new Map();
+
+  constructor({ view, session, labels, aids, tint }) {
+    Object.assign(this, { view, session, labels, aids, tint });
+    session.on("report", () => this.#limits());
+    aids.on("change", () => {
+      this.#limits();
+      this.#show();
+      view.changed();
+    });
+    session.on("report", () => this.#gaps());
+    view.before((drawn) => {
+      if (drawn) this.#show();
+      this.#follow();
+    });
+    session.on("hello", () => {
+      for (const halo of this.#halos.values()) view.stage.remove(halo);
+      this.#halos.clear();
+    });
+  }
+
+  #limits() {
+    for (const robot of this.session.robots) {
+      const told = this.aids.shows("limits") ? this.session.report?.robots?.[robot.name] : null;
+      const at = new Set(told?.saturated);
+      const near = new Set(told?.near);
+      for (const { name, joint } of robot.nodes) {
+        if (!joint) continue;
+        const colour = at.has(joint) ? COLOURS.vermillion : near.has(joint) ? COLOURS.orange : null;
+        this.tint.shade(robot.name, name, colour);
+        this.#halo(robot, name, colour);
+      }
+    }
+  }
+
+  /** A ball on the joint itself, seen through parts: a robot may have limits' colours of its own. */
+  #halo(robot, node, colour) {
+    const key = keyOf(robot.name, node);
+    let halo = this.#halos.get(key);
+    if (colour === null) {
+      if (halo !== undefined) halo.visible = false;
+      return;
+    }
+    if (halo === undefined) {
+      halo = ball(paint(colour, { opacity: 0.55 }), 0.035 * robot.length);
+      halo.userData = { robot: robot.name, node };
+      this.#halos.set(key, halo);
+      this.view.stage.add(halo);
+    }
+    halo.visible = true;
+    halo.material.color.setHex(colour);
+  }
+
+  #follow() {
+    for (const halo of this.#halos.values()) {
+      if (halo.visible) halo.position.copy(this.view.pose(halo.userData.robot, halo.userData.node).position);
+    }
+  }
+
+  #gaps() {
+    for (const robot of this.session.robots) {
+      const gap = this.session.report?.robots?.[robot.name]?.closure ?? 0;
+      const open = gap > OPEN;
+      if (open === (robot.open ?? false) && !open) continue;
+      robot.open = open;
+      for (const loop of robot.loops) {
+        const mark = this.#mark(robot, loop);
+        if (mark === undefined) continue;
+        mark.traverse((object) => {
+          if (object.material === undefined) return;
+          object.material.userData.own ??= { colour: object.material.color.clone() };
+          object.material.color.copy(open ? new Color(COLOURS.vermillion) : object.material.userData.own.colour);
+        });
+        const where = this.view.stage.worldToLocal(mark.getWorldPosition(new Vector3()));
+        this.labels.put(
+          `gap ${robot.name} ${loop.name}`,
+          open ? `open by ${units.length(gap * robot.length)}` : "",
+          where,
+          "far",
+        );
+      }
+      this.view.changed();
+    }
+  }
+
+  #mark(robot, loop) {
+    if (!robot.byName.has(loop.first)) return undefined;
+    return this.view.group(robot.name, loop.first).children.find((child) => child.name === `loop ${loop.name}`);
+  }
+
+  #show() {
+    for (const robot of this.session.robots) {
+      for (const { name } of robot.nodes) {
+        for (const child of this.view.group(robot.name, name).children) {
+          if (child.name === "triad") child.visible = this.aids.shows("frames");
+          else if (child.name.startsWith("loop ")) child.visible = this.aids.shows("loops");
+        }
+      }
+    }
+  }
+}

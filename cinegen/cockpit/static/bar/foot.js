@@ -1,0 +1,59 @@
+// The foot: what should always be zero, and how fast things are.
+//
+// For tests: #gap, #rate, #delay, #pictures, #hand-holder.
+
+import { byId, write } from "../base/dom.js";
+import { fixed, units } from "../base/units.js";
+
+const CLOSED = 1e-9; // rad or characteristic lengths: nobody sees less
+const SAME = 1e-5; // m: a target that came back
+
+export class Foot {
+  #sent = []; // targets under way: [when, numbers]
+  #delay = null; // ms
+
+  constructor({ view, session }) {
+    Object.assign(this, { view, session });
+    session.on("state", (state) => this.#answer(state));
+    session.on("report", (report) => this.#show(report));
+    for (const name of ["lost", "dropped"])
+      session.on(name, () => {
+        this.#sent.length = 0;
+      });
+  }
+
+  /** A target was sent: the delay is the time until a state has it. */
+  sent(lead) {
+    this.#sent.push([performance.now(), lead]);
+    if (this.#sent.length > 60) this.#sent.shift();
+  }
+
+  #answer(state) {
+    if (this.#sent.length === 0) return;
+    const target = state.pulls?.find((pull) => pull.who === "hand")?.target;
+    if (!target) return;
+    const found = this.#sent.findIndex(([, lead]) => [0, 1, 2].every((i) => Math.abs(lead[i] - target[i]) < SAME));
+    if (found < 0) return;
+    const time = performance.now() - this.#sent[found][0];
+    this.#sent.splice(0, found + 1);
+    this.#delay = this.#delay === null ? time : 0.8 * this.#delay + 0.2 * time;
+  }
+
+  #show({ robots = {}, rate, clients }) {
+    const gaps = this.session.robots.map((robot) => [robots[robot.name]?.closure ?? 0, robot.length]);
+    const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
+    const none = !this.session.robots.some((robot) => robot.loops.length > 0);
+    write(
+      byId("gap"),
+      none ? "no loops" : gap < CLOSED ? units.length(0) : `${units.length(gap * length)} (${gap.toExponential(0)})`,
+    );
+    byId("gap").classList.toggle("bad", gap >= CLOSED);
+    write(byId("rate"), Number.isFinite(rate?.ticks) ? `${Math.round(rate.ticks)} /s` : "–");
+    if (Number.isFinite(rate?.late)) byId("rate").title = `99 % begin ${fixed(rate.late, 2)} ms late at most`;
+    write(byId("delay"), this.#delay === null ? "–" : `${fixed(this.#delay, 0)} ms`);
+    write(byId("pictures"), this.view.pace.mean === null ? "–" : `${fixed(this.view.pace.mean, 0)} ms`);
+    const others = clients > 1 ? ` · ${clients} browsers` : "";
+    const words = { mine: "you hold the hand", other: "another browser holds the hand", free: "nobody holds the hand" };
+    write(byId("hand-holder"), `${words[this.session.hand]}${others}`);
+  }
+}

@@ -1,0 +1,45 @@
+// Keys, as people who know three.js have them. A control that has the focus keeps the keys it needs.
+
+import { byId } from "../base/dom.js";
+
+const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
+const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]";
+
+export function keys({ commands, gizmo, session, view, letGo, pin }) {
+  const plain = {
+    w: () => gizmo.setMode("translate"),
+    e: () => gizmo.setMode("rotate"),
+    q: () => gizmo.setAxes(),
+    p: pin,
+    h: () => commands.home(),
+    f: () => view.frame(),
+    "?": () => commands.help(),
+  };
+  window.addEventListener("keydown", (event) => {
+    if (byId("keys").open) return;
+    const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+    if (key === "Escape") {
+      if (!letGo()) session.select(null, null);
+      return;
+    }
+    const typing = event.target instanceof Element && event.target.closest(TYPED) !== null;
+    if (typing || event.altKey) return;
+    if (event.ctrlKey || event.metaKey) {
+      if (key === "z" && event.shiftKey) commands.redo();
+      else if (key === "z") commands.undo();
+      else if (key === "y") commands.redo();
+      else return;
+      event.preventDefault();
+      return;
+    }
+    if (key === " ") {
+      if (event.target instanceof Element && event.target.closest(PRESSED) !== null) return;
+      event.preventDefault();
+      if (!event.repeat) commands.pause();
+      return;
+    }
+    if (plain[key] === undefined || event.repeat) return;
+    event.preventDefault();
+    plain[key]();
+  });
+}

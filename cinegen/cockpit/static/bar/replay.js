@@ -1,0 +1,81 @@
+// The transport of a replay: play, where in time, how fast.
+//
+// For tests: #transport with #play (aria-pressed), #seek (seconds), #tempo (select).
+
+import { atMostEvery, byId, make, write } from "../base/dom.js";
+import { fixed } from "../base/units.js";
+import { fill } from "../panel/slider.js";
+
+const TEMPI = [0.1, 0.25, 0.5, 1, 2, 5];
+
+export class Replay {
+  #moved = -Infinity;
+
+  constructor(session) {
+    this.session = session;
+    this.bar = byId("transport");
+    this.sign = document.createElementNS("http://www.w3.org/2000/svg", "use");
+    this.play = make("button", {
+      type: "button",
+      id: "play",
+      class: "small",
+      "aria-label": "Play",
+      "aria-pressed": "false",
+      title: "Play or hold the recording",
+      on: { click: () => this.#say({ play: this.play.getAttribute("aria-pressed") !== "true" }) },
+    });
+    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    svg.setAttribute("class", "sign");
+    svg.append(this.sign);
+    this.play.append(svg);
+    this.seek = make("input", {
+      type: "range",
+      id: "seek",
+      min: 0,
+      step: 0.01,
+      "aria-label": "Time in the recording",
+      title: "Go to a time",
+    });
+    const seek = atMostEvery(50, (time) => this.#say({ seek: time }));
+    this.seek.addEventListener("input", () => {
+      this.#moved = performance.now();
+      fill(this.seek);
+      seek(Number(this.seek.value));
+    });
+    this.time = make("span", { class: "number" });
+    this.tempo = make(
+      "select",
+      {
+        id: "tempo",
+        class: "small",
+        "aria-label": "Tempo",
+        title: "How fast it is played",
+        on: { change: () => this.#say({ tempo: Number(this.tempo.value) }) },
+      },
+      ...TEMPI.map((tempo) => make("option", { value: tempo }, `${tempo} ×`)),
+    );
+    this.bar.append(this.play, this.seek, this.time, this.tempo);
+    session.on("hello", ({ replay }) => {
+      this.bar.hidden = !replay;
+      this.seconds = replay?.seconds ?? 0;
+      this.seek.max = String(this.seconds);
+      this.bar.title = replay?.file ?? "";
+    });
+    session.on("report", ({ replay }) => {
+      if (replay) this.#show(replay);
+    });
+  }
+
+  #say(command) {
+    if (this.session.mayAct()) this.session.send(command);
+  }
+
+  #show({ time = 0, playing = false, speed = 1 }) {
+    this.play.setAttribute("aria-pressed", String(playing));
+    this.sign.setAttribute("href", playing ? "#sign-pause" : "#sign-play");
+    if (performance.now() - this.#moved > 400) this.seek.value = String(time);
+    fill(this.seek);
+    write(this.time, `${fixed(time, 1)} / ${fixed(this.seconds, 1)} s`);
+    if (document.activeElement !== this.tempo && TEMPI.includes(speed)) this.tempo.value = String(speed);
+  }
+}

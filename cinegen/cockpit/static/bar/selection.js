@@ -1,0 +1,66 @@
+// What is selected, and what can be done with it.
+//
+// For tests: #selection with #move #turn (aria-pressed), #axes (select), #upright (checkbox), #pin, #deselect.
+
+import { byId, make, sign, write } from "../base/dom.js";
+import { AXES } from "../hand/gizmo.js";
+
+const WORDS = { world: "world axes", local: "its own axes", view: "view axes" };
+
+export class Selection {
+  constructor({ session, gizmo, pin }) {
+    Object.assign(this, { session, gizmo });
+    const press = (id, action, title, ...children) =>
+      make("button", { type: "button", id, title, on: { click: action } }, ...children);
+    this.name = make("span", { class: "name" });
+    this.move = press("move", () => gizmo.setMode("translate"), "Move it (W)", sign("move"), "Move");
+    this.turn = press("turn", () => gizmo.setMode("rotate"), "Turn it (E)", sign("turn"), "Turn");
+    this.axes = make(
+      "select",
+      {
+        id: "axes",
+        class: "small",
+        title: "Along whose axes the arrows are (Q)",
+        "aria-label": "Axes of the gizmo",
+        on: { change: () => gizmo.setAxes(this.axes.value) },
+      },
+      ...AXES.map((axes) => make("option", { value: axes }, WORDS[axes])),
+    );
+    this.upright = make("input", {
+      type: "checkbox",
+      id: "upright",
+      on: { change: () => gizmo.setUpright(this.upright.checked) },
+    });
+    this.keep = make(
+      "label",
+      { class: "field", title: "Moving it, its orientation is held too" },
+      this.upright,
+      "keep orientation",
+    );
+    this.bar = byId("selection");
+    this.bar.append(
+      this.name,
+      make("span", { class: "segments" }, this.move, this.turn),
+      this.axes,
+      this.keep,
+      press("pin", pin, "Hold it where it is, while you drag other parts (P)", sign("pin"), "Pin"),
+      press("deselect", () => session.select(null, null), "Select nothing (Esc)", sign("close")),
+    );
+    byId("deselect").setAttribute("aria-label", "Select nothing");
+    session.on("select", () => this.#show());
+    gizmo.on("change", () => this.#show());
+  }
+
+  #show() {
+    const { selected, robots } = this.session;
+    this.bar.hidden = selected === null;
+    if (selected === null) return;
+    write(this.name, robots.length > 1 ? `${selected.robot} · ${selected.node}` : selected.node);
+    const turning = this.gizmo.mode === "rotate";
+    this.move.setAttribute("aria-pressed", String(!turning));
+    this.turn.setAttribute("aria-pressed", String(turning));
+    this.axes.value = this.gizmo.axes;
+    this.upright.checked = this.gizmo.upright;
+    this.keep.hidden = turning;
+  }
+}

@@ -1,0 +1,89 @@
+// Elements made from code. Names of robots and parts are foreign text: they become text, never markup.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+/**
+ * An element: `make("button", { class: "small", title: "...", on: { click } }, "text", child)`.
+ * `data` sets data attributes, `on` listens, true and false set or leave out an attribute.
+ */
+export function make(tag, attributes = {}, ...children) {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (name === "on") for (const [event, listener] of Object.entries(value)) element.addEventListener(event, listener);
+    else if (name === "data") Object.assign(element.dataset, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
+  }
+  element.append(...children.filter((child) => child !== null && child !== undefined));
+  return element;
+}
+
+/** One of the signs of the page's sheet (see index.html). */
+export function sign(name) {
+  const svg = document.createElementNS(SVG, "svg");
+  svg.setAttribute("class", "sign");
+  svg.setAttribute("aria-hidden", "true");
+  const use = document.createElementNS(SVG, "use");
+  use.setAttribute("href", `#sign-${name}`);
+  svg.append(use);
+  return svg;
+}
+
+/** Sets a text where it is another: an untouched element is not laid out anew. */
+export function write(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+export function byId(id) {
+  return document.getElementById(id);
+}
+
+/** What was chosen in this browser before; a browser may refuse to keep it. */
+export const memory = {
+  get(name, otherwise) {
+    try {
+      const kept = JSON.parse(localStorage.getItem(`cinegen.${name}`));
+      return kept === null || typeof kept !== typeof otherwise ? otherwise : kept;
+    } catch {
+      return otherwise;
+    }
+  },
+  set(name, value) {
+    try {
+      localStorage.setItem(`cinegen.${name}`, JSON.stringify(value));
+    } catch {
+      // it is forgotten
+    }
+  },
+};
+
+/** Calls `action` at once, then at most once in `milliseconds`, with the newest value last. */
+export function atMostEvery(milliseconds, action) {
+  let last = -Infinity;
+  let timer = null;
+  let newest;
+  const run = () => {
+    timer = null;
+    last = performance.now();
+    action(newest);
+  };
+  const offer = (value) => {
+    newest = value;
+    if (timer !== null) return;
+    const wait = last + milliseconds - performance.now();
+    if (wait <= 0) run();
+    else timer = setTimeout(run, wait);
+  };
+  /** Does now what waits. */
+  offer.flush = () => {
+    if (timer === null) return;
+    clearTimeout(timer);
+    run();
+  };
+  /** Forgets what waits. */
+  offer.stop = () => {
+    clearTimeout(timer);
+    timer = null;
+  };
+  return offer;
+}

@@ -1,0 +1,59 @@
+// A gamepad of this browser as a sensor: said while it is deflected, and once when it comes to rest. It is read only
+// while some node follows it.
+//
+// Left stick: right and away. Right trigger up, left trigger down. Right stick tilts, shoulder buttons turn about z.
+
+const DEAD = 0.05;
+const OFTEN = 1000 / 30; // ms
+
+export class Gamepad {
+  #moving = false;
+  #timer = null;
+
+  constructor(session) {
+    this.session = session;
+    session.on("report", (report) => this.#watch(report));
+    for (const name of ["lost", "dropped"]) session.on(name, () => this.#stop());
+  }
+
+  #watch({ switches = [] }) {
+    const mine = new Set(
+      (this.session.hello?.sensors ?? [])
+        .filter(({ id, url }) => id === "gamepad" || url?.startsWith("gamepad:"))
+        .map(({ id }) => id),
+    );
+    const wanted = switches.some(({ sensor }) => mine.has(sensor)) && this.session.hand !== "other";
+    if (wanted && this.#timer === null) this.#timer = setInterval(() => this.#read(), OFTEN);
+    else if (!wanted) this.#stop();
+  }
+
+  #stop() {
+    clearInterval(this.#timer);
+    this.#timer = null;
+    this.#moving = false;
+  }
+
+  #read() {
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected);
+    const twist = pad === undefined ? [0, 0, 0, 0, 0, 0] : twistOf(pad);
+    const buttons = pad === undefined ? [] : pad.buttons.flatMap((button, i) => (button.pressed ? [i] : []));
+    const moving = twist.some((value) => value !== 0) || buttons.length > 0;
+    if (moving || this.#moving) this.session.send({ gamepad: { twist, buttons } });
+    this.#moving = moving;
+  }
+}
+
+/** x right, y away, z up; -1 to 1. */
+function twistOf({ axes, buttons }) {
+  const axis = (i) => rest(axes[i] ?? 0);
+  const button = (i) => buttons[i]?.value ?? 0;
+  return [axis(0), -axis(1), rest(button(7) - button(6)), axis(3), axis(2), rest(button(4) - button(5))].map((value) =>
+    value === 0 ? 0 : Number(value.toFixed(3)),
+  );
+}
+
+/** Nothing within the dead zone, and from there on from 0 to 1. */
+function rest(value) {
+  const size = Math.min(1, Math.abs(value));
+  return size <= DEAD ? 0 : (Math.sign(value) * (size - DEAD)) / (1 - DEAD);
+}

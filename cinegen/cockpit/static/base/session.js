@@ -1,0 +1,94 @@
+// What is known of the session: who is in it, where everything stands, who holds the hand, which part is selected.
+//
+// Events, besides the link's: hand ("mine", "other" or "free"), select ({ robot, node } or null).
+
+import { Events } from "./events.js";
+
+export class Session extends Events {
+  hello = null;
+  state = null;
+  report = null;
+  hand = "free";
+  selected = null;
+  #robots = new Map();
+
+  constructor(link) {
+    super();
+    this.link = link;
+    link.on("hello", (hello) => this.#meet(hello));
+    link.on("state", (state) => this.#follow(state));
+    link.on("report", (report) => {
+      this.report = report;
+      this.tell("report", report);
+    });
+    for (const name of ["notice", "lost", "dropped"]) link.on(name, (value) => this.tell(name, value));
+    document.documentElement.dataset.hand = this.hand;
+  }
+
+  send(object) {
+    this.link.send(object);
+  }
+
+  get robots() {
+    return [...this.#robots.values()];
+  }
+
+  robot(name) {
+    return this.#robots.get(name) ?? null;
+  }
+
+  /** Whether there is such a part. */
+  knows(robot, node) {
+    return this.#robots.get(robot)?.byName.has(node) ?? false;
+  }
+
+  /** Whether a part is pulled, and by whom: the pulls that hold now. */
+  get pulls() {
+    return this.state?.pulls ?? [];
+  }
+
+  /** Whether commands may be given; says so where another browser holds the hand. */
+  mayAct() {
+    if (this.hand !== "other") return true;
+    this.tell("denied");
+    return false;
+  }
+
+  /** Selects a part, or nothing. */
+  select(robot, node) {
+    const selected = this.knows(robot, node) ? { robot, node } : null;
+    if (selected?.robot === this.selected?.robot && selected?.node === this.selected?.node) return;
+    this.selected = selected;
+    this.tell("select", selected);
+  }
+
+  #meet(hello) {
+    this.hello = hello;
+    this.state = this.report = null;
+    this.#robots.clear();
+    for (const robot of hello.robots ?? []) {
+      const nodes = robot.nodes ?? [];
+      const joints = robot.joints ?? [];
+      const byName = new Map(nodes.map((node) => [node.name, node]));
+      this.#robots.set(robot.name, { ...robot, nodes, joints, loops: robot.loops ?? [], byName });
+    }
+    this.tell("hello", hello);
+    if (this.selected !== null && !this.knows(this.selected.robot, this.selected.node)) this.select(null, null);
+  }
+
+  #follow(state) {
+    this.state = state;
+    const holder = state.hand ?? null;
+    const hand = holder === null ? "free" : holder === this.hello?.client ? "mine" : "other";
+    this.tell("state", state);
+    if (hand === this.hand) return;
+    this.hand = hand;
+    document.documentElement.dataset.hand = hand;
+    this.tell("hand", hand);
+  }
+}
+
+/** A part's key in maps. */
+export function keyOf(robot, node) {
+  return `${robot}\n${node}`;
+}

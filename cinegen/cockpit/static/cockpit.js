@@ -1,0 +1,119 @@
+// The cockpit: any part of any robot is picked and moved. This puts the page's parts together.
+//
+// On the root element, for tests: data-frame (last state applied), data-connected, data-hand, data-view ("ready" once
+// the robots fill the view). `window.cockpit` lets tests and the curious in. With ?camera=1 the scene alone is shown,
+// for pictures taken from outside; &aids=1 with aids.
+
+import { Aids } from "./aids/aids.js";
+import { Ellipsoids } from "./aids/ellipsoid.js";
+import { Forecasts } from "./aids/forecast.js";
+import { Ghosts } from "./aids/ghost.js";
+import { Lost } from "./aids/lost.js";
+import { Marks } from "./aids/marks.js";
+import { Trails } from "./aids/trail.js";
+import { Commands } from "./bar/commands.js";
+import { Foot } from "./bar/foot.js";
+import { keys } from "./bar/keys.js";
+import { menus } from "./bar/menus.js";
+import { Messages } from "./bar/messages.js";
+import { Replay } from "./bar/replay.js";
+import { Selection } from "./bar/selection.js";
+import { Verdict } from "./bar/verdict.js";
+import { byId } from "./base/dom.js";
+import { Gamepad } from "./base/gamepad.js";
+import { Link } from "./base/link.js";
+import { Session } from "./base/session.js";
+import { Drag } from "./hand/drag.js";
+import { Gizmo } from "./hand/gizmo.js";
+import { hover } from "./hand/hover.js";
+import { Pick } from "./hand/pick.js";
+import { Joints } from "./panel/joints.js";
+import { Motion } from "./panel/motion.js";
+import { Pulls } from "./panel/pulls.js";
+import { Record } from "./panel/record.js";
+import { Sensors } from "./panel/sensors.js";
+import { Singularity } from "./panel/singularity.js";
+import { Tree } from "./panel/tree.js";
+import { begin } from "./view/begin.js";
+import { tellEye } from "./view/eye.js";
+import { lay } from "./view/floor.js";
+import { Labels } from "./view/labels.js";
+import { Skeleton } from "./view/skeleton.js";
+import { paint } from "./view/theme.js";
+import { Tint } from "./view/tint.js";
+import { View } from "./view/view.js";
+
+const wished = new URLSearchParams(location.search);
+const still = wished.get("camera") === "1";
+const withAids = !still || wished.get("aids") === "1";
+document.body.classList.toggle("camera", still);
+document.body.classList.toggle("with-aids", withAids);
+
+const view = new View(byId("scene"), { still });
+const link = new Link((url) => view.connect(url));
+const session = new Session(link);
+session.on("hello", () => view.forget());
+session.on("state", (state) => view.apply(session.robots, state.poses)); // before all that asks where things are
+
+paint(view);
+lay(view);
+const labels = new Labels(view);
+const tint = new Tint(view, session);
+const aids = new Aids(!withAids);
+const shown = { view, session, labels, aids, tint };
+for (const Aid of [Ghosts, Lost, Ellipsoids, Forecasts, Trails, Marks]) new Aid(shown);
+
+const pick = new Pick(view, session);
+new Skeleton({ ...shown, pick });
+const foot = new Foot({ view, session });
+const gizmo = new Gizmo(view, session);
+const drag = new Drag({ view, session, pick, gizmo });
+for (const hand of [drag, gizmo]) hand.lead.said = (lead) => foot.sent(lead);
+hover({ ...shown, drag });
+
+/** Lets go of what is held; whether anything was. */
+function letGo(pinned = false) {
+  const held = [drag, gizmo].filter((hand) => hand.part !== null && (hand !== gizmo || gizmo.busy));
+  for (const hand of held) hand.letGo(pinned);
+  return held.length > 0;
+}
+
+/** Pins what is held where its target is, or else what is selected where it is. */
+function pin() {
+  if (letGo(true) || session.selected === null || !session.mayAct()) return;
+  session.send({ pin: { ...session.selected } });
+}
+
+const commands = new Commands({ view, session, letGo });
+menus(aids);
+new Messages({ session, drag, gizmo });
+new Selection({ session, gizmo, pin });
+new Verdict(session);
+new Replay(session);
+new Gamepad(session);
+const panel = byId("panel");
+for (const Section of [Singularity, Joints, Pulls, Sensors, Tree, Motion, Record]) new Section(panel, session);
+tellEye(view, session);
+begin(view, session, still);
+keys({ commands, gizmo, session, view, letGo, pin });
+
+window.cockpit = {
+  viewer: view.viewer,
+  get root() {
+    return view.root;
+  },
+  hand: pick,
+  select: (robot, node) => session.select(robot, node),
+  gizmo,
+  get hello() {
+    return session.hello;
+  },
+  get state() {
+    return session.state;
+  },
+  get report() {
+    return session.report;
+  },
+  send: (object) => session.send(object),
+};
+link.connect();

@@ -1,0 +1,142 @@
+// The ball-and-plane drag: a part is taken where it is touched, and led in the plane of the view through that point.
+// It turns freely meanwhile. A press and release without a drag selects the part.
+//
+// Events: hover (part or null), drag (part or null), free (a pointer that touches no part was pressed and released).
+
+import { Plane, Vector3 } from "three";
+import { Events } from "../base/events.js";
+import { Lead } from "./lead.js";
+
+const STILL = 4; // pixels: a pointer that moves less has not moved
+const STILL_TOUCH = 8; // a finger is broad
+
+export class Drag extends Events {
+  #plane = new Plane();
+  #held = null; // what is pressed, and whether it is dragged yet
+  #beside = null; // where the pointer was pressed beside all parts
+  #pointer = null; // where it hovers
+  #waiting = false; // for the next picture, to look what is there
+  over = null;
+
+  constructor({ view, session, pick, gizmo }) {
+    super();
+    Object.assign(this, { view, session, pick, gizmo });
+    this.lead = new Lead(session);
+    const { canvas } = view;
+    canvas.style.touchAction = "none";
+    canvas.addEventListener("pointerdown", (event) => this.#press(event), true);
+    canvas.addEventListener("pointermove", (event) => this.#move(event), true);
+    canvas.addEventListener("pointerrawupdate", (event) => this.#follow(event));
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+      canvas.addEventListener(end, (event) => this.#release(event), true);
+    }
+    canvas.addEventListener("pointerleave", () => this.#point(null));
+    this.on("drag", (part) => canvas.classList.toggle("dragging", part !== null));
+  }
+
+  /** What is dragged now; null if nothing. */
+  get part() {
+    return this.#held?.dragged ? this.#held : null;
+  }
+
+  /** Lets go; pinned where the target is, if so wished. */
+  letGo(pin = false) {
+    const held = this.#held;
+    this.#held = null;
+    this.lead.stop();
+    if (held === null) return;
+    if (this.view.canvas.hasPointerCapture(held.pointer)) this.view.canvas.releasePointerCapture(held.pointer);
+    if (!held.dragged) return;
+    this.session.send({ "let go": pin ? "pin" : true });
+    this.tell("drag", null);
+  }
+
+  #press(event) {
+    this.#beside = null;
+    if (this.#held !== null) {
+      event.stopImmediatePropagation(); // a second finger while a part is held
+      return;
+    }
+    if (!event.isPrimary || event.button !== 0 || this.gizmo.wants(event)) return;
+    const hit = this.pick.touched(event);
+    if (hit === null) {
+      this.#beside = { x: event.clientX, y: event.clientY };
+      return;
+    }
+    event.stopImmediatePropagation(); // the view stays where it is
+    this.view.canvas.setPointerCapture(event.pointerId);
+    const toward = this.view.camera.getWorldDirection(new Vector3());
+    this.#plane.setFromNormalAndCoplanarPoint(toward, hit.point);
+    const at = hit.group.worldToLocal(hit.point.clone());
+    this.#held = {
+      ...hit,
+      at,
+      pointer: event.pointerId,
+      x: event.clientX,
+      y: event.clientY,
+      dragged: false,
+      still: event.pointerType === "touch" ? STILL_TOUCH : STILL,
+    };
+  }
+
+  #move(event) {
+    if (this.#held === null) {
+      if (event.buttons === 0) this.#point(event);
+      return;
+    }
+    event.stopImmediatePropagation();
+    this.#follow(event);
+  }
+
+  #follow(event) {
+    const held = this.#held;
+    if (held === null || event.pointerId !== held.pointer || held.denied) return;
+    if (!held.dragged) {
+      if (Math.hypot(event.clientX - held.x, event.clientY - held.y) <= held.still) return;
+      if (!this.session.mayAct()) {
+        held.denied = true;
+        return;
+      }
+      held.dragged = true;
+      this.session.send({ take: { robot: held.robot, node: held.node, point: held.at.toArray() } });
+      this.tell("drag", held);
+    }
+    const met = this.pick.aim(event).intersectPlane(this.#plane, new Vector3());
+    if (met !== null) this.lead.to(this.view.root.worldToLocal(met).toArray());
+  }
+
+  #release(event) {
+    const held = this.#held;
+    if (held !== null && event.pointerId === held.pointer) {
+      const clicked = event.type === "pointerup" && !held.dragged && !held.denied;
+      event.stopImmediatePropagation();
+      this.letGo();
+      if (clicked) this.session.select(held.robot, held.node);
+      return;
+    }
+    const beside = this.#beside;
+    this.#beside = null;
+    if (beside === null || event.type !== "pointerup") return;
+    if (Math.hypot(event.clientX - beside.x, event.clientY - beside.y) <= STILL) this.tell("free");
+  }
+
+  #point(event) {
+    this.#pointer = event === null ? null : { clientX: event.clientX, clientY: event.clientY };
+    if (this.#waiting) return;
+    this.#waiting = true;
+    requestAnimationFrame(() => {
+      this.#waiting = false;
+      this.#hover();
+    });
+  }
+
+  #hover() {
+    const busy = this.#held !== null || this.gizmo.busy;
+    if (busy) return;
+    const hit = this.#pointer === null || this.gizmo.hovered ? null : this.pick.touched(this.#pointer);
+    this.view.canvas.style.cursor = this.gizmo.hovered ? "move" : hit === null ? "" : "grab";
+    if (hit?.robot === this.over?.robot && hit?.node === this.over?.node) return;
+    this.over = hit;
+    this.tell("hover", hit);
+  }
+}

@@ -1,0 +1,23 @@
+// What is under the pointer lights up and is named; so does what is held.
+
+import { Vector3 } from "three";
+import { theme } from "../view/theme.js";
+
+export function hover({ view, session, labels, tint, drag }) {
+  const where = new Vector3();
+  const show = (part) => {
+    tint.light(part, theme.accent);
+    if (part === null) {
+      labels.put("over", "");
+      return;
+    }
+    where.copy(view.root.worldToLocal(part.point.clone()));
+    labels.put("over", session.robots.length > 1 ? `${part.robot} · ${part.node}` : part.node, where, "over");
+  };
+  drag.on("hover", show);
+  drag.on("drag", (part) => {
+    tint.light(part, theme.accent);
+    labels.put("over", "");
+    if (part === null) drag.over = null; // it is looked at anew
+  });
+}

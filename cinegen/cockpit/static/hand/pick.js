@@ -1,0 +1,44 @@
+// What is under the pointer: the nearest part of a robot.
+
+import { Raycaster, Vector2 } from "three";
+
+export class Pick {
+  #ray = new Raycaster();
+
+  constructor(view, session) {
+    this.view = view;
+    this.session = session;
+    this.extra = null; // (event) -> part or null: what else can be touched where no mesh is
+  }
+
+  /** The ray through a pointer, in three's own axes. */
+  aim(event) {
+    const box = this.view.canvas.getBoundingClientRect();
+    const at = new Vector2(
+      (2 * (event.clientX - box.left)) / box.width - 1,
+      1 - (2 * (event.clientY - box.top)) / box.height,
+    );
+    this.#ray.setFromCamera(at, this.view.camera);
+    return this.#ray.ray;
+  }
+
+  /** The robot, the node, its group and the point (three's own axes) that a pointer touches; null if none. */
+  touched(event) {
+    this.aim(event);
+    const { root } = this.view;
+    for (const hit of this.#ray.intersectObject(root, true)) {
+      if (!hit.object.isMesh) continue;
+      const part = this.#owner(hit.object, root);
+      if (part !== null) return { ...part, point: hit.point };
+    }
+    return this.extra?.(event) ?? null;
+  }
+
+  #owner(object, root) {
+    const path = [];
+    for (let at = object; at !== null && at !== root; at = at.parent) path.unshift(at);
+    if (path.length < 2) return null;
+    const [robot, group] = path;
+    return this.session.knows(robot.name, group.name) ? { robot: robot.name, node: group.name, group } : null;
+  }
+}

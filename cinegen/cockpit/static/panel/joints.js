@@ -1,0 +1,174 @@
+// Joints: a slider for each that has a motor, from limit to limit; the passive ones to be read.
+//
+// For tests: [data-joint="ROBOT/JOINT"] with input[type=range] and input[type=number] in it where the joint is actuated
+// (in the units that are shown), data-limit "near" or "at"; passive ones have data-passive and .number.
+
+import { atMostEvery, make, write } from "../base/dom.js";
+import { fixed, units } from "../base/units.js";
+import { byRobot, folded, Section } from "./section.js";
+import { fill } from "./slider.js";
+
+const PICTURE = 1000 / 60;
+const OVER = 250; // ms after the last change: the gesture is over
+const SETTLED = 600; // ms after that: the joint is where it got
+const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, where there is no limit; rad, lengths
+
+export class Joints {
+  #rows = new Map();
+  #moving = null; // the row whose slider is moved
+  #end = null;
+
+  constructor(panel, session) {
+    this.session = session;
+    this.section = new Section(panel, {
+      id: "joints",
+      words: "Joints",
+      hint: "Move the motors one by one; the ends of each bar are the joint's limits",
+    });
+    this.lead = atMostEvery(PICTURE, (joint) => session.send({ joint }));
+    session.on("hello", () => this.#build());
+    session.on("report", () => this.#show());
+    units.on("change", () => this.#build());
+  }
+
+  #build() {
+    this.#rows.clear();
+    this.#moving = null;
+    byRobot(this.section.body, this.session.robots, (robot, body) => {
+      const rows = robot.joints.map((joint) => this.#row(robot, joint));
+      const motors = rows.filter(({ joint }) => joint.actuated);
+      const passive = rows.filter(({ joint }) => !joint.actuated);
+      body.append(...motors.map(({ element }) => element));
+      if (passive.length > 0) {
+        const hint = "Joints without a motor: the loops move them";
+        body.append(folded(`${passive.length} passive`, hint, ...passive.map(({ element }) => element)));
+      }
+      if (rows.length === 0) body.append(make("p", { class: "empty" }, "This robot has no joints."));
+    });
+    this.#show();
+  }
+
+  #row(robot, joint) {
+    const home = joint.home ?? 0;
+    const wide = (WIDE[joint.type] ?? Math.PI) * (joint.type === "prismatic" ? robot.length : 1);
+    const row = {
+      robot,
+      joint,
+      low: joint.low ?? home - wide,
+      high: joint.high ?? home + wide,
+      key: `${robot.name}/${joint.name}`,
+    };
+    const limits =
+      Number.isFinite(joint.low) || Number.isFinite(joint.high)
+        ? `${units.joint(joint, row.low)} to ${units.joint(joint, row.high)}`
+        : "no limits";
+    const name = make("span", { class: "name", title: `${joint.name}: ${joint.type}, ${limits}` }, joint.name);
+    row.element = joint.actuated ? this.#motor(row, name, limits) : this.#passive(row, name, limits);
+    this.#rows.set(row.key, row);
+    return row;
+  }
+
+  #passive(row, name, limits) {
+    row.mark = make("i");
+    row.text = make("span", { class: "number" });
+    return make(
+      "div",
+      { class: "row passive joint", data: { joint: row.key, passive: "" } },
+      name,
+      make("div", { class: "track", title: limits }, row.mark),
+      row.text,
+    );
+  }
+
+  #motor(row, name, limits) {
+    const { robot, joint } = row;
+    const [min, max] = [row.low, row.high].map((value) => units.shown(joint, value));
+    const label = `${joint.name} of ${robot.name}`;
+    const title = `${limits}. Drag it, or use the arrow keys`;
+    row.range = make("input", { type: "range", min, max, step: (max - min) / 1000, "aria-label": label, title });
+    row.number = make("input", {
+      type: "number",
+      step: "any",
+      "aria-label": `${label}, value in ${units.unit(joint)}`,
+      title: "Type a value and press Enter",
+    });
+    row.range.addEventListener("pointerdown", () => {
+      row.pressed = true;
+    });
+    for (const end of ["pointerup", "pointercancel"]) {
+      row.range.addEventListener(end, () => {
+        row.pressed = false;
+        if (this.#moving === row) this.#finish(0);
+      });
+    }
+    row.range.addEventListener("input", () => this.#move(row, Number(row.range.value)));
+    row.range.addEventListener("change", () => {
+      if (!row.pressed) this.#finish(OVER);
+    });
+    row.number.addEventListener("change", () => {
+      const value = row.number.valueAsNumber;
+      if (!Number.isFinite(value)) return;
+      this.#move(row, Math.min(Math.max(value, min), max));
+      this.#finish(OVER);
+      row.number.blur();
+    });
+    return make(
+      "div",
+      { class: "row joint", data: { joint: row.key } },
+      name,
+      row.range,
+      make("span", { class: "value" }, row.number, make("span", { class: "unit" }, units.unit(joint))),
+    );
+  }
+
+  #move(row, shown) {
+    fill(row.range);
+    if (!this.session.mayAct()) return;
+    clearTimeout(this.#end);
+    this.#moving = row;
+    this.lead({ robot: row.robot.name, joint: row.joint.name, value: units.meant(row.joint, shown) });
+  }
+
+  #finish(wait) {
+    clearTimeout(this.#end);
+    this.#end = setTimeout(() => {
+      if (this.#moving === null) return;
+      this.#moving = null;
+      this.lead.flush();
+      this.session.send({ joint: null });
+      setTimeout(() => this.#show(), SETTLED); // where nothing moved, no report tells so
+    }, wait);
+  }
+
+  #show() {
+    for (const robot of this.session.robots) {
+      const told = this.session.report?.robots?.[robot.name];
+      if (!told) continue;
+      const at = new Set(told.saturated);
+      const near = new Set(told.near);
+      robot.joints.forEach((joint, i) => {
+        const row = this.#rows.get(`${robot.name}/${joint.name}`);
+        const value = told.q?.[i];
+        const limit = at.has(joint.name) ? "at" : near.has(joint.name) ? "near" : "";
+        if (row.element.dataset.limit !== limit) row.element.dataset.limit = limit;
+        if (Number.isFinite(value)) this.#value(row, value);
+      });
+    }
+  }
+
+  #value(row, value) {
+    const { joint } = row;
+    const text = fixed(units.shown(joint, value), units.digits(joint));
+    if (!joint.actuated) {
+      const share = Math.min(1, Math.max(0, (value - row.low) / (row.high - row.low || 1)));
+      row.mark.style.left = `${(100 * share).toFixed(1)}%`;
+      write(row.text, units.joint(joint, value));
+      return;
+    }
+    if (document.activeElement !== row.number && row.number.value !== text) row.number.value = text;
+    if (this.#moving === row || row.pressed) return;
+    row.range.value = String(units.shown(joint, value));
+    row.range.setAttribute("aria-valuetext", units.joint(joint, value));
+    fill(row.range);
+  }
+}

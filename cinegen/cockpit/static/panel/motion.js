@@ -1,0 +1,50 @@
+// How robots follow: gain and damping, on log scales.
+//
+// For tests: #gain, #damping (0 to 1000 on a log scale).
+
+import { make } from "../base/dom.js";
+import { significant } from "../base/units.js";
+import { Section } from "./section.js";
+import { logSlider } from "./slider.js";
+
+export class Motion {
+  constructor(panel, session) {
+    const section = new Section(panel, {
+      id: "motion",
+      words: "Following",
+      hint: "How quickly robots follow, and how gently near singularities",
+      open: false,
+    });
+    const say = (name) => (value) => {
+      if (session.mayAct()) session.send({ [name]: value });
+    };
+    this.gain = logSlider({
+      id: "gain",
+      label: "Gain",
+      hint: "How fast the rest of the way is made good: more is quicker",
+      low: 1,
+      high: 1000,
+      words: (value) => `${significant(value)} /s`,
+      said: say("gain"),
+    });
+    this.damping = logSlider({
+      id: "damping",
+      label: "Damping",
+      hint: "Below which singular value the motion is damped: more is gentler near singularities, and less exact",
+      low: 0.001,
+      high: 0.3,
+      words: (value) => significant(value),
+      said: say("damping"),
+    });
+    for (const [words, slider] of [
+      ["gain", this.gain],
+      ["damping", this.damping],
+    ]) {
+      section.body.append(make("label", { class: "pair three" }, words, slider.input, slider.output));
+    }
+    session.on("report", ({ settings }) => {
+      this.gain.show(settings?.gain);
+      this.damping.show(settings?.damping);
+    });
+  }
+}

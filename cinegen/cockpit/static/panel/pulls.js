@@ -1,0 +1,129 @@
+// Pulls: what is held now, by whom, how much of it, how strongly; each can be let go.
+//
+// For tests: [data-pull="ID"] with button (release), select[data-holds="translation"] and [data-holds="rotation"],
+// input[type=range] (weight).
+
+import { atMostEvery, make, write } from "../base/dom.js";
+import { significant, units } from "../base/units.js";
+import { Section } from "./section.js";
+import { logSlider } from "./slider.js";
+
+const TRANSLATIONS = ["free", "x", "x, y", "x, y, z"];
+const ROTATIONS = ["free", "about z", "direction of z", "all"];
+const OFTEN = 100; // ms
+
+export class Pulls {
+  #cards = new Map();
+
+  constructor(panel, session) {
+    this.session = session;
+    this.section = new Section(panel, {
+      id: "pulls",
+      words: "Pulls",
+      hint: "What leads the robots now: your hand, pins and sensors. Where they disagree, weights decide",
+    });
+    this.empty = make("p", { class: "empty" }, "Nothing is pulled. Drag a part, or select one and pin it.");
+    this.section.body.append(this.empty);
+    this.show = atMostEvery(OFTEN, () => this.#show());
+    session.on("state", () => this.show());
+    session.on("hello", () => this.show());
+  }
+
+  #show() {
+    const { pulls } = this.session;
+    this.empty.hidden = pulls.length > 0;
+    write(this.section.note, pulls.length > 0 ? String(pulls.length) : "");
+    const ids = new Set(pulls.map((pull) => pull.id));
+    for (const [id, card] of this.#cards) {
+      if (ids.has(id)) continue;
+      card.element.remove();
+      this.#cards.delete(id);
+    }
+    for (const pull of pulls) {
+      let card = this.#cards.get(pull.id);
+      if (card === undefined) {
+        card = this.#make(pull);
+        this.#cards.set(pull.id, card);
+        this.section.body.append(card.element);
+      }
+      this.#fill(card, pull);
+    }
+  }
+
+  #make(pull) {
+    const { id } = pull;
+    const whose = this.session.robots.length > 1 ? `${pull.robot} · ${pull.node}` : pull.node;
+    const card = { who: make("span", { class: "quiet" }), error: make("span", { class: "number" }) };
+    const release = make(
+      "button",
+      {
+        class: "small end",
+        type: "button",
+        title: `Let go of ${whose}`,
+        "aria-label": `Let go of ${whose}`,
+        on: {
+          click: () => {
+            if (this.session.mayAct()) this.session.send({ release: id });
+          },
+        },
+      },
+      "Release",
+    );
+    const choose = (kind, words, hint) =>
+      make(
+        "select",
+        {
+          class: "small",
+          title: hint,
+          "aria-label": `${kind} of ${whose} that is held`,
+          data: { holds: kind },
+          on: { change: () => this.#hold(card, id) },
+        },
+        ...words.map((word, i) => make("option", { value: i }, word)),
+      );
+    card.translation = choose("translation", TRANSLATIONS, "Along which axes of the target its position is held");
+    card.rotation = choose("rotation", ROTATIONS, "How much of its orientation is held");
+    card.weight = logSlider({
+      label: `Weight of ${whose}`,
+      hint: "Where pulls can't all be met, the heavier one wins",
+      low: 0.01,
+      high: 100,
+      words: (value) => `× ${significant(value)}`,
+      said: (value) => {
+        if (this.session.mayAct()) this.session.send({ weight: [id, value] });
+      },
+    });
+    card.element = make(
+      "div",
+      { class: "card", data: { pull: String(id) } },
+      make("div", { class: "head" }, make("span", { class: "name" }, whose), card.who, release),
+      make("label", { class: "pair" }, "position", card.translation),
+      make("label", { class: "pair" }, "turning", card.rotation),
+      make("label", { class: "pair three" }, "weight", card.weight.input, card.weight.output),
+      make("div", { class: "pair" }, make("span", {}, "left"), card.error),
+    );
+    return card;
+  }
+
+  #hold(card, id) {
+    card.held = performance.now();
+    if (this.session.mayAct())
+      this.session.send({ holds: [id, Number(card.translation.value), Number(card.rotation.value)] });
+  }
+
+  #fill(card, pull) {
+    write(
+      card.who,
+      pull.who === "sensor" ? (pull.label ?? "sensor") : pull.who === "pin" ? "pinned" : (pull.label ?? pull.who ?? ""),
+    );
+    const [translation = 3, rotation = 3] = pull.holds ?? [];
+    const choosing = document.activeElement === card.translation || document.activeElement === card.rotation;
+    if (!choosing || !(performance.now() - card.held < 1000)) {
+      if (card.translation.value !== String(translation)) card.translation.value = String(translation);
+      if (card.rotation.value !== String(rotation)) card.rotation.value = String(rotation);
+    }
+    card.weight.show(pull.weight ?? 1);
+    const [far = 0, turned = 0] = pull.error ?? [];
+    write(card.error, `${units.length(far)}${rotation > 0 ? ` · ${units.angle(turned)}` : ""}`);
+  }
+}

@@ -1,0 +1,48 @@
+// Record: targets and motion are written to a file beside the server.
+//
+// For tests: #record (aria-pressed), #record-words.
+
+import { make, sign, write } from "../base/dom.js";
+import { fixed } from "../base/units.js";
+import { Section } from "./section.js";
+
+const HINT = "Write targets and motion to a file, to be replayed or exported to a real robot";
+
+export class Record {
+  constructor(panel, session) {
+    const section = new Section(panel, { id: "record", words: "Record", hint: HINT, open: false });
+    this.label = make("span", {}, "Record");
+    this.button = make(
+      "button",
+      {
+        type: "button",
+        id: "record",
+        class: "small",
+        "aria-pressed": "false",
+        title: HINT,
+        on: {
+          click: () => {
+            if (session.mayAct()) session.send({ record: this.button.getAttribute("aria-pressed") !== "true" });
+          },
+        },
+      },
+      sign("record"),
+      this.label,
+    );
+    this.words = make("span", { id: "record-words", class: "words quiet" });
+    section.body.append(make("div", { class: "head" }, this.button), this.words);
+    session.on("report", ({ recording }) => {
+      const on = Boolean(recording);
+      this.button.setAttribute("aria-pressed", String(on));
+      write(this.label, on ? "Stop recording" : "Record");
+      write(section.note, on ? `${fixed(recording.seconds ?? 0, 0)} s` : "");
+      const told = recording?.error
+        ? recording.error
+        : on
+          ? `to ${recording.file}`
+          : "cinegen replay shows it, cinegen export hands it on";
+      write(this.words, told);
+      this.words.classList.toggle("bad", Boolean(recording?.error));
+    });
+  }
+}

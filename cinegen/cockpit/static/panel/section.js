@@ -1,0 +1,46 @@
+// A section of the panel: it folds, and remembers whether it is folded.
+
+import { make, memory } from "../base/dom.js";
+
+/** `note` is a short text on the right of the heading. */
+export class Section {
+  constructor(panel, { id, words, hint, open = true }) {
+    this.note = make("span", { class: "note" });
+    this.body = make("div", { class: "body" });
+    const element = make(
+      "details",
+      { class: "section", id: `section-${id}`, open: memory.get(`section.${id}`, open) },
+      make("summary", { title: hint }, words, this.note),
+      this.body,
+    );
+    element.addEventListener("toggle", () => memory.set(`section.${id}`, element.open));
+    this.element = element;
+    panel.append(element);
+  }
+}
+
+/** For each robot a part of a section that folds; where there is one robot only, nothing to fold. */
+export function byRobot(body, robots, fill) {
+  body.replaceChildren();
+  for (const robot of robots) {
+    const inner = make("div", { class: "body" });
+    const part = make(
+      "details",
+      { class: `robot${robots.length === 1 ? " alone" : ""}`, open: true },
+      make("summary", { title: "Show or fold this robot" }, robot.name),
+      inner,
+    );
+    fill(robot, inner);
+    body.append(part);
+  }
+}
+
+/** A part of a section that is folded until it is wished for. */
+export function folded(words, hint, ...children) {
+  return make(
+    "details",
+    { class: "fold" },
+    make("summary", { title: hint }, words),
+    make("div", { class: "body" }, ...children),
+  );
+}

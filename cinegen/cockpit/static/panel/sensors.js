@@ -1,0 +1,161 @@
+// Sensors: which node follows which one, what each is doing, how far it is deflected.
+//
+// For tests: [data-switch="ROBOT/NODE"] select (value: the sensor's id, "" for none), [data-sensor="ID"] with
+// data-state, #speed and #turning.
+
+import { make, write } from "../base/dom.js";
+import { units } from "../base/units.js";
+import { Section } from "./section.js";
+import { logSlider } from "./slider.js";
+
+const AXES = ["x", "y", "z", "rx", "ry", "rz"];
+const TONES = { live: "good", silent: "none", opening: "none", lost: "warn", refused: "bad", closed: "none" };
+const PORTS = "Name its port when starting: --sensor ID=PORT";
+
+export class Sensors {
+  #cards = new Map();
+  #switches = new Map();
+
+  constructor(panel, session) {
+    this.session = session;
+    this.section = new Section(panel, {
+      id: "sensors",
+      words: "Sensors",
+      hint: "3D mice, gamepads and scripts; each may lead a node, switched while it runs",
+    });
+    session.on("hello", (hello) => this.#build(hello));
+    session.on("report", (report) => this.#show(report));
+  }
+
+  #build({ sensors = [], switches = [] }) {
+    const { body } = this.section;
+    body.replaceChildren();
+    this.#cards.clear();
+    this.#switches.clear();
+    if (sensors.length === 0) {
+      body.append(make("p", { class: "empty" }, "No sensors. ", PORTS, "."));
+      return;
+    }
+    for (const one of switches) body.append(this.#switch(one, sensors));
+    for (const sensor of sensors) body.append(this.#card(sensor));
+    const say = (name) => (value) => {
+      if (this.session.mayAct()) this.session.send({ [name]: value });
+    };
+    this.speed = logSlider({
+      id: "speed",
+      label: "Speed",
+      hint: "How fast a fully deflected sensor moves",
+      low: 0.001,
+      high: 10,
+      words: (value) => units.speed(value),
+      said: say("speed"),
+    });
+    this.turning = logSlider({
+      id: "turning",
+      label: "Turning",
+      hint: "How fast a fully deflected sensor turns",
+      low: 0.01,
+      high: 10,
+      words: (value) => units.turning(value),
+      said: say("turning"),
+    });
+    body.append(row("speed", this.speed), row("turning", this.turning));
+  }
+
+  #switch({ robot, node, choices = [] }, sensors) {
+    const key = `${robot}/${node}`;
+    const whose = this.session.robots.length > 1 ? `${robot} · ${node}` : node;
+    const select = make(
+      "select",
+      {
+        class: "small",
+        title: `Which sensor leads ${whose}`,
+        "aria-label": `Sensor that leads ${whose}`,
+        on: {
+          change: () => {
+            this.#switches.get(key).changed = performance.now();
+            if (!this.session.mayAct()) return;
+            this.session.send({ switch: { robot, node, sensor: select.value === "" ? null : select.value } });
+          },
+        },
+      },
+      ...choices.map((choice) =>
+        make("option", { value: choice ?? "" }, choice === null ? "no sensor" : named(choice, sensors)),
+      ),
+    );
+    this.#switches.set(key, { select, changed: -Infinity });
+    return make(
+      "label",
+      { class: "pair", data: { switch: key } },
+      make("span", { class: "words" }, `${whose} follows`),
+      select,
+    );
+  }
+
+  #card(sensor) {
+    const dot = make("span", { class: "dot" });
+    const state = make("span", { class: "quiet" });
+    const words = make("div", { class: "words quiet" });
+    const count = make("div", { class: "number quiet", title: "Packets received, and damaged ones thrown away" });
+    const beams = AXES.map(() => make("b"));
+    const bars = make(
+      "div",
+      { class: "deflection", title: "How far it is deflected: translation x y z, turning rx ry rz" },
+      ...AXES.map((axis, i) => make("div", {}, make("div", { class: "beam" }, beams[i]), axis)),
+    );
+    const element = make(
+      "div",
+      { class: "card", data: { sensor: sensor.id } },
+      make(
+        "div",
+        { class: "head" },
+        dot,
+        make("span", { class: "name", title: sensor.url ?? "" }, sensor.what || sensor.id),
+        make("span", { class: "end" }, state),
+      ),
+      make("div", { class: "words quiet" }, [sensor.id, sensor.url].filter(Boolean).join(" · ")),
+      words,
+      bars,
+      count,
+    );
+    this.#cards.set(sensor.id, { element, dot, state, words, count, bars, beams, url: sensor.url ?? "" });
+    return element;
+  }
+
+  #show({ sensors = [], switches = [], settings }) {
+    for (const told of sensors) {
+      const card = this.#cards.get(told.id);
+      if (card === undefined) continue;
+      card.element.dataset.state = told.state ?? "";
+      card.dot.dataset.tone = TONES[told.state] ?? "none";
+      write(card.state, told.state ?? "");
+      write(card.words, told.words && told.words !== told.state ? told.words : "");
+      card.words.hidden = card.words.textContent === "";
+      const damaged = told.damaged > 0 ? `, ${told.damaged} damaged` : "";
+      write(card.count, told.packets > 0 ? `${told.packets} packets${damaged}` : "");
+      card.count.hidden = card.count.textContent === "";
+      card.bars.hidden = !Array.isArray(told.twist);
+      card.beams.forEach((beam, i) => {
+        const value = Math.min(1, Math.max(-1, told.twist?.[i] ?? 0));
+        beam.style.transform = `scaleX(${value.toFixed(3)})`;
+      });
+    }
+    for (const { robot, node, sensor } of switches) {
+      const one = this.#switches.get(`${robot}/${node}`);
+      const value = sensor ?? "";
+      if (one === undefined || one.select.value === value || performance.now() - one.changed < 800) continue;
+      one.select.value = value;
+    }
+    this.speed?.show(settings?.speed);
+    this.turning?.show(settings?.turning);
+  }
+}
+
+function named(id, sensors) {
+  const what = sensors.find((sensor) => sensor.id === id)?.what;
+  return what ? `${id} · ${what}` : id;
+}
+
+function row(words, { input, output }) {
+  return make("label", { class: "pair three" }, words, input, output);
+}

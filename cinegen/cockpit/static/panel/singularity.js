@@ -1,0 +1,105 @@
+// Singularity: how near the robot is to losing a motion (type 1) and to gaining one that its motors don't hold
+// (type 2), each on a log scale with the mark below which it is near, and in words.
+//
+// For tests: [data-meter="ROBOT/type1"], [data-meter="ROBOT/type2"]; role meter with aria-valuenow = sigma.
+
+import { make, write } from "../base/dom.js";
+import { significant } from "../base/units.js";
+import { byRobot, Section } from "./section.js";
+
+const LEAST = 1e-3;
+const MOST = 1;
+const AWARE = 3; // times the threshold: the meter turns orange
+
+const KINDS = [
+  {
+    kind: "type1",
+    words: "Motion lost",
+    none: "drag a part to see it",
+    hint: "Type 1: near 0 the part can't move along some direction, however the joints turn. Full and green is good.",
+  },
+  {
+    kind: "type2",
+    words: "Motion not held",
+    none: "no loops: can't happen",
+    hint: "Type 2: near 0 the robot can move though its motors stand still. Full and green is good.",
+  },
+];
+
+export class Singularity {
+  #meters = new Map();
+
+  constructor(panel, session) {
+    this.session = session;
+    this.section = new Section(panel, {
+      id: "singularity",
+      words: "Singularity",
+      hint: "How far the robot is from places where it loses or gains a motion",
+    });
+    session.on("hello", () => this.#build());
+    session.on("report", () => this.#show());
+  }
+
+  #build() {
+    this.#meters.clear();
+    byRobot(this.section.body, this.session.robots, (robot, body) => {
+      for (const { kind, words, none, hint } of KINDS) {
+        const value = make("output", { class: "number quiet" });
+        const bar = make("b");
+        const mark = make("i", { title: "Below this mark it is near a singularity" });
+        const said = make("div", { class: "words" });
+        const key = `${robot.name}/${kind}`;
+        const scale = make("div", { class: "scale" }, bar, mark);
+        const meter = make(
+          "div",
+          {
+            class: "meter",
+            data: { meter: key },
+            role: "meter",
+            title: hint,
+            tabindex: 0,
+            "aria-label": `${words}, ${robot.name}`,
+            "aria-valuemin": 0,
+            "aria-valuemax": MOST,
+          },
+          make("div", { class: "head" }, make("span", {}, words), value),
+          scale,
+          said,
+        );
+        this.#meters.set(key, { kind, none, meter, value, bar, mark, said, scale });
+        body.append(meter);
+      }
+    });
+  }
+
+  #show() {
+    for (const robot of this.session.robots) {
+      for (const { kind } of KINDS) {
+        const one = this.#meters.get(`${robot.name}/${kind}`);
+        const found = this.session.report?.robots?.[robot.name]?.[kind];
+        const known = found && Number.isFinite(found.sigma);
+        const none = kind === "type2" && robot.loops.length > 0 ? "not known" : one.none;
+        one.bar.style.transform = `scaleX(${known ? share(found.sigma) : 0})`;
+        one.mark.hidden = !known || !(found.near > 0);
+        if (!one.mark.hidden) one.mark.style.left = `${(100 * share(found.near)).toFixed(1)}%`;
+        one.meter.dataset.tone = !known ? "none" : tone(found);
+        one.meter.setAttribute("aria-valuenow", known ? String(found.sigma) : "0");
+        const words = known ? (found.words ?? "") : none;
+        one.meter.setAttribute("aria-valuetext", words);
+        write(one.value, known ? significant(found.sigma) : "–");
+        write(one.said, words);
+        if (one.said.title !== words) one.said.title = words;
+      }
+    }
+  }
+}
+
+function share(sigma) {
+  const decades = Math.log(MOST / LEAST);
+  return Math.min(1, Math.max(0, Math.log(Math.max(sigma, LEAST) / LEAST) / decades));
+}
+
+function tone({ sigma, near }) {
+  if (!(near > 0)) return "good";
+  return sigma < near ? "bad" : sigma < AWARE * near ? "warn" : "good";
+}

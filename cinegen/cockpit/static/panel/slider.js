@@ -1,0 +1,40 @@
+// Sliders whose filled part shows the value, also on a log scale.
+
+import { make } from "../base/dom.js";
+
+export const STEPS = 1000;
+
+/** How far a slider is filled. */
+export function fill(input) {
+  const { min, max, value } = input;
+  const share = (Number(value) - Number(min)) / (Number(max) - Number(min) || 1);
+  input.style.setProperty("--fill", `${(100 * share).toFixed(2)}%`);
+}
+
+/**
+ * A slider on a log scale from `low` to `high`, with its value in words: { input, output, show(value) }.
+ * `said(value)` is called while it is moved; it is not moved under the hand that moves it.
+ */
+export function logSlider({ id, label, hint, low, high, words, said }) {
+  const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title: hint, "aria-label": label });
+  const output = make("output", { class: "number" });
+  const value = () => low * (high / low) ** (Number(input.value) / STEPS);
+  const tell = (number) => {
+    output.textContent = words(number);
+    input.setAttribute("aria-valuetext", words(number));
+    fill(input);
+  };
+  let moved = -Infinity;
+  input.addEventListener("input", () => {
+    moved = performance.now();
+    tell(value());
+    said(Number(value().toPrecision(3)));
+  });
+  const show = (number) => {
+    if (!(number > 0) || performance.now() - moved < 400) return;
+    const at = Math.round((STEPS * Math.log(number / low)) / Math.log(high / low));
+    if (Number(input.value) !== at) input.value = String(at);
+    tell(number);
+  };
+  return { input, output, show };
+}

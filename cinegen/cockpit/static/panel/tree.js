@@ -1,0 +1,116 @@
+// The robot as a tree of its nodes: base, links and frames with the joints that carry them, loops marked. A chain runs
+// straight down; only branches are moved in. Arrow keys walk, Enter selects.
+//
+// For tests: [data-node="ROBOT/NODE"] buttons with aria-pressed.
+
+import { atMostEvery, make, sign } from "../base/dom.js";
+import { keyOf } from "../base/session.js";
+import { byRobot, Section } from "./section.js";
+
+export class Tree {
+  #nodes = new Map();
+
+  constructor(panel, session) {
+    this.session = session;
+    this.section = new Section(panel, {
+      id: "tree",
+      words: "Parts",
+      hint: "All parts of the robots. Click one to select it, also those that have no shape",
+      open: false,
+    });
+    session.on("hello", () => this.#build());
+    session.on("select", () => this.#mark(true));
+    const mark = atMostEvery(200, () => this.#mark(false));
+    session.on("state", () => mark());
+  }
+
+  #build() {
+    this.#nodes.clear();
+    const { robots } = this.session;
+    this.section.note.textContent = String(robots.reduce((sum, robot) => sum + robot.nodes.length, 0));
+    byRobot(this.section.body, robots, (robot, body) => {
+      const children = new Map();
+      for (const node of robot.nodes) {
+        if (!children.has(node.parent)) children.set(node.parent, []);
+        children.get(node.parent).push(node);
+      }
+      const list = make("ul", { class: "tree", "aria-label": `Parts of ${robot.name}` });
+      for (const node of robot.nodes) if (!robot.byName.has(node.parent)) this.#grow(list, robot, node, children);
+      list.addEventListener("keydown", (event) => this.#walk(event, list));
+      const motors = robot.joints.filter((joint) => joint.actuated).length;
+      const words = [`mobility ${robot.mobility ?? "–"}`, `${motors} motors`, `${robot.loops.length} loops`];
+      if (Array.isArray(robot.stands_on)) words.push(`stands on ${robot.stands_on.join(" · ")}`);
+      body.append(make("p", { class: "empty" }, words.join(" · ")), list);
+    });
+    this.#mark(false);
+  }
+
+  #grow(list, robot, first, children) {
+    for (let node = first; node !== undefined;) {
+      list.append(this.#item(robot, node));
+      const below = children.get(node.name) ?? [];
+      if (below.length > 1) {
+        const inner = make("ul");
+        for (const child of below) {
+          const branch = make("ul");
+          this.#grow(branch, robot, child, children);
+          branch.firstElementChild.classList.add("branch");
+          inner.append(...branch.childNodes);
+        }
+        list.append(make("li", {}, inner));
+        return;
+      }
+      node = below[0];
+    }
+  }
+
+  #item(robot, node) {
+    const kind = node.kind === "base" ? " base" : node.name === robot.end ? " end" : "";
+    const joint = robot.joints.find((one) => one.name === node.joint);
+    const loops = robot.loops
+      .filter((loop) => loop.first === node.name || loop.second === node.name)
+      .map((loop) => (loop.first === node.name ? loop.second : loop.first));
+    const words = [
+      node.kind ?? "node",
+      joint ? `on ${joint.name} (${joint.actuated ? "motor" : "passive"})` : "",
+      loops.length > 0 ? `loop closed with ${loops.join(", ")}` : "",
+      node.name === robot.end ? "the tool" : "",
+    ];
+    const button = make(
+      "button",
+      {
+        type: "button",
+        class: `node${kind}`,
+        data: { node: `${robot.name}/${node.name}` },
+        "aria-pressed": "false",
+        title: words.filter(Boolean).join("; "),
+        on: { click: () => this.session.select(robot.name, node.name) },
+      },
+      make("span", { class: "text" }, node.name),
+      joint?.actuated ? make("span", { class: "joint-name" }, joint.name) : null,
+      loops.length > 0 ? make("span", { class: "loop" }, sign("loop"), loops.join(", ")) : null,
+    );
+    this.#nodes.set(keyOf(robot.name, node.name), button);
+    return make("li", {}, button);
+  }
+
+  #walk(event, list) {
+    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
+    if (step === undefined) return;
+    const all = [...list.querySelectorAll("button")];
+    all[all.indexOf(document.activeElement) + step]?.focus();
+    event.preventDefault();
+  }
+
+  #mark(show) {
+    const { selected, pulls } = this.session;
+    const chosen = selected === null ? null : keyOf(selected.robot, selected.node);
+    const pulled = new Set(pulls.map((pull) => keyOf(pull.robot, pull.node)));
+    for (const [key, button] of this.#nodes) {
+      const pressed = String(key === chosen);
+      if (button.getAttribute("aria-pressed") !== pressed) button.setAttribute("aria-pressed", pressed);
+      button.classList.toggle("pulled", pulled.has(key));
+    }
+    if (show && this.section.element.open) this.#nodes.get(chosen)?.scrollIntoView({ block: "nearest" });
+  }
+}

@@ -1,0 +1,60 @@
+// Words that stand beside points of the scene.
+
+import { Vector3 } from "three";
+import { make, write } from "../base/dom.js";
+
+const HIGH = 22; // pixels, of a label with its room (they overlap where they are nearer by a pixel and more)
+const ASIDE = 16;
+
+export class Labels {
+  #shown = new Map();
+  #where = new Vector3();
+
+  constructor(view) {
+    this.view = view;
+    this.layer = make("div", { class: "labels", "aria-hidden": "true" });
+    view.pane.append(this.layer);
+    view.before(() => this.#place());
+  }
+
+  /** Shows a text at a point of the world (a vector that may go on moving); an empty text takes it away. */
+  put(key, text, point, kind = "") {
+    let label = this.#shown.get(key);
+    if (!text) {
+      label?.element.remove();
+      this.#shown.delete(key);
+      return;
+    }
+    if (label === undefined) {
+      label = { element: make("span", { class: `label ${kind}` }) };
+      this.layer.append(label.element);
+      this.#shown.set(key, label);
+    }
+    label.point = point;
+    if (label.text !== text) {
+      label.text = text;
+      write(label.element, text);
+      label.wide = label.element.offsetWidth;
+    }
+    this.view.changed();
+  }
+
+  /** Beside their points, within the pane, one below the other where they would overlap. */
+  #place() {
+    const { clientWidth: wide, clientHeight: high } = this.view.pane;
+    const taken = [];
+    for (const label of this.#shown.values()) {
+      const pixels = this.view.pixels(label.point, this.#where);
+      label.element.hidden = pixels === null;
+      if (pixels === null) continue;
+      let x = pixels.x + ASIDE;
+      if (x + label.wide > wide - 4) x = pixels.x - ASIDE - label.wide;
+      x = Math.max(4, Math.min(wide - label.wide - 4, x));
+      let y = Math.max(4, Math.min(high - HIGH - 4, pixels.y - HIGH / 2));
+      const meets = (other) => Math.abs(other.y - y) < HIGH - 1 && x < other.x + other.wide && other.x < x + label.wide;
+      for (let other; (other = taken.find(meets)) !== undefined;) y = other.y + HIGH;
+      taken.push({ x, y, wide: label.wide });
+      label.element.style.transform = `translate(${x.toFixed(1)}px, ${y.toFixed(1)}px)`;
+    }
+  }
+}

@@ -1,0 +1,82 @@
+// Keeps the page usable where pictures take long: fewer pixels while something moves, all of them when it rests.
+
+import { Events } from "../base/events.js";
+
+const SLOW = 60; // ms a picture
+const TOO_SLOW = 150;
+const USEFUL = 0.8; // of the time before: fewer pixels that spare less are not worth it
+const SAMPLES = 8; // pictures before it is judged
+const REST = 350; // ms without a new picture: then one is drawn with all pixels
+const PAUSE = 1000; // ms: a longer time between two pictures says nothing of how long one took
+
+/** Events: slow, when pictures take too long even with the fewest pixels. */
+export class Pace extends Events {
+  #last = null; // when the last picture of a motion was asked for
+  #moved = 0;
+  #sum = 0;
+  #count = 0;
+  #before = null; // ratio and mean time before there were fewer pixels
+  #stays = false;
+  #ratio; // pixels of the screen to pixels drawn, while something moves
+  #set;
+  mean = null; // time from picture to picture, ms; null if not known
+
+  /** @param still pictures are taken from outside: always all pixels */
+  constructor(viewer, still) {
+    super();
+    this.viewer = viewer;
+    this.still = still;
+    this.full = this.#ratio = this.#set = window.devicePixelRatio || 1;
+    this.steps = [...new Set([this.full, Math.min(1, this.full), 0.75, 0.5])];
+  }
+
+  /** Whether the picture that rests should be drawn with all pixels now. */
+  due(now) {
+    return this.#set !== this.full && now - this.#moved > REST;
+  }
+
+  /** Sets how many pixels the next picture has. */
+  choose(moving) {
+    const ratio = moving ? this.#ratio : this.full;
+    if (ratio === this.#set) return;
+    this.#set = ratio;
+    this.viewer.renderer.setPixelRatio(ratio);
+    this.viewer.set_3d_pane_size();
+  }
+
+  /** Nothing was to be drawn. */
+  idle() {
+    this.#last = null;
+  }
+
+  /** A picture was asked for at a time (ms). The next one comes when the machine is done with it. */
+  drew(now, moving) {
+    if (!moving) {
+      this.#last = null;
+      return;
+    }
+    if (this.#last !== null && now - this.#last < PAUSE) this.#judge(now - this.#last);
+    this.#last = this.#moved = now;
+  }
+
+  #judge(time) {
+    this.mean = this.mean === null ? time : 0.8 * this.mean + 0.2 * time;
+    this.#sum += time;
+    this.#count += 1;
+    if (this.still || this.#count < SAMPLES) return;
+    const mean = this.#sum / this.#count;
+    this.#sum = this.#count = 0;
+    if (this.#before !== null && mean > USEFUL * this.#before.mean) {
+      this.#ratio = this.#before.ratio; // fewer pixels helped little: they are not what takes so long
+      this.#stays = true;
+    }
+    this.#before = null;
+    const next = this.steps[this.steps.indexOf(this.#ratio) + 1];
+    if (mean > SLOW && !this.#stays && next !== undefined) {
+      this.#before = { mean, ratio: this.#ratio };
+      this.#ratio = next;
+    } else if (mean > TOO_SLOW) {
+      this.tell("slow");
+    }
+  }
+}

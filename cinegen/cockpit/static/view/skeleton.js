@@ -1,0 +1,120 @@
+// Robots as lines between their nodes, where pictures of their parts take too long; parts near a line can be touched.
+
+import {
+  BufferGeometry,
+  Float32BufferAttribute,
+  LineBasicMaterial,
+  LineSegments,
+  Points,
+  PointsMaterial,
+  Vector3,
+} from "three";
+import { theme } from "./theme.js";
+
+const REACH = 12; // pixels from a line
+
+export class Skeleton {
+  #robots = new Map();
+  #on = false;
+  #offered = false;
+
+  constructor({ view, session, aids, pick }) {
+    Object.assign(this, { view, session, aids });
+    pick.extra = (event) => this.#touched(event);
+    session.on("hello", () => {
+      this.#clear();
+      this.#switch();
+    });
+    aids.on("change", () => this.#switch());
+    view.pace.on("slow", () => {
+      if (this.#offered || this.#on) return;
+      this.#offered = true;
+      const action = { words: "Draw skeletons", run: () => aids.draw("skeleton") };
+      session.tell("notice", { words: "Pictures take long here.", action });
+    });
+    view.before((drawn) => {
+      if (drawn && this.#on) this.#hide();
+      if (this.#on) this.#draw();
+    });
+  }
+
+  #switch() {
+    const on = this.aids.bodies === "skeleton";
+    if (this.#on === on) return;
+    this.#on = on;
+    this.#hide();
+    if (!this.#on) this.#clear();
+    this.view.changed();
+  }
+
+  #hide() {
+    for (const robot of this.session.robots) {
+      for (const { name } of robot.nodes) {
+        for (const child of this.view.group(robot.name, name).children) {
+          if (child.name !== "triad" && !child.name.startsWith("loop ")) child.visible = !this.#on;
+        }
+      }
+    }
+  }
+
+  #clear() {
+    for (const { lines, dots } of this.#robots.values()) this.view.stage.remove(lines, dots);
+    this.#robots.clear();
+  }
+
+  /** Ends of every bone in the world, [node, from, to]: from its parent, and across every loop. */
+  #bones(robot) {
+    const where = new Map(
+      robot.nodes.map(({ name }) => [name, this.view.pose(robot.name, name, new Vector3()).position]),
+    );
+    const bones = robot.nodes
+      .filter(({ parent }) => where.has(parent))
+      .map(({ name, parent }) => [name, where.get(parent), where.get(name)]);
+    for (const { first, second } of robot.loops) {
+      if (where.has(first) && where.has(second)) bones.push([first, where.get(first), where.get(second)]);
+    }
+    return bones;
+  }
+
+  #draw() {
+    for (const robot of this.session.robots) {
+      let one = this.#robots.get(robot.name);
+      if (one === undefined) this.#robots.set(robot.name, (one = this.#make()));
+      const ends = this.#bones(robot).flatMap(([, from, to]) => [...from.toArray(), ...to.toArray()]);
+      one.geometry.setAttribute("position", new Float32BufferAttribute(ends, 3));
+      one.lines.material.color.setHex(theme.ink);
+      one.dots.material.color.setHex(theme.accent);
+    }
+  }
+
+  #make() {
+    const geometry = new BufferGeometry();
+    const lines = new LineSegments(geometry, new LineBasicMaterial());
+    const dots = new Points(geometry, new PointsMaterial({ size: 7, sizeAttenuation: false }));
+    lines.frustumCulled = dots.frustumCulled = false;
+    this.view.stage.add(lines, dots);
+    return { geometry, lines, dots };
+  }
+
+  #touched(event) {
+    if (!this.#on) return null;
+    const box = this.view.canvas.getBoundingClientRect();
+    const x = event.clientX - box.left;
+    const y = event.clientY - box.top;
+    let best = { far: REACH };
+    for (const robot of this.session.robots) {
+      for (const [node, from, to] of this.#bones(robot)) {
+        const [a, b] = [this.view.pixels(from, new Vector3()), this.view.pixels(to, new Vector3())];
+        if (a === null || b === null) continue;
+        const long = (b.x - a.x) ** 2 + (b.y - a.y) ** 2;
+        const share =
+          long > 0 ? Math.min(1, Math.max(0, ((x - a.x) * (b.x - a.x) + (y - a.y) * (b.y - a.y)) / long)) : 0;
+        const far = Math.hypot(a.x + share * (b.x - a.x) - x, a.y + share * (b.y - a.y) - y);
+        if (far < best.far) best = { far, robot: robot.name, node, at: from.clone().lerp(to, share) };
+      }
+    }
+    if (best.node === undefined) return null;
+    const { robot, node, at } = best;
+    return { robot, node, group: this.view.group(robot, node), point: this.view.stage.localToWorld(at) };
+  }
+}

@@ -1,0 +1,234 @@
+// What is seen: meshcat's viewer, the robots moved as states come, and a stage for what the page itself draws.
+//
+// meshcat's scene is turned (z up -> y up), and the group "cinegen" scales and shifts the robots into the view. Below
+// that group everything is in the robots' metres, z up: "world" here. `stage` is an object whose own coordinates are
+// the same world, outside of the tree that the server draws; `level` is one that is not turned at all.
+
+import { Box3, Group, Object3D, PCFSoftShadowMap, Quaternion, Vector3, WebGLRenderer } from "three";
+import { keyOf } from "../base/session.js";
+import { Pace } from "./pace.js";
+
+const ROOT = ["meshcat", "cinegen"];
+const POSE = 7;
+const ROOM = 1.3; // around the robots, to move in
+
+export class View {
+  #groups = new Map(); // of robots and nodes, as found in the tree
+  #before = [];
+  #heard = 0;
+  #applied = new Map(); // by robot: itself, and its poses as they were last applied
+
+  constructor(pane, { still = false } = {}) {
+    this.pane = pane;
+    const viewer = new window.MeshCat.Viewer(pane, false, still ? undefined : drawer(pane));
+    this.viewer = viewer;
+    viewer.gui.domElement.remove(); // its controls would cover the panel
+    this.canvas = viewer.renderer.domElement;
+    const resize = window.MeshCat.Viewer.prototype.set_3d_pane_size;
+    viewer.set_3d_pane_size = () => resize.call(viewer, Math.max(1, pane.clientWidth), Math.max(1, pane.clientHeight));
+    new ResizeObserver(() => viewer.set_3d_pane_size()).observe(pane);
+    this.level = new Object3D();
+    this.level.quaternion.copy(viewer.scene.quaternion).invert();
+    this.stage = new Group();
+    this.stage.matrixAutoUpdate = false;
+    this.level.add(this.stage);
+    viewer.scene.add(this.level);
+    this.pace = new Pace(viewer, still);
+    const draw = (now) => {
+      requestAnimationFrame(draw);
+      this.#draw(now);
+    };
+    requestAnimationFrame(draw);
+  }
+
+  get root() {
+    return this.viewer.scene_tree.find(ROOT).object;
+  }
+
+  get camera() {
+    return this.viewer.camera;
+  }
+
+  get controls() {
+    return this.viewer.controls;
+  }
+
+  /** Something has changed: the next picture is drawn. */
+  changed() {
+    this.viewer.set_dirty();
+  }
+
+  /** Calls `action` before every picture; with true when the server has drawn something since the last. */
+  before(action) {
+    this.#before.push(action);
+  }
+
+  /** From now on the camera is the person's: what the server's scene says of cameras is left out. */
+  keepCamera() {
+    const { viewer } = this;
+    const handle = viewer.handle_command.bind(viewer);
+    viewer.handle_command = (command) => {
+      if (!command.path?.startsWith("/Cameras")) handle(command);
+    };
+  }
+
+  /** Connects the viewer to the server's scene; what was drawn before is forgotten as soon as the line stands. */
+  connect(url) {
+    this.viewer.connect(url.replace(/^wss:/, "ws:")); // it puts the "s" in itself
+    const { connection } = this.viewer;
+    connection.onclose = null;
+    connection.addEventListener("open", () => {
+      if (this.viewer.scene_tree.children[ROOT[0]] !== undefined) this.viewer.delete_path([ROOT[0]]);
+      this.#groups.clear();
+      this.#apply(); // a state may have come before, and if nothing moves no other will
+    });
+    return connection;
+  }
+
+  /** The group of a robot or of one of its nodes. */
+  group(robot, node = null) {
+    const key = node === null ? robot : keyOf(robot, node);
+    let group = this.#groups.get(key);
+    if (group === undefined || group.parent === null) {
+      group = this.viewer.scene_tree.find(node === null ? [...ROOT, robot] : [...ROOT, robot, node]).object;
+      this.#groups.set(key, group);
+    }
+    return group;
+  }
+
+  /** Moves robots to where a state has them. */
+  apply(robots, poses) {
+    for (const robot of robots) {
+      const numbers = poses?.[robot.name];
+      if (!Array.isArray(numbers) || numbers.length < POSE * (1 + robot.nodes.length)) continue;
+      const before = this.#applied.get(robot.name)?.numbers;
+      if (before !== undefined && before.every((value, i) => value === numbers[i])) continue;
+      this.#applied.set(robot.name, { robot, numbers });
+      this.#move(robot, numbers);
+    }
+  }
+
+  /** Robots that are no more are forgotten. */
+  forget() {
+    this.#applied.clear();
+  }
+
+  #apply() {
+    for (const { robot, numbers } of this.#applied.values()) this.#move(robot, numbers);
+  }
+
+  #move(robot, numbers) {
+    put(this.group(robot.name), numbers, 0);
+    robot.nodes.forEach((node, i) => put(this.group(robot.name, node.name), numbers, POSE * (i + 1)));
+    this.changed();
+  }
+
+  /** Where a node is in the world, by the last state. */
+  pose(robot, node, position = new Vector3(), quaternion = new Quaternion()) {
+    const base = this.group(robot);
+    const part = this.group(robot, node);
+    position.copy(part.position).applyQuaternion(base.quaternion).add(base.position);
+    quaternion.copy(base.quaternion).multiply(part.quaternion);
+    return { position, quaternion };
+  }
+
+  /** How the camera stands in the world: x right, y up, z towards the viewer. */
+  eye(quaternion = new Quaternion()) {
+    const turned = this.root.getWorldQuaternion(new Quaternion()).invert();
+    return quaternion.copy(turned).multiply(this.camera.getWorldQuaternion(new Quaternion()));
+  }
+
+  /** A point of the world in pixels of the pane; null behind the camera. */
+  pixels(point, where = new Vector3()) {
+    where.copy(point).applyMatrix4(this.stage.matrix);
+    const behind = where.clone().applyMatrix4(this.camera.matrixWorldInverse).z > 0;
+    where.project(this.camera);
+    where.x = ((where.x + 1) / 2) * this.pane.clientWidth;
+    where.y = ((1 - where.y) / 2) * this.pane.clientHeight;
+    return behind ? null : where;
+  }
+
+  /** Moves the camera along its line of sight so that all robots fill the view. */
+  frame() {
+    const box = new Box3();
+    this.root.updateWorldMatrix(true, true);
+    for (const robot of this.root.children) {
+      robot.traverse((object) => {
+        if (object.isMesh) box.expandByObject(object);
+      });
+    }
+    if (box.isEmpty()) return;
+    const { camera, controls } = this;
+    camera.updateWorldMatrix(true, false);
+    const tall = Math.tan((camera.fov * Math.PI) / 360) / (camera.zoom || 1);
+    const turn = camera.getWorldQuaternion(new Quaternion());
+    const [right, up, back] = [
+      [1, 0, 0],
+      [0, 1, 0],
+      [0, 0, 1],
+    ].map((axis) => new Vector3(...axis).applyQuaternion(turn));
+    const middle = box.getCenter(new Vector3());
+    let away = 0; // so far that every corner of the box is within the view
+    for (let i = 0; i < 8; i += 1) {
+      const corner = new Vector3(...["x", "y", "z"].map((axis, k) => (i & (1 << k) ? box.max : box.min)[axis])).sub(
+        middle,
+      );
+      const wide = Math.max(Math.abs(corner.dot(right)) / camera.aspect, Math.abs(corner.dot(up)));
+      away = Math.max(away, corner.dot(back) + wide / tall);
+    }
+    controls.target.copy(middle); // meshcat turns the camera's group back: it lives in three's own axes
+    camera.position.copy(middle).addScaledVector(back, ROOM * away);
+    controls.update();
+    this.changed();
+  }
+
+  /** The picture as it is now, as a PNG's address. */
+  picture() {
+    this.pace.choose(false);
+    this.#prepare(false);
+    this.viewer.render();
+    return this.canvas.toDataURL("image/png");
+  }
+
+  #prepare(drawn) {
+    const root = this.root;
+    root.updateWorldMatrix(true, false);
+    this.stage.matrix.copy(root.matrixWorld);
+    this.stage.matrixWorldNeedsUpdate = true;
+    this.camera.updateWorldMatrix(true, false);
+    for (const action of this.#before) action(drawn);
+  }
+
+  #draw(now) {
+    const drawn = this.viewer.num_messages_received !== this.#heard;
+    this.#heard = this.viewer.num_messages_received;
+    const moving = drawn || this.viewer.needs_render;
+    if (!moving && !this.pace.due(now)) {
+      this.pace.idle();
+      return;
+    }
+    if (drawn) this.#apply(); // whatever the scene says of where parts are
+    this.pace.choose(moving);
+    this.#prepare(drawn);
+    this.viewer.render();
+    this.pace.drew(now, moving);
+  }
+}
+
+/** Position and turn from seven numbers. */
+function put(object, numbers, at) {
+  object.position.set(numbers[at], numbers[at + 1], numbers[at + 2]);
+  object.quaternion.set(numbers[at + 3], numbers[at + 4], numbers[at + 5], numbers[at + 6]);
+}
+
+/** A renderer as meshcat makes it, but without smooth edges where there is no graphics card: they cost most there. */
+function drawer(pane) {
+  const probe = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true });
+  const antialias = probe !== null;
+  probe?.getExtension("WEBGL_lose_context")?.loseContext();
+  const renderer = new WebGLRenderer({ antialias });
+  renderer.shadowMap.enabled = antialias;
+  renderer.shadowMap.type = PCFSoftShadowMap;
+  pane.append(renderer.domElement);
+  return renderer;
+}

@@ -1,0 +1,156 @@
+"""The sensors of a session, and which nodes they hold."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.sense import Gamepad, Grip, Hold, Scripted, Taps, open_sensor
+from cinegen.sense.kinds import scheme
+from cinegen.sense.reading import Reading
+from cinegen.session.driven import SENSOR, Driven, Held
+from cinegen.session.setup import Device, Setup
+from cinegen.session.state import SensorState
+
+Array = NDArray[np.float64]
+
+_OF_COMMAND = {"world": "world", "base": "base", "tool": "node", "view": "view"}
+
+
+class Devices:
+    """Opens sensors, and lets each hold the nodes that it is switched to.
+
+    Args:
+        setup: of the session.
+        robots: that are driven.
+
+    Attributes:
+        chosen: which sensor holds each node; None: none. By robot and node.
+        speed: at full deflection, m/s.
+        turning: at full deflection, rad/s.
+        frame: of command.
+        view: (3, 3) axes of the view in the world: to the right, away from the viewer, up.
+
+    Raises:
+        CinegenError: a sensor that there can't be.
+    """
+
+    def __init__(self, setup: Setup, robots: dict[str, Driven]) -> None:
+        self.robots = robots
+        self.chosen: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
+        self.speed, self.turning, self.frame, self.view = 0.1, 0.5, "world", np.eye(3)
+        length = max(one.mechanism.length for one in robots.values())
+        self.speed = float(f"{0.3 * length:.1g}")  # the robot's own size in some three seconds
+        self._devices = {device.name: device for device in setup.devices}
+        self._sensors: dict[str, Taps] = {}
+        self._readings: dict[str, Reading] = {}
+        self._holds: dict[tuple[str, str], tuple[Held, Hold]] = {}
+        self._aside: set[tuple[str, str]] = set()
+        for device in setup.devices:
+            robot = robots.get(device.robot or "")
+            mechanism = robot.mechanism if robot is not None else None
+            number = int(device.name) if device.name.isdecimal() else None
+            self._sensors[device.name] = Taps(open_sensor(device.url, number, mechanism, device.node))
+
+    def start(self) -> None:
+        """Opens them all."""
+        for taps in self._sensors.values():
+            if scheme(taps.sensor.url) not in _SCRIPTS:
+                taps.sensor.start()
+
+    def close(self) -> None:
+        """Closes them all."""
+        for taps in self._sensors.values():
+            taps.sensor.close()
+
+    def choose(self, number: int, robot: str, node: str, name: str | None) -> None:
+        """A sensor holds a node, from where it is; None: it is free."""
+        self._let_go(robot, node)
+        self.chosen[robot, node] = name
+        if name is not None:
+            if scheme(self._sensors[name].sensor.url) in _SCRIPTS:
+                self._sensors[name].sensor.close()  # it begins at its beginning
+                self._sensors[name].sensor.start()
+            self._take(number, robot, node, self._devices[name])
+
+    def set_aside(self, robot: str, node: str) -> None:
+        """The hand takes a node: who holds it waits; a script that leads any node of the robot is given up."""
+        for (of, held), name in self.chosen.items():
+            if of == robot and name is not None and scheme(self._sensors[name].sensor.url) in _SCRIPTS:
+                self._let_go(of, held)
+                self.chosen[of, held] = None
+        if self.chosen.get((robot, node)) is not None:
+            self._let_go(robot, node)
+            self._aside.add((robot, node))
+
+    def take_up(self, number: int, robot: str, node: str) -> bool:
+        """The hand has let go: who waited for a node holds it again, where it is. Returns whether somebody did."""
+        name = self.chosen.get((robot, node))
+        if (robot, node) not in self._aside or name is None:
+            return False
+        self._take(number, robot, node, self._devices[name])
+        return True
+
+    def give_up_scripts(self, robot: str) -> None:
+        """No script leads a robot any more."""
+        self.set_aside(robot, "")
+
+    def tell_gamepad(self, twist: tuple[float, ...], buttons: frozenset[int]) -> None:
+        """What a browser's gamepad says."""
+        for taps in self._sensors.values():
+            if isinstance(taps.sensor, Gamepad):
+                x, y, z, a, b, c = twist
+                taps.sensor.put((x, y, z, a, b, c), buttons)
+
+    def advance(self, dt: float, moving: bool) -> None:
+        """Reads them all, and moves on by dt (s) what they hold; nothing where `moving` is False."""
+        for name, taps in self._sensors.items():
+            reading = taps.read()
+            if reading is not None:
+                self._readings[name] = reading
+        for (robot, _), (_, hold) in self._holds.items():
+            one = self.robots[robot]
+            turn = one.base.rotation.T
+            hold.axes["world"], hold.axes["view"] = turn, turn @ self.view
+            hold.frame = _OF_COMMAND[self.frame]
+            hold.grip = self._grip(hold.grip)
+            if moving and one.motion is None:
+                hold.advance(dt)
+            else:
+                hold.sensor.read()  # what is said meanwhile counts no more
+
+    def states(self) -> tuple[SensorState, ...]:
+        """What each is doing."""
+        holds = {self.chosen[key]: hold for key, (_, hold) in self._holds.items()}
+        found = []
+        for name, taps in self._sensors.items():
+            status = holds[name].status if name in holds else taps.sensor.status
+            reading = self._readings.get(name)
+            found.append(SensorState(name, status, reading.twist if reading is not None else None))
+        return tuple(found)
+
+    def _take(self, number: int, robot: str, node: str, device: Device) -> None:
+        self._aside.discard((robot, node))
+        one = self.robots[robot]
+        sensor = self._sensors[device.name]
+        rotation = device.rotation
+        if isinstance(sensor.sensor, Scripted):
+            rotation = sensor.sensor.path.rotation
+        held = one.take(number, node, SENSOR, f"sensor {device.name}", freedoms=(device.translation, rotation))
+        grip = Grip(self.speed, self.turning, translation=device.translation, rotation=device.rotation)
+        self._holds[robot, node] = held, Hold(sensor.tap(), held.pull, grip)
+
+    def _let_go(self, robot: str, node: str) -> None:
+        self._aside.discard((robot, node))
+        holding = self._holds.pop((robot, node), None)
+        if holding is not None:
+            self.robots[robot].release(holding[0])
+
+    def _grip(self, grip: Grip) -> Grip:
+        if (grip.speed, grip.turning) == (self.speed, self.turning):
+            return grip
+        return Grip(self.speed, self.turning, translation=grip.translation, rotation=grip.rotation)
+
+
+_SCRIPTS = ("path", "seam", "replay")
+"""Kinds that begin when they are chosen, and that a person's hand ends."""

@@ -1,0 +1,187 @@
+"""Motions of a robot that no pull makes: motors led by hand, the way to a configuration, a way gone before.
+
+Each has `advance(dt)`: the configuration after dt (s), loops closed, or None where it has ended. None of them raises.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.errors import CinegenError
+from cinegen.model import ForwardKinematics, Mechanism
+from cinegen.solve.blend import eased
+
+Array = NDArray[np.float64]
+
+_FASTEST = 2.0  # rad/s, or characteristic lengths: of a motor without a limit
+_LIMIT = 1e-9  # rad or m: rounding at a limit
+_SHORTEST, _LONGEST = 0.3, 30.0  # s for a way
+_THERE = 1e-6  # rad or lengths: near enough to be there
+_BACK = 1.5  # s: the longest that undoing takes
+
+
+class Motion(Protocol):
+    """What moves a robot.
+
+    Attributes:
+        name: of what it does, for people.
+        trouble: why it did not do all that it should; empty if it did.
+    """
+
+    name: str
+    trouble: str
+
+    def advance(self, dt: float) -> Array | None:
+        """(nq,) after dt (s); None where it has ended."""
+
+
+class Motors:
+    """Motors go where sliders say, as fast as they may; all other joints follow on this branch (`ForwardKinematics`).
+
+    Where the loops can't follow, or a joint that follows would pass its limit, all stay where they are.
+
+    Args:
+        mechanism: whose.
+        q: (nq,) where it is, loops closed.
+    """
+
+    name = "motors"
+
+    def __init__(self, mechanism: Mechanism, q: Array) -> None:
+        self.trouble = ""
+        self.goal: dict[str, float] = {}
+        self._mechanism = mechanism
+        self._forward = ForwardKinematics(mechanism, q)
+        self._q = q.copy()
+        self._speed = speeds(mechanism)
+        self._ends = False
+
+    def lead(self, joint: str, value: float) -> None:
+        """A motor should be at a value, as far as its limits allow."""
+        i, model = self._mechanism.q_index(joint), self._mechanism.model
+        self.goal[joint] = min(max(value, model.lowerPositionLimit[i]), model.upperPositionLimit[i])
+
+    def end(self) -> None:
+        """Ends when the motors have arrived."""
+        self._ends = True
+
+    def advance(self, dt: float) -> Array | None:
+        """One step of all motors."""
+        wanted = {}
+        for joint, goal in self.goal.items():
+            here, most = self._q[self._mechanism.q_index(joint)], self._speed[joint] * dt
+            if here != goal:
+                wanted[joint] = float(here + min(max(goal - here, -most), most))
+        if not wanted:
+            return None if self._ends else self._q
+        self.trouble = ""
+        try:
+            q = self._forward.move(wanted)
+            passed = beyond(self._mechanism, q, self._q)
+            if passed:
+                self._forward.q = self._q
+                self.trouble = f"at limit: {passed}"
+        except CinegenError as error:
+            self.trouble = str(error)
+        if self.trouble:
+            self.goal = {}  # a slider that moves on tries again
+            return None if self._ends else self._q
+        self._q = q
+        return q
+
+
+class Way:
+    """To a configuration, led by the motors; where they can't lead there on this branch, at once.
+
+    Args:
+        mechanism: which goes.
+        q: (nq,) where it is, loops closed.
+        goal: (nq,) where it should be, loops closed.
+        name: of what it does.
+    """
+
+    def __init__(self, mechanism: Mechanism, q: Array, goal: Array, name: str) -> None:
+        self.name, self.trouble = name, ""
+        self._mechanism, self._goal, self._start = mechanism, goal, q.copy()
+        self._forward = ForwardKinematics(mechanism, q)
+        self._time = 0.0
+        speed = speeds(mechanism)
+        places = [(joint, mechanism.q_index(joint)) for joint in mechanism.actuated]
+        longest = max((abs(goal[i] - q[i]) / speed[joint] for joint, i in places), default=0.0)
+        self._seconds = min(max(2.0 * longest, _SHORTEST), _LONGEST)
+        self._places = places
+
+    def advance(self, dt: float) -> Array | None:
+        """One step on the way."""
+        if self._time >= self._seconds:
+            return None
+        self._time += dt
+        part = eased(self._time / self._seconds) if self._time < self._seconds else 1.0
+        values = {joint: float((1.0 - part) * self._start[i] + part * self._goal[i]) for joint, i in self._places}
+        try:
+            q = self._forward.move(values)
+        except CinegenError:
+            return self._jump()
+        if self._mechanism.floating:
+            base = pin.interpolate(self._mechanism.model, self._start, self._goal, part)[:7]
+            q[:7] = base
+        if part < 1.0:
+            return q
+        apart = pin.difference(self._mechanism.model, q, self._goal) / self._mechanism.scale
+        return self._jump() if np.abs(apart).max(initial=0.0) > _THERE else self._goal
+
+    def _jump(self) -> Array:
+        self._time = math.inf
+        self.trouble = "its motors don't lead there from this assembly mode: it was put there at once"
+        return self._goal
+
+
+class Retrace:
+    """A way gone before, backwards or again: every configuration on it was there.
+
+    Args:
+        trace: configurations (nq,), as they were passed.
+        period: s between two of them.
+        name: of what it does.
+    """
+
+    def __init__(self, trace: Sequence[Array], period: float, name: str) -> None:
+        self.name, self.trouble = name, ""
+        self._trace = trace
+        self._seconds = min(period * (len(trace) - 1), _BACK)
+        self._time = 0.0
+
+    def advance(self, dt: float) -> Array | None:
+        """The next of them whose time has come."""
+        if self._time >= self._seconds:
+            return None
+        self._time += dt
+        part = eased(min(1.0, self._time / self._seconds))
+        return self._trace[round(part * (len(self._trace) - 1))]
+
+
+def speeds(mechanism: Mechanism) -> dict[str, float]:
+    """How fast each joint may be, rad/s or m/s."""
+    found = {}
+    for joint in mechanism.joints:
+        limit = float(mechanism.model.upperVelocityLimit[mechanism.v_index(joint)])
+        usual = _FASTEST * (mechanism.length if mechanism.slides(joint) else 1.0)
+        found[joint] = limit if 0.0 < limit < math.inf else usual
+    return found
+
+
+def beyond(mechanism: Mechanism, q: Array, before: Array) -> str:
+    """The first joint that q (nq,) leads beyond a limit, or further beyond it than before; empty if there is none."""
+    model = mechanism.model
+    for joint in mechanism.joints:
+        i = mechanism.q_index(joint)
+        low, high = model.lowerPositionLimit[i] - _LIMIT, model.upperPositionLimit[i] + _LIMIT
+        if (q[i] > high and q[i] > before[i]) or (q[i] < low and q[i] < before[i]):
+            return joint
+    return ""

@@ -1,0 +1,81 @@
+"""Browsers that draw nothing: what they say and are told, from a thread of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import http.client
+import json
+import threading
+import time
+from urllib.parse import urlsplit
+
+import tornado.websocket
+from tornado.httpclient import HTTPRequest
+
+
+class Browser:
+    """One on a session. Acknowledges frames at once unless it is `lazy`."""
+
+    def __init__(self, url, lazy=False, path="session", **headers):
+        self.lazy, self.told, self.state, self.report, self.closed = lazy, [], None, None, None
+        self.frames = 0
+        self.loop = asyncio.new_event_loop()
+        threading.Thread(target=self.loop.run_forever, daemon=True).start()
+        address = urlsplit(url)
+        query = f"?{address.query}" if address.query else ""
+        request = HTTPRequest(f"ws://{address.netloc}/{path}{query}", headers=headers)
+        self.connection = self._now(tornado.websocket.websocket_connect, request)
+        asyncio.run_coroutine_threadsafe(self._listen(), self.loop)
+
+    def _now(self, function, *arguments):
+        async def wait():
+            return await function(*arguments)
+
+        return asyncio.run_coroutine_threadsafe(wait(), self.loop).result(20)
+
+    async def _listen(self):
+        while (message := await self.connection.read_message()) is not None:
+            if isinstance(message, bytes):
+                self.told.append(message)
+                continue
+            said = json.loads(message)
+            if said["kind"] == "state":
+                self.state, self.frames = said, self.frames + 1
+                self.report = said.get("report", self.report)
+                if not self.lazy:
+                    with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+                        await self.connection.write_message(json.dumps({"ack": said["frame"]}))
+            else:
+                self.told.append(said)
+        self.closed = self.connection.close_code, self.connection.close_reason
+
+    def say(self, said=None, **named):
+        """An object, or whatever it is."""
+        message = json.dumps(named) if said is None else said
+        binary = isinstance(message, bytes)
+        with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+            self._now(self.connection.write_message, message, binary)
+
+    def leave(self):
+        self.loop.call_soon_threadsafe(self.connection.close)
+
+
+def becomes(condition, seconds=20.0):
+    """Whether it comes true in time."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        if condition():
+            return True
+        time.sleep(0.01)
+    return False
+
+
+def get(url, path="", host=None):
+    """Status and body of a page."""
+    address = urlsplit(url)
+    connection = http.client.HTTPConnection(address.hostname, address.port, timeout=10)
+    query = f"?{address.query}" if address.query else ""
+    connection.request("GET", f"/{path}{query}", headers={"Host": host} if host else {})
+    answer = connection.getresponse()
+    return answer.status, answer.read()

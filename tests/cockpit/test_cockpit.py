@@ -1,0 +1,232 @@
+"""The whole cockpit over real sockets: many browsers, hostile ones, ones that come late."""
+
+from __future__ import annotations
+
+import socket
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+from browsers import Browser, becomes, get
+from tornado.httpclient import HTTPClientError
+
+from cinegen.cockpit import Cockpit
+from cinegen.cockpit.hub import MOST
+from cinegen.cockpit.server import LARGEST, ServerError
+from cinegen.session import arrange
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+@pytest.fixture
+def cockpit(robot):
+    opened = []
+
+    def open_cockpit(*names, **options):
+        own = {name: options.pop(name) for name in ("host", "token", "own_process") if name in options}
+        setup = arrange({name: robot(name) for name in names}, **options)
+        opened.append(Cockpit(setup, port=8100, **{"own_process": False, **own}))
+        return opened[-1]
+
+    yield open_cockpit
+    for one in opened:
+        one.close()
+
+
+def drag(browser, robot, node, by):
+    """Takes a node's origin and leads it away."""
+    place = origin(browser, robot, node)
+    browser.say(take={"robot": robot, "node": node, "point": [0, 0, 0]})
+    browser.say(lead=(place + np.array(by)).tolist())
+    return place
+
+
+def origin(browser, robot, node):
+    """Where a node is, as the page is told; the robots here stand in the origin."""
+    entry = next(one for one in browser.told[0]["robots"] if one["name"] == robot)
+    k = 7 * (1 + [one["name"] for one in entry["nodes"]].index(node))
+    return np.array(browser.state["poses"][robot][k : k + 3])
+
+
+def _is_at(browser, robot, node, place):
+    return np.linalg.norm(origin(browser, robot, node) - place) < 1e-6
+
+
+def test_what_one_browser_drags_all_see(cockpit):
+    one = cockpit("delta4", "five_bar")
+    first, second = Browser(one.url), Browser(one.url)
+    assert becomes(lambda: first.state and second.state)
+    before = drag(first, "delta4", "platform", [0.1, 0.05, -0.2])
+    to = before + np.array([0.1, 0.05, -0.2])
+    assert becomes(lambda: _is_at(first, "delta4", "platform", to) and _is_at(second, "delta4", "platform", to))
+    assert becomes(lambda: second.state["hand"] == first.told[0]["client"])
+    late = Browser(one.url)
+    assert becomes(lambda: late.state is not None and late.report is not None)
+    assert late.state["pulls"][0]["node"] == "platform"
+    first.leave()
+    assert becomes(lambda: second.state["hand"] is None and second.state["pulls"] == [])
+
+
+def test_a_report_says_how_near_singularities_are(cockpit):
+    one = cockpit("five_bar")
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.report is not None and browser.report["robots"])
+    report = browser.report["robots"]["five_bar"]
+    mechanism = one.setup.robots["five_bar"]
+    from cinegen.solve.singular import passive_singular_values
+
+    assert report["type2"]["sigma"] == pytest.approx(passive_singular_values(mechanism, mechanism.q_home)[-1])
+    assert report["q"] == pytest.approx([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.joints])
+    assert report["closure"] < 1e-10
+    assert browser.report["rate"]["ticks"] > 100
+
+
+def test_hello_says_who_is_there(cockpit):
+    one = cockpit("delta4", follow="circle")
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.told)
+    hello = browser.told[0]
+    (robot,) = hello["robots"]
+    mechanism = one.setup.robots["delta4"]
+    assert [node["name"] for node in robot["nodes"]] == list(mechanism.nodes)
+    parents = {node["name"]: node["parent"] for node in robot["nodes"]}
+    assert parents["base"] is None
+    assert parents["link2"] == "link1"
+    assert all(parents[node] is not None for node in parents if node != "base")
+    joints = {node["joint"] for node in robot["nodes"]}
+    assert set(mechanism.joints) <= joints
+    assert [loop["name"] for loop in robot["loops"]] == [loop.name for loop in mechanism.loops]
+    assert hello["switches"] == [{"robot": "delta4", "node": "platform", "choices": [None, "1", "path", "gamepad"]}]
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        (b"\x00\x01\x02", "text"),
+        ("{", "JSON"),
+        ('{"lead": [NaN, 0, 0]}', "JSON"),
+        ('{"take": {"robot": "delta4", "node": "nose", "point": [0, 0, 0]}}', "no such part"),
+        ('{"lead": "' + "x" * 3000 + '"}', "characters"),
+    ],
+)
+def test_an_offender_is_dropped_with_a_reason_and_the_session_goes_on(cockpit, said, why):
+    one = cockpit("delta4")
+    wild, good = Browser(one.url), Browser(one.url)
+    assert becomes(lambda: wild.state and good.state)
+    wild.say(said)
+    assert becomes(lambda: wild.closed is not None)
+    assert wild.closed[0] == 1008
+    assert why in wild.closed[1]
+    before = drag(good, "delta4", "platform", [0, 0, -0.1])
+    assert becomes(lambda: _is_at(good, "delta4", "platform", before + np.array([0, 0, -0.1])))
+
+
+def test_oversized_messages_and_floods_end_only_who_sends_them(cockpit):
+    one = cockpit("delta4")
+    large, fast, good = (Browser(one.url) for _ in range(3))
+    assert becomes(lambda: large.state and fast.state and good.state)
+    large.say("x" * (2 * LARGEST))
+    assert becomes(lambda: large.closed is not None)
+    assert large.closed[0] == 1009
+    for _ in range(1000):
+        fast.say(lead=[0, 0, 0])
+    assert becomes(lambda: fast.closed is not None)
+    assert "messages a second" in fast.closed[1]
+    frames = good.frames
+    assert becomes(lambda: good.frames > frames + 20)
+
+
+def test_of_two_hundred_browsers_as_many_as_there_is_room_for_are_served(cockpit):
+    one = cockpit("planar_3r")
+    browsers = [Browser(one.url) for _ in range(200)]
+    assert becomes(lambda: sum(browser.closed is None and browser.state is not None for browser in browsers) == MOST)
+    assert {browser.closed[0] for browser in browsers if browser.closed is not None} == {1013}
+    for browser in browsers:
+        browser.leave()
+    assert becomes(lambda: not one.hub.clients)
+    assert becomes(lambda: Browser(one.url).closed is None)
+
+
+def test_a_silent_connection_and_a_lazy_browser_hold_up_nobody(cockpit):
+    one = cockpit("delta4")
+    lazy, good = Browser(one.url, lazy=True), Browser(one.url)
+    address = urlsplit(one.url)
+    dumb = socket.create_connection((address.hostname, address.port))  # says nothing at all
+    rude = socket.create_connection((address.hostname, address.port))
+    rude.sendall(b"GET /session HTTP/1.1\r\n\x00\xff garbage\r\n\r\n")
+    assert becomes(lambda: good.frames > 60)
+    assert lazy.frames == 1
+    dumb.close()
+    rude.close()
+
+
+def test_foreign_pages_and_names_are_refused(cockpit):
+    one = cockpit("planar_3r")
+    assert get(one.url)[0] == 200
+    assert get(one.url, host="evil.example:8100")[0] == 403
+    assert get(one.url, host="127.0.0.1.evil.example")[0] == 403
+    for path in ("session", "scene"):
+        with pytest.raises(HTTPClientError, match="403"):
+            Browser(one.url, path=path, Origin="http://evil.example")
+    assert becomes(lambda: Browser(one.url, Origin=one.url.rstrip("/")).state is not None or True)
+
+
+@pytest.mark.parametrize(
+    "path", ["static/../cockpit.py", "static/%2e%2e/cockpit.py", "static//etc/passwd", "static/no"]
+)
+def test_only_the_pages_own_files_are_served(cockpit, path):
+    assert get(cockpit("planar_3r").url, path)[0] in (403, 404)
+
+
+def test_other_machines_need_the_token(cockpit):
+    one = cockpit("planar_3r", host="0.0.0.0")
+    token = one.server.token
+    assert token
+    assert token in one.url
+    address = urlsplit(one.url)
+    local = f"http://127.0.0.1:{address.port}/"
+    assert get(local)[0] == 403
+    assert get(f"{local}?token=wrong")[0] == 403
+    assert get(f"{local}?token={token}")[0] == 200
+    assert get(f"{local}?token={token}", host="robot.example:1234")[0] == 200
+    for path in ("session", "scene", "snapshot.html"):
+        assert get(local, path)[0] == 403
+    with pytest.raises(HTTPClientError, match="403"):
+        Browser(local)
+    browser = Browser(f"{local}?token={token}")
+    assert becomes(lambda: browser.state is not None)
+
+
+def test_the_snapshot_shows_everything_as_it_is(cockpit):
+    one = cockpit("delta4", follow="circle")
+    first = one.snapshot()
+    assert becomes(lambda: one.snapshot() != first)
+    status, page = get(one.url, "snapshot.html")
+    assert status == 200
+    assert b"MeshCat.Viewer" in page
+
+
+def test_a_port_in_use_is_passed_over_and_none_free_is_an_error(cockpit, robot):
+    one, two = cockpit("planar_3r"), cockpit("planar_3r")
+    assert one.server.port != two.server.port
+    with pytest.raises(ServerError, match="no free port from 70000"):
+        Cockpit(arrange({"r": robot("planar_3r")}), port=70000, own_process=False)
+    with pytest.raises(ServerError, match="no such host"):
+        Cockpit(arrange({"r": robot("planar_3r")}), host="no such host", own_process=False)
+
+
+def test_a_session_in_a_process_of_its_own_is_the_same(cockpit):
+    one = cockpit("delta4", own_process=True)
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.state is not None)
+    before = drag(browser, "delta4", "platform", [0.1, 0, -0.1])
+    assert becomes(lambda: _is_at(browser, "delta4", "platform", before + np.array([0.1, 0, -0.1])))
+
+
+def test_the_end_of_a_session_is_told(cockpit, monkeypatch):
+    one = cockpit("delta4")
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.state is not None)
+    one.close()
+    assert becomes(lambda: browser.closed is not None)
+    assert browser.closed == (1001, "the session has ended")

@@ -1,0 +1,94 @@
+"""What is drawn is kept, handed to whoever looks, and written whole into one file."""
+
+from __future__ import annotations
+
+import meshcat
+import meshcat.geometry
+import numpy as np
+import pytest
+import umsgpack
+
+from cinegen.cockpit import Page, Scene
+
+
+def _taken(feed):
+    """What a browser gets."""
+    return [umsgpack.unpackb(message) for message in feed.take()]
+
+
+def _box(page, path, x=0.0):
+    place = meshcat.Visualizer(window=page)[path]
+    place.set_object(meshcat.geometry.Box([1, 1, 1]))
+    matrix = np.eye(4)
+    matrix[0, 3] = x
+    place.set_transform(matrix)
+
+
+def test_a_browser_that_comes_late_gets_the_newest_of_everything_objects_first():
+    page = Page()
+    _box(page, "a", 1.0)
+    _box(page, "b", 2.0)
+    _box(page, "a", 3.0)
+    feed = page.feed()
+    messages = _taken(feed)
+    assert [message["type"] for message in messages] == ["set_object"] * 2 + ["set_transform"] * 2
+    moved = {message["path"]: message["matrix"][12] for message in messages[2:]}
+    assert moved == {"/meshcat/a": 3.0, "/meshcat/b": 2.0}
+    assert _taken(feed) == []
+
+
+def test_who_follows_gets_what_is_new_and_only_the_newest_of_it():
+    page = Page()
+    woken = []
+    page.wake = lambda: woken.append(1)
+    feed = page.feed()
+    for x in (1.0, 2.0, 3.0):
+        _box(page, "a", x)
+    assert woken
+    assert [message["matrix"][12] for message in _taken(feed) if message["type"] == "set_transform"] == [3.0]
+    page.forget(feed)
+    _box(page, "a", 4.0)
+    assert _taken(feed) == []
+
+
+def test_what_is_deleted_is_not_sent_any_more():
+    page = Page()
+    _box(page, "a/b")
+    _box(page, "ab")
+    meshcat.Visualizer(window=page)["a"].delete()
+    assert [path for path, _, _ in page.scene()] == ["/meshcat/ab", "/meshcat/ab"]
+
+
+def test_the_static_page_holds_the_viewer_and_every_part(robot):
+    delta = robot("delta4")
+    page = Page()
+    scene = Scene(page, {"delta": delta})
+    text = page.html()
+    assert "MeshCat.Viewer" in text
+    assert text.count('"', text.index("for (const text of [")) > 2 * len(delta.nodes)
+    assert len(text) < 2_000_000
+    scene.show("delta", delta.random_closed(1)[0])
+    assert page.html() != text
+
+
+def test_every_part_is_drawn_where_it_is(robot):
+    delta = robot("delta4")
+    page = Page()
+    Scene(page, {"delta": delta})
+    sent = {key: umsgpack.unpackb(message) for key, message in page.scene().items()}
+    for node in delta.nodes:
+        matrix = sent[f"/meshcat/cinegen/delta/{node}", "set_transform", ""]["matrix"]
+        assert pytest.approx(delta.placement(delta.q_home, node).homogeneous) == np.reshape(matrix, (4, 4)).T
+    drawn = {path.split("/")[4] for path, kind, _ in sent if kind == "set_object" and "/delta/" in path}
+    assert {"base", "link1", "link9", "link17", "platform"} <= drawn
+    assert any("loop link5-link11" in path for path, _, _ in sent)
+
+
+def test_a_robot_of_any_size_fills_the_same_view(robot):
+    sizes = []
+    for name in ("tssm", "delta4"):
+        page = Page()
+        Scene(page, {name: robot(name)})
+        whole = umsgpack.unpackb(page.scene()["/meshcat/cinegen", "set_transform", ""])["matrix"]
+        sizes.append(whole[0] * robot(name).length)
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.6)

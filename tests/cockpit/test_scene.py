@@ -1,0 +1,117 @@
+"""Meshes in the page: in the colour that the URDF says, or in their own, standing on the floor."""
+
+from __future__ import annotations
+
+import sysconfig
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+import umsgpack
+
+import cinegen
+from cinegen.cockpit import Page, Scene
+from cinegen.cockpit.scene import _material
+
+URDF = """<robot name="r"><link name="base"><visual><geometry>{}</geometry>{}</visual></link></robot>"""
+COLOUR = '<material name="m"><color rgba="{}"/></material>'
+
+
+@pytest.fixture(autouse=True)
+def _no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+
+
+def drawn(mechanism: cinegen.Mechanism) -> dict[str, Any]:
+    """What the page is sent of objects and transforms, by path and kind."""
+    page = Page()
+    Scene(page, {"it": mechanism})
+    return {
+        f"{path.removeprefix('/meshcat/')} {kind}": umsgpack.unpackb(message)
+        for (path, kind, _), message in page.scene().items()
+    }
+
+
+def shown(tmp_path: Path, mesh: str, material: str = "") -> dict[str, Any]:
+    """The object that a URDF of one mesh becomes."""
+    text = URDF.format(f'<mesh filename="{mesh}"/>', material)
+    (tmp_path / "r.urdf").write_text(text)
+    return drawn(cinegen.load(tmp_path / "r.urdf"))["cinegen/it/base/0 set_object"]["object"]
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> trimesh.Trimesh:
+    """Of 2 x 2 x 2, as box.stl, box.obj and blue box.dae."""
+    box = trimesh.creation.box((2.0, 2.0, 2.0))
+    box.export(tmp_path / "box.stl")
+    box.export(tmp_path / "plain.obj")
+    lines = (tmp_path / "plain.obj").read_text()
+    (tmp_path / "box.obj").write_text(f"mtllib box.mtl\nusemtl red\n{lines}")
+    (tmp_path / "gone.obj").write_text(f"mtllib gone.mtl\nusemtl red\n{lines}")
+    (tmp_path / "box.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    blue = trimesh.visual.material.PBRMaterial(baseColorFactor=[0, 0, 255, 255])
+    box.visual = trimesh.visual.TextureVisuals(material=blue)
+    box.export(tmp_path / "box.dae")
+    return box
+
+
+@pytest.mark.parametrize("ending", ["stl", "obj", "dae"])
+def test_a_mesh_has_the_colour_that_the_urdf_says(tmp_path: Path, box: trimesh.Trimesh, ending: str) -> None:
+    thing = shown(tmp_path, f"box.{ending}", COLOUR.format("1 0.5 0 0.25"))
+    assert thing["object"]["type"] == "Mesh"
+    assert (thing["materials"][0]["color"], thing["materials"][0]["opacity"]) == (0xFF8000, 0.25)
+
+
+@pytest.mark.parametrize(
+    ("rgba", "colour", "opacity"),
+    [("nan 0 1 1", 0x8000FF, 1.0), ("-3 2 inf 1", 0x00FFFF, 1.0), ("1e300 0 0 -1", 0xFF0000, 0.0)],
+)
+def test_odd_colours_are_no_failure(
+    tmp_path: Path, box: trimesh.Trimesh, rgba: str, colour: int, opacity: float
+) -> None:
+    """Whatever Pinocchio makes of them: some it takes for none."""
+    material = shown(tmp_path, "box.stl", COLOUR.format(rgba))["materials"][0]
+    assert 0 <= material["color"] <= 0xFFFFFF
+    assert 0.0 <= material["opacity"] <= 1.0
+    made = _material([float(word) for word in rgba.split()])
+    assert (made.color, made.opacity) == (colour, opacity)
+
+
+@pytest.mark.parametrize(("name", "colour"), [("box.dae", 0x0000FF), ("box.obj", 0xFF0000)])
+def test_a_mesh_with_colours_of_its_own_is_shown_in_them(
+    tmp_path: Path, box: trimesh.Trimesh, name: str, colour: int
+) -> None:
+    thing = shown(tmp_path, name)
+    assert thing["materials"][0]["color"] == colour
+    corners = np.frombuffer(thing["geometries"][0]["data"]["attributes"]["position"]["array"].data, np.float32)
+    assert (corners.min(), corners.max()) == (-1.0, 1.0)
+
+
+def test_every_colour_of_a_mesh_is_shown(tmp_path: Path) -> None:
+    """Collada may lay several materials on one mesh, which the viewer's own reader loses."""
+    share = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+    ur5 = cinegen.load(share / "ur_description/urdf/ur5_robot.urdf")
+    sent = drawn(ur5)
+    parts = {path: thing["object"] for path, thing in sent.items() if "shoulder_link" in path and "object" in thing}
+    assert len(parts) == 3
+    assert len({thing["materials"][0]["color"] for thing in parts.values()}) == 3
+
+
+@pytest.mark.parametrize("name", ["plain.obj", "gone.obj", "box.stl"])
+def test_a_mesh_without_colours_has_the_usual_one(tmp_path: Path, box: trimesh.Trimesh, name: str) -> None:
+    thing = shown(tmp_path, name)
+    assert thing["object"]["type"] == "Mesh"
+    assert thing["materials"][0]["color"] == 0xE6E6E6
+
+
+def test_the_view_holds_all_of_a_mesh_and_the_floor_is_below_it(root: Path) -> None:
+    """rx90 stands with its shoulder at the origin, on a pedestal of 420 mm."""
+    sent = drawn(cinegen.load(root / "robots" / "rx90.raff"))
+    whole = np.reshape(sent["cinegen set_transform"]["matrix"], (4, 4)).T
+    foot = (whole @ [0.0, 0.0, -0.42, 1.0])[2]
+    floor = np.reshape(sent["/Grid set_transform"]["matrix"], (4, 4)).T[2, 3]
+    assert floor == pytest.approx(foot - 0.05)
+    for x, y in ((0.165, 0.0), (-0.165, 0.0), (0.0, 0.165)):
+        assert np.linalg.norm((whole @ [x, y, -0.42, 1.0])[:3]) <= 1.6 + 1e-6

@@ -1,0 +1,367 @@
+"""A session as people at it meet it: taking, leading, pinning, undoing, motors, home, sensors, robots on robots."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen.session import Session, Setup, Stand, arrange
+from cinegen.session import commands as c
+
+DT = 1e-3
+
+
+@pytest.fixture
+def session(robot):
+    """`session("delta4", "arm7")`: these robots, standing still."""
+    opened = []
+
+    def open_session(*names, **options):
+        found = arrange({name: robot(name) for name in names}, **options)
+        opened.append(Session(found))
+        return opened[-1]
+
+    yield open_session
+    for one in opened:
+        one.close()
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+def run(session, seconds, *commands):
+    for command in commands:
+        session.obey(command)
+    for _ in range(round(seconds / DT)):
+        session.tick()
+    return session.state()
+
+
+def place(state, session, name, node, point=(0.0, 0.0, 0.0)):
+    robot = state.robots[name]
+    return (robot.base * session.setup.robots[name].placement(robot.q, node)).act(np.array(point))
+
+
+POINT = (0.1, 0.0, 0.05)
+
+
+def test_the_point_that_is_taken_goes_where_it_is_led_and_stays_when_it_is_let_go(session):
+    one = session("delta4")
+    begin = place(one.state(), one, "delta4", "link5", POINT)
+    to = begin + np.array([0.1, 0.05, -0.3])
+    state = run(one, 0.5, c.Take("delta4", "link5", POINT, False), c.Lead(tuple(to)))
+    assert np.linalg.norm(place(state, one, "delta4", "link5", POINT) - to) < 1e-6
+    assert [(pull.who, pull.node) for pull in state.robots["delta4"].pulls] == [("hand", "link5")]
+    assert state.robots["delta4"].closure < 1e-11
+    after = run(one, 0.1, c.LetGo(False))
+    assert after.robots["delta4"].pulls == ()
+    assert np.array_equal(after.robots["delta4"].q, state.robots["delta4"].q)
+
+
+def test_an_elbow_can_be_taken_too(session):
+    one = session("delta4")
+    begin = place(one.state(), one, "delta4", "link8", POINT)
+    to = begin + np.array([0.0, 0.0, -0.2])
+    state = run(one, 0.5, c.Take("delta4", "link8", POINT, False), c.Lead(tuple(to)))
+    moved = place(state, one, "delta4", "link8", POINT) - begin
+    assert moved @ (to - begin) > 0.5 * (to - begin) @ (to - begin)
+
+
+def test_a_whole_node_is_led_with_its_turns(session):
+    one = session("rx90")
+    home = one.robots["rx90"].placement("tool")
+    to = home * pin.SE3(pin.exp3(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.05, -0.04]))
+    state = run(one, 1.0, c.Take("rx90", "tool", None, True), c.Lead(tuple(pin.SE3ToXYZQUAT(to))))
+    assert np.linalg.norm(pin.log6(one.robots["rx90"].placement("tool").actInv(to)).vector) < 1e-6
+    assert state.robots["rx90"].verdict[0] == "FOLLOWING"
+
+
+def test_out_of_reach_is_said_with_how_far(session):
+    one = session("planar_3r")
+    end = one.setup.robots["planar_3r"].end
+    state = run(one, 3.0, c.Take("planar_3r", end, (0, 0, 0), False), c.Lead((50.0, 0.0, 0.0)))
+    name, words = state.robots["planar_3r"].verdict
+    assert (name, words.split(" by ")[0]) in [("OUT_OF_REACH", "out of reach"), ("AT_LIMIT", words.split(" by ")[0])]
+    assert "mm" in words or "limit" in words
+
+
+def test_pins_hold_while_another_part_is_dragged(session):
+    one = session("arm7")
+    run(one, 0.01, c.Pin("arm7", "tool"))
+    pinned = one.robots["arm7"].placement("tool")
+    elbow = one.robots["arm7"].placement("link4").translation
+    weigh = c.Weigh(one.state().robots["arm7"].pulls[0].number, 100.0)
+    run(one, 1.0, weigh, c.Take("arm7", "link4", (0, 0, 0), False), c.Lead(tuple(elbow + np.array([0.0, 0.1, 0.0]))))
+    assert np.linalg.norm(one.robots["arm7"].placement("link4").translation - elbow) > 0.02
+    assert np.linalg.norm(one.robots["arm7"].placement("tool").translation - pinned.translation) < 2e-3
+
+
+def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_where_it_was_led(session):
+    one = session("delta4")
+    begin = place(one.state(), one, "delta4", "platform")
+    state = run(
+        one,
+        0.5,
+        c.Take("delta4", "platform", (0, 0, 0), False),
+        c.Lead(tuple(begin + np.array([0.1, 0, 0]))),
+        c.LetGo(True),
+    )
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["pin"]
+    state = run(one, 0.5, c.Take("delta4", "platform", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0, 0, -0.2]))))
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["hand"]
+    state = run(one, 0.5, c.LetGo(False))
+    (pull,) = state.robots["delta4"].pulls
+    assert pull.who == "pin"
+    assert np.linalg.norm(pull.target.translation - begin - [0, 0, -0.2]) < 1e-6
+    assert run(one, 0.01, c.Release(pull.number)).robots["delta4"].pulls == ()
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "rx90", "hybrid", "five_bar"])
+def test_undo_goes_the_way_back_and_redo_goes_it_again(session, name):
+    one = session(name)
+    home = one.state().robots[name].q
+    end = one.setup.robots[name].end
+    begin = place(one.state(), one, name, end)
+    length = one.setup.robots[name].length
+    run(one, 1.5, c.Take(name, end, (0, 0, 0), False), c.Lead(tuple(begin + 0.05 * length * np.ones(3))))
+    there = run(one, 0.02, c.LetGo(True))
+    assert there.undo == 1
+    q = there.robots[name].q
+    assert np.abs(q - home).max() > 1e-3
+    state = run(one, 2.0, c.Undo())
+    assert np.abs(state.robots[name].q - home).max() < 1e-9
+    assert (state.undo, state.redo, state.robots[name].pulls) == (0, 1, ())
+    state = run(one, 2.0, c.Redo())
+    assert np.abs(state.robots[name].q - q).max() < 1e-6
+    assert [pull.who for pull in state.robots[name].pulls] == ["pin"]
+    assert (state.undo, state.redo) == (1, 0)
+    assert state.robots[name].closure < 1e-10
+
+
+def test_another_gesture_forgets_what_was_undone(session):
+    one = session("planar_3r")
+    for value in (0.2, 0.4):
+        run(one, 0.5, c.MoveJoint("planar_3r", "joint1", value), c.EndJoint())
+    assert run(one, 1.0, c.Undo()).redo == 1
+    state = run(one, 0.5, c.MoveJoint("planar_3r", "joint2", 0.1), c.EndJoint())
+    assert (state.undo, state.redo) == (2, 0)
+    before = run(one, 2.0, c.Undo(), c.Undo(), c.Undo(), c.Undo())  # more than there are
+    assert before.undo == 0
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", "sr400", "planar_3r", "four_bar"])
+def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session, name):
+    one = session(name)
+    mechanism = one.setup.robots[name]
+    joint = mechanism.actuated[0]
+    i = mechanism.q_index(joint)
+    low, high = mechanism.model.lowerPositionLimit[i], mechanism.model.upperPositionLimit[i]
+    goal = mechanism.q_home[i] + min(0.05, 0.2 * (high - low))
+    state = run(one, 1.0, c.MoveJoint(name, joint, goal))
+    assert state.robots[name].q[i] == goal
+    assert state.robots[name].closure < 1e-10
+    assert state.moving == "motors"
+    others = [mechanism.q_index(other) for other in mechanism.actuated[1:]]
+    assert np.array_equal(state.robots[name].q[others], mechanism.q_home[others])
+    assert run(one, 0.1, c.EndJoint()).moving is None
+
+
+def test_a_motor_stops_where_the_loops_can_follow_no_further(session):
+    one = session("delta4")
+    mechanism = one.setup.robots["delta4"]
+    state = run(one, 4.0, c.MoveJoint("delta4", "joint1", 10.0))
+    q = state.robots["delta4"].q
+    assert state.robots["delta4"].closure < 1e-10
+    assert (q <= mechanism.model.upperPositionLimit + 1e-6).all()
+    assert run(one, 1.0, c.EndJoint()).moving is None
+
+
+def test_a_motor_is_no_faster_than_it_may_be(session):
+    one = session("five_bar")
+    mechanism = one.setup.robots["five_bar"]
+    limit = mechanism.model.upperVelocityLimit[mechanism.v_index("joint1")]
+    i = mechanism.q_index("joint1")
+    one.obey(c.MoveJoint("five_bar", "joint1", mechanism.q_home[i] + 0.3))
+    before = one.state().robots["five_bar"].q[i]
+    for _ in range(100):
+        one.tick()
+        now = one.state().robots["five_bar"].q[i]
+        assert now - before <= limit * DT * (1 + 1e-9)
+        before = now
+
+
+def test_home_is_reached_exactly_from_anywhere(session):
+    one = session("gough", "arm7")
+    for name in ("gough", "arm7"):
+        end = one.setup.robots[name].end
+        begin = place(one.state(), one, name, end)
+        run(one, 0.3, c.Take(name, end, (0, 0, 0), False), c.Lead(tuple(begin + 0.05)), c.LetGo(False))
+    state = run(one, 5.0, c.Home(None))
+    for name in ("gough", "arm7"):
+        assert np.abs(state.robots[name].q - one.setup.robots[name].q_home).max() < 1e-9
+    assert state.moving is None
+
+
+def test_pause_stops_everything_and_goes_on(session):
+    one = session("delta4", follow="circle")
+    before = run(one, 0.5, c.Pause(True)).robots["delta4"].q
+    assert np.array_equal(run(one, 0.5).robots["delta4"].q, before)
+    assert not np.array_equal(run(one, 0.5, c.Pause(False)).robots["delta4"].q, before)
+
+
+def test_a_script_leads_until_a_hand_takes_any_part_of_the_robot(session):
+    one = session("delta4", follow="circle")
+    assert one.state().switches == {("delta4", "platform"): "path"}
+    state = run(one, 0.1, c.Take("delta4", "link8", POINT, False))
+    assert state.switches == {("delta4", "platform"): None}
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["hand"]
+
+
+def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
+    one = session("delta4")
+    state = run(one, 0.2, c.Choose("delta4", "platform", "gamepad"))
+    assert [(pull.who, pull.label) for pull in state.robots["delta4"].pulls] == [("sensor", "sensor gamepad")]
+    begin = place(state, one, "delta4", "platform")
+    for _ in range(20):
+        one.obey(c.Gamepad((0, 0, -1, 0, 0, 0), frozenset()))
+        state = run(one, 0.01)
+    moved = place(state, one, "delta4", "platform") - begin
+    assert moved[2] < -0.5 * 0.2 * state.settings["speed"]
+    assert np.abs(moved[:2]).max() < 1e-6
+    state = run(one, 0.1, c.Take("delta4", "platform", (0, 0, 0), False))
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["hand"]
+    state = run(one, 0.1, c.LetGo(False))
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["sensor"]
+    state = run(one, 0.1, c.Choose("delta4", "platform", None))
+    assert state.robots["delta4"].pulls == ()
+
+
+@pytest.mark.parametrize(
+    ("frame", "way"),
+    [("world", [0, 1, 0]), ("base", [-1, 0, 0]), ("view", [1, 0, 0])],
+)
+def test_a_sensor_moves_along_the_frame_of_command(robot, frame, way):
+    turned = Stand(placement=pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([1.0, 0.0, 0.0])))
+    setup = arrange({"arm": robot("rx90")})
+    one = Session(Setup(setup.robots, {"arm": turned}, setup.devices, setup.switches))
+    half = np.sqrt(0.5)
+    state = run(
+        one,
+        0.01,
+        c.Frame(frame),
+        c.View((half * half, -half * half, -half * half, half * half)),  # seen along -x of the world, z up
+        c.Choose("arm", "tool", "gamepad"),
+        c.Gamepad((0, 1, 0, 0, 0, 0), frozenset()),
+    )
+    begin = place(state, one, "arm", "tool")
+    state = run(one, 0.1)
+    moved = place(state, one, "arm", "tool") - begin
+    axes = one.devices.view if frame == "view" else np.eye(3)
+    wanted = axes[:, 1] if frame == "view" else np.array(way, dtype=float)
+    assert moved / np.linalg.norm(moved) == pytest.approx(wanted, abs=1e-3)
+    one.close()
+
+
+def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(robot):
+    setup = arrange({"carrier": robot("rx90"), "rider": robot("arm7")}, stands=["rider=carrier.tool@0,0,0.05"])
+    one = Session(setup)
+    state = one.state()
+    tool = one.robots["carrier"].placement("tool")
+    assert state.robots["rider"].base.isApprox(tool * pin.SE3(np.eye(3), np.array([0, 0, 0.05])))
+    run(one, 0.01, c.Pin("rider", "tool"))
+    pinned = one.robots["rider"].placement("tool")
+    begin = tool.translation
+    state = run(
+        one, 1.0, c.Take("carrier", "tool", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0.02, -0.03, 0.03])))
+    )
+    assert np.linalg.norm(state.robots["rider"].base.translation - begin) > 0.01
+    assert np.linalg.norm(pin.log6(pinned.actInv(one.robots["rider"].placement("tool"))).vector) < 1e-4
+    one.close()
+
+
+def test_gain_and_damping_reach_the_solvers(session):
+    one = session("delta4", "rx90")
+    run(one, 0.01, c.Set("gain", 20.0), c.Set("damping", 0.2))
+    for robot in one.robots.values():
+        assert robot.solver.gain == pytest.approx(1 - np.exp(-0.02))
+        assert robot.solver.near == 0.2
+    assert one.state().settings["gain"] == 20.0
+
+
+def test_what_can_not_be_done_is_a_notice(session, tmp_path, monkeypatch):
+    one = session("delta4")
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr("cinegen.session.session.time.strftime", lambda text: str(tmp_path / "file" / "run.jsonl"))
+    state = run(one, 0.01, c.Record(True))
+    assert state.recording is None
+    assert any(notice.warning and "run.jsonl" in notice.words for notice in state.notices)
+
+
+def test_the_page_can_record_and_the_record_is_the_motion(session, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    one = session("delta4")
+    begin = place(one.state(), one, "delta4", "platform")
+    state = run(one, 0.5, c.Record(True), c.Take("delta4", "platform", (0, 0, 0), False), c.Lead(tuple(begin + 0.1)))
+    assert state.recording.seconds > 0.4
+    state = run(one, 0.01, c.Record(False))
+    assert state.recording is None
+    assert "recorded" in state.notices[-1].words
+    (file,) = tmp_path.glob("mission-*.jsonl")
+    from cinegen.mission import Recording
+
+    recording = Recording.load(file)
+    assert recording.seconds == pytest.approx(0.5, abs=0.03)
+    assert recording.pulls["delta4"][-1][0].node == "platform"
+    mechanism = one.setup.robots["delta4"]
+    assert np.linalg.norm(mechanism.placement(recording.q["delta4"][-1], "platform").translation - begin - 0.1) < 1e-3
+
+
+def test_a_thousand_random_commands_never_stop_it(session):
+    rng = np.random.default_rng(8)
+    one = session("delta4", "planar_3r", follow="circle")
+    names = {"delta4": ("link5", "link8", "platform"), "planar_3r": ("link1", "link3")}
+    for _ in range(1000):
+        name = rng.choice(list(names))
+        node, value = str(rng.choice(names[name])), float(rng.normal())
+        kinds = [
+            c.Take(name, node, tuple(rng.normal(size=3)), False), c.Take(name, node, None, True),
+            c.Lead(tuple(rng.normal(size=3, scale=3))), c.LetGo(bool(rng.integers(2))), c.Pin(name, node),
+            c.Release(int(rng.integers(50))), c.Weigh(int(rng.integers(50)), 2.0), c.Holds(int(rng.integers(50)), 1, 2),
+            c.MoveJoint(name, "joint1", value), c.EndJoint(), c.Home(None), c.Undo(), c.Redo(),
+            c.Pause(bool(rng.integers(2))), c.Frame("tool"), c.Set("gain", 100.0),
+            c.Choose("delta4", "platform", ["path delta4", "gamepad", None][rng.integers(3)]),
+            c.Gamepad(tuple(rng.uniform(-1, 1, 6)), frozenset()), c.Play(True),
+        ]  # fmt: skip
+        one.obey(kinds[rng.integers(len(kinds))])
+        for _ in range(int(rng.integers(20))):
+            one.tick()
+        state = one.state()
+        assert all(robot.closure <= 1e-9 for robot in state.robots.values())
+    state = run(one, 4.0, c.Pause(False), c.Home(None))
+    for name in names:
+        assert np.isfinite(state.robots[name].q).all()
+
+
+def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
+    from cinegen.session import replayed
+
+    one = session("delta4", record=str(tmp_path / "run.jsonl"), follow="circle")
+    run(one, 1.0)
+    one.close()
+    shown = Session(replayed(tmp_path / "run.jsonl"))
+    state = run(shown, 0.5)
+    assert state.replay.playing
+    assert state.replay.time == pytest.approx(0.5, abs=1e-6)
+    state = run(shown, 0.1, c.Take("delta4", "platform", None, False))
+    assert any("recording" in notice.words for notice in state.notices)
+    state = run(shown, 0.01, c.Play(False), c.Seek(0.2), c.Tempo(0.5))
+    assert (state.replay.playing, state.replay.tempo) == (False, 0.5)
+    assert state.robots["delta4"].closure < 1e-10
+    shown.close()
+
+
+def test_cinegen_errors_are_all_that_a_setup_raises(robot):
+    with pytest.raises(cinegen.CinegenError):
+        Setup({})
