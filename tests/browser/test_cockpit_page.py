@@ -1,0 +1,324 @@
+"""A person at the real page: a mouse and keys in a real browser drive real sessions."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from playwright.sync_api import sync_playwright
+
+from cinegen.cockpit import Cockpit
+from cinegen.session import arrange
+
+CHROMIUM = shutil.which("chromium")
+FLAGS = [
+    *("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run"),
+    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
+]
+SIZE = {"width": 900, "height": 560}
+PICTURES = Path(os.environ.get("CINEGEN_PICTURES", "build/pictures"))
+READY = "document.documentElement.dataset.view === 'ready' && window.cockpit.report"
+# Where on the screen (pixels) a node can be touched, and what is touched there in the world's metres.
+WHERE = """([robot, node]) => {
+  const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
+  const at = (x, y) => cockpit.hand.touched({ clientX: box.left + x, clientY: box.top + y });
+  const is = (hit) => hit !== null && hit.robot === robot && hit.node === node;
+  for (const room of [9, 5, 2]) for (let y = 12; y < box.height; y += 6) for (let x = 12; x < box.width; x += 6) {
+    const hit = at(x, y);
+    if (is(hit) && [[-1, 0], [1, 0], [0, -1], [0, 1]].every(([a, b]) => is(at(x + room * a, y + room * b)))) {
+      return [box.left + x, box.top + y, ...cockpit.root.worldToLocal(hit.point.clone()).toArray()];
+    }
+  }
+  return null;
+}"""
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning"),
+    pytest.mark.skipif(CHROMIUM is None, reason="NO CHROMIUM: the cockpit is not tested in a real browser"),
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_playwright() as playwright:
+        yield playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+
+
+@pytest.fixture
+def cockpit(robot):
+    opened = []
+
+    def open_cockpit(*names, **options):
+        opened.append(Cockpit(arrange({name: robot(name) for name in names}, **options), port=8300))
+        return opened[-1]
+
+    yield open_cockpit
+    for one in opened:
+        one.close()
+
+
+@pytest.fixture
+def tab(browser):
+    """`tab(cockpit)`: a page that shows it. What goes wrong in the page is an error here."""
+    opened, wrong = [], []
+
+    def open_tab(cockpit, query="", **options):
+        page = browser.new_page(viewport=SIZE, bypass_csp=True, **options)
+        page.on("pageerror", lambda error: wrong.append(str(error)))
+        page.goto(cockpit.url + query)
+        page.wait_for_function(READY, polling=100, timeout=60_000)
+        opened.append(page)
+        return page
+
+    yield open_tab
+    for page in opened:
+        page.close()
+    assert wrong == []
+
+
+def becomes(tab, condition, seconds=30.0):
+    """Whether it comes true in time."""
+    return any(condition() or tab.wait_for_timeout(50) for _ in range(round(20 * seconds)))
+
+
+def place(cockpit, name, node, point=(0.0, 0.0, 0.0)):
+    robot = cockpit.state.robots[name]
+    return (robot.base * cockpit.setup.robots[name].placement(robot.q, node)).act(np.array(point))
+
+
+def held(cockpit, name, who="hand"):
+    return [pull for pull in cockpit.state.robots[name].pulls if pull.who == who]
+
+
+def picture(tab, name):
+    """Kept for people to look at."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    tab.screenshot(path=PICTURES / f"{name}.png")
+
+
+def grab(tab, cockpit, name, node):
+    """Presses on a part and draws it a little; where it was touched, in pixels and as the pull has it."""
+    found = tab.evaluate(WHERE, [name, node])
+    assert found is not None, f"{node} of {name} can't be seen"
+    x, y, *point = found
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + 6, y + 4)
+    assert becomes(tab, lambda: held(cockpit, name))
+    return x, y, np.array(point)
+
+
+@pytest.mark.parametrize(
+    ("names", "name", "node"),
+    [
+        (("delta4",), "delta4", "link5"),  # the platform
+        (("delta4",), "delta4", "link8"),  # a forearm
+        (("hybrid",), "hybrid", "link11"),
+        (("five_bar", "four_bar"), "four_bar", "link2"),
+    ],
+)
+def test_a_part_follows_the_mouse(cockpit, tab, names, name, node):
+    one = cockpit(*names)
+    page = tab(one)
+    before = {other: robot.q for other, robot in one.state.robots.items()}
+    x, y, touched = grab(page, one, name, node)
+    (pull,) = held(one, name)
+    assert pull.node == node
+    start = place(one, name, node, pull.at.translation)
+    assert np.linalg.norm(touched - start) < 0.3 * one.setup.robots[name].length
+    for i in range(1, 6):
+        page.mouse.move(x + 6 + 4 * i, y + 4 + 3 * i)
+    page.wait_for_timeout(500)
+
+    def rests():
+        earlier = one.state.robots[name].q
+        page.wait_for_timeout(100)
+        return np.abs(one.state.robots[name].q - earlier).max() < 1e-6
+
+    assert becomes(page, rests)
+    (pull,) = held(one, name)
+    wanted = pull.target.translation - start
+    moved = place(one, name, node, pull.at.translation) - start
+    assert moved @ wanted > 0.02 * wanted @ wanted  # the right way, as far as the robot can
+    assert np.linalg.norm(wanted - moved) < np.linalg.norm(wanted)
+    assert one.state.robots[name].closure < 1e-10
+    picture(page, f"drag_{name}_{node}")
+    page.mouse.up()
+    assert becomes(page, lambda: not one.state.robots[name].pulls)
+    for other in set(names) - {name}:
+        assert np.array_equal(one.state.robots[other].q, before[other])
+    # and what has happened is undone
+    page.keyboard.press("Control+z")
+    assert becomes(page, lambda: np.abs(one.state.robots[name].q - before[name]).max() < 1e-9)
+    page.keyboard.press("Control+Shift+z")
+    assert becomes(page, lambda: one.state.undo == 1 and one.state.moving is None)
+
+
+def test_a_click_selects_the_gizmo_moves_it_and_a_pin_holds_it(cockpit, tab):
+    one = cockpit("delta4")
+    page = tab(one)
+    x, y, *_ = page.evaluate(WHERE, ["delta4", "link5"])
+    page.mouse.click(x, y)
+    assert becomes(page, lambda: page.is_visible("#selection") and "link5" in page.inner_text("#selection"))
+    picture(page, "gizmo")
+    start = place(one, "delta4", "link5")
+    # the arrow along z, where the gizmo draws it
+    arrow = page.evaluate("""() => {
+      const { viewer, gizmo: { controls } } = cockpit;
+      const box = viewer.renderer.domElement.getBoundingClientRect();
+      const handles = [];
+      controls.traverse((object) => {
+        if (object.isMesh && object.name === "Z" && object.parent.visible) handles.push(object);
+      });
+      let best = null;
+      for (const handle of handles) {
+        handle.geometry.computeBoundingSphere();
+        const at = handle.localToWorld(handle.geometry.boundingSphere.center.clone()).project(viewer.camera);
+        const pixel = [box.left + (at.x + 1) / 2 * box.width, box.top + (1 - at.y) / 2 * box.height];
+        if (best === null || pixel[1] < best[1]) best = pixel;
+      }
+      return best;
+    }""")
+    assert arrow is not None
+    page.mouse.move(*arrow)
+    page.wait_for_timeout(300)
+    page.mouse.down()
+    page.mouse.move(arrow[0], arrow[1] + 12, steps=4)
+    page.mouse.move(arrow[0], arrow[1] + 30, steps=6)
+    assert becomes(page, lambda: held(one, "delta4"))
+    assert becomes(page, lambda: place(one, "delta4", "link5")[2] < start[2] - 0.02)
+    page.keyboard.press("p")
+    assert becomes(page, lambda: held(one, "delta4", "pin"))
+    page.mouse.up()
+    moved = place(one, "delta4", "link5") - start
+    assert np.abs(moved[:2]).max() < 0.1 * abs(moved[2])
+    number = held(one, "delta4", "pin")[0].number
+    page.click(f"[data-pull='{number}'] button")
+    assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
+
+
+def test_escape_lets_go_and_beside_the_robot_the_view_turns(cockpit, tab):
+    one = cockpit("delta4")
+    page = tab(one)
+    grab(page, one, "delta4", "link5")
+    page.keyboard.press("Escape")
+    assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
+    page.mouse.up()
+    before = page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()")
+    box = page.locator("canvas").first.bounding_box()
+    page.mouse.move(box["x"] + 8, box["y"] + box["height"] - 8)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 60, box["y"] + box["height"] - 30, steps=4)
+    page.mouse.up()
+    assert becomes(page, lambda: page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()") != before)
+    assert not one.state.robots["delta4"].pulls
+
+
+def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
+    one = cockpit("delta4", follow="circle")
+    page = tab(one)
+    assert page.eval_on_selector("[data-switch='delta4/platform'] select", "(box) => box.value") == "path"
+    page.select_option("[data-switch='delta4/platform'] select", "gamepad")
+    assert becomes(page, lambda: one.state.switches["delta4", "platform"] == "gamepad")
+    page.select_option("[data-switch='delta4/platform'] select", "")
+    assert becomes(page, lambda: one.state.switches["delta4", "platform"] is None)
+    page.select_option("#frame", "tool")
+    assert becomes(page, lambda: one.state.frame == "tool")
+    i = one.setup.robots["delta4"].q_index("joint1")
+    before = one.state.robots["delta4"].q[i]
+    slider = page.locator("[data-joint='delta4/joint1'] input[type=range]")
+    slider.scroll_into_view_if_needed()
+    box = slider.bounding_box()
+    page.mouse.move(box["x"] + box["width"] * 0.55, box["y"] + box["height"] / 2)
+    page.mouse.down()
+    page.mouse.move(box["x"] + box["width"] * 0.7, box["y"] + box["height"] / 2, steps=5)
+    page.mouse.up()
+    assert becomes(page, lambda: abs(one.state.robots["delta4"].q[i] - before) > 0.05)
+    assert becomes(page, lambda: one.state.moving is None)
+    assert one.state.robots["delta4"].closure < 1e-10
+    assert becomes(page, lambda: one.hub.hand is not None)  # the page was not dropped
+    for kind in ("type1", "type2"):
+        meter = page.locator(f"[data-meter='delta4/{kind}']")
+        assert float(meter.get_attribute("aria-valuenow")) > 0.0
+    assert "0.0" in page.inner_text("#gap")
+    page.click("#home")
+    home = one.setup.robots["delta4"].q_home
+    assert becomes(page, lambda: np.abs(one.state.robots["delta4"].q - home).max() < 1e-9)
+    picture(page, "panel")
+
+
+def test_a_second_browser_sees_it_and_takes_the_hand(cockpit, tab):
+    one = cockpit("five_bar")
+    first, second = tab(one), tab(one)
+    grab(first, one, "five_bar", "link2")
+    assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.hand") == "other")
+    assert becomes(second, lambda: second.evaluate("cockpit.state.pulls.length") == 1)
+    assert second.is_visible("#take-hand")
+    picture(second, "another_hand")
+    second.click("#take-hand")
+    assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.hand") == "mine")
+    assert becomes(first, lambda: not one.state.robots["five_bar"].pulls)
+    first.mouse.up()
+
+
+def test_a_line_that_is_cut_comes_back(cockpit, tab):
+    one = cockpit("delta4")
+    page = tab(one)
+    where = page.evaluate(WHERE, ["delta4", "link5"])
+    number = int(page.evaluate("document.documentElement.dataset.frame"))
+    one.server.call(lambda: [client.line.close(1001, "cut") for client in tuple(one.hub.clients.values())])
+    assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.connected") == "no")
+    assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.connected") == "yes")
+    assert becomes(page, lambda: int(page.evaluate("document.documentElement.dataset.frame")) > number + 10)
+    assert becomes(page, lambda: page.evaluate(WHERE, ["delta4", "link5"]) == where)  # all is drawn again
+    grab(page, one, "delta4", "link5")  # it can be driven as before
+    page.mouse.up()
+
+
+def test_many_labels_that_meet_find_their_places(cockpit, tab):
+    """Where the words beside points overlapped by a rounding, the page hung."""
+    one = cockpit("planar_3r")
+    page = tab(one)
+    page.evaluate("""() => {
+      for (let k = 0; k < 40; k += 1) {
+        const point = new MeshCat.THREE.Vector3(0, 0, 1e-9 * k);
+        cockpit.labels?.put(`k${k}`, `words ${k}`, point);
+      }
+    }""")
+    number = int(page.evaluate("document.documentElement.dataset.frame"))
+    assert becomes(page, lambda: int(page.evaluate("document.documentElement.dataset.frame")) > number + 5)
+
+
+def test_every_control_has_a_label_and_a_hint(cockpit, tab):
+    page = tab(cockpit("delta4", follow="circle"))
+    bare = page.evaluate("""() => [...document.querySelectorAll("button, input, select, [role=button]")]
+      .filter((control) => {
+        const label = control.getAttribute("aria-label") || control.innerText?.trim() || control.labels?.[0]?.innerText
+          || control.title;
+        const hint = control.title || control.closest("[title]")?.title || control.labels?.[0]?.title;
+        return !label || !hint;
+      }).map((control) => control.outerHTML.slice(0, 120))""")
+    assert bare == []
+
+
+def test_a_finger_drags_too(cockpit, browser):
+    one = cockpit("delta4")
+    context = browser.new_context(viewport={"width": 420, "height": 760}, has_touch=True, bypass_csp=True)
+    page = context.new_page()
+    page.goto(one.url)
+    page.wait_for_function(READY, polling=100, timeout=60_000)
+    x, y, *_ = page.evaluate(WHERE, ["delta4", "link5"])
+    line = context.new_cdp_session(page)
+    line.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
+    for step in range(1, 8):
+        points = [{"x": x + 3 * step, "y": y + 3 * step}]
+        line.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": points})
+    assert becomes(page, lambda: held(one, "delta4"))
+    line.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
+    assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
+    picture(page, "phone")
+    context.close()
