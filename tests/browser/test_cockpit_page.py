@@ -285,8 +285,8 @@ def test_many_labels_that_meet_find_their_places(cockpit, tab):
     page = tab(one)
     page.evaluate("""() => {
       for (let k = 0; k < 40; k += 1) {
-        const point = new MeshCat.THREE.Vector3(0, 0, 1e-9 * k);
-        cockpit.labels?.put(`k${k}`, `words ${k}`, point);
+        const point = new MeshCat.THREE.Vector3(0, 0, 0.003 * k);
+        cockpit.labels.put(`k${k}`, `words ${k}`, point);
       }
     }""")
     number = int(page.evaluate("document.documentElement.dataset.frame"))

@@ -103,6 +103,7 @@ window.cockpit = {
     return view.root;
   },
   hand: pick,
+  labels,
   select: (robot, node) => session.select(robot, node),
   gizmo,
   get hello() {

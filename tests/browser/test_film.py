@@ -1,0 +1,56 @@
+"""Films, and pictures for one: drawn by a real browser, picture by picture."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from PIL import Image
+
+from cinegen.cockpit import film
+from cinegen.cockpit.film import FPS, FilmError
+from cinegen.session import arrange
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.skipif(shutil.which("chromium") is None, reason="NO CHROMIUM: no film is made"),
+]
+SIZE = (320, 180)
+
+
+def test_frames_show_the_robot_as_it_moves(robot, tmp_path):
+    setup = arrange({"arm": robot("planar_3r")}, follow="line")
+    told = []
+    assert film(setup, tmp_path / "frames", 0.4, SIZE, progress=told.append) == tmp_path / "frames"
+    pictures = sorted((tmp_path / "frames").iterdir())
+    assert len(pictures) == round(0.4 * FPS)
+    drawn = [np.asarray(Image.open(picture).convert("RGB")).astype(int) for picture in pictures]
+    assert all(picture.shape == (SIZE[1], SIZE[0], 3) for picture in drawn)
+    assert np.mean(drawn[0].max(axis=2) - drawn[0].min(axis=2) > 60) > 0.002  # a robot in colours
+    assert np.abs(drawn[-1] - drawn[0]).max() > 60  # that has moved
+    assert told[-1] == pytest.approx(1.0)
+    assert told == sorted(told)
+
+
+def test_a_film_has_so_many_pictures_of_that_size(robot, tmp_path):
+    setup = arrange({"delta": robot("five_bar")}, follow="circle")
+    path = film(setup, tmp_path / "out" / "film.mp4", 0.3, (321, 181), aids=True)
+    said = subprocess.run(
+        [imageio_ffmpeg.get_ffmpeg_exe(), "-i", path, "-f", "null", "-"], capture_output=True, text=True
+    ).stderr
+    assert "h264" in said
+    assert "322x182" in said  # most players want even numbers
+    assert f"frame={round(0.3 * FPS):5d}" in said
+
+
+def test_what_is_missing_is_told(robot, tmp_path, monkeypatch):
+    setup = arrange({"arm": robot("planar_3r")})
+    with pytest.raises(FilmError, match=r"film\.xyz"):
+        film(setup, tmp_path / "film.xyz", 0.05, SIZE)
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    monkeypatch.setattr("imageio_ffmpeg.get_ffmpeg_exe", lambda: (_ for _ in ()).throw(RuntimeError("none")))
+    with pytest.raises(FilmError, match=r"pip install 'cinegen\[film\]'"):
+        film(setup, tmp_path / "film.mp4", 0.05, SIZE)

@@ -1,0 +1,159 @@
+"""`cinegen drive`, `replay` and `export` as people call them."""
+
+from __future__ import annotations
+
+import json
+import re
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from cinegen.cli import main
+
+
+@pytest.fixture
+def run(capsys, root, monkeypatch, tmp_path):
+    """Runs a command in an empty folder; what it returns, prints and warns of. `robots/` is the repository's."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        words = [str(root / word) if str(word).startswith("robots/") else str(word) for word in arguments]
+        code = main(words)
+        said = capsys.readouterr()
+        return code, said.out, said.err
+
+    return call
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["robots/delta4.raff", "--sensor", "7=/dev/ttyUSB0"], "no node of these files may follow a sensor 7"),
+        (["robots/delta4.raff", "--sensor", "ttyUSB0"], "write NUMBER=URL"),
+        (["robots/delta4.raff", "--sensor", "platfrom=spnav:"], "no node 'platfrom': did you mean 'platform'"),
+        (["robots/delta4.raff", "--sensor", "platform=spanv:"], "no kind of sensor 'spanv:'"),
+        (["robots/delta4.raff", "--sensor", "platform=seam:none.csv"], "none.csv"),
+        (["robots/delta4.raff", "--stand", "delta4"], "write NAME=ROBOT.NODE"),
+        (["robots/delta4.raff", "--stand", "delta=0,0,1"], "no robot 'delta': did you mean 'delta4'"),
+        (["robots/delta4.raff", "--stand", "delta4=delta4.platform"], "stand on each other in a circle"),
+        (["robots/delta4.raff", "robots/rx90.raff", "--stand", "rx90=delta4.nose"], "no node 'nose'"),
+        (["robots/delta4.raff", "--host", "no such host"], "no such host"),
+        (["robots/delta4.raff", "--record", "folder/../"], "can't be written"),
+        (["robots/delta4.raff", "--video", "film.mp4"], "--video needs --seconds"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
+def test_what_makes_no_sense_is_told_and_nothing_is_served(run, tmp_path, arguments, says):
+    code, out, err = run("drive", *arguments, "--no-browser", "--port", "8400")
+    assert code == 1
+    assert says in err.splitlines()[-1]
+    assert "page:" not in out
+    assert not [path for path in tmp_path.iterdir() if path.suffix]
+
+
+@pytest.mark.filterwarnings("always::cinegen.CinegenWarning")
+def test_a_port_that_is_not_there_is_a_warning_with_what_to_do(run):
+    code, _, err = run("drive", "robots/delta4.raff", "--no-browser", "--port", "8410", "--seconds", "0.2")
+    assert code == 0
+    assert "warning: sensor 1, '/dev/ttyd2': there is no such port here (/dev/ttyd2 is a name from IRIX)" in err
+    assert "--sensor 1=/dev/ttyUSB0 names another" in err
+    assert err.count("warning") == 1
+
+
+def test_other_machines_need_the_token_that_is_printed(run):
+    code, out, _ = run(
+        "drive", "robots/planar_3r.raff", "--no-browser", "--port", "8420", "--seconds", "0.2", "--host", "0.0.0.0"
+    )
+    assert code == 0
+    assert re.search(r"page: http://0\.0\.0\.0:84\d\d/\?token=\S{16,} ", out)
+    assert "not encrypted" in out
+
+
+def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
+    """A program connects, says a twist, and the recording holds the motion."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    over = threading.Event()
+
+    def program():
+        while not over.is_set():
+            try:
+                with socket.create_connection(("127.0.0.1", port), timeout=1.0) as line:
+                    while not over.is_set():
+                        line.sendall(b'{"twist": [0, 0, -1, 0, 0, 0]}\n')
+                        time.sleep(0.02)
+            except OSError:
+                time.sleep(0.05)
+
+    thread = threading.Thread(target=program)
+    thread.start()
+    options = ["--sensor", f"1=tcp://127.0.0.1:{port}", "--record", "run.jsonl", "--seconds", "2", "--follow", "still"]
+    try:
+        code, out, _ = run("drive", "robots/delta4.raff", "--no-browser", "--port", "8430", *options)
+    finally:
+        over.set()
+        thread.join()
+    assert code == 0
+    assert "recorded: run.jsonl" in out
+    from cinegen.mission import Recording
+
+    recording = Recording.load("run.jsonl")
+    delta = recording.mechanism("delta4")
+    first, last = (delta.placement(recording.q["delta4"][k], "platform").translation for k in (0, -1))
+    assert last[2] < first[2] - 0.05
+    assert np.abs((last - first)[:2]).max() < 1e-4
+
+
+def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
+    code, out, _ = run(
+        "drive", "robots/five_bar.raff", "--no-browser", "--port", "8440", "--seconds", "2", "--record", "run.jsonl"
+    )
+    assert code == 0
+    code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8450", "--seconds", "0.5")
+    assert code == 0
+    assert "page: http://127.0.0.1:84" in out
+    for form, name in (("csv", "run.csv"), ("npz", "run.npz"), ("ros2", "run.yaml")):
+        code, out, err = run("export", "run.jsonl", "--to", form)
+        assert (code, err) == (0, "")
+        assert name in out
+    rows = (tmp_path / "run.csv").read_text().splitlines()
+    assert rows[0] == "time,joint1,joint3"
+    assert len(rows) > 200
+    code, _, err = run("export", "run.jsonl", "--to", "urscript")
+    assert code == 1
+    assert "six" in err
+    assert not list(tmp_path.glob("*.script"))
+    code, _, err = run("export", "run.jsonl", "--to", "cvs")
+    assert code == 1
+    assert "did you mean 'csv'" in err
+    code, _, err = run("replay", "none.jsonl")
+    assert code == 1
+    assert "none.jsonl: can't be read" in err
+    code, _, err = run("drive", "robots/five_bar.raff", "--record", "run.jsonl", "--no-browser", "--seconds", "0.2")
+    assert code == 1
+    assert "is a mission already" in err
+
+
+def test_a_session_that_is_killed_leaves_its_recording_whole(root, tmp_path):
+    command = [sys.executable, "-m", "cinegen", "drive", str(root / "robots/five_bar.raff"), "--no-browser"]
+    process = subprocess.Popen(
+        [*command, "--record", "run.jsonl", "--seconds", "60", "--port", "8460"], cwd=tmp_path, stdout=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    while b"page:" not in process.stdout.readline():
+        pass
+    time.sleep(1.5)
+    process.kill()
+    process.wait()
+    time.sleep(0.5)
+    from cinegen.mission import Recording
+
+    assert Recording.load(tmp_path / "run.jsonl").seconds > 0.5
+    lines = (tmp_path / "run.jsonl").read_bytes().split(b"\n")
+    assert all(isinstance(json.loads(line), dict) for line in lines[:-1])
