@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.model.mechanism import Mechanism
+from cinegen.sense import json_line
 
 Array = NDArray[np.float64]
 
@@ -331,24 +332,17 @@ def _count(value: Any, name: str) -> int:
 
 
 def _placement(values: Any, name: str) -> pin.SE3:
-    numbers = np.array(_numbers(values, 7, name))
-    if not abs(float(np.linalg.norm(numbers[3:])) - 1.0) < _NOT_A_ROTATION:
+    found = np.array(_numbers(values, 7, name))
+    if not abs(float(np.linalg.norm(found[3:])) - 1.0) < _NOT_A_ROTATION:
         raise LineError(f"the quaternion of '{name}' must have the length 1")
-    return pin.XYZQUATToSE3(numbers)
+    return pin.XYZQUATToSE3(found)
 
 
 def _numbers(values: Any, count: int, name: str) -> list[float]:
-    if not isinstance(values, list) or len(values) != count:
-        raise LineError(f"'{name}' must be a list of {count} numbers")
-    if not all(type(value) in (float, int) for value in values):
-        raise LineError(f"'{name}' must be numbers")
     try:
-        found = [float(value) for value in values]
-    except OverflowError:
-        found = [math.inf]
-    if not all(map(math.isfinite, found)):
-        raise LineError(f"'{name}' must be finite")
-    return found
+        return json_line.numbers(values, count, name)
+    except json_line.LineError as error:
+        raise LineError(str(error)) from None
 
 
 def _object(data: bytes) -> dict[str, Any] | None:

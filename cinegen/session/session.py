@@ -20,8 +20,8 @@ from cinegen.mission import Place, Player, Pull, Recorder, Recording
 from cinegen.session import commands as c
 from cinegen.session.devices import Devices
 from cinegen.session.driven import HAND, PIN, SENSOR, Driven, Held, Pinned
-from cinegen.session.history import Arrangement, Gesture, History, Trace
-from cinegen.session.motion import Motors, Retrace, Way
+from cinegen.session.gestures import Gestures
+from cinegen.session.motion import Motors, Way
 from cinegen.session.setup import Setup
 from cinegen.session.state import Notice, PullState, Replayed, RobotState, State
 from cinegen.session.state import Recording as RecordingState
@@ -29,7 +29,6 @@ from cinegen.session.state import Recording as RecordingState
 SAMPLES = 100
 """A second, that are recorded."""
 
-_TRACED = 60  # a second, of a gesture
 _NOTICES = 8  # that are kept
 
 
@@ -52,10 +51,8 @@ class Session:
         self._order = [name for name in setup.order() if setup.stand(name).robot is not None]
         self._hand: tuple[Driven, Held] | None = None
         self._was_pinned: Pinned | None = None  # what the hand took
-        self._history = History()
-        self._begun: tuple[Arrangement, Trace] | None = None  # a gesture that goes on
-        self._then: Arrangement | None = None  # how things will be when undoing has ended
         self._count = 0
+        self._gestures = Gestures(self.robots, self.devices, setup.rate, self._number)
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._noticed = 0
         self._answered = 0
@@ -125,12 +122,7 @@ class Session:
                         self._notice(trouble, warning=True)
         if self._order:
             self._stand()
-        if self._begun is not None and self._ticks % max(1, round(self.setup.rate / _TRACED)) == 0:
-            self._begun[1].note(self.robots)
-        if self._begun is not None and self._hand is None and not any(one.motion for one in self.robots.values()):
-            self._end_gesture()
-        if self._then is not None and not any(one.motion for one in self.robots.values()):
-            self._pin_again(self._then)
+        self._gestures.tick(self._hand is not None)
         if self._recorder is not None and self._ticks % max(1, round(self.setup.rate / SAMPLES)) == 0:
             self._recorder.write(self.time, {name: _sample(one) for name, one in self.robots.items()})
 
@@ -152,7 +144,7 @@ class Session:
 
     def _take(self, command: c.Take) -> None:
         self._let_go(c.LetGo(False))
-        self._begin_gesture()
+        self._gestures.begin()
         one = self.robots[command.robot]
         one.motion = None
         self.devices.set_aside(command.robot, command.node)
@@ -195,7 +187,7 @@ class Session:
     # --- pulls ---------------------------------------------------------------------------------------------------
 
     def _pin(self, command: c.Pin) -> None:
-        self._begin_gesture()
+        self._gestures.begin()
         one = self.robots[command.robot]
         if not any(one.holding(PIN, command.node)):
             one.take(self._number(), command.node, PIN, "pin")
@@ -210,7 +202,7 @@ class Session:
                 elif held.who == SENSOR:
                     self.devices.choose(0, one.name, held.pull.node, None)
                 else:
-                    self._begin_gesture()
+                    self._gestures.begin()
                     one.release(held)
 
     def _weigh(self, command: c.Weigh) -> None:
@@ -231,7 +223,7 @@ class Session:
     def _move_joint(self, command: c.MoveJoint) -> None:
         one = self.robots[command.robot]
         if not isinstance(one.motion, Motors):
-            self._begin_gesture()
+            self._gestures.begin()
             self.devices.give_up_scripts(command.robot)
             one.motion = Motors(one.mechanism, one.q)
         one.motion.lead(command.joint, command.value)
@@ -243,7 +235,7 @@ class Session:
 
     def _home(self, command: c.Home) -> None:
         self._let_go(c.LetGo(False))
-        self._begin_gesture()
+        self._gestures.begin()
         for name, one in self.robots.items():
             if command.robot in (None, name):
                 self.devices.give_up_scripts(name)
@@ -252,74 +244,12 @@ class Session:
                 one.motion = Way(one.mechanism, one.q, one.mechanism.q_home, "home")
 
     def _undo(self, command: c.Undo) -> None:
-        self._finish()
-        gesture = self._history.undo()
-        if gesture is not None:
-            self._go(gesture, gesture.before, backwards=True)
+        self._let_go(c.LetGo(False))
+        self._gestures.undo()
 
     def _redo(self, command: c.Redo) -> None:
-        self._finish()
-        gesture = self._history.redo()
-        if gesture is not None:
-            self._go(gesture, gesture.after, backwards=False)
-
-    def _go(self, gesture: Gesture, there: Arrangement, backwards: bool) -> None:
-        """Leads all robots the way of a gesture, or straight there where they are not on it any more."""
-        name = "undo" if backwards else "redo"
-        for robot, one in self.robots.items():
-            for held in tuple(one.holding(PIN)):
-                one.release(held)
-            trace = gesture.trace.passed.get(robot, [])
-            trace = [*trace[::-1], there.q[robot]] if backwards else [*trace, there.q[robot]]
-            if np.allclose(one.q, there.q[robot], atol=1e-9):
-                continue
-            self.devices.give_up_scripts(robot)
-            near = np.abs(pin.difference(one.mechanism.model, one.q, trace[0]) / one.mechanism.scale).max(initial=0.0)
-            on_it = near < 0.05
-            one.motion = (
-                Retrace(trace, gesture.trace.period, name) if on_it else Way(one.mechanism, one.q, there.q[robot], name)
-            )
-        self._then = there
-
-    def _pin_again(self, there: Arrangement) -> None:
-        self._then = None
-        for robot, pins in there.pins.items():
-            for pinned in pins:
-                self.robots[robot].pin_again(self._number(), pinned)
-
-    # --- gestures ------------------------------------------------------------------------------------------------
-
-    def _begin_gesture(self) -> None:
-        if self._then is not None:  # undoing is cut short: it is done at once
-            there, self._then = self._then, None
-            for name, one in self.robots.items():
-                one.motion = None
-                one.put(there.q[name])
-            self._pin_again(there)
-        if self._begun is None:
-            trace = Trace(1.0 / _TRACED)
-            trace.note(self.robots)
-            self._begun = Arrangement.of(self.robots), trace
-
-    def _end_gesture(self) -> None:
-        if self._begun is None:
-            return
-        before, trace = self._begun
-        self._begun = None
-        trace.note(self.robots)
-        after = Arrangement.of(self.robots)
-        if not after.same(before):
-            self._history.add(Gesture(before, after, trace))
-
-    def _finish(self) -> None:
-        """Whatever a person is about, ends here."""
         self._let_go(c.LetGo(False))
-        if self._then is not None:
-            self._begin_gesture()
-            self._begun = None
-        for one in self.robots.values():
-            one.motion = None
-        self._end_gesture()
+        self._gestures.redo()
 
     # --- sensors and settings ------------------------------------------------------------------------------------
 
@@ -404,8 +334,8 @@ class Session:
             switches=dict(self.devices.chosen),
             frame=self.devices.frame,
             settings={**self._settings, "speed": self.devices.speed, "turning": self.devices.turning},
-            undo=len(self._history.done) + (self._begun is not None),
-            redo=len(self._history.undone),
+            undo=self._gestures.undo_count,
+            redo=self._gestures.redo_count,
             paused=self.paused,
             moving=moving,
             recording=recording,

@@ -308,6 +308,7 @@ def test_the_page_can_record_and_the_record_is_the_motion(session, tmp_path, mon
     state = run(one, 0.01, c.Record(False))
     assert state.recording is None
     assert "recorded" in state.notices[-1].words
+    one.close()  # the file is whole then
     (file,) = tmp_path.glob("mission-*.jsonl")
     from cinegen.mission import Recording
 
