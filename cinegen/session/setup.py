@@ -24,6 +24,8 @@ RATE = 1000.0
 GAMEPAD = "gamepad"
 """The name of the browser's gamepad among the sensors; it may hold any node that another sensor may hold."""
 
+_ROOM = 0.3  # characteristic lengths, around robots that are set side by side
+
 PATH = "path"
 """The name of the script that moves a robot until a person takes it."""
 
@@ -155,12 +157,12 @@ def stand_of(text: str) -> tuple[str, Stand]:
         SetupError: it is not written so.
     """
     name, equals, place = text.partition("=")
-    on, at, numbers = place.rpartition("@") if "@" in place else (place, "", "")
-    if not numbers and _numbers(place) is not None:
-        on, numbers = "", place
-    robot, dot, node = on.rpartition(".")
-    values = _numbers(numbers) if numbers else ()
-    if not (name and equals) or values is None or (on and not (dot and robot and node)) or (at and not values):
+    on, at, numbers = place.partition("@")
+    if not at and _numbers(on) is not None:
+        on, numbers = "", on
+    robot, _, node = on.rpartition(".")
+    values = _numbers(numbers) if numbers or at else ()
+    if not (name and equals) or values is None or not (on or values) or (on and not (robot and node)):
         raise SetupError(
             f"--stand {text}: write NAME=ROBOT.NODE, NAME=x,y,z[,roll,pitch,yaw] (m, degrees) or "
             "NAME=ROBOT.NODE@x,y,z..., for example --stand wrist=delta4.platform"
@@ -194,7 +196,8 @@ def arrange(
 
     Args:
         robots: by their name in the session.
-        files: of each robot the file it is from: sensors are numbered by file; all from one unless given.
+        files: of each robot the file it is from: sensors are numbered by file, and robots of several files are set side
+            by side; all from one unless given.
         sensors: texts such as `1=/dev/ttyUSB0`: another port for the files' sensor 1; or `NODE=URL`,
             `ROBOT.NODE=URL`: a sensor that holds a node which the file ties to none.
         follow: the shape of the path that each robot's end, or `node`, follows until a person takes the robot.
@@ -252,7 +255,7 @@ def arrange(
             switches.append(Switch(name, held, found, first.get(held, choices[0])))
     _all_used(robots, numbered, used, others)
     devices[GAMEPAD] = Device(GAMEPAD, "gamepad:")
-    placed: dict[str, Stand] = {}
+    placed = _side_by_side(robots, files)
     for text in stands:
         name, stand = stand_of(text)
         placed[name] = stand
@@ -279,6 +282,23 @@ def replayed(path: str | Path, tempo: float = 1.0) -> Setup:
         stands[name] = Stand(robot, node, place.placement or pin.SE3.Identity())
     robots = {name: recording.mechanism(name) for name in recording.q}
     return Setup(robots, stands, replay=str(path), tempo=tempo)
+
+
+def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> dict[str, Stand]:
+    """Robots of one file stand as it says; those of the next file to the right of them, along x, where they would stand
+    in each other else."""
+    stands: dict[str, Stand] = {}
+    edge = -np.inf
+    for file in dict.fromkeys(files[name] for name in robots):
+        own = [name for name in robots if files[name] == file]
+        places = [robots[name].placement(robots[name].q_home, node) for name in own for node in robots[name].nodes]
+        room = _ROOM * max(robots[name].length for name in own)
+        left, right = (pick(float(place.translation[0]) for place in places) for pick in (min, max))
+        shift = max(0.0, edge + room - left) if edge > -np.inf else 0.0
+        if shift > 0.0:
+            stands |= {name: Stand(placement=pin.SE3(np.eye(3), np.array([shift, 0.0, 0.0]))) for name in own}
+        edge = right + shift + room
+    return stands
 
 
 def _told_apart(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]:

@@ -1,0 +1,91 @@
+"""What a session is made of: sensors by file, stands, robots side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen.errors import UnknownNameError
+from cinegen.session import Setup, SetupError, Stand, arrange, stand_of
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+@pytest.mark.parametrize(
+    ("text", "name", "stand"),
+    [
+        ("arm=delta4.platform", "arm", ("delta4", "platform", [0, 0, 0], [0, 0, 0])),
+        ("arm=two.left.tool", "arm", ("two.left", "tool", [0, 0, 0], [0, 0, 0])),
+        ("arm=1,-2,0.5", "arm", (None, None, [1, -2, 0.5], [0, 0, 0])),
+        ("arm=1,2,3,0,0,90", "arm", (None, None, [1, 2, 3], [0, 0, np.pi / 2])),
+        ("arm=delta4.platform@0,0,-0.1,180,0,0", "arm", ("delta4", "platform", [0, 0, -0.1], [np.pi, 0, 0])),
+    ],
+)
+def test_a_stand_is_read(text, name, stand):
+    robot, node, place, turn = stand
+    found, said = stand_of(text)
+    assert (found, said.robot, said.node) == (name, robot, node)
+    assert said.placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(*map(float, turn)), np.array(place, dtype=float)))
+
+
+NONE = ["", "arm", "arm=", "=1,2,3", "arm=1,2", "arm=1,2,nan", "arm=delta4", "arm=a.b@", "arm=.b"]
+
+
+@pytest.mark.parametrize("text", NONE)
+def test_what_is_no_stand_is_told(text):
+    with pytest.raises(SetupError, match="write NAME="):
+        stand_of(text)
+
+
+def test_robots_on_each_other_come_behind_those_that_carry_them(robot):
+    robots = {name: robot("planar_3r") for name in "abc"}
+    end = robots["a"].end
+    setup = Setup(robots, {"a": Stand("c", end), "c": Stand("b", end)})
+    assert setup.order() == ("b", "c", "a")
+    with pytest.raises(SetupError, match="a, b stand on each other"):
+        Setup({name: robots[name] for name in "ab"}, {"a": Stand("b", end), "b": Stand("a", end)})
+    with pytest.raises(UnknownNameError, match="no robot 'd'"):
+        Setup(robots, {"a": Stand("d", end)})
+    with pytest.raises(UnknownNameError, match="no node 'nose'"):
+        Setup(robots, {"a": Stand("b", "nose")})
+
+
+def test_robots_of_several_files_stand_side_by_side_and_those_of_one_as_it_says(robot):
+    robots = {"delta": robot("delta4"), "arm": robot("rx90"), "bars": robot("four_bar")}
+    files = {"delta": "one", "arm": "two", "bars": "two"}
+    assert arrange(robots).stands == {}
+    setup = arrange(robots, files)
+    assert "delta" not in setup.stands
+    assert setup.stands["arm"].placement == setup.stands["bars"].placement
+    ends = {}
+    for name, mechanism in robots.items():
+        shift = setup.stand(name).placement.translation[0]
+        x = [mechanism.placement(mechanism.q_home, node).translation[0] + shift for node in mechanism.nodes]
+        ends[name] = min(x), max(x)
+    assert ends["delta"][1] < min(ends["arm"][0], ends["bars"][0])
+    moved = arrange(robots, files, stands=["arm=0,1,0"])
+    assert moved.stands["arm"].placement.translation.tolist() == [0, 1, 0]
+
+
+def test_a_files_sensors_are_its_own(robot):
+    robots = {"a": robot("delta4"), "b": robot("delta4")}
+    one = arrange(robots)
+    assert [device.name for device in one.devices] == ["1", "gamepad"]
+    assert [switch.choices for switch in one.switches] == [(None, "1", "gamepad")] * 2
+    two = arrange(robots, {"a": "a.raff", "b": "b.raff"})
+    assert [device.name for device in two.devices] == ["a.raff 1", "b.raff 1", "gamepad"]
+
+
+def test_another_port_is_chosen_from_the_beginning(robot):
+    setup = arrange({"delta": robot("delta4")}, sensors=["1=spnav:", "link5=tcp://127.0.0.1:0"], follow="circle")
+    assert {switch.node: switch.first for switch in setup.switches} == {"platform": "1", "link5": "link5"}
+    assert {device.name: device.url for device in setup.devices} == {
+        "1": "spnav:", "link5": "tcp://127.0.0.1:0", "path": "path:circle", "gamepad": "gamepad:",
+    }  # fmt: skip
+
+
+def test_a_port_that_is_not_there_is_warned_of(robot):
+    with pytest.warns(cinegen.CinegenWarning, match="ttyd2' is|/dev/ttyd2 is a name from IRIX"):
+        arrange({"delta": robot("delta4")})
