@@ -70,7 +70,7 @@ def test_other_machines_need_the_token_that_is_printed(run):
         "drive", "robots/planar_3r.raff", "--no-browser", "--port", "8420", "--seconds", "0.2", "--host", "0.0.0.0"
     )
     assert code == 0
-    assert re.search(r"page: http://0\.0\.0\.0:84\d\d/\?token=\S{16,} ", out)
+    assert re.search(rf"page: http://{re.escape(socket.gethostname())}:84\d\d/\?token=\S{{16,}} ", out)
     assert "not encrypted" in out
 
 

@@ -154,7 +154,7 @@ def _tell(cockpit: Cockpit, options: argparse.Namespace, time: float | None) -> 
     if cockpit.server.token is not None and not options.token:
         print("      whoever has this address can drive; the line is not encrypted", flush=True)
     if not options.no_browser and _has_screen():
-        webbrowser.open(cockpit.url)
+        webbrowser.open(cockpit.server.local_url)
 
 
 def _film(setup: Setup, options: argparse.Namespace) -> int:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from types import TracebackType
 from typing import Any, Self
 
+import numpy as np
 import pinocchio as pin
 
 from cinegen.cockpit import frames
@@ -14,6 +16,7 @@ from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import Scene
 from cinegen.cockpit.server import Server
+from cinegen.errors import CinegenError
 from cinegen.session import Loop, Report, Reporter, Setup, State, Vocabulary
 
 FRAMES = 60
@@ -35,6 +38,7 @@ class Cockpit:
         port: the first to try.
         token: that browsers must know, where one is needed; made up unless given.
         own_process: whether the session runs in a process of its own, undisturbed by this one.
+        framed: whether any other page may show this one in a frame, as notebooks do.
 
     Raises:
         CinegenError: there can't be such a session, or its page can't be served.
@@ -48,6 +52,7 @@ class Cockpit:
         port: int = 7000,
         token: str | None = None,
         own_process: bool = True,
+        framed: bool = False,
     ) -> None:
         self.setup = setup
         self.title = title or ", ".join(setup.robots)
@@ -55,7 +60,7 @@ class Cockpit:
         self.scene = Scene(self.page, setup.robots, standing(setup))
         self.loop = Loop(setup, own_process)
         self.hub = Hub(Vocabulary.of(setup), self.loop.send, self._hello)
-        self.server = Server(self.page, self.hub, self.snapshot, host, token)
+        self.server = Server(self.page, self.hub, self.snapshot, host, token, framed)
         self._over = threading.Event()
         self._reports: dict[str, Report] = {}
         self._reported = 0
@@ -160,9 +165,9 @@ class Cockpit:
             begin = time.monotonic()
             state = self.loop.state if self.error is None else None
             if state is not None and (self.hub.clients or not self._reports):
-                self._reports = {
-                    name: reporters[name].report(robot, state.time) for name, robot in state.robots.items()
-                }
+                for name, robot in state.robots.items():
+                    with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # then the last one stays
+                        self._reports[name] = reporters[name].report(robot, state.time)
                 self._reported += 1
             spent = time.monotonic() - begin
             self._over.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))

@@ -95,6 +95,7 @@ def film(
                     tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
                     if number == 1:
                         tab.wait_for_timeout(500.0)  # meshes are being read
+                        tab.evaluate("cockpit.frame()")
                     tab.evaluate(_DRAWN)
                     put(tab.screenshot(timeout=_PATIENCE))
                     tell(0.2 + 0.8 * number / len(states))

@@ -208,7 +208,7 @@ def _reported(mechanism: Mechanism, robot: RobotState, found: Report) -> dict[st
         "q": numbers([robot.q[mechanism.q_index(joint)] for joint in mechanism.joints]),
         "saturated": list(robot.saturated),
         "near": list(found.near),
-        "closure": robot.closure if math.isfinite(robot.closure) else None,
+        "closure": finite(robot.closure),
         "type1": _singular(found.type1),
         "type2": _singular(found.type2),
         "ellipsoid": found.ellipsoid
@@ -227,7 +227,7 @@ def _singular(one: Singularity | None) -> dict[str, Any] | None:
     if one is None:
         return None
     return {
-        "sigma": one.sigma,
+        "sigma": finite(one.sigma),
         "near": one.near,
         "words": one.words,
         "node": one.node,

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import html
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from numpy.typing import NDArray
 
 from cinegen.cockpit.cockpit import Cockpit
+from cinegen.errors import CinegenWarning
 from cinegen.model import Mechanism
 from cinegen.session import Setup, arrange
 
@@ -84,5 +86,7 @@ def show(
                     name += "'"
                 named[name] = robot
             robots = named
-        setup = arrange(robots, follow=follow)
-    return Shown(Cockpit(setup, port=port, own_process=False), height)
+        with warnings.catch_warnings():  # of ports: who shows a robot has not asked for its sensors
+            warnings.simplefilter("ignore", CinegenWarning)
+            setup = arrange(robots, follow=follow)
+    return Shown(Cockpit(setup, port=port, own_process=False, framed=True), height)

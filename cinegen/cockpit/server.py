@@ -14,6 +14,7 @@ import html
 import ipaddress
 import mimetypes
 import secrets
+import socket
 import threading
 from collections.abc import Callable
 from importlib.resources import files
@@ -32,11 +33,12 @@ from cinegen.errors import CinegenError
 LARGEST = 8192
 """Bytes of a message from a browser; a longer one ends its connection."""
 
+_ALL = ("", "0.0.0.0", "::")  # addresses that stand for all of this machine
 _PING = 10.0  # s between two questions whether a browser is still there
 _NEARBY = "'self' http://localhost:* http://127.0.0.1:* https://localhost:* https://127.0.0.1:*"
 _POLICY = (
     "default-src 'self'; script-src 'self' 'sha256-{}'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    f"connect-src 'self' ws: wss: data: blob:; object-src 'none'; frame-ancestors {_NEARBY}"
+    "connect-src 'self' ws: wss: data: blob:; object-src 'none'; frame-ancestors {}"
 )
 
 
@@ -53,12 +55,19 @@ class Server:
         snapshot: makes the page that needs no server.
         host: the address to listen on; others than this machine's own need a token.
         token: that browsers must know; made up where one is needed.
+        framed: whether any other page may show this one in a frame, as notebooks do; else only those of this machine.
     """
 
     def __init__(
-        self, page: Page, hub: Hub, snapshot: Callable[[], str], host: str = "127.0.0.1", token: str | None = None
+        self,
+        page: Page,
+        hub: Hub,
+        snapshot: Callable[[], str],
+        host: str = "127.0.0.1",
+        token: str | None = None,
+        framed: bool = False,
     ) -> None:
-        self.page, self.hub, self.snapshot, self.host = page, hub, snapshot, host
+        self.page, self.hub, self.snapshot, self.host, self.framed = page, hub, snapshot, host, framed
         self.token = token or (None if is_local(host) else secrets.token_urlsafe(16))
         self.port = 0
         self.scenes: set[_Scene] = set()
@@ -67,8 +76,16 @@ class Server:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
+        """Where the page is; for other machines, where those can reach it."""
+        return self._url(socket.gethostname() if self.host in _ALL else self.host)
+
+    @property
+    def local_url(self) -> str:
+        """Where the page is on this machine."""
+        return self._url("127.0.0.1" if self.host in _ALL else self.host)
+
+    def _url(self, host: str) -> str:
+        host = f"[{host}]" if ":" in host else host
         return f"http://{host}:{self.port}/" + (f"?token={self.token}" if self.token else "")
 
     def start(self, port: int = 7000, tries: int = 100) -> None:
@@ -193,7 +210,9 @@ class _Index(_Guarded):
         text = files("cinegen.cockpit").joinpath("static/index.html").read_text(encoding="utf-8")
         inline = text.partition('<script type="importmap">')[2].partition("</script>")[0]  # the only one
         digest = base64.b64encode(hashlib.sha256(inline.encode()).digest()).decode()
-        self.set_header("Content-Security-Policy", _POLICY.format(digest))
+        self.set_header(
+            "Content-Security-Policy", _POLICY.format(digest, "* vscode-webview:" if self.server.framed else _NEARBY)
+        )
         self.write(text.replace("{{title}}", html.escape(self.server.page.title)))
 
 

@@ -18,7 +18,8 @@ _OF_COMMAND = {"world": "world", "base": "base", "tool": "node", "view": "view"}
 
 
 class Devices:
-    """Opens sensors, and lets each hold the nodes that it is switched to.
+    """Lets each sensor hold the nodes that it is switched to. It is opened when it is chosen first: its port may be
+    used by something else.
 
     Args:
         setup: of the session.
@@ -52,12 +53,6 @@ class Devices:
             number = int(device.name) if device.name.isdecimal() else None
             self._sensors[device.name] = Taps(open_sensor(device.url, number, mechanism, device.node))
 
-    def start(self) -> None:
-        """Opens them all."""
-        for taps in self._sensors.values():
-            if scheme(taps.sensor.url) not in _SCRIPTS:
-                taps.sensor.start()
-
     def close(self) -> None:
         """Closes them all."""
         for taps in self._sensors.values():
@@ -68,9 +63,10 @@ class Devices:
         self._let_go(robot, node)
         self.chosen[robot, node] = name
         if name is not None:
-            if scheme(self._sensors[name].sensor.url) in _SCRIPTS:
-                self._sensors[name].sensor.close()  # it begins at its beginning
-                self._sensors[name].sensor.start()
+            sensor = self._sensors[name].sensor
+            if scheme(sensor.url) in _SCRIPTS:
+                sensor.close()  # it begins at its beginning
+            sensor.start()
             self._take(number, robot, node, self._devices[name])
 
     def set_aside(self, robot: str, node: str) -> None:
@@ -137,6 +133,7 @@ class Devices:
         if isinstance(sensor.sensor, Scripted):
             rotation = sensor.sensor.path.rotation
         held = one.take(number, node, SENSOR, f"sensor {device.name}", freedoms=(device.translation, rotation))
+        held.scripted = scheme(device.url) in _SCRIPTS
         grip = Grip(self.speed, self.turning, translation=device.translation, rotation=device.rotation)
         self._holds[robot, node] = held, Hold(sensor.tap(), held.pull, grip)
 

@@ -29,12 +29,14 @@ class Held:
         pull: of the robot's solver; its target is as seen from where the robot stands.
         who: `HAND`, `PIN` or `SENSOR`.
         label: what people call it.
+        scripted: whether a script leads it.
     """
 
     number: int
     pull: Pull
     who: str
     label: str
+    scripted: bool = False
 
 
 @dataclass(frozen=True)

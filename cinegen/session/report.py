@@ -167,7 +167,7 @@ class Reporter:
         for pull in robot.pulls:
             velocity = pin.Motion.Zero()
             before = self._last.get(pull.number)
-            if before is not None and time > before[0]:
+            if before is not None and time > before[0] and not pull.scripted:
                 velocity = pin.log6(before[1].actInv(pull.target)) / (time - before[0])
             now[pull.number] = time, pull.target
             found.append(velocity)

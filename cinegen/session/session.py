@@ -29,6 +29,9 @@ from cinegen.session.state import Recording as RecordingState
 SAMPLES = 100
 """A second, that are recorded."""
 
+MOST_PULLS = 64
+"""Nodes that may be held at once."""
+
 _NOTICES = 8  # that are kept
 
 
@@ -77,7 +80,6 @@ class Session:
         self._stand()
         self._set(c.Set("gain", self._settings["gain"]))
         if self._player is None:
-            self.devices.start()
             for switch in setup.switches:
                 if switch.first is not None:
                     self.devices.choose(self._number(), switch.robot, switch.node, switch.first)
@@ -117,14 +119,20 @@ class Session:
             self.devices.advance(self.dt, not self.paused)
             if not self.paused:
                 for one in self.robots.values():
-                    trouble = one.tick(self.dt)
-                    if trouble:
-                        self._notice(trouble, warning=True)
+                    self._move(one)
         if self._order:
             self._stand()
         self._gestures.tick(self._hand is not None)
         if self._recorder is not None and self._ticks % max(1, round(self.setup.rate / SAMPLES)) == 0:
             self._recorder.write(self.time, {name: _sample(one) for name, one in self.robots.items()})
+
+    def _move(self, one: Driven) -> None:
+        try:
+            trouble = one.tick(self.dt)
+        except CinegenError as error:  # a motion that led astray ends, and the robot stays where it is
+            one.motion, trouble = None, str(error)
+        if trouble:
+            self._notice(trouble, warning=True)
 
     def _stand(self) -> None:
         """Robots on others are where those have gone."""
@@ -187,9 +195,13 @@ class Session:
     # --- pulls ---------------------------------------------------------------------------------------------------
 
     def _pin(self, command: c.Pin) -> None:
-        self._gestures.begin()
         one = self.robots[command.robot]
-        if not any(one.holding(PIN, command.node)):
+        if any(one.holding(PIN, command.node)):
+            return
+        if sum(len(other.held) for other in self.robots.values()) >= MOST_PULLS:
+            self._notice(f"{MOST_PULLS} nodes are held: release some first", warning=True)
+        else:
+            self._gestures.begin()
             one.take(self._number(), command.node, PIN, "pin")
 
     def _release(self, command: c.Release) -> None:
@@ -357,10 +369,10 @@ def _robot(one: Driven) -> RobotState:
     errors = one.step.errors if len(one.step.errors) == len(one.held) else ((0.0, 0.0),) * len(one.held)
     pulls = tuple(
         PullState(
-            held.number, held.pull.node, held.who, held.label, held.pull.at.copy(), held.pull.target.copy(),
-            held.pull.translation, held.pull.rotation, held.pull.weight, error,
+            held.number, pull.node, held.who, held.label, held.scripted, pull.at.copy(), pull.target.copy(),
+            pull.translation, pull.rotation, pull.weight, error,
         )
-        for held, error in zip(one.held, errors, strict=True)
+        for held, pull, error in zip(one.held, (held.pull for held in one.held), errors, strict=True)
     )  # fmt: skip
     return RobotState(one.q, one.base.copy(), pulls, one.verdict(), one.step.saturated, one.step.closure)
 

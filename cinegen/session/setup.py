@@ -248,7 +248,8 @@ def arrange(
             label = f"{PATH} {name}" if len(robots) > 1 else PATH
             devices[label] = _device(label, f"path:{follow}", None, 3, 3, name, led)
             choices_of.setdefault(led, [None]).append(label)
-            first.setdefault(led, label)
+            if choices_of[led][0] is None:  # else the file says who holds it
+                first.setdefault(led, label)
         choices_of.setdefault(mechanism.end, [None])
         for held, choices in choices_of.items():
             found = tuple(dict.fromkeys([*choices, GAMEPAD]))

@@ -23,6 +23,7 @@ class PullState:
         node: that is held.
         who: holds it: "hand", "pin" or "sensor".
         label: what people call it.
+        scripted: whether a script leads it, which goes nowhere else.
         at: what of the node is held, as seen from it.
         target: where that should be, as seen from where the robot stands.
         translation: how many translations it holds.
@@ -35,6 +36,7 @@ class PullState:
     node: str
     who: str
     label: str
+    scripted: bool
     at: pin.SE3
     target: pin.SE3
     translation: int

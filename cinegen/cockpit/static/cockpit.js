@@ -105,6 +105,7 @@ window.cockpit = {
   hand: pick,
   labels,
   select: (robot, node) => session.select(robot, node),
+  frame: () => view.frame(),
   gizmo,
   get hello() {
     return session.hello;

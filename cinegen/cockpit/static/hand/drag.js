@@ -58,7 +58,7 @@ export class Drag extends Events {
       return;
     }
     if (!event.isPrimary || event.button !== 0 || this.gizmo.wants(event)) return;
-    const hit = this.pick.touched(event);
+    const hit = this.pick.near(event);
     if (hit === null) {
       this.#beside = { x: event.clientX, y: event.clientY };
       return;

@@ -2,6 +2,9 @@
 
 import { Raycaster, Vector2 } from "three";
 
+const NEAR = [0, 6, 12]; // pixels: a hand trembles, and a part moves on while its picture is drawn
+const AROUND = 8;
+
 export class Pick {
   #ray = new Raycaster();
 
@@ -20,6 +23,19 @@ export class Pick {
     );
     this.#ray.setFromCamera(at, this.view.camera);
     return this.#ray.ray;
+  }
+
+  /** The same of a pointer that need not be exact: what lies nearest to it, a few pixels around. */
+  near(event) {
+    for (const away of NEAR) {
+      for (let turn = 0; turn < (away ? AROUND : 1); turn += 1) {
+        const angle = (2 * Math.PI * turn) / AROUND;
+        const clientX = event.clientX + away * Math.cos(angle);
+        const part = this.touched({ clientX, clientY: event.clientY + away * Math.sin(angle) });
+        if (part !== null) return part;
+      }
+    }
+    return null;
   }
 
   /** The robot, the node, its group and the point (three's own axes) that a pointer touches; null if none. */

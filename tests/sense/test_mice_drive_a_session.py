@@ -1,0 +1,51 @@
+"""A 3D mouse on a serial line moves a robot of a session; unplugged it comes to rest, plugged in again it goes on."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mouse_streams import magellan_motion, spaceball_motion
+from played import PlayedMagellan, PlayedSpaceball, wait
+
+from cinegen.session import Loop, arrange
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+UP = {PlayedMagellan: magellan_motion((0, 300, 0, 0, 0, 0)), PlayedSpaceball: spaceball_motion((0, 6000, 0, 0, 0, 0))}
+
+
+@pytest.mark.parametrize("kind", [PlayedMagellan, PlayedSpaceball])
+def test_a_mouse_moves_the_node_that_it_is_switched_to(kind, robot, tmp_path):
+    device = kind(tmp_path / "mouse").plug()
+    delta = robot("delta4")
+    with Loop(arrange({"delta": delta}, sensors=[f"1={device.path}"]), own_process=False) as loop:
+
+        def height():
+            return delta.placement(loop.state.robots["delta"].q, "platform").translation[2]
+
+        def sensor():
+            return next(one for one in loop.state.sensors if one.name == "1")
+
+        wait(lambda: loop.state is not None and sensor().status.state.value == "live")
+        for _ in range(2):
+            begin = height()
+
+            def risen(begin=begin):
+                device.send(b"\x7fnoise\r" + UP[kind])  # a line is noisy
+                return height() > begin + 0.02
+
+            wait(risen)
+            device.unplug()
+            wait(lambda: sensor().status.state.value in ("lost", "silent", "opening"))
+            rest = []
+
+            def rests(rest=rest):
+                rest.append(height())
+                return len(rest) > 100 and rest[-1] == rest[-100]
+
+            wait(rests)
+            (pull,) = loop.state.robots["delta"].pulls
+            assert np.linalg.norm(pull.target.translation[2] - height()) < 1e-6  # held there
+            device.plug()
+            wait(lambda: sensor().status.state.value == "live", 20.0)
+    device.unplug()
