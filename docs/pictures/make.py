@@ -16,7 +16,7 @@ from PIL import Image, ImageChops
 
 import cinegen
 import raff2urdf
-from cinegen.show import page_of
+from cinegen.cockpit import page_of
 
 PICTURES = Path(__file__).resolve().parent
 ROBOTS = PICTURES.parent.parent / "robots"

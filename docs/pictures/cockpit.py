@@ -1,0 +1,98 @@
+"""Draws docs/pictures/cockpit*.png again, from the live page: `python docs/pictures/cockpit.py [NAME ...]`.
+
+Needs chromium on PATH, playwright and Pillow. A mouse drags a part of a robot and holds it; what the page shows then is
+the picture.
+"""
+
+import io
+import shutil
+import sys
+import warnings
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import sync_playwright
+
+import cinegen
+from cinegen.cockpit import Cockpit
+from cinegen.session import arrange
+
+PICTURES = Path(__file__).resolve().parent
+ROBOTS = PICTURES.parent.parent / "robots"
+FLAGS = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic", "--no-first-run")
+VIEW = {"width": 1280, "height": 800}
+LARGEST = 250_000  # bytes
+TOUCH = """([robot, node]) => {
+  const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
+  const found = [];
+  for (let y = 4; y < box.height; y += 4) for (let x = 4; x < box.width; x += 4) {
+    const at = { clientX: box.left + x, clientY: box.top + y };
+    const hit = cockpit.hand.touched(at);
+    if (hit?.robot === robot && hit.node === node) found.push([at.clientX, at.clientY]);
+  }
+  return found[Math.floor(found.length / 2)];
+}"""
+"""Where on the screen a part can be touched."""
+
+
+def drag(tab, robot, node, right, down):
+    """Takes a part and leads it by so many pixels; the button stays down."""
+    tab.mouse.move(480, 400)
+    for _ in range(3):
+        tab.mouse.wheel(0, -100)  # nearer
+        tab.wait_for_timeout(700)
+    x, y = tab.evaluate(TOUCH, [robot, node])
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    for step in range(1, 21):
+        tab.mouse.move(x + right * step / 20, y + down * step / 20)
+        tab.wait_for_timeout(50)
+    tab.wait_for_timeout(4000)
+
+
+def out_of_reach(tab):
+    """A delta robot whose platform is dragged further than its arms reach."""
+    drag(tab, "delta4", "platform", 280, 90)
+
+
+def two_robots(tab):
+    """An arm on a Gough platform: its tool is pinned, and the platform is dragged from under it."""
+    tab.evaluate("cockpit.send({ pin: { robot: 'arm7', node: 'tool' } })")
+    tab.evaluate("cockpit.select('arm7', 'tool')")
+    drag(tab, "gough", "platform", -70, 10)
+
+
+SHOTS = {
+    "cockpit": (out_of_reach, ["delta4"], []),
+    "cockpit_two_robots": (two_robots, ["gough", "arm7"], ["arm7=gough.platform"]),
+}
+"""What is done, with which robots, and where they stand."""
+
+
+def shot(browser, name):
+    """Draws one picture."""
+    scene, robots, stands = SHOTS[name]
+    setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, stands=stands)
+    with Cockpit(setup, port=7860) as cockpit:
+        tab = browser.new_page(viewport=VIEW, bypass_csp=True)  # what is evaluated is not the page's own
+        tab.goto(cockpit.url)
+        tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
+        scene(tab)
+        tab.evaluate("document.querySelectorAll('.toast').forEach((toast) => toast.remove())")
+        picture = tab.screenshot(timeout=60_000)
+        tab.mouse.up()
+        tab.close()
+    path = PICTURES / f"{name}.png"
+    with Image.open(io.BytesIO(picture)) as image:
+        few = image.convert("RGB").quantize(256, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
+        few.save(path, optimize=True)
+    assert path.stat().st_size < LARGEST, path
+
+
+if __name__ == "__main__":
+    warnings.simplefilter("ignore", cinegen.CinegenWarning)  # sensors that are not plugged in here
+    with sync_playwright() as playwright:
+        chromium = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=list(FLAGS))
+        for wanted in sys.argv[1:] or SHOTS:
+            shot(chromium, wanted)
+        chromium.close()
