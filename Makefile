@@ -17,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 
-demo: kernels ## make a robot from its description and watch it move in the browser
+demo: kernels ## make a robot from its description, and drive it in the browser
 	$(BIN)/raff2urdf robots/delta4.raff
 	$(BIN)/cinegen drive generated/delta4.urdf
 
@@ -33,11 +33,12 @@ check: .venv/test-installed ## run the linters only
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
-bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, and beside placo, pink and mink
+bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, of the cockpit, and beside placo, pink and mink
 	$(BIN)/python benchmarks/tick.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reach.py
 	$(BIN)/python benchmarks/close.py
+	$(BIN)/python benchmarks/cockpit.py
 	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
 	$(BIN)/python benchmarks/compare.py
