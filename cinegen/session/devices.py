@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,6 +26,7 @@ class Devices:
     Args:
         setup: of the session.
         robots: that are driven.
+        number: gives the next pull its number.
 
     Attributes:
         chosen: which sensor holds each node; None: none. By robot and node.
@@ -36,8 +39,8 @@ class Devices:
         CinegenError: a sensor that there can't be.
     """
 
-    def __init__(self, setup: Setup, robots: dict[str, Driven]) -> None:
-        self.robots = robots
+    def __init__(self, setup: Setup, robots: dict[str, Driven], number: Callable[[], int]) -> None:
+        self.robots, self._number = robots, number
         self.chosen: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
         self.speed, self.turning, self.frame, self.view = 0.1, 0.5, "world", np.eye(3)
         length = max(one.mechanism.length for one in robots.values())
@@ -50,15 +53,15 @@ class Devices:
         for device in setup.devices:
             robot = robots.get(device.robot or "")
             mechanism = robot.mechanism if robot is not None else None
-            number = int(device.name) if device.name.isdecimal() else None
-            self._sensors[device.name] = Taps(open_sensor(device.url, number, mechanism, device.node))
+            in_file = int(device.name) if device.name.isdecimal() else None
+            self._sensors[device.name] = Taps(open_sensor(device.url, in_file, mechanism, device.node))
 
     def close(self) -> None:
         """Closes them all."""
         for taps in self._sensors.values():
             taps.sensor.close()
 
-    def choose(self, number: int, robot: str, node: str, name: str | None) -> None:
+    def choose(self, robot: str, node: str, name: str | None) -> None:
         """A sensor holds a node, from where it is; None: it is free."""
         self._let_go(robot, node)
         self.chosen[robot, node] = name
@@ -67,7 +70,7 @@ class Devices:
             if scheme(sensor.url) in _SCRIPTS:
                 sensor.close()  # it begins at its beginning
             sensor.start()
-            self._take(number, robot, node, self._devices[name])
+            self._take(robot, node, self._devices[name])
 
     def set_aside(self, robot: str, node: str) -> None:
         """The hand takes a node: who holds it waits; a script that leads any node of the robot is given up."""
@@ -79,13 +82,16 @@ class Devices:
             self._let_go(robot, node)
             self._aside.add((robot, node))
 
-    def take_up(self, number: int, robot: str, node: str) -> bool:
-        """The hand has let go: who waited for a node holds it again, where it is. Returns whether somebody did."""
+    def take_up(self, robot: str, node: str) -> None:
+        """The hand has let go: who waited for a node holds it again, where it is."""
         name = self.chosen.get((robot, node))
-        if (robot, node) not in self._aside or name is None:
-            return False
-        self._take(number, robot, node, self._devices[name])
-        return True
+        if (robot, node) in self._aside and name is not None:
+            self._take(robot, node, self._devices[name])
+
+    def give_up(self, robot: str, node: str) -> None:
+        """The hand has pinned a node: who waited for it holds it no more."""
+        if (robot, node) in self._aside:
+            self.choose(robot, node, None)
 
     def give_up_scripts(self, robot: str) -> None:
         """No script leads a robot any more."""
@@ -125,14 +131,14 @@ class Devices:
             found.append(SensorState(name, status, reading.twist if reading is not None else None))
         return tuple(found)
 
-    def _take(self, number: int, robot: str, node: str, device: Device) -> None:
+    def _take(self, robot: str, node: str, device: Device) -> None:
         self._aside.discard((robot, node))
         one = self.robots[robot]
         sensor = self._sensors[device.name]
         rotation = device.rotation
         if isinstance(sensor.sensor, Scripted):
             rotation = sensor.sensor.path.rotation
-        held = one.take(number, node, SENSOR, f"sensor {device.name}", freedoms=(device.translation, rotation))
+        held = one.take(self._number(), node, SENSOR, f"sensor {device.name}", freedoms=(device.translation, rotation))
         held.scripted = scheme(device.url) in _SCRIPTS
         grip = Grip(self.speed, self.turning, translation=device.translation, rotation=device.rotation)
         self._holds[robot, node] = held, Hold(sensor.tap(), held.pull, grip)

@@ -49,12 +49,12 @@ class Session:
         self.setup = setup
         self.dt = 1.0 / setup.rate
         self.robots = {name: Driven(name, mechanism, self.dt) for name, mechanism in setup.robots.items()}
-        self.devices = Devices(setup, self.robots)
+        self._count = 0
+        self.devices = Devices(setup, self.robots, self._number)
         self.time, self.paused = 0.0, False
         self._order = [name for name in setup.order() if setup.stand(name).robot is not None]
         self._hand: tuple[Driven, Held] | None = None
         self._was_pinned: Pinned | None = None  # what the hand took
-        self._count = 0
         self._gestures = Gestures(self.robots, self.devices, setup.rate, self._number)
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._noticed = 0
@@ -82,7 +82,7 @@ class Session:
         if self._player is None:
             for switch in setup.switches:
                 if switch.first is not None:
-                    self.devices.choose(self._number(), switch.robot, switch.node, switch.first)
+                    self.devices.choose(switch.robot, switch.node, switch.first)
         if setup.record is not None:
             self._begin_recording(setup.record)
 
@@ -184,12 +184,13 @@ class Session:
         pull = held.pull
         if command.pin:
             held.who = held.label = PIN
+            self.devices.give_up(one.name, pull.node)
         else:
             one.release(held)
             if self._was_pinned is not None:
                 was = self._was_pinned
                 one.pin_again(self._number(), replace(was, target=one.placement(was.node) * was.at))
-            self.devices.take_up(self._number(), one.name, pull.node)
+            self.devices.take_up(one.name, pull.node)
         self._was_pinned = None
 
     # --- pulls ---------------------------------------------------------------------------------------------------
@@ -212,7 +213,7 @@ class Session:
                 if self._hand is not None and held is self._hand[1]:
                     self._let_go(c.LetGo(False))
                 elif held.who == SENSOR:
-                    self.devices.choose(0, one.name, held.pull.node, None)
+                    self.devices.choose(one.name, held.pull.node, None)
                 else:
                     self._gestures.begin()
                     one.release(held)
@@ -266,7 +267,7 @@ class Session:
     # --- sensors and settings ------------------------------------------------------------------------------------
 
     def _choose(self, command: c.Choose) -> None:
-        self.devices.choose(self._number(), command.robot, command.node, command.sensor)
+        self.devices.choose(command.robot, command.node, command.sensor)
 
     def _frame(self, command: c.Frame) -> None:
         self.devices.frame = command.name

@@ -234,8 +234,11 @@ def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
     assert [pull.who for pull in state.robots["delta4"].pulls] == ["hand"]
     state = run(one, 0.1, c.LetGo(False))
     assert [pull.who for pull in state.robots["delta4"].pulls] == ["sensor"]
-    state = run(one, 0.1, c.Choose("delta4", "platform", None))
-    assert state.robots["delta4"].pulls == ()
+    state = run(one, 0.1, c.Take("delta4", "platform", (0, 0, 0), False), c.LetGo(True))  # a pin takes its place
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["pin"]
+    assert state.switches["delta4", "platform"] is None
+    state = run(one, 0.1, c.Choose("delta4", "platform", "gamepad"), c.Choose("delta4", "platform", None))
+    assert [pull.who for pull in state.robots["delta4"].pulls] == ["pin"]
 
 
 @pytest.mark.parametrize(
