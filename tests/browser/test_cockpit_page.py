@@ -283,10 +283,15 @@ def test_many_labels_that_meet_find_their_places(cockpit, tab):
     """Where the words beside points overlapped by a rounding, the page hung."""
     one = cockpit("planar_3r")
     page = tab(one)
-    page.evaluate("""() => {
-      for (let k = 0; k < 40; k += 1) {
-        const point = new MeshCat.THREE.Vector3(0, 0, 0.003 * k);
-        cockpit.labels.put(`k${k}`, `words ${k}`, point);
+    page.evaluate("""async () => {
+      const { Vector3 } = MeshCat.THREE;
+      for (let round = 0; round < 12; round += 1) {
+        for (let k = 0; k < 80; k += 1) { // all over the picture, two in each place
+          const pair = k >> 1, across = (pair % 4) / 2 - 0.9, down = 0.9 - 0.17 * (pair >> 2) - 0.004 * round;
+          const point = new Vector3(across, down - 0.0007 * pair, 0.5).unproject(cockpit.viewer.camera);
+          cockpit.labels.put(`k${k}`, "label", cockpit.root.worldToLocal(point));
+        }
+        await new Promise(requestAnimationFrame);
       }
     }""")
     number = int(page.evaluate("document.documentElement.dataset.frame"))
