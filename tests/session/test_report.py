@@ -1,0 +1,174 @@
+"""What is told of a robot that moves, against closed forms, random motions, and what then happens."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.model import ForwardKinematics
+from cinegen.session import Reporter, Session, arrange
+from cinegen.session import commands as c
+from cinegen.session.report import AHEAD
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+@pytest.fixture
+def session(robot):
+    opened = []
+
+    def open_session(name, **options):
+        opened.append(Session(arrange({name: robot(name)}, **options)))
+        return opened[-1]
+
+    yield open_session
+    for one in opened:
+        one.close()
+
+
+def report(session, name, reporter=None):
+    reporter = reporter or Reporter(session.setup.robots[name])
+    return reporter.report(session.state().robots[name], session.time)
+
+
+def put(session, name, values):
+    one = session.robots[name]
+    one.put(one.mechanism.configuration(dict(zip(one.mechanism.actuated, values, strict=True))))
+
+
+def test_a_stretched_arm_loses_the_motion_along_itself(session):
+    one = session("planar_3r")
+    arm = one.setup.robots["planar_3r"]
+    put(one, "planar_3r", (0.7, 0.0, 0.0))
+    one.obey(c.Take("planar_3r", arm.end, None, False))
+    found = report(one, "planar_3r").type1
+    end = one.robots["planar_3r"].placement(arm.end)
+    outward = end.translation / np.linalg.norm(end.translation)
+    assert found.sigma < 1e-9
+    assert found.words.startswith("hardly any motion along")
+    assert abs(found.twist[:3] @ outward) == pytest.approx(1.0, abs=1e-6)
+    assert found.at == pytest.approx(end.translation)
+    put(one, "planar_3r", (0.7, 1.0, 0.5))
+    found = report(one, "planar_3r").type1
+    assert found.sigma > found.near
+    assert found.words.startswith("hardest to move")
+
+
+def test_outer_links_in_line_do_not_hold_the_motion_across_them(session):
+    """A five-bar's motors are led apart until its outer links are in line, as nearly as they can be."""
+    one = session("five_bar")
+    bars = one.setup.robots["five_bar"]
+    motors = [bars.q_home[bars.q_index(joint)] for joint in bars.actuated]
+    forward = ForwardKinematics(bars)
+    across = []
+    for turn in np.linspace(0.0, 0.95, 96):
+        q = forward.move(dict(zip(bars.actuated, (motors[0] + turn, motors[1] - turn), strict=True)))
+        left, right, tool = (bars.placement(q, node).translation for node in ("link2", "link4", "tool"))
+        bend = np.cross(tool - left, right - tool)[2] / np.linalg.norm(tool - left) / np.linalg.norm(right - tool)
+        across.append((abs(bend), q, (right - left) / np.linalg.norm(right - left)))
+    assert report(one, "five_bar").type2.words.startswith("held least")
+    bend, q, along = min(across, key=lambda found: found[0])
+    assert bend < 0.05  # rad: in line
+    one.robots["five_bar"].put(q)
+    found = report(one, "five_bar").type2
+    assert found.sigma < found.near
+    assert found.words.startswith("the motors hardly hold it")
+    linear = found.twist[:3] / np.linalg.norm(found.twist[:3])
+    assert found.node == "tool"
+    assert abs(linear @ along) < 0.05
+    assert abs(linear[2]) < 1e-9
+
+
+@pytest.mark.parametrize("name", ["rx90", "delta4", "gough", "five_bar"])
+def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
+    """Its support in any direction, against finite differences along the free motions."""
+    one = session(name)
+    mechanism = one.setup.robots[name]
+    centre, axes = report(one, name).ellipsoid
+    q, end = mechanism.q_home, mechanism.end
+    place = mechanism.placement(q, end).translation
+    assert centre == pytest.approx(place)
+    loops = mechanism.system.evaluate(q)[1]
+    motions = np.eye(mechanism.model.nv)
+    if mechanism.loops:
+        motions = np.linalg.svd(loops)[2][mechanism.loop_rank :].T
+    step = 1e-6
+    moved = [
+        (
+            mechanism.placement(
+                pin.integrate(mechanism.model, q, sign * step * motion * mechanism.scale), end
+            ).translation
+        )
+        for motion in motions.T
+        for sign in (1.0, -1.0)
+    ]
+    rate = np.array([(moved[2 * i] - moved[2 * i + 1]) / (2 * step) for i in range(motions.shape[1])])
+    rng = np.random.default_rng(1)
+    for direction in rng.normal(size=(50, 3)):
+        direction /= np.linalg.norm(direction)
+        assert np.linalg.norm(axes @ direction) == pytest.approx(0.2 * np.linalg.norm(rate @ direction), abs=1e-7)
+
+
+def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens(session):
+    """An arm is drawn outwards, at a steady pace, towards where it is stretched."""
+    one = session("planar_3r")
+    arm = one.setup.robots["planar_3r"]
+    put(one, "planar_3r", (0.3, 0.9, 0.6))
+    one.obey(c.Set("gain", 1000.0))
+    start = one.robots["planar_3r"].placement(arm.end).translation
+    outward = start / np.linalg.norm(start)
+    length = np.linalg.norm(arm.placement(arm.configuration(dict.fromkeys(arm.joints, 0.0)), arm.end).translation)
+    speed = (length - np.linalg.norm(start)) / 1.0  # m/s: there in a second
+    one.obey(c.Take("planar_3r", arm.end, (0, 0, 0), False))
+    reporter, foreseen, met = Reporter(arm), None, None
+    for tick in range(1200):
+        at = start + outward * speed * (tick + 1) * one.dt
+        one.obey(c.Lead(tuple(at)))
+        one.tick()
+        if tick in (180, 200):
+            found = report(one, "planar_3r", reporter)
+            events = [event for event in found.events if event.kind == "TYPE_1"]
+            foreseen = one.time + events[0].time if events else None
+        if met is None and one.robots["planar_3r"].step.singular_values[-1] < 0.05:
+            met = one.time
+    assert met is not None
+    assert foreseen == pytest.approx(met, abs=0.05)
+    assert met - 0.2 < AHEAD
+
+
+def test_who_only_stands_has_nothing_ahead(session):
+    one = session("delta4")
+    found = report(one, "delta4")
+    assert found.events == ()
+    assert len(found.path) == 0
+    one.obey(c.Pin("delta4", "platform"))
+    reporter = Reporter(one.setup.robots["delta4"])
+    for _ in range(3):
+        one.tick()
+        found = report(one, "delta4", reporter)
+    assert found.events == ()
+
+
+def test_a_script_that_knows_its_way_raises_no_false_alarm(session):
+    one = session("delta4", follow="circle")
+    reporter = Reporter(one.setup.robots["delta4"])
+    for _ in range(8):
+        time.sleep(0.05)  # scripts go by the clock
+        for _ in range(50):
+            one.tick()
+        assert report(one, "delta4", reporter).events == ()
+
+
+def test_joints_near_a_limit_are_named(session):
+    one = session("five_bar")
+    bars = one.setup.robots["five_bar"]
+    i = bars.q_index("joint1")
+    low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
+    assert "joint1" not in report(one, "five_bar").near
+    one.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
+    for _ in range(2000):
+        one.tick()
+    assert "joint1" in report(one, "five_bar").near
