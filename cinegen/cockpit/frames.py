@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.model import Mechanism
+from cinegen.model.description import describe_joint, describe_loop
 from cinegen.sense.kinds import what_is
 from cinegen.session import FRAMES_OF_COMMAND, Replayed, Report, RobotState, Setup, Singularity, State
 
@@ -71,24 +72,8 @@ def _robot(name: str, mechanism: Mechanism, on: str | None, node: str | None) ->
         "end": mechanism.end,
         "stands_on": None if on is None else [on, node],
         "nodes": nodes,
-        "joints": [_joint(mechanism, joint) for joint in mechanism.joints],
-        "loops": [
-            {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
-            for loop in mechanism.loops
-        ],
-    }
-
-
-def _joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
-    model, i, j = mechanism.model, mechanism.q_index(joint), mechanism.v_index(joint)
-    return {
-        "name": joint,
-        "type": "prismatic" if mechanism.slides(joint) else "revolute",
-        "low": finite(model.lowerPositionLimit[i]),
-        "high": finite(model.upperPositionLimit[i]),
-        "velocity": finite(model.upperVelocityLimit[j]),
-        "home": float(mechanism.q_home[i]),
-        "actuated": joint in mechanism.actuated,
+        "joints": [describe_joint(mechanism, joint) for joint in mechanism.joints],
+        "loops": [describe_loop(loop) for loop in mechanism.loops],
     }
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cinegen.model.loops import Loop
 from cinegen.model.mechanism import Mechanism
 
 
@@ -27,11 +28,8 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     return {
         "robot": mechanism.name,
         "nodes": list(mechanism.nodes),
-        "joints": [_joint(mechanism, joint) for joint in mechanism.joints],
-        "loops": [
-            {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
-            for loop in mechanism.loops
-        ],
+        "joints": [describe_joint(mechanism, joint) for joint in mechanism.joints],
+        "loops": [describe_loop(loop) for loop in mechanism.loops],
         "loop_rows": sum(loop.rows for loop in mechanism.loops),
         "loop_rank": mechanism.loop_rank,
         "mobility": mechanism.mobility,
@@ -46,7 +44,13 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     }
 
 
-def _joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
+def describe_loop(loop: Loop) -> dict[str, str]:
+    """A loop's name, how it is closed, and the nodes that it ties."""
+    return {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
+
+
+def describe_joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
+    """A joint's name, type, home, limits (None where there are none; rad, m, s) and whether it has a motor."""
     model, i, j = mechanism.model, mechanism.q_index(joint), mechanism.v_index(joint)
     bounds = {
         "low": model.lowerPositionLimit[i],

@@ -8,8 +8,10 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -68,7 +70,7 @@ class Session:
         if self._player is not None:
             self._player.tempo(setup.tempo)
             self._player.play()
-        self._obeys = {
+        self._obeys: dict[type[c.Command], Callable[[Any], None]] = {
             c.Take: self._take, c.Lead: self._lead, c.LetGo: self._let_go, c.Pin: self._pin, c.Release: self._release,
             c.Weigh: self._weigh, c.Holds: self._holds, c.MoveJoint: self._move_joint, c.EndJoint: self._end_joint,
             c.Home: self._home, c.Undo: self._undo, c.Redo: self._redo, c.Pause: self._pause, c.Choose: self._choose,
@@ -104,7 +106,7 @@ class Session:
                 self._notice("a recording is being shown: it can't be driven", warning=True)
             return
         try:
-            self._obeys[type(command)](command)  # type: ignore[operator]
+            self._obeys[type(command)](command)
         except CinegenError as error:
             self._notice(str(error), warning=True)
 

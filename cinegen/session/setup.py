@@ -16,7 +16,7 @@ import pinocchio as pin
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import Recording
 from cinegen.model import Mechanism
-from cinegen.sense.kinds import why_missing
+from cinegen.sense.kinds import overrides, why_missing
 
 RATE = 1000.0
 """Ticks a second."""
@@ -304,18 +304,17 @@ def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> 
 
 def _told_apart(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]:
     """What stands for a file's sensor, by number; and what holds a node, by its name."""
-    numbered, others = {}, []
+    numbered = overrides(text for text in texts if text.partition("=")[0].isdecimal())
+    others = []
     for text in texts:
-        what, equals, url = text.partition("=")
-        if not (what and equals and url):
+        node, _, url = text.partition("=")
+        if not (node and url):
             raise SetupError(
                 f"--sensor {text}: write NUMBER=URL for a sensor of the file, or NODE=URL to hold a node, for example "
                 "--sensor 1=/dev/ttyUSB0"
             )
-        if what.isdecimal():
-            numbered[int(what)] = url
-        else:
-            others.append((what, url))
+        if not node.isdecimal():
+            others.append((node, url))
     return numbered, others
 
 

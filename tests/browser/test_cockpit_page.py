@@ -102,11 +102,21 @@ def picture(tab, name):
     tab.screenshot(path=PICTURES / f"{name}.png")
 
 
+def find(tab, name, node):
+    """Where a part that stands still can be touched, as `WHERE` says, once it is drawn there."""
+    found = [None]
+
+    def stays():
+        found.append(tab.evaluate(WHERE, [name, node]))
+        return found[-1] is not None and found[-1] == found[-2]
+
+    assert becomes(tab, stays), f"{node} of {name} can't be seen"
+    return found[-1]
+
+
 def grab(tab, cockpit, name, node):
     """Presses on a part and draws it a little; where it was touched, in pixels and as the pull has it."""
-    found = tab.evaluate(WHERE, [name, node])
-    assert found is not None, f"{node} of {name} can't be seen"
-    x, y, *point = found
+    x, y, *point = find(tab, name, node)
     tab.mouse.move(x, y)
     tab.mouse.down()
     tab.mouse.move(x + 6, y + 4)
@@ -187,7 +197,7 @@ def test_a_part_follows_the_mouse(cockpit, tab, names, name, node):
 def test_a_click_selects_the_gizmo_moves_it_and_a_pin_holds_it(cockpit, tab):
     one = cockpit("delta4")
     page = tab(one)
-    x, y, *_ = page.evaluate(WHERE, ["delta4", "link5"])
+    x, y, *_ = find(page, "delta4", "link5")
     page.mouse.click(x, y)
     assert becomes(page, lambda: page.is_visible("#selection") and "link5" in page.inner_text("#selection"))
     picture(page, "gizmo")
@@ -309,7 +319,7 @@ def test_the_browsers_gamepad_moves_what_it_is_switched_to_and_comes_to_rest(coc
 
 def test_hovering_names_a_part(cockpit, tab):
     page = tab(cockpit("delta4"))
-    x, y, *_ = page.evaluate(WHERE, ["delta4", "link8"])
+    x, y, *_ = find(page, "delta4", "link8")
     page.mouse.move(x, y)
     assert becomes(page, lambda: "link8" in page.inner_text(".labels"))
 
@@ -331,7 +341,7 @@ def test_a_second_browser_sees_it_and_takes_the_hand(cockpit, tab):
 def test_a_line_that_is_cut_comes_back(cockpit, tab):
     one = cockpit("delta4")
     page = tab(one)
-    where = page.evaluate(WHERE, ["delta4", "link5"])
+    where = find(page, "delta4", "link5")
     number = int(page.evaluate("document.documentElement.dataset.frame"))
     one.server.call(lambda: [client.line.close(1001, "cut") for client in tuple(one.hub.clients.values())])
     assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.connected") == "no")
@@ -379,7 +389,7 @@ def test_a_finger_drags_too(cockpit, browser):
     page = context.new_page()
     page.goto(one.url)
     page.wait_for_function(READY, polling=100, timeout=60_000)
-    x, y, *_ = page.evaluate(WHERE, ["delta4", "link5"])
+    x, y, *_ = find(page, "delta4", "link5")
     line = context.new_cdp_session(page)
     line.send("Input.dispatchTouchEvent", {"type": "touchStart", "touchPoints": [{"x": x, "y": y}]})
     for step in range(1, 8):
