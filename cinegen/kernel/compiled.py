@@ -51,9 +51,12 @@ def entry(function: Function) -> Function:
 
 
 def _stamp(own: Path) -> str:
-    """Of a kernel's own file and of all that it may have taken in: these here, or all that lie in a folder `kernel`."""
+    """Of a kernel's own file and of all that it may have taken in: these here, and its own floor's folders `kernel`."""
     here = Path(__file__).parent
-    taken = here.glob("*.py") if own.parent == here else here.parent.rglob("kernel/*.py")
+    taken = list(here.glob("*.py"))
+    if own.parent != here and own.is_relative_to(here.parent):
+        floor = here.parent / own.relative_to(here.parent).parts[0]
+        taken += floor.rglob("kernel/*.py")
     digest = hashlib.sha256()
     for path in (own, *sorted(taken)):
         digest.update(path.read_bytes())

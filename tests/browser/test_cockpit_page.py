@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import time
 from pathlib import Path
 
 import numpy as np
@@ -27,10 +28,12 @@ WHERE = """([robot, node]) => {
   const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
   const at = (x, y) => cockpit.hand.touched({ clientX: box.left + x, clientY: box.top + y });
   const is = (hit) => hit !== null && hit.robot === robot && hit.node === node;
-  for (const room of [9, 5, 2]) for (let y = 12; y < box.height; y += 6) for (let x = 12; x < box.width; x += 6) {
-    const hit = at(x, y);
-    if (is(hit) && [[-1, 0], [1, 0], [0, -1], [0, 1]].every(([a, b]) => is(at(x + room * a, y + room * b)))) {
-      return [box.left + x, box.top + y, ...cockpit.root.worldToLocal(hit.point.clone()).toArray()];
+  for (const [room, step] of [[9, 6], [5, 6], [2, 2], [0, 1]]) { // a part may be seen between others only
+    for (let y = 12; y < box.height; y += step) for (let x = 12; x < box.width; x += step) {
+      const hit = at(x, y);
+      if (is(hit) && [[-1, 0], [1, 0], [0, -1], [0, 1]].every(([a, b]) => is(at(x + room * a, y + room * b)))) {
+        return [box.left + x, box.top + y, ...cockpit.root.worldToLocal(hit.point.clone()).toArray()];
+      }
     }
   }
   return null;
@@ -84,7 +87,12 @@ def tab(browser):
 
 def becomes(tab, condition, seconds=30.0):
     """Whether it comes true in time."""
-    return any(condition() or tab.wait_for_timeout(50) for _ in range(round(20 * seconds)))
+    last = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > last:
+            return False
+        tab.wait_for_timeout(50)
+    return True
 
 
 def place(cockpit, name, node, point=(0.0, 0.0, 0.0)):
