@@ -1,0 +1,1 @@
+"""What is compiled: from leg lengths to platform placements."""
