@@ -1,12 +1,17 @@
-"""What all tests share: the robots of the repository, each loaded once."""
+"""What all tests share: the robots of the repository, each loaded once; and how many examples laws are tried on.
+
+`CINEGEN_EXAMPLES=3 pytest ...` tries three times as many as a test says, for a night; a quarter as many are tried where
+nobody says, so that all tests together stay within minutes.
+"""
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, is_hypothesis_test, settings
 
 import cinegen
 
@@ -16,6 +21,20 @@ ROBOTS = ROOT / "robots"
 # On a busy machine making examples may take long: that is no failure.
 settings.register_profile("cinegen", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("cinegen")
+
+
+EXAMPLES = float(os.environ.get("CINEGEN_EXAMPLES", "0.25"))
+
+
+def pytest_collection_modifyitems(items):
+    for function in {item.obj.__func__ if hasattr(item.obj, "__func__") else item.obj for item in _laws(items)}:
+        own = getattr(function, "_hypothesis_internal_use_settings", None) or settings.default
+        count = max(3, round(EXAMPLES * own.max_examples))
+        function._hypothesis_internal_use_settings = settings(own, max_examples=count)
+
+
+def _laws(items):
+    return [item for item in items if is_hypothesis_test(getattr(item, "obj", None))]
 
 
 @cache

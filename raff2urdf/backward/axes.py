@@ -135,7 +135,7 @@ def step(relative: Array, length: float) -> Kleinfinger:
     if _error(simple, relative) <= EXACT * max(length, 1.0):
         return simple
     found = parameters(relative)
-    return _settled(found, relative) if EXACT < sine < _LOOSE else found
+    return _settled(found, relative) if EXACT < sine < _LOOSE and found.alpha % math.pi else found
 
 
 def _settled(found: Kleinfinger, relative: Array) -> Kleinfinger:

@@ -299,6 +299,7 @@ def test_passive_joints_are_the_first_in_order_that_depend_on_none_before_them(
     made: tuple[np.ndarray, int], random: Random
 ) -> None:
     matrix, expected = made
+    assume(expected == 0 or np.abs(matrix).max() > 1e-8)  # what is below 1e-9 opens no loop
     order = list(range(matrix.shape[1]))
     random.shuffle(order)
     size = np.abs(matrix).max() or 1.0
