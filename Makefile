@@ -11,7 +11,7 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test check kernels bench generated clean lock FORCE
+.PHONY: help demo test check kernels studies bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -21,7 +21,7 @@ demo: kernels ## make a robot from its description, and drive it in the browser
 	$(BIN)/raff2urdf robots/delta4.raff
 	$(BIN)/cinegen drive generated/delta4.urdf
 
-test: check kernels ## run every check, then the tests
+test: check kernels studies ## run every check, then the tests
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
 
@@ -46,6 +46,9 @@ bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots g
 # Nothing else waits for the compiler then, a minute where a kernel has changed.
 kernels: .venv/runtime-installed
 	@$(BIN)/python -m cinegen.solve
+
+studies: .venv/runtime-installed
+	@$(BIN)/python -m cinegen.study
 
 generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff

@@ -10,6 +10,7 @@ from cinegen.solve import Clock, PersistentSolver, Pull, Solver, Step, Verdict, 
 
 if TYPE_CHECKING:
     from cinegen.cockpit import show
+    from cinegen.study import assembly_modes, singularity
 
 __all__ = [
     "CinegenError",
@@ -22,17 +23,23 @@ __all__ = [
     "Solver",
     "Step",
     "Verdict",
+    "assembly_modes",
     "evaluate",
     "load",
     "reach",
     "show",
+    "singularity",
 ]
 
 
 def __getattr__(name: str) -> object:
-    """The page's server is loaded when somebody wants to see something."""
+    """Studies, and the page's server, are loaded when somebody asks for them."""
     if name == "show":
         from cinegen.cockpit import show
 
         return show
+    if name in ("assembly_modes", "singularity"):
+        from cinegen import study
+
+        return getattr(study, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -5,17 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.kernel.thresholds import CLOSURE
-from cinegen.mission.crossing import Rows, crossings, of_end, of_passive_joints
+from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism
 from cinegen.solve.kernel.thresholds import NEAR, NEAR_TYPE_2
 from cinegen.solve.singular import NEAR_PASSIVE, gained
+from cinegen.study.singular.crossing import Rows, crossings, of_end, of_passive_joints
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -223,7 +225,8 @@ def _singular(
     changed = np.linalg.norm(np.diff(matrices, axis=0), axis=(1, 2))
     through = np.zeros(len(q), dtype=bool)
     for k in np.flatnonzero((sigma[1:] + sigma[:-1] <= changed) & (changed > 0.0)):
-        for crossing in crossings(mechanism, rows, q[k], q[k + 1]):
+        way = partial(between, mechanism, q[k], q[k + 1])
+        for crossing in crossings(rows, way):
             time = float(times[k] + crossing.x * (times[k + 1] - times[k]))
             if found and found[-1].kind is passed and time - found[-1].time <= _SAME * (times[k + 1] - times[k]):
                 continue  # it is at a sample, and was found before it

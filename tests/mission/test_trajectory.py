@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,9 +13,10 @@ from recorded import dragged, record, swung
 
 from cinegen.errors import UnknownNameError
 from cinegen.mission import Kind, MissionError, Motion, Recorder, Recording, Trajectory, check, resampled
-from cinegen.mission.crossing import Rows, crossings, of_passive_joints
 from cinegen.mission.curve import Curve, slowed
+from cinegen.mission.recording import between
 from cinegen.model import ForwardKinematics
+from cinegen.study.singular.crossing import Rows, crossings, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
 seeds = st.integers(0, 2**32 - 1)
@@ -373,7 +375,7 @@ def test_singularities_far_apart_from_samples(robot, rocker):
         forward = ForwardKinematics(robot("four_bar"))
         first, second = forward.move({"joint1": begin}), forward.move({"joint1": begin + way})
         expected = sorted((dead - begin) % (2.0 * math.pi))
-        found = [one.q[0] - begin for one in crossings(mechanism, rows, first, second)]
+        found = [one.q[0] - begin for one in crossings(rows, partial(between, mechanism, first, second))]
         assert found == pytest.approx([one for one in expected if one < way], abs=1e-6)
         counts.append(len(found))
     assert set(counts) == {0, 1}
@@ -389,7 +391,7 @@ def test_a_matrix_that_turns_between_two_samples(robot, turn, zero):
         cos, sin = math.cos(turn * q[0]), math.sin(turn * q[0])
         return np.array([[cos, -sin], [sin, cos]]) @ np.diag([4.0, q[0] - zero])
 
-    found = [one.x for one in crossings(arm, Rows(matrix, 2), np.zeros(3), np.ones(3))]
+    found = [one.x for one in crossings(Rows(matrix, 2), partial(between, arm, np.zeros(3), np.ones(3)))]
     assert found == pytest.approx([zero] if 0.0 < zero < 1.0 else [], abs=1e-8)
 
 

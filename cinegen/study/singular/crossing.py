@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.mission.recording import between
 from cinegen.model import Mechanism
 from cinegen.solve.resolve import free_motions
+from cinegen.study.singular.counted import counted_loops
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
@@ -45,9 +45,9 @@ class Crossing(NamedTuple):
 
 
 def of_passive_joints(mechanism: Mechanism) -> Rows:
-    """Their columns in the loops' Jacobian: singular at type 2, where motors hold the mechanism no more."""
-    system, columns = mechanism.own_system(), mechanism.passive_columns
-    return Rows(lambda q: np.asarray(system.evaluate(q)[1][:, columns]), mechanism.passive_rank)
+    """Their columns in the loops' Jacobian, a ball joint as one: singular at type 2, where motors hold no more."""
+    columns = mechanism.passive_columns
+    return Rows(lambda q: counted_loops(mechanism, q)[:, columns], mechanism.passive_rank)
 
 
 def of_end(mechanism: Mechanism) -> Rows:
@@ -77,21 +77,19 @@ def _of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], A
     return moved
 
 
-def crossings(mechanism: Mechanism, rows: Rows, first: Array, second: Array) -> Iterator[Crossing]:
-    """Where the smallest singular value passes through 0 on the shortest way between two configurations.
+def crossings(rows: Rows, way: Callable[[float], Array]) -> Iterator[Crossing]:
+    """Where the smallest singular value passes through 0 on the way between two configurations.
 
     As singular vectors go on smoothly, one of the pair seems to turn round where their value changes its sign; where
     they are not alike enough to tell, the way is halved.
 
     Args:
-        mechanism: which.
         rows: the matrix.
-        first: (nq,) loops closed.
-        second: (nq,) loops closed, near it.
+        way: q (nq,) on it, loops closed, from 0 to 1; short enough not to turn back.
     """
 
     def matrix(x: float) -> Array:
-        return rows.of(between(mechanism, first, second, x))
+        return rows.of(way(x))
 
     def brackets(x: float, a: Array, y: float, b: Array, depth: int) -> Iterator[tuple[float, Array, float]]:
         if not may_cross(rows, a, b):
@@ -105,7 +103,7 @@ def crossings(mechanism: Mechanism, rows: Rows, first: Array, second: Array) -> 
         elif turn < 0.0:
             yield x, a, y
 
-    for low, at_low, high in brackets(0.0, rows.of(first), 1.0, rows.of(second), _DEPTH):
+    for low, at_low, high in brackets(0.0, matrix(0.0), 1.0, matrix(1.0), _DEPTH):
         for _ in range(_HALVES):
             middle = 0.5 * (low + high)
             there = matrix(middle)
@@ -113,7 +111,7 @@ def crossings(mechanism: Mechanism, rows: Rows, first: Array, second: Array) -> 
                 high = middle
             else:
                 low, at_low = middle, there
-        yield Crossing(low, between(mechanism, first, second, low))
+        yield Crossing(low, way(low))
 
 
 def may_cross(rows: Rows, a: Array, b: Array) -> bool:
@@ -121,6 +119,11 @@ def may_cross(rows: Rows, a: Array, b: Array) -> bool:
     least as much as both values together then."""
     sigma = rows.sigma(np.array([a, b]))
     return bool(sigma.sum() <= np.linalg.norm(b - a))
+
+
+def turned(rows: Rows, a: Array, b: Array) -> bool:
+    """Whether the singular value has changed its sign from one matrix to another that is near it."""
+    return may_cross(rows, a, b) and _turn(a, b, rows.rank)[0] < 0.0
 
 
 def _turn(a: Array, b: Array, rank: int) -> tuple[float, bool]:

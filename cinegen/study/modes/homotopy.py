@@ -1,0 +1,149 @@
+"""`Homotopy`: modes of any linkage, from a fibre of solutions that are led to the values asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from cinegen.study.modes.distinct import SAME
+from cinegen.study.modes.endgame import Ends, ends
+from cinegen.study.modes.families import Family
+from cinegen.study.modes.found import Approach, Found, Paths, closed, nearest
+from cinegen.study.modes.kernel import ARRIVED, INFINITE, LOST, SINGULAR, Complex
+from cinegen.study.modes.linkage import Array, Linkage
+from cinegen.study.modes.monodromy import Fibre, Monodromy
+from raff2urdf.closure import CLOSED
+
+_TRIES = 4  # ways to the values asked for
+_FAR = 1e-4  # closing what is real moves features less
+_GUESSES = 8  # complex solutions whose real parts may come near
+
+
+class _Mode(NamedTuple):
+    """A configuration (nq,), its features (3 f,), and how many solutions are there."""
+
+    q: Array
+    features: Complex
+    times: int
+
+
+class Homotopy:
+    """Solves a linkage for one set of values of its motors after another.
+
+    Args:
+        linkage: whose.
+        family: what it was recognised as, if anything.
+    """
+
+    def __init__(self, linkage: Linkage, family: Family | None) -> None:
+        self._linkage, self._family = linkage, family
+        self._fibre: Fibre | None = None
+        self._effort = 0.0
+
+    def modes(self, motors: Array, say: Callable[[str], None] | None, effort: float) -> Found:
+        """All modes with the motors at (motors,), without unit."""
+        fibre = self._known(say, effort)
+        led = self._led(fibre, motors)
+        curve = any(self._linkage.can_move(solution, motors) for solution in led.solutions[led.kinds == SINGULAR])
+        modes, lost = self._real(led, motors, curve)
+        real = sum(mode.times for mode in modes)
+        infinite, missing = led.count(INFINITE), led.count(LOST) + lost
+        paths = Paths(real, len(led.kinds) - real - infinite - missing, infinite, led.count(SINGULAR), missing)
+        complete, words = self._verdict(fibre, paths, curve)
+        closest = None if modes else self._closest(led, motors)
+        if closest is not None and closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points
+            return Found((closest.q,), (1,), False, words, paths)
+        configurations = tuple(mode.q for mode in modes)
+        return Found(configurations, tuple(mode.times for mode in modes), complete, words, paths, closest)
+
+    def _known(self, say: Callable[[str], None] | None, effort: float) -> Fibre:
+        """The fibre, found once; again where more may be done than when it was given up."""
+        if self._fibre is None or (self._fibre.spent and effort > self._effort):
+            bound = self._family.bound if self._family is not None else None
+            everywhere = self._family is None or self._family.everywhere
+            monodromy = Monodromy(self._linkage, bound, say=say, effort=effort)
+            self._fibre, self._effort = monodromy.fibre(everywhere), effort
+        return self._fibre
+
+    # --- paths ---------------------------------------------------------------------------------------------------
+
+    def _led(self, fibre: Fibre, motors: Array) -> Ends:
+        """How all solutions of the fibre end; where some are lost, another way is gone with all of them: a way round
+        branch points changes which one ends where."""
+        linkage, rng = self._linkage, np.random.default_rng(1)
+        best = ends(linkage, fibre.solutions, fibre.motors, motors)
+        for _ in range(_TRIES - 1):
+            if not best.count(LOST):
+                break
+            detour = fibre.motors + 0.2 * (rng.normal(size=len(motors)) + 1j * rng.normal(size=len(motors)))
+            way = linkage.way(fibre.motors, detour)._replace(accuracy=1e-6)
+            led = linkage.lead(fibre.solutions, way)
+            if not (led.ends == ARRIVED).all():
+                continue
+            again = ends(linkage, led.solutions, detour, motors)
+            if again.count(LOST) < best.count(LOST):
+                best = again
+        return best
+
+    def _real(self, led: Ends, motors: Array, curve: bool) -> tuple[list[_Mode], int]:
+        """The real configurations among all ends, and how many ends should be real and were closed to others.
+
+        What does not close is not real, as near as it may come: there least squares come to a minimum.
+        """
+        linkage = self._linkage
+        modes, lost = list[_Mode](), 0
+        for kind, solution, features in zip(*led, strict=True):
+            if kind not in (ARRIVED, SINGULAR) or np.abs(features.imag).max(initial=0.0) > SAME:
+                continue
+            known = [k for k, mode in enumerate(modes) if np.abs(mode.features - features).max(initial=0.0) < SAME]
+            if known:
+                modes[known[0]] = modes[known[0]]._replace(times=modes[known[0]].times + 1)
+                continue
+            q = closed(linkage, linkage.configuration(solution, motors))
+            if q is None:
+                continue
+            there = linkage.features(linkage.unknowns(q)[None], motors)[0]
+            if np.abs(there - features).max(initial=0.0) < _FAR or (curve and kind == SINGULAR):
+                modes.append(_Mode(q, features, 1))
+            else:
+                lost += 1
+        return modes, lost
+
+    # --- words ---------------------------------------------------------------------------------------------------
+
+    def _verdict(self, fibre: Fibre, paths: Paths, curve: bool) -> tuple[bool, str]:
+        """Whether these are all modes, and why."""
+        count, family = len(fibre.solutions), self._family
+        followed = paths.lost == 0 and not curve
+        beside = [f"; {paths.lost} of {count} paths were lost"] if paths.lost else []
+        if curve:
+            beside.append("; these values leave it a curve of configurations, of which some points are listed")
+        if fibre.loose:
+            beside.append("; there are other configurations too, in which its motors don't determine it")
+        rest = "".join(beside)
+        if family is not None and count >= family.bound:
+            if family.everywhere:
+                return followed, f"{family.words}: {count} complex solutions, as many as there can be{rest}"
+            return (
+                followed,
+                f"{family.words}: {count} modes, proved; modes in which it has turned are not among them{rest}",
+            )
+        if not self._linkage.passive:
+            return True, "there is nothing but motors to move"
+        if not self._linkage.leading.any():
+            return False, f"no motor moves its loops: {count} solutions, from {fibre.hits} random starts{rest}"
+        apart = f" in {fibre.parts} sets that no closed path has joined" if fibre.parts > 1 else ""
+        found = f"monodromy: {count} complex solutions{apart}"
+        if fibre.complete:
+            words = f"complete with probability one by the trace test (degree {fibre.degree})"
+            return followed, f"{found}, {words}{rest}"
+        why = "it was given up after what is allowed to be done" if fibre.spent else "the trace test did not close"
+        return False, f"{found}; that there are no others is not known: {why}{rest}"
+
+    def _closest(self, led: Ends, motors: Array) -> Approach:
+        linkage = self._linkage
+        home = linkage.unknowns(linkage.mechanism.q_home)
+        starts = [home, *led.solutions[led.kinds == ARRIVED][:_GUESSES]]
+        return nearest(linkage, [linkage.configuration(start, motors) for start in starts])

@@ -1,0 +1,11 @@
+"""Mechanisms are made as the tests of robots make theirs; and what is asserted of them shares its words."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "robots"))
+pytest.register_assert_rewrite("assembled")
