@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from cinegen.model import Mechanism
+
+_PATIENCE = 1.0  # s until progress is told
 
 
 def of_files(parser: argparse.ArgumentParser, several: bool = True) -> None:
@@ -90,6 +96,39 @@ def write(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
         raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Writes a picture, with the folder that it is in.
+
+    Raises:
+        CinegenError: it can't be written, or there is no such format.
+    """
+    from cinegen.errors import CinegenError
+
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=150)
+    except (OSError, ValueError) as error:  # matplotlib says which formats there are
+        raise CinegenError(f"{path}: can't be written: {error}") from None
+
+
+@contextlib.contextmanager
+def progress() -> Iterator[Callable[[str], None]]:
+    """What tells a person at a terminal how far it is, where that takes long; it is taken away in the end."""
+    begun, told = time.monotonic(), 0
+
+    def say(words: str) -> None:
+        nonlocal told
+        if sys.stderr.isatty() and time.monotonic() - begun > _PATIENCE:
+            told = max(told, len(words))
+            print(f"\r{words:<{told}}", end="", file=sys.stderr, flush=True)
+
+    try:
+        yield say
+    finally:
+        if told:
+            print(f"\r{'':<{told}}\r", end="", file=sys.stderr, flush=True)
 
 
 def say_at_once(text: str) -> None:

@@ -43,7 +43,7 @@ def hello(setup: Setup, title: str, client: int, replay: Replayed | None = None)
             {"robot": one.robot, "node": one.node, "choices": list(one.choices)} for one in setup.switches
         ],
         "frames": list(FRAMES_OF_COMMAND),
-        "replay": replay and {"file": replay.file, "seconds": replay.seconds},
+        "replay": replay and {"file": replay.file, "seconds": replay.seconds, "stops": list(setup.stops)},
     }  # fmt: skip
 
 

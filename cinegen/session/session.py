@@ -69,7 +69,8 @@ class Session:
         self._player = Player(Recording.load(setup.replay)) if setup.replay is not None else None
         if self._player is not None:
             self._player.tempo(setup.tempo)
-            self._player.play()
+            if not setup.stops:
+                self._player.play()
         self._obeys: dict[type[c.Command], Callable[[Any], None]] = {
             c.Take: self._take, c.Lead: self._lead, c.LetGo: self._let_go, c.Pin: self._pin, c.Release: self._release,
             c.Weigh: self._weigh, c.Holds: self._holds, c.MoveJoint: self._move_joint, c.EndJoint: self._end_joint,

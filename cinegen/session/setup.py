@@ -100,6 +100,7 @@ class Setup:
         record: the file that the session is recorded in from its beginning.
         replay: a recording that is shown instead of being driven.
         tempo: how many times as fast as it was.
+        stops: moments of the recording (s) that one can go to, each with its name; it is held at the first.
     """
 
     robots: Mapping[str, Mechanism]
@@ -110,6 +111,7 @@ class Setup:
     record: str | None = None
     replay: str | None = None
     tempo: float = 1.0
+    stops: tuple[tuple[float, str], ...] = ()
 
     def __post_init__(self) -> None:
         if not self.robots:
@@ -263,12 +265,13 @@ def arrange(
     return Setup(dict(robots), placed, tuple(devices.values()), tuple(switches), rate, record)
 
 
-def replayed(path: str | Path, tempo: float = 1.0) -> Setup:
+def replayed(path: str | Path, tempo: float = 1.0, stops: Sequence[tuple[float, str]] = ()) -> Setup:
     """A session that shows a recording.
 
     Args:
         path: of it.
         tempo: how many times as fast as it was.
+        stops: moments (s) that one can go to, each with its name.
 
     Raises:
         MissionError: it can't be read, or its robots can't be built.
@@ -282,7 +285,7 @@ def replayed(path: str | Path, tempo: float = 1.0) -> Setup:
         robot, node = place.stands_on or (None, None)
         stands[name] = Stand(robot, node, place.placement or pin.SE3.Identity())
     robots = {name: recording.mechanism(name) for name in recording.q}
-    return Setup(robots, stands, replay=str(path), tempo=tempo)
+    return Setup(robots, stands, replay=str(path), tempo=tempo, stops=tuple(stops))
 
 
 def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> dict[str, Stand]:

@@ -12,8 +12,10 @@ import pinocchio as pin
 import pytest
 from playwright.sync_api import sync_playwright
 
+import cinegen
 from cinegen.cockpit import Cockpit
-from cinegen.session import arrange
+from cinegen.mission.walk import record_modes
+from cinegen.session import arrange, replayed
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -408,3 +410,21 @@ def test_a_finger_drags_too(cockpit, browser):
     assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
     picture(page, "phone")
     context.close()
+
+
+def test_the_buttons_lead_from_mode_to_mode(robot, tab, tmp_path):
+    modes = cinegen.assembly_modes(robot("tssm"))
+    record_modes(modes, tmp_path / "modes.jsonl", "tssm")
+    stops = [(0.0 if k == 0 else k + 1.0, f"mode {k + 1} of 16") for k in range(16)]
+    cockpit = Cockpit(replayed(tmp_path / "modes.jsonl", stops=stops), port=8300)
+    try:
+        page = tab(cockpit)
+        for wanted in (2, 3, 4, 3):
+            page.click("#after" if wanted != 3 or page.text_content("#stop") != "mode 4 of 16" else "#before")
+            assert becomes(page, lambda n=wanted: page.text_content("#stop") == f"mode {n} of 16")
+            shown = becomes(page, lambda n=wanted: np.abs(cockpit.state.robots["tssm"].q - modes[n - 1]).max() < 1e-9)
+            assert shown
+        assert page.is_hidden("#hint")  # nothing can be dragged
+        picture(page, "modes")
+    finally:
+        cockpit.close()

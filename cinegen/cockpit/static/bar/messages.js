@@ -58,7 +58,7 @@ export class Messages {
   }
 
   #hint() {
-    this.hint.hidden = this.knows || this.session.hand === "other";
+    this.hint.hidden = this.knows || this.session.hand === "other" || Boolean(this.session.hello?.replay);
   }
 
   #tell(words) {

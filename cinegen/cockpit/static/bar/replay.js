@@ -1,8 +1,8 @@
-// The transport of a replay: play, where in time, how fast.
+// The transport of a replay: play, where in time, how fast; and from stop to stop where it has such.
 //
-// For tests: #transport with #play (aria-pressed), #seek (seconds), #tempo (select).
+// For tests: #transport with #play (aria-pressed), #seek (seconds), #tempo (select), #before, #after and #stop (text).
 
-import { atMostEvery, byId, make, write } from "../base/dom.js";
+import { atMostEvery, byId, make, sign, write } from "../base/dom.js";
 import { fixed } from "../base/units.js";
 import { fill } from "../panel/slider.js";
 
@@ -54,16 +54,41 @@ export class Replay {
       },
       ...TEMPI.map((tempo) => make("option", { value: tempo }, `${tempo} ×`)),
     );
-    this.bar.append(this.play, this.seek, this.time, this.tempo);
+    this.before = this.#step("before", "Previous", -1);
+    this.after = this.#step("after", "Next", 1);
+    this.stop = make("span", { id: "stop" });
+    this.bar.append(this.before, this.stop, this.after, this.play, this.seek, this.time, this.tempo);
     session.on("hello", ({ replay }) => {
       this.bar.hidden = !replay;
       this.seconds = replay?.seconds ?? 0;
       this.seek.max = String(this.seconds);
       this.bar.title = replay?.file ?? "";
+      this.stops = replay?.stops ?? [];
+      for (const part of [this.before, this.stop, this.after]) part.hidden = this.stops.length === 0;
+      this.time.hidden = this.stops.length > 0;
     });
     session.on("report", ({ replay }) => {
       if (replay) this.#show(replay);
     });
+  }
+
+  #step(id, label, way) {
+    const title = `${label} stop of the recording`;
+    const on = { click: () => this.#go(way) };
+    return make("button", { type: "button", id, class: "small", "aria-label": label, title, on }, sign(id));
+  }
+
+  /** Which stop it is at, or was at last. */
+  #at(time) {
+    return Math.max(0, this.stops.findLastIndex(([begins]) => begins <= time + 1e-6));
+  }
+
+  #go(way) {
+    const wanted = Math.min(this.stops.length - 1, Math.max(0, this.#at(Number(this.seek.value)) + way));
+    this.seek.value = String(this.stops[wanted][0]);
+    this.#moved = performance.now();
+    this.#say({ play: false });
+    this.#say({ seek: this.stops[wanted][0] });
   }
 
   #say(command) {
@@ -75,6 +100,7 @@ export class Replay {
     this.sign.setAttribute("href", playing ? "#sign-pause" : "#sign-play");
     if (performance.now() - this.#moved > 400) this.seek.value = String(time);
     fill(this.seek);
+    if (this.stops.length) write(this.stop, this.stops[this.#at(time)][1]);
     write(this.time, `${fixed(time, 1)} / ${fixed(this.seconds, 1)} s`);
     if (document.activeElement !== this.tempo && TEMPI.includes(speed)) this.tempo.value = String(speed);
   }

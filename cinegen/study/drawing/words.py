@@ -1,0 +1,43 @@
+"""Values of joints and places as people read them: mm and degrees."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.model import Mechanism
+
+Array = NDArray[np.float64]
+
+
+def shown(mechanism: Mechanism, joint: str, value: float) -> tuple[float, str]:
+    """A joint's value in mm or degrees, and the unit.
+
+    Raises:
+        UnknownNameError: no such joint.
+    """
+    return (1e3 * value, "mm") if mechanism.slides(joint) else (math.degrees(value), "degrees")
+
+
+def said(mechanism: Mechanism, joint: str, value: float) -> str:
+    """A joint's value with its unit, such as `21.741 mm`.
+
+    Raises:
+        UnknownNameError: no such joint.
+    """
+    number, unit = shown(mechanism, joint, value)
+    return f"{quiet(number, 3):.3f} {unit}"
+
+
+def place(placement: pin.SE3) -> Array:
+    """(6,) x, y, z in mm, and roll, pitch, yaw in degrees as URDF counts them (R = Rz(yaw) Ry(pitch) Rx(roll))."""
+    turned = np.degrees(pin.rpy.matrixToRpy(placement.rotation))
+    return np.concatenate([1e3 * placement.translation, turned])
+
+
+def quiet(number: float, digits: int) -> float:
+    """Rounded, and never minus zero."""
+    return round(number, digits) + 0.0

@@ -1,0 +1,234 @@
+"""The command `cinegen modes`: all assembly modes, on the terminal, as JSON, as a picture and in the page."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.cli import files, main
+from cinegen.mission import Player, Recording
+from cinegen.mission.walk import record_modes
+from cinegen.study.drawing.words import place
+from cinegen.study.limits import outside
+from cinegen.study.modes import assembly_modes
+
+
+@pytest.fixture
+def typed(root, capsys):
+    """`typed("tssm", "--json")`: what the command prints, and its errors."""
+
+    def command(name, *options, code=0):
+        assert main(["modes", str(root / f"robots/{name}.raff"), *map(str, options)]) == code
+        said = capsys.readouterr()
+        return said.err if code else said.out
+
+    return command
+
+
+def rows(said):
+    """Of a table: the mode's number as written, its numbers, and what is noted."""
+    found = []
+    for line in said.splitlines():
+        words = line.split()
+        if words and words[0].rstrip("*").isdecimal() and line.startswith("  "):
+            count = next((k for k, word in enumerate(words[1:], 1) if not _is_number(word)), len(words))
+            found.append((words[0], [float(word) for word in words[1:count]], " ".join(words[count:])))
+    return found
+
+
+def _is_number(word):
+    return word.lstrip("-").replace(".", "", 1).isdecimal() and "." in word
+
+
+def test_the_sixteen_modes_of_the_paper_are_listed(root, typed):
+    """Merlet's table 1 prints eight; the others are their mirror images in the base."""
+    table = json.loads((root / "tests/robots/data/tssm_merlet.json").read_text())
+    said = typed("tssm")
+    assert "16 assembly modes" in said
+    assert "These are all." in said
+    listed = [numbers for _, numbers, _ in rows(said)]
+    assert len(listed) == 16
+    for x, y, z, *_ in table["table1"]:
+        for mirrored in (z, -z):
+            near = [row for row in listed if np.allclose(row[:3], [x, y, mirrored], atol=2e-3)]
+            assert len(near) == 1
+
+
+def test_the_table_says_where_the_end_is_and_which_limits_are_passed(robot, typed):
+    said = typed("gough")
+    gough = robot("gough")
+    found = assembly_modes(gough)
+    assert max(map(len, said.splitlines())) <= 100
+    for (number, numbers, note), q in zip(rows(said), found, strict=True):
+        assert number == str(1 + [q is one for one in found].index(True))
+        placement = gough.placement(q, gough.end)
+        np.testing.assert_allclose(numbers[:3], 1e3 * placement.translation, atol=6e-4)
+        np.testing.assert_allclose(
+            pin.rpy.rpyToMatrix(np.radians(numbers[3:])), placement.rotation, atol=np.radians(0.03)
+        )
+        beyond = outside(gough, q)
+        assert bool(note) == bool(beyond)
+        if beyond:
+            assert note.split()[0] == next(iter(beyond))
+        assert (f"{len(beyond) - 1} more" in note) == (len(beyond) > 1)
+
+
+def test_of_a_planar_mechanism_only_what_varies_is_listed(robot, typed):
+    bar = robot("five_bar")
+    listed = [numbers for _, numbers, _ in rows(typed("five_bar"))]
+    expected = [place(placement)[[0, 1, 5]] for placement in assembly_modes(bar).placements()]
+    np.testing.assert_allclose(listed, expected, atol=6e-3)
+
+
+def test_another_node_may_be_asked_for(robot, typed):
+    bar = robot("five_bar")
+    listed = [numbers[:2] for _, numbers, _ in rows(typed("five_bar", "--node", "link2"))]
+    expected = [1e3 * placement.translation[:2] for placement in assembly_modes(bar).placements("link2")]
+    np.testing.assert_allclose(listed, expected, atol=6e-4)
+
+
+def test_json_is_what_python_gives(robot, typed):
+    assert json.loads(typed("gough", "--json")) == assembly_modes(robot("gough")).as_dict()
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        ["900", "950", "1000", "1050", "1000", "1010"],
+        ["900,950,1000", "1050,1000,1010"],
+        ["900,", "950, 1000 1050,1000,1010"],
+    ],
+)
+def test_lengths_are_typed_with_blanks_or_commas_in_mm(robot, typed, values):
+    expected = assembly_modes(robot("gough"), [0.9, 0.95, 1.0, 1.05, 1.0, 1.01]).as_dict()
+    assert json.loads(typed("gough", "--lengths", *values, "--json")) == expected
+
+
+def test_motors_that_turn_are_typed_in_degrees_and_some_by_name(robot, typed):
+    bar = robot("five_bar")
+    home = bar.q_home[bar.q_index("joint1")]
+    expected = assembly_modes(bar, [home, math.radians(-10.0)]).as_dict()
+    assert json.loads(typed("five_bar", "--values", "joint3=-10", "--json")) == expected
+    expected = assembly_modes(bar, np.radians([125.0, -10.5])).as_dict()
+    assert json.loads(typed("five_bar", "--values", "125", "-10.5", "--json")) == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "mode"), [("tssm", 3), ("tssm", 12), ("gough", 2), ("delta4", 0), ("delta4", 1), ("five_bar", 1)]
+)
+def test_modes_at_a_mode_that_was_listed_contain_it(typed, name, mode):
+    """What one copies from the table and types again is marked there."""
+    first = rows(typed(name))
+    numbers = first[mode][1]
+    pose = numbers if len(numbers) == 6 else [numbers[0], numbers[1], 0.0]
+    again = rows(typed(name, "--at", ",".join(map(str, pose))))
+    marked = [row for row in again if row[0].endswith("*")]
+    compared = len(numbers) if len(numbers) == 6 else 2  # without orientation typed, any is right
+    assert len(marked) == 1
+    np.testing.assert_allclose(marked[0][1][:compared], numbers[:compared], atol=0.011)
+    if name in ("tssm", "gough"):  # whose rods have one length for a pose: the others are the others
+        assert len(again) == len(first)
+        for _, row, _ in first:  # typed with two or three digits, they move a little
+            assert min(np.abs(np.subtract(row[:3], other[1][:3])).max() for other in again) < 0.5
+
+
+def test_a_pose_may_be_typed_by_name_and_without_orientation(robot, typed):
+    gough = robot("gough")
+    found = json.loads(typed("gough", "--at", "x=-20", "y=30,z=880", "--json"))
+    assert min(math.dist(mode["position"], (-0.02, 0.03, 0.88)) for mode in found["modes"]) < 1e-4
+    found = json.loads(typed("gough", "--at", "rz=25", "--json"))
+    home = place(gough.placement(gough.q_home, "platform"))
+    turned = pin.rpy.rpyToMatrix(np.radians([*home[3:5], 25.0]))
+    assert min(np.abs(np.array(mode["rotation"]) - turned).max() for mode in found["modes"]) < 1e-4
+
+
+def test_where_solutions_meet_it_says_so(typed):
+    """Both cranks of the five-bar outward: its rods, 400 mm each, reach across the 800 mm between them."""
+    ((_, numbers, note),) = rows(typed("five_bar", "--values", 180, 0))
+    np.testing.assert_allclose(numbers[:2], [0.0, 0.0], atol=1e-3)
+    assert "2 solutions meet" in note
+
+
+def test_where_there_is_no_mode_it_says_what_stays_open(typed):
+    said = typed("gough", "--lengths", 100, 2000, 100, 2000, 100, 2000)
+    assert "no assembly mode" in said
+    assert "There is none." in said
+    assert "The nearest" in said
+    assert rows(said) == []
+    assert json.loads(typed("gough", "--lengths", 100, 2000, 100, 2000, 100, 2000, "--json"))["modes"] == []
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "says"),
+    [
+        (
+            "gough",
+            ["--lengths", "900,950"],
+            "2 values for the 6 motors of hexapod: joint3 (939.043 mm at home), joint9",
+        ),
+        ("five_bar", ["--values", "1", "2", "3"], "joint1 (125.000 degrees at home), joint3 (50.000 degrees at home)"),
+        ("five_bar", ["--values", "1", "two"], "'two' is no number"),
+        ("five_bar", ["--values", "1", "nan"], "'nan' is no number"),
+        ("five_bar", ["--values", "joint3=1", "2"], "give all values by name"),
+        ("five_bar", ["--values", "joint2=1"], "no motor 'joint2'"),
+        ("five_bar", ["--at", "1,2"], "not 2 numbers"),
+        ("five_bar", ["--at", "x=1,u=2"], "no coordinate 'u'"),
+        ("five_bar", ["--at", "0,1500,0"], f"misses it by {1500.0 - 1e3 * math.sqrt(0.65**2 - 0.15**2):.1f} mm"),
+        ("five_bar", ["--node", "nose"], "no node 'nose'"),
+        ("five_bar", ["--plot", "modes.nonsense"], "modes.nonsense: can't be written"),
+        ("rx90", [], "has no loops"),
+        ("two_arms", ["--view"], "name one by --robot (left, right)"),
+    ],
+)
+def test_what_is_wrong_is_one_clear_error(typed, monkeypatch, tmp_path, name, options, says):
+    monkeypatch.chdir(tmp_path)
+    said = typed(name, *options, code=1)
+    assert says in said
+    assert said.startswith("cinegen: ")
+    assert said.count("\n") == 1
+
+
+def test_a_picture_is_written(typed, tmp_path):
+    for ending, begin in (("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")):
+        path = tmp_path / f"new/modes.{ending}"
+        assert f"picture: {path}" in typed("five_bar", "--plot", path)
+        assert path.read_bytes().startswith(begin)
+
+
+def test_progress_is_told_to_a_person_who_waits_and_taken_away(typed, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(files, "_PATIENCE", 0.0)
+    typed("five_bar", "--method", "monodromy")
+    told = terminal.getvalue()
+    assert "found by closed paths" in told
+    assert told.split("\r")[-2].strip() == ""
+
+
+def test_at_second_k_the_page_shows_mode_k(robot, tmp_path):
+    found = assembly_modes(robot("tssm"))
+    record_modes(found, tmp_path / "modes.jsonl")
+    recording = Recording.load(tmp_path / "modes.jsonl")
+    assert recording.seconds == len(found)
+    player = Player(recording)
+    for number, q in enumerate(found, 1):
+        for late in (0.0, 0.5, 0.99) if number < len(found) else (0.0,):
+            player.seek(number + late)
+            np.testing.assert_array_equal(player.advance(0.0)["tssm"], q)
+
+
+def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    said = typed("five_bar", "--view", "--seconds", "0.5", "--port", "7900", "--no-browser")
+    assert "page: http://127.0.0.1:" in said
+    assert not list(tmp_path.iterdir())
