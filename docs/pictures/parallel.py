@@ -1,0 +1,60 @@
+"""Draws the pictures of docs/parallel.md again: `python docs/pictures/parallel.py [NAME ...]`. Takes a minute."""
+
+import io
+import math
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+import cinegen
+from cinegen.study.drawing import draw_modes
+from cinegen.study.drawing.loci import draw_loci
+from cinegen.study.singular.scan import scan
+from cinegen.study.singular.slice import Axis, Slice
+
+PICTURES = Path(__file__).resolve().parent
+ROBOTS = PICTURES.parent.parent / "robots"
+LARGEST = 250_000  # bytes
+
+
+def modes():
+    """Merlet's figure 5, and the mirror images below the base."""
+    return draw_modes(cinegen.assembly_modes(cinegen.load(ROBOTS / "tssm.raff")))
+
+
+def five_bar():
+    """All that its tool reaches with its elbows outside."""
+    # An even count: the grid leaves out x = 0 and y = 0, where singularities of both types meet in one point.
+    axes = Axis("x", -0.55, 0.55), Axis("y", -0.7, 0.7)
+    return draw_loci(scan(Slice(cinegen.load(ROBOTS / "five_bar.raff"), axes), 100))
+
+
+def tssm():
+    """Fichter's singularity: a platform that lies level, turned by a quarter of a turn."""
+    axes = Axis("x", -0.01, 0.01), Axis("rz", -math.radians(120), math.radians(120))
+    return draw_loci(scan(Slice(cinegen.load(ROBOTS / "tssm.raff"), axes, {"rx": 0.0, "ry": 0.0}), 40))
+
+
+FIGURES = {
+    "tssm_modes": modes,
+    "five_bar_singular": five_bar,
+    "tssm_singular": tssm,
+}
+"""What draws each of them."""
+
+
+def picture(name):
+    """Draws one."""
+    drawn = io.BytesIO()
+    FIGURES[name]().savefig(drawn, format="png", dpi=110)
+    path = PICTURES / f"{name}.png"
+    with Image.open(drawn) as image:
+        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
+        few.save(path, optimize=True)
+    assert path.stat().st_size < LARGEST, path
+
+
+if __name__ == "__main__":
+    for wanted in sys.argv[1:] or FIGURES:
+        picture(wanted)
