@@ -101,7 +101,7 @@ def legged(
 
 def five_bar(rng, cut="rigid") -> Mechanism:
     """Motors at both feet."""
-    (a, b), (c, d), p = _feet(rng), _knees(rng), rng.uniform(-0.5, 0.5, 2) + [0.5, 1.2]
+    (a, b), (c, d), p = _feet(rng), _knees(rng), rng.uniform(-0.5, 0.5, 2) + np.array([0.5, 1.2])
     return legged([[hinge(a, motor=True), hinge(c), hinge(p)], [hinge(b, motor=True), hinge(d)]], cut)
 
 
@@ -149,7 +149,12 @@ def spherical_legs(rng, lengths: Sequence[int]) -> list[list[np.ndarray]]:
         around = 2.0 * math.pi * i / len(lengths) + rng.uniform(-0.3, 0.3)
         leans = np.linspace(2.2, 0.8, length) + rng.uniform(-0.2, 0.2, length)
         turns = around + 0.6 * np.arange(length) + rng.uniform(-0.3, 0.3, length)
-        legs.append([np.array([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)]) for a, b in zip(leans, turns)])
+        legs.append(
+            [
+                np.array([np.sin(a) * np.cos(b), np.sin(a) * np.sin(b), np.cos(a)])
+                for a, b in zip(leans, turns, strict=True)
+            ]
+        )
     return legs
 
 

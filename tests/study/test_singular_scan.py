@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from cinegen.cli import main
+from cinegen.mission import Motion, Recorder
 from cinegen.study.drawing.loci import draw_loci
 from cinegen.study.singular import Kind, singularity
 from cinegen.study.singular.scan import scan
-from cinegen.study.singular.slice import Axis, Slice, SliceError, about_home
+from cinegen.study.singular.slice import Axis, Coordinates, Slice, SliceError, about_home
 
 
 @pytest.fixture(scope="module")
@@ -140,6 +141,24 @@ def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, capsys
     written = json.loads((tmp_path / "five_bar-singular.json").read_text())
     assert written["axes"] == ["x", "y"]
     assert {curve["kind"] for curve in written["curves"]} >= {"type 1"}
+
+
+def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(robot, tmp_path, capsys):
+    """The TSSM's platform turned from 80 degrees to 100 over the base: Fichter's singularity is at 90."""
+    mechanism = robot("tssm")
+    pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}
+    turns = np.radians([80.0, 84.0, 88.0, 92.0, 96.0, 100.0])
+    coordinates = Coordinates(mechanism, (*pose, "rz"))
+    with Recorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
+        for k, turn in enumerate(turns):
+            recorder.write(float(k), {"tssm": Motion(coordinates.led({**pose, "rz": turn}))})
+    assert main(["singular", str(tmp_path / "run.jsonl"), "--json"]) == 0
+    (report,) = json.loads(capsys.readouterr().out)
+    (passed,) = [one for one in report["found"] if "passed" in one["kind"] and "type 2" in one["kind"]]
+    assert 2.0 < passed["time"] < 3.0
+    assert coordinates.coordinates(np.array(passed["q"]))["rz"] == pytest.approx(0.5 * math.pi, abs=1e-3)
+    assert main(["singular", str(tmp_path / "run.jsonl")]) == 0
+    assert "type 2" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -121,11 +121,12 @@ class Assembly:
         return solution
 
     def _settled(self, tables: Tables, path: Path, home: Complex, scratch: Scratch) -> Complex | None:
-        guess, ends, rng = np.append(home, 0.0)[None], np.zeros(1, dtype=np.int64), np.random.default_rng(0)
+        guess, ends, rng = np.append(home, 0.0)[None], np.zeros(1, dtype=np.int64), None
         for _ in range(_TRIES):
             settle(tables, path, guess, ends, scratch)
             if ends[0] != LOST:
                 return np.asarray(guess[0, :-1])
+            rng = rng or np.random.default_rng(0)
             guess[0, :-1] = home + rng.uniform(-np.pi, np.pi, size=len(home))
         return None
 

@@ -5,7 +5,7 @@ two centres of joints: it holds a distance. Where the end is does not matter. Kn
 
     hexapod    six rods between base and platform, each with a universal and a ball joint at least: 40 modes
                (M. Raghavan, "The Stewart platform of general geometry has 40 configurations", J. Mechanical Design 115,
-               1993); 16 where the rods meet in pairs at one of their ends in three points (seed 001)
+               1993); 16 where the rods meet in pairs at one of their ends in three points (see `triangle`)
     delta      three rods with universal joints, and a platform that does not turn: three spheres, 2
     dyad       two bodies and three hinges in a plane or about a point: 2 (five-bar, four-bar, and their like)
     triad      a platform on three such bars: 6 in a plane (3-RPR and 3-RRR: K. Hunt, "Structural kinematics of

@@ -53,6 +53,7 @@ ACCURACY = 3e-4
 _STILL = 1e-9  # a joint that loops move less is in none
 _SINGULAR = 1e-3  # part of the largest singular value: a direction in which a solution near a singular one may move
 _STEP = 0.05  # rad, characteristic lengths
+_SETTLING = 3.0  # steps along a path that Newton's method from a random start is worth
 _MANY, _SHARE = 24, 6  # paths that are shared among threads, and how many each takes
 _CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 _IDLE = 1e-6  # a motion that moves points that matter by less moves none of them
@@ -340,12 +341,21 @@ class Linkage:
         self.work += float(records[:, 1].sum()) * rows * columns * (columns + 20)
         return Led(led, ends, records[:, 0])
 
+    def random(self, rng: np.random.Generator, count: int) -> Complex:
+        """(count, k + 1) unknowns to start from; t = 0."""
+        shape = count, len(self.passive) + 1
+        drawn = np.pi * rng.uniform(-1.0, 1.0, size=shape) + 0.5j * rng.normal(size=shape)
+        drawn[:, -1] = 0.0
+        return np.asarray(drawn)
+
     def settled(self, guesses: Complex, path: Path) -> tuple[Complex, int]:
         """Regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from guesses (count, k + 1);
         and how many guesses led to others, of which there is a curve."""
         there = np.array(guesses, dtype=complex, order="C")
         ends = np.zeros(len(there), dtype=np.int64)
         settle(self.tables, path, there, ends, self.scratch)
+        rows, columns = self.scratch.matrix.shape
+        self.work += _SETTLING * len(there) * rows * columns * (columns + 20)
         return there[ends == ARRIVED], int((ends == SINGULAR).sum())
 
     def can_move(self, solution: Complex, motors: Array) -> bool:

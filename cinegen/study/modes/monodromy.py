@@ -3,8 +3,9 @@
 Solutions that are led along a closed path of complex motor values come back permuted, and so one finds others (T. Duff,
 C. Hill, A. Jensen, K. Lee, A. Leykin, J. Sommars, "Solving polynomial systems via homotopy continuation and monodromy",
 IMA J. Numerical Analysis 39, 2019). Equations are real: what comes to the conjugate values is, conjugated, a solution
-too, so half of a closed path does. What no path leads to from home, as another mode of operation, is looked for by
-Newton's method from random starts. That nothing is missing is said by the trace test, of the curves that were met.
+too, so half of a closed path does. Newton's method from random starts finds most of them sooner, and what no path leads
+to from home, as another mode of operation; what it does not find, it knows nothing of. That nothing is missing is said
+by the trace test, of all curves that were met.
 """
 
 from __future__ import annotations
@@ -76,6 +77,7 @@ class Monodromy:
         self._home = linkage.motor_values(linkage.mechanism.q_home)
         self._most = linkage.work + effort * _BUDGET
         self._full = False
+        self._hits = self._loose = 0
         self._joined: dict[int, int] = {}  # a solution, and one on the same curve
         self.motors = self._general()
 
@@ -87,21 +89,18 @@ class Monodromy:
             prove: does the trace test, unless the bound is reached.
         """
         found = self._begun()
+        if everywhere:
+            self._guess(found)
         self._follow_paths(found)
-        hits, loose, silent = 0, 0, 0
-        while everywhere and silent < _SILENT and not self._enough(found) and not self._spent():
-            guessed, beside = self._guessed()
-            hits, loose = hits + len(guessed), loose + beside
-            silent += 1
-            if found.add(guessed):
-                silent = 0
-                self._follow_paths(found)
-            self._full = len(found) > _MOST
+        while everywhere and self._guess(found):
+            self._follow_paths(found)
         traced = Traced(False, 0, found.array[:0])
         curves = 1 if self._enough(found) else self._curves(found)
         if prove and not self._enough(found) and self.linkage.leading.any():
             traced = self._traced(found)
-        return Fibre(self.motors, found.array, traced.complete, traced.degree, curves, hits, loose, self._spent())
+        return Fibre(
+            self.motors, found.array, traced.complete, traced.degree, curves, self._hits, self._loose, self._spent()
+        )
 
     def _enough(self, found: Distinct) -> bool:
         return self.bound is not None and len(found) >= self.bound
@@ -167,13 +166,16 @@ class Monodromy:
     def _join(self, first: int, second: int) -> None:
         self._joined[self._curve(first)] = self._curve(second)
 
-    def _guessed(self) -> tuple[Complex, int]:
-        """Solutions that Newton's method finds from random starts, and how many are not isolated."""
-        linkage = self.linkage
-        shape = _STARTS, len(linkage.passive) + 1
-        guesses = np.pi * self._rng.uniform(-1.0, 1.0, size=shape) + 0.5j * self._rng.normal(size=shape)
-        guesses[:, -1] = 0.0
-        return linkage.settled(guesses, linkage.at(self.motors))
+    def _guess(self, found: Distinct) -> int:
+        """Newton's method from random starts, until nothing new comes of it; how many are new. That costs little, but
+        nothing is known of what it does not find."""
+        linkage, before, silent = self.linkage, len(found), 0
+        while silent < _SILENT and not (self._enough(found) or self._spent()):
+            guessed, beside = linkage.settled(linkage.random(self._rng, _STARTS), linkage.at(self.motors))
+            self._hits, self._loose = self._hits + len(guessed), self._loose + beside
+            silent = 0 if found.add(guessed) else silent + 1
+            self._full = len(found) > _MOST
+        return len(found) - before
 
     def _traced(self, found: Distinct) -> Traced:
         """The trace test; solutions that it found are added."""

@@ -53,15 +53,17 @@ class SixRods:
         legs = self._family.legs(self._groups, motors)
         solver = self._solver(legs)
         try:
-            found = solver.modes(legs.lengths)
+            found = solver.modes(legs.lengths * self._linkage.mechanism.length)
         except (HexapodError, TSSMError) as error:
             raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
-        words = str(getattr(found, "method", None) or found.reason)
+        words = str(found.method)
+        placements = found.placements.copy()
+        placements[:, :3, 3] /= self._linkage.mechanism.length
         if self._assembly is None:
             self._assembly = Assembly(self._linkage, legs.member)
         configurations, coincident, lost, beyond = list[Array](), list[int](), 0, 0
         platform = self._family.platform
-        for placement, count in zip(found.placements, found.coincident, strict=True):
+        for placement, count in zip(placements, found.coincident, strict=True):
             solution = self._assembly.unknowns(placement, motors)
             q = None if solution is None else closed(self._linkage, self._linkage.configuration(solution, motors))
             if q is None:
@@ -90,7 +92,7 @@ class SixRods:
             if np.array_equal(known.base, legs.base) and np.array_equal(known.platform, legs.platform):
                 return solver
         try:
-            solver = _solver_of(legs)
+            solver = _solver_of(legs, self._linkage.mechanism.length)
         except (HexapodError, TSSMError) as error:
             raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
         self._platform = legs, solver
@@ -104,7 +106,7 @@ class SixRods:
         starts = [linkage.configuration(home + way, motors) for way in np.vstack([0.0 * home.real, away])]
         missing = [
             f"{name} is {abs(miss):.3g} m too {'long' if miss < 0.0 else 'short'}"
-            for name, miss in zip(self._family.names, approach.misses * length, strict=True)
+            for name, miss in zip(self._family.names, approach.misses, strict=True)
             if abs(miss) > _SMALL * length
         ]
         return nearest(linkage, starts, f"where they miss least, {', '.join(missing)}")
@@ -117,7 +119,8 @@ def _total(found: Any) -> int:
     return int(found.real + found.complex + found.infinite + found.lost)
 
 
-def _solver_of(legs: Legs) -> Any:
+def _solver_of(legs: Legs, length: float) -> Any:
+    """In metres, so that what it says is in metres."""
     for points, others in ((legs.platform, legs.base), (legs.base, legs.platform)):
         apart = np.linalg.norm(points[:, None] - points[None], axis=2) < _ONE
         groups = [tuple(np.flatnonzero(row)) for row in apart]
@@ -125,11 +128,11 @@ def _solver_of(legs: Legs) -> Any:
             first = sorted({group[0] for group in groups})
             which = np.array([first.index(group[0]) for group in groups])
             try:
-                solver = TSSM(others, points[first], which)
+                solver = TSSM(length * others, length * points[first], which)
             except TSSMError:
                 break
             return solver if points is legs.platform else _Inverted(solver)
-    return Hexapod(legs.base, legs.platform)
+    return Hexapod(length * legs.base, length * legs.platform)
 
 
 class _Inverted:

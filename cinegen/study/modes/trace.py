@@ -24,7 +24,8 @@ _WEIGHTS = 0.3, 1.0, 3.0, 10.0  # of alpha: near poles little goes round where i
 _STEPS = (1.3 + 0.7j, 2.6 + 1.4j, -0.9 + 1.1j)  # of gamma; the second is twice the first
 _HIDDEN = 1e-3  # part of the smallest bend of a single point: a trace that is bent less hides none
 _ROUNDING = 1e-11  # of the sum of all |t|
-_SHRUNK = 0.3
+_SHRUNK = 0.2
+_LAST = 1e-9
 _TRIES = 3
 
 
@@ -123,25 +124,38 @@ class Trace:
         return True
 
     def _at_zero(self, points: Complex, plane: Complex) -> Complex | None:
-        """What of all points comes to t = 0; None where some could be led neither there nor to infinity.
-
-        On the way alpha and gamma shrink by a thousand, and by ten again: so does t on the way to 0. What keeps its t
-        can only do that by an F that grows.
-        """
-        fibre = self._linkage.fibre
-        near = [fibre + part * (plane - fibre) for part in (1e-3, 1e-4)]
+        """What of all points comes to t = 0; None where some could be led neither there nor to infinity."""
         for _ in range(_TRIES):
-            first = self._lead(points, plane, near[0])
-            second = self._lead(first.solutions, near[0], near[1])
-            shrunk = np.abs(second.solutions[:, -1]) / np.maximum(np.abs(first.solutions[:, -1]), 1e-300)
-            zero = (shrunk < _SHRUNK) & (second.ends == ARRIVED)
-            last = self._lead(second.solutions[zero], near[1], fibre)
-            infinite = (first.ends == INFINITE) | (second.ends == INFINITE)
-            sure = zero | infinite | ((second.ends == ARRIVED) & (shrunk > 1.0 - _SHRUNK))
-            if sure.all() and (last.ends == ARRIVED).all():
-                return np.asarray(last.solutions)
+            found = self._followed(points, plane)
+            if found is not None:
+                return found
             other = self._plane()
             around = self._lead(self._lead(points, plane, other).solutions, other, plane)
             if (around.ends == ARRIVED).all():
                 points = around.solutions  # in another order: other paths
         return None
+
+    def _followed(self, points: Complex, plane: Complex) -> Complex | None:
+        """Once: alpha and gamma shrink by ten and by ten again. So does t on the way to 0; what keeps its t can only do
+        that by an F that grows."""
+        fibre, found = self._linkage.fibre, []
+        part, here, now = 1e-3, points, plane
+        there = fibre + part * (plane - fibre)
+        led = self._lead(here, now, there)
+        while len(led.solutions) and part > _LAST:
+            t, here, now = led.solutions[:, -1], led.solutions, there
+            known = led.ends == INFINITE
+            if not (known | (led.ends == ARRIVED)).all():
+                return None
+            part *= 0.1
+            there = fibre + part * (plane - fibre)
+            led = self._lead(here[~known], now, there)
+            shrunk = np.abs(led.solutions[:, -1]) / np.maximum(np.abs(t[~known]), 1e-300)
+            zero = (led.ends == ARRIVED) & (shrunk < _SHRUNK)
+            last = self._lead(led.solutions[zero], there, fibre)
+            if not (last.ends == ARRIVED).all():
+                return None
+            found.append(last.solutions)
+            going = ~zero & ((shrunk < 1.0 - _SHRUNK) | (led.ends != ARRIVED))
+            led = Led(led.solutions[going], led.ends[going], led.pivots[going])
+        return np.vstack(found) if not len(led.solutions) else None
