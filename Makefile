@@ -33,12 +33,15 @@ check: .venv/test-installed ## run the linters only
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
-bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, of the cockpit, and beside placo, pink and mink
+bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, and beside placo, pink and mink
 	$(BIN)/python benchmarks/tick.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reach.py
 	$(BIN)/python benchmarks/close.py
 	$(BIN)/python benchmarks/cockpit.py
+	$(BIN)/python benchmarks/modes.py
+	$(BIN)/python benchmarks/hexapod.py
+	$(BIN)/python benchmarks/assembly.py
 	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
 	$(BIN)/python benchmarks/compare.py

@@ -14,11 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.study.modes.distinct import SAME
 from cinegen.study.modes.kernel import ARRIVED, INFINITE, LOST, SINGULAR, Complex
 from cinegen.study.modes.linkage import Array, Linkage
-
-SAME = 1e-6
-"""Features (characteristic lengths) closer than this are the same."""
 
 _REGULAR = 1e-6  # smallest pivot over the largest
 _FIRST, _SMALLEST, _SHRINK = 1e-2, 1e-9, 0.1  # radii of the circles about s = 1

@@ -17,7 +17,7 @@ class Paths:
     """What became of all complex solutions: each is one of the first four.
 
     Attributes:
-        real: those that are real configurations.
+        real: those that are real configurations; of the platform and of all legs.
         complex: those that are not real.
         infinite: those that are at infinity.
         lost: those of which that is not known.

@@ -81,12 +81,11 @@ class Monodromy:
         self._joined: dict[int, int] = {}  # a solution, and one on the same curve
         self.motors = self._general()
 
-    def fibre(self, everywhere: bool = True, prove: bool = True) -> Fibre:
-        """All solutions.
+    def fibre(self, everywhere: bool = True) -> Fibre:
+        """All solutions, and whether they are: the trace test is done unless there are as many as there can be.
 
         Args:
             everywhere: looks also for modes that no path leads to from home, by random starts.
-            prove: does the trace test, unless the bound is reached.
         """
         found = self._begun()
         if everywhere:
@@ -95,11 +94,11 @@ class Monodromy:
         while everywhere and self._guess(found):
             self._follow_paths(found)
         traced = Traced(False, 0, found.array[:0])
-        curves = 1 if self._enough(found) else self._curves(found)
-        if prove and not self._enough(found) and self.linkage.leading.any():
+        parts = 1 if self._enough(found) else self._parts(found)
+        if not self._enough(found) and self.linkage.leading.any():
             traced = self._traced(found)
         return Fibre(
-            self.motors, found.array, traced.complete, traced.degree, curves, self._hits, self._loose, self._spent()
+            self.motors, found.array, traced.complete, traced.degree, parts, self._hits, self._loose, self._spent()
         )
 
     def _enough(self, found: Distinct) -> bool:
@@ -145,13 +144,14 @@ class Monodromy:
         self._full = len(found) > _MOST
         return len(found) - before
 
-    def _curves(self, found: Distinct) -> int:
-        """On how many curves the solutions lie, as far as going round tells."""
-        for _ in range(_JOINS):
-            if len({self._curve(k) for k in range(len(found))}) < 2 or self._spent():
+    def _parts(self, found: Distinct) -> int:
+        """In how many sets the solutions are that going round, a few more times, does not join."""
+        for attempt in range(_JOINS + 1):
+            parts = len({self._curve(k) for k in range(len(found))})
+            if parts < 2 or attempt == _JOINS or self._spent():
                 break
             self._go_round(found)
-        return len({self._curve(k) for k in range(len(found))})
+        return parts
 
     def _patience(self, count: int) -> int:
         """How many closed paths may find nothing new."""

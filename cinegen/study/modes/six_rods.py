@@ -76,11 +76,9 @@ class SixRods:
             words += f"; {beyond} of them out of reach of a universal joint"
         if lost:
             words += f"; the legs of {lost} were not assembled"
-        closest = None
-        if not configurations and found.closest is not None:
-            closest = self._closest(found.closest, motors)
-        real = int(np.maximum(found.coincident, 1).sum())
-        infinite, missing = int(found.infinite), int(getattr(found, "lost", getattr(found, "failed", 0)))
+        closest = None if configurations else self._closest(found.closest, motors)
+        real, infinite = sum(coincident), int(found.infinite)
+        missing = int(getattr(found, "lost", getattr(found, "failed", 0))) + lost
         multiple = int(getattr(found, "multiple", sum(c for c in coincident if c > 1)))
         paths = Paths(real, _total(found) - real - infinite - missing, infinite, multiple, missing)
         complete = bool(found.complete) and lost == 0
@@ -104,6 +102,8 @@ class SixRods:
         home, rng = linkage.unknowns(linkage.mechanism.q_home), np.random.default_rng(0)
         away = rng.uniform(-np.pi, np.pi, size=(_STARTS, len(home)))
         starts = [linkage.configuration(home + way, motors) for way in np.vstack([0.0 * home.real, away])]
+        if approach is None:
+            return nearest(linkage, starts)
         missing = [
             f"{name} is {abs(miss):.3g} m too {'long' if miss < 0.0 else 'short'}"
             for name, miss in zip(self._family.names, approach.misses, strict=True)
