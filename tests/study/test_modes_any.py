@@ -95,7 +95,7 @@ def test_slides_that_no_motor_drives_are_solved_too(built, word):
     modes = assembly_modes(m, home(m) + 0.1)
     sound(modes, ["tool"])
     assert modes.complete
-    nothing_beside(modes, ["tool"])
+    nothing_beside(modes, ["tool"], 10)
 
 
 def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(built):
@@ -132,7 +132,7 @@ def test_random_closings_find_nothing_beside_what_is_complete(built, seed, words
     modes = assembly_modes(m)
     sound(modes)
     if modes.complete:
-        nothing_beside(modes, ["tool"], 20, seed)
+        nothing_beside(modes, ["tool"], 10, seed)
 
 
 # --- motors that are too many -------------------------------------------------------------------------------------
@@ -174,7 +174,7 @@ def symmetric(tmp_path_factory):
 
 
 @pytest.mark.parametrize("method", ["auto", "monodromy"])
-@pytest.mark.parametrize("past", [0.0, 1e-14, -1e-14, -1e-13])
+@pytest.mark.parametrize("past", [0.0, 1e-14, -1e-13])
 def test_two_modes_that_meet_are_said_to_coincide(symmetric, past, method):
     turn = STRAIGHT - np.pi / 2.0 + past
     modes = assembly_modes(symmetric, home(symmetric) + np.array([turn, -turn]), method)
@@ -183,7 +183,7 @@ def test_two_modes_that_meet_are_said_to_coincide(symmetric, past, method):
     assert (modes.paths.multiple, modes.complete) == (2, True)
 
 
-@pytest.mark.parametrize(("past", "count"), [(-1e-8, 2), (-1e-6, 2), (-1e-3, 2), (1e-8, 0), (1e-6, 0), (1e-3, 0)])
+@pytest.mark.parametrize(("past", "count"), [(-1e-8, 2), (-1e-3, 2), (1e-8, 0), (1e-3, 0)])
 def test_two_modes_that_almost_meet_are_two_and_what_just_fails_is_said(symmetric, past, count):
     turn = STRAIGHT - np.pi / 2.0 + past
     modes = assembly_modes(symmetric, home(symmetric) + np.array([turn, -turn]))

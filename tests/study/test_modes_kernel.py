@@ -78,7 +78,7 @@ def test_derivatives_are_those_of_the_equations_in_complex_numbers(robot, name, 
         assert np.abs(difference - matrix[:, k]).max() < 1e-7 * (1.0 + np.abs(matrix[:, k]).max())
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(st.integers(0, 10**6), st.integers(1, 7), st.integers(0, 4), st.integers(0, 3))
 def test_least_squares_are_numpys(seed, columns, more, fewer):
     rng, rank = np.random.default_rng(seed), max(1, columns - fewer)
