@@ -139,7 +139,7 @@ class Homotopy:
         if fibre.complete:
             words = f"complete with probability one by the trace test (degree {fibre.degree})"
             return followed, f"{found}, {words}{rest}"
-        why = "it was given up after what is allowed to be done" if fibre.spent else "the trace test did not close"
+        why = "it was given up after the work that effort allows" if fibre.spent else "the trace test did not close"
         return False, f"{found}; that there are no others is not known: {why}{rest}"
 
     def _closest(self, led: Ends, motors: Array) -> Approach:

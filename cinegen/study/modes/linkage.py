@@ -101,7 +101,8 @@ class Linkage:
         leading: (motors,) those that move loops, as a wrist does not.
         end: the body that the mechanism's end belongs to.
         idle: how many motions are left that move no point that matters, as a rod that turns about itself.
-        work: what has been done along paths, in multiplications, about.
+        work: what has been done along paths, in multiplications, about: what may be done is told by it, and not by a
+            clock, so that it is always the same.
 
     Raises:
         ModesError: no loops, joints of other kinds, or motors that don't determine the rest.
@@ -322,6 +323,12 @@ class Linkage:
         plain[-2] = 1.0
         return plain
 
+    @cached_property
+    def _step_work(self) -> float:
+        """What a step along a path costs: least squares, derivatives, and places."""
+        rows, columns = self.scratch.matrix.shape
+        return float(rows * columns * (columns + 20) + 3000)
+
     def lead(self, solutions: Complex, path: Path) -> Led:
         """Leads solutions (count, k + 1) along a path."""
         led = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
@@ -337,8 +344,7 @@ class Linkage:
 
             with ThreadPoolExecutor(_CORES) as threads:  # the kernel does without Python's lock
                 list(threads.map(follow, shares))
-        rows, columns = self.scratch.matrix.shape
-        self.work += float(records[:, 1].sum()) * rows * columns * (columns + 20)
+        self.work += float(records[:, 1].sum()) * self._step_work
         return Led(led, ends, records[:, 0])
 
     def random(self, rng: np.random.Generator, count: int) -> Complex:
@@ -354,8 +360,7 @@ class Linkage:
         there = np.array(guesses, dtype=complex, order="C")
         ends = np.zeros(len(there), dtype=np.int64)
         settle(self.tables, path, there, ends, self.scratch)
-        rows, columns = self.scratch.matrix.shape
-        self.work += _SETTLING * len(there) * rows * columns * (columns + 20)
+        self.work += _SETTLING * len(there) * self._step_work
         return there[ends == ARRIVED], int((ends == SINGULAR).sum())
 
     def can_move(self, solution: Complex, motors: Array) -> bool:
