@@ -26,6 +26,7 @@ EXACT = 1e-12
 """Two frames that differ by less (sines of angles, and parts of the robot's size) are one frame."""
 
 _LOOSE = 0.01  # sine of an angle: of axes nearer to parallel, gamma and r are not well determined
+_ASIDE = 0.1  # sine of an angle: axes that are nearer to parallel are not at a right angle
 _FAR = 10.0  # of the robot's size: no origin should be further away, as some common perpendiculars are
 
 
@@ -109,7 +110,9 @@ def way(father: Array, child: Array, length: float, branches: bool = True) -> li
     near = near and (branches or (found.gamma == 0.0 and found.epsilon == 0.0))
     if near and _error(found, relative) <= 10.0 * EXACT * max(length, 1.0):
         return [found]
-    between = _frame(child[:3, 0], -child[:3, 1], child[:3, 3])
+    x, y, z = child[:3, :3].T
+    aside = x if np.linalg.norm(np.cross(x, father[:3, 2])) > _ASIDE else y
+    between = _frame(aside, np.cross(aside, z), child[:3, 3])
     first = step(inverse(father) @ between, length)
     return [first, step(inverse(father @ transform(first)) @ child, length)]
 

@@ -228,7 +228,7 @@ class _Robot:
                 self.number_of[link], self.nodes[link] = number, node
                 continue
             place, joint = self.holder.get(link, (-1, None))
-            fixed = joint is not None and joint.get("type") == "fixed"
+            fixed = joint is not None and joint.get("type") == "fixed" and self.numbers.knows(joint)
             own = self.numbers.of(joint) if fixed else self.numbers.free()
             holder = ends(joint)[0] if fixed else link
             pred, found = self._step(number, holder, there, link, place + 0.2)
@@ -386,6 +386,10 @@ class _Numbers:
             moving = sorted(all_joints, key=lambda joint: joint.get("type") == "fixed")  # the others in their order
             self.by_joint = {joint.get("name"): i + 1 for i, joint in enumerate(moving)}
         self.last = max(self.by_joint.values(), default=0)
+
+    def knows(self, joint: Any) -> bool:
+        """Whether a joint holds a node: the one that places the base holds none."""
+        return joint.get("name") in self.by_joint
 
     def of(self, joint: Any) -> int:
         """The number of the node that a joint holds."""
