@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.drive import of_page, show
 from cinegen.cli.files import mechanisms, of_files, progress, write_figure
+from cinegen.cli.values import meant, named, number, parts
 
 if TYPE_CHECKING:
     import numpy as np
@@ -104,48 +105,15 @@ def _motors(mechanism: Mechanism, options: argparse.Namespace) -> tuple[NDArray[
     import numpy as np
 
     if options.lengths:
-        return _values(mechanism, _parts(options.lengths)), None
+        return _values(mechanism, parts(options.lengths)), None
     if options.at:
-        asked = _asked(mechanism, _parts(options.at), options.node or mechanism.end)
+        asked = _asked(mechanism, parts(options.at), options.node or mechanism.end)
         q = _reached(mechanism, asked)
         return np.array([q[mechanism.q_index(joint)] for joint in mechanism.actuated]), asked
     return None, None
 
 
-def _parts(words: Sequence[str]) -> list[str]:
-    """What commas or blanks part."""
-    return re.split(r"[,\s]+", " ".join(words).strip(", \t"))
-
-
-def _number(text: str, option: str) -> float:
-    from cinegen.errors import CinegenError
-
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise CinegenError(f"{option}: '{text}' is no number")
-    return value
-
-
-def _named(parts: Sequence[str], option: str, example: str) -> dict[str, float] | None:
-    """Values by name; None where none has a name.
-
-    Raises:
-        CinegenError: some have a name and some have none, or it is no number.
-    """
-    from cinegen.errors import CinegenError
-
-    named = [part for part in parts if "=" in part]
-    if not named:
-        return None
-    if len(named) < len(parts):
-        raise CinegenError(f"{option}: give all values by name, such as {example}, or none")
-    return {name: _number(text, option) for name, _, text in (part.partition("=") for part in named)}
-
-
-def _values(mechanism: Mechanism, parts: Sequence[str]) -> NDArray[np.float64]:
+def _values(mechanism: Mechanism, given: Sequence[str]) -> NDArray[np.float64]:
     """(motors,) rad and m, from --lengths.
 
     Raises:
@@ -159,21 +127,21 @@ def _values(mechanism: Mechanism, parts: Sequence[str]) -> NDArray[np.float64]:
 
     motors = mechanism.actuated
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in motors}
-    named = _named(parts, "--lengths", f"{motors[0] if motors else 'joint1'}=100")
-    if named is None:
-        if len(parts) != len(motors):
+    by_name = named(given, "--lengths", f"{motors[0] if motors else 'joint1'}=100")
+    if by_name is None:
+        if len(given) != len(motors):
             listed = ", ".join(f"{joint} ({said(mechanism, joint, home[joint])} at home)" for joint in motors)
-            values = f"{len(parts)} value{'s' * (len(parts) != 1)}"
+            values = f"{len(given)} value{'s' * (len(given) != 1)}"
             raise CinegenError(f"--lengths: {values} for the {len(motors)} motors of {mechanism.name}: {listed}")
-        named = dict(zip(motors, (_number(part, "--lengths") for part in parts), strict=True))
-    for joint, value in named.items():
+        by_name = dict(zip(motors, (number(part, "--lengths") for part in given), strict=True))
+    for joint, value in by_name.items():
         if joint not in home:
             raise UnknownNameError("motor", joint, tuple(motors))
-        home[joint] = value / 1e3 if mechanism.slides(joint) else math.radians(value)
+        home[joint] = meant(mechanism, joint, value)
     return np.array([home[joint] for joint in motors])
 
 
-def _asked(mechanism: Mechanism, parts: Sequence[str], node: str) -> Pull:
+def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> Pull:
     """What of a node --at wants to be where.
 
     Raises:
@@ -186,17 +154,17 @@ def _asked(mechanism: Mechanism, parts: Sequence[str], node: str) -> Pull:
     from cinegen.solve import Pull
     from cinegen.study.drawing.words import place
 
-    named = _named(parts, "--at", "x=10,rz=15")
-    if named is None:
-        if len(parts) not in (3, 6):
-            raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in mm and degrees, not {len(parts)} numbers")
-        named = dict(zip(_POSE, (_number(part, "--at") for part in parts), strict=False))
+    by_name = named(given, "--at", "x=10,rz=15")
+    if by_name is None:
+        if len(given) not in (3, 6):
+            raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in mm and degrees, not {len(given)} numbers")
+        by_name = dict(zip(_POSE, (number(part, "--at") for part in given), strict=False))
     pose = place(mechanism.placement(mechanism.q_home, node))
-    for coordinate, value in named.items():
+    for coordinate, value in by_name.items():
         if coordinate not in _POSE:
             raise UnknownNameError("coordinate", coordinate, _POSE)
         pose[_POSE.index(coordinate)] = value
-    turned = any(coordinate in named for coordinate in _POSE[3:])
+    turned = any(coordinate in by_name for coordinate in _POSE[3:])
     target = pin.SE3(pin.rpy.rpyToMatrix(np.radians(pose[3:])), pose[:3] / 1e3)
     return Pull(node, target, rotation=3 if turned else 0)
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import mechanisms, of_files, progress, write, write_figure
+from cinegen.cli.values import meant, named, number, parts
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -90,25 +91,15 @@ def _there(mechanism: Mechanism, options: argparse.Namespace) -> Any:
 
 
 def _values(mechanism: Mechanism, text: str) -> dict[str, float]:
-    """Coordinates by name, from mm and degrees."""
+    """Coordinates by name, m and rad, from --at; none without it."""
     from cinegen.errors import CinegenError
 
-    values = {}
-    for part in filter(None, text.split(",")):
-        name, equals, number = (word.strip() for word in part.partition("="))
-        try:
-            values[name] = float(number) * _unit(mechanism, name)
-        except ValueError:
-            equals = ""
-        if not equals:
-            raise CinegenError(f"'{part}': write NAME=VALUE, mm or degrees, such as x=100 or rz=15")
-    return values
-
-
-def _unit(mechanism: Mechanism, name: str) -> float:
-    """m or rad of what is a mm or a degree on the command line."""
-    long = name in ("x", "y", "z") or (name in mechanism.joints and mechanism.slides(name))
-    return 1e-3 if long else 0.017453292519943295
+    given = parts([text])
+    for part in given:
+        if "=" not in part:
+            raise CinegenError(f"--at: '{part}': write NAME=VALUE, mm or degrees, such as x=100 or rz=15")
+    values = named(given, "--at", "x=100,rz=15") or {}
+    return {name: meant(mechanism, name, value) for name, value in values.items()}
 
 
 # --- a slice -----------------------------------------------------------------------------------------------------
@@ -157,13 +148,9 @@ def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
     if not equals:
         return about_home(mechanism, name, node)
     low, dots, high = span.partition("..")
-    try:
-        numbers = float(low) * _unit(mechanism, name), float(high) * _unit(mechanism, name)
-    except ValueError:
-        dots, numbers = "", (0.0, 0.0)
     if not dots:
         raise CinegenError(f"--scan: '{text}': write NAME=LOW..HIGH, mm or degrees, such as x=-300..300")
-    return Axis(name, *numbers)
+    return Axis(name, *(meant(mechanism, name, number(end, "--scan")) for end in (low, high)))
 
 
 def _ending(plot: str | None) -> str:

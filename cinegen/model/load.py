@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
+from cinegen.model.limits import beyond
 from cinegen.model.loops import Loop
 from cinegen.model.mechanism import Mechanism, Source
 from cinegen.model.urdf import completed, kinematics, simple
@@ -210,7 +211,7 @@ def _home(mechanism: Mechanism, written: Array) -> Array:
         raise ClosureError(_diagnosis(mechanism, written, closing))
     inside, free = closing, np.ones(mechanism.model.nv, dtype=bool)
     for _ in range(3):
-        outside = _outside(mechanism, inside.q)
+        outside = beyond(mechanism, inside.q)
         if not outside:
             return inside.q
         q = inside.q.copy()
@@ -220,20 +221,9 @@ def _home(mechanism: Mechanism, written: Array) -> Array:
         inside = close(system, q, free)
         if not inside.closed:
             break
-    names = ", ".join(_outside(mechanism, closing.q))
+    names = ", ".join(beyond(mechanism, closing.q))
     warnings.warn(f"{mechanism.name}: closed, home is outside the limits of {names}", CinegenWarning, stacklevel=4)
     return closing.q
-
-
-def _outside(mechanism: Mechanism, q: Array) -> dict[str, float]:
-    """Joints that are beyond a limit, and that limit."""
-    found = {}
-    for joint in mechanism.joints:
-        i = mechanism.q_index(joint)
-        low, high = mechanism.model.lowerPositionLimit[i], mechanism.model.upperPositionLimit[i]
-        if not low <= q[i] <= high:
-            found[joint] = float(low if q[i] < low else high)
-    return found
 
 
 def _diagnosis(mechanism: Mechanism, written: Array, best: Closing) -> str:

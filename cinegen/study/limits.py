@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
+from cinegen.model.limits import beyond, limits
 
 Array = NDArray[np.float64]
 
@@ -37,20 +38,4 @@ def outside(mechanism: Mechanism, q: Array) -> dict[str, float]:
         mechanism: whose.
         q: (nq,).
     """
-    there, found = unwound(mechanism, q), {}
-    for joint in mechanism.joints:
-        low, high = limits(mechanism, joint)
-        value = float(there[mechanism.q_index(joint)])
-        if not low - _ROUNDING <= value <= high + _ROUNDING:
-            found[joint] = low if value < low else high
-    return found
-
-
-def limits(mechanism: Mechanism, joint: str) -> tuple[float, float]:
-    """Of a joint, rad or m; infinite where it has none.
-
-    Raises:
-        UnknownNameError: no such joint.
-    """
-    i, model = mechanism.q_index(joint), mechanism.model
-    return float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+    return beyond(mechanism, unwound(mechanism, q), _ROUNDING)

@@ -44,13 +44,13 @@ _REAL = 1e-9  # imaginary part of a root, relative, below which it is real
 _ROUNDING = 1e-13  # of what they are a difference of: coefficients that are 0
 
 
-class TssmError(CinegenError):
+class GeometryError(CinegenError):
     """Points that do not make a TSSM."""
 
 
 @dataclass(frozen=True, eq=False)
-class Tssm:
-    """A triangle on six legs, two to a corner, over a flat base.
+class Geometry:
+    """Of a TSSM, a triangle on six legs, two to a corner, over a flat base: where its legs begin and end.
 
     Attributes:
         base: (6, 3) A1 ... A6, z = 0.
@@ -64,7 +64,7 @@ class Tssm:
         base, platform = np.asarray(self.base, dtype=float), np.asarray(self.platform, dtype=float)
         for name, points, shape in (("base", base, (6, 3)), ("platform", platform, (3, 3))):
             if points.shape != shape or not np.isfinite(points).all() or points[:, 2].any():
-                raise TssmError(f"the {name} of a TSSM is {shape[0]} points (x, y, 0); given was {points.tolist()}")
+                raise GeometryError(f"the {name} of a TSSM is {shape[0]} points (x, y, 0); given was {points.tolist()}")
         object.__setattr__(self, "base", base)
         object.__setattr__(self, "platform", platform)
 
@@ -82,19 +82,19 @@ class Tssm:
         corners = np.repeat(self.corners(np.asarray(pose, dtype=float)), 2, axis=0)
         return tuple(Line.through(a, b) for a, b in zip(self.base, corners, strict=True))
 
-    def relabelled(self, order: Sequence[int]) -> Tssm:
+    def relabelled(self, order: Sequence[int]) -> Geometry:
         """The same robot with other names: its leg i is this one's leg order[i], counted from 0. So a row that speaks
         of legs 1, 2, 3 and 5 is asked of others. Poses stay what they are.
 
         Raises:
-            TssmError: legs that share a corner would be parted.
+            GeometryError: legs that share a corner would be parted.
         """
         pairs = [index // 2 for index in order[::2]]
         if sorted(order) != list(range(6)) or pairs != [index // 2 for index in order[1::2]]:
-            raise TssmError(
+            raise GeometryError(
                 f"{list(order)} parts legs that share a corner of the platform; keep 0 1, 2 3, 4 5 side by side"
             )
-        return Tssm(self.base[list(order)], self.platform[pairs])
+        return Geometry(self.base[list(order)], self.platform[pairs])
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,10 +117,10 @@ class Row:
     variety: Variety
     legs: tuple[int, ...]
     determined: tuple[str, ...]
-    solve: Callable[[Tssm, Array], Array]
-    residual: Callable[[Tssm, Array], float]
+    solve: Callable[[Geometry, Array], Array]
+    residual: Callable[[Geometry, Array], float]
 
-    def complete(self, tssm: Tssm, pose: ArrayLike) -> Array:
+    def complete(self, tssm: Geometry, pose: ArrayLike) -> Array:
         """(k, 6) the poses that satisfy the condition and keep the free coordinates of a pose (6,); k = 0 where there
         is none, as the platform is parallel to the base or the coordinates belong to no real pose.
         """
@@ -129,7 +129,7 @@ class Row:
         return np.asarray(poses[np.isfinite(poses).all(axis=1)])
 
 
-def concurrency(tssm: Tssm, pose: Array) -> float:
+def concurrency(tssm: Geometry, pose: Array) -> float:
     """F over the sizes of its normals and sides: 0 at every singularity of a TSSM and nowhere else, between -2 and 2.
 
     F itself is the determinant of the legs' unit Pluecker vectors, times the legs' lengths, times -1.
@@ -143,7 +143,7 @@ def concurrency(tssm: Tssm, pose: Array) -> float:
 # --- plane: a variety of rank 3 --------------------------------------------------------------------------------------
 
 
-def _complete_plane(tssm: Tssm, pose: Array) -> Array:
+def _complete_plane(tssm: Geometry, pose: Array) -> Array:
     """Legs 3 and 5 go through B1, where legs 1 and 2 end: four lines through one point.
 
     B1 then lies on A3B3 and on A5B5, so A3 and A5 lie in the platform's plane, which cuts the base along A3A5. The node
@@ -161,7 +161,7 @@ def _complete_plane(tssm: Tssm, pose: Array) -> Array:
     return np.array(poses)
 
 
-def _residual_plane(tssm: Tssm, pose: Array) -> float:
+def _residual_plane(tssm: Geometry, pose: Array) -> float:
     corners = tssm.corners(pose)
     return _largest(
         _heading(tssm.base[2] - tssm.base[4], pose),
@@ -173,7 +173,7 @@ def _residual_plane(tssm: Tssm, pose: Array) -> float:
 # --- congruences: varieties of rank 4 --------------------------------------------------------------------------------
 
 
-def _complete_degenerate(tssm: Tssm, pose: Array) -> Array:
+def _complete_degenerate(tssm: Geometry, pose: Array) -> Array:
     """Leg 5 goes through B1, where legs 1 and 2 end, and B1 lies in the plane of legs 3 and 4: three lines through a
     point of the plane of the two others.
 
@@ -187,7 +187,7 @@ def _complete_degenerate(tssm: Tssm, pose: Array) -> Array:
     return np.array([_placed(pose, tssm.base[4] + s * way - rotation @ b1)])
 
 
-def _residual_degenerate(tssm: Tssm, pose: Array) -> float:
+def _residual_degenerate(tssm: Geometry, pose: Array) -> float:
     corners = tssm.corners(pose)
     return _largest(
         _from_line(corners[0], tssm.base[4], corners[2]) / tssm.length,
@@ -195,7 +195,7 @@ def _residual_degenerate(tssm: Tssm, pose: Array) -> float:
     )
 
 
-def _complete_two_pencils(tssm: Tssm, pose: Array) -> Array:
+def _complete_two_pencils(tssm: Geometry, pose: Array) -> Array:
     """B3 lies in the plane of legs 1 and 2, B1 in that of legs 3 and 4: the line B1B3 goes through I13.
 
     Both are linear in the position: (B1 - A1).(e13 x (A2 - A1)) = 0 and (B1 - A3).(e13 x (A4 - A3)) = 0, two equations
@@ -205,12 +205,12 @@ def _complete_two_pencils(tssm: Tssm, pose: Array) -> Array:
     return _in_planes(tssm, pose, 0, ((1, 0), (1, 1)))
 
 
-def _residual_two_pencils(tssm: Tssm, pose: Array) -> float:
+def _residual_two_pencils(tssm: Geometry, pose: Array) -> float:
     corners = tssm.corners(pose)
     return _largest(_from_pair(tssm, corners, corners[1], 0), _from_pair(tssm, corners, corners[0], 1))
 
 
-def _complete_hyperbolic(tssm: Tssm, pose: Array) -> Array:
+def _complete_hyperbolic(tssm: Geometry, pose: Array) -> Array:
     """Leg 5 meets the two lines that legs 1, 2, 3, 4 meet: B1B3, and the line common to pi1 and pi3.
 
     Leg 5 meets B1B3 where it lies in the platform's plane: A5 in it is linear in the position, and gives y0 for each x0
@@ -221,14 +221,14 @@ def _complete_hyperbolic(tssm: Tssm, pose: Array) -> Array:
     return np.array([_slid(tssm, pose)])
 
 
-def _residual_hyperbolic(tssm: Tssm, pose: Array) -> float:
+def _residual_hyperbolic(tssm: Geometry, pose: Array) -> float:
     return _largest(_from_platform(tssm, pose, 4), concurrency(tssm, pose))
 
 
 # --- complexes: varieties of rank 5 ----------------------------------------------------------------------------------
 
 
-def _complete_fichter(tssm: Tssm, pose: Array) -> Array:
+def _complete_fichter(tssm: Geometry, pose: Array) -> Array:
     """The platform is parallel to the base, and turned by a quarter: Fichter's singularity.
 
     With theta = 0 the sides e are horizontal, n1.e13 = z0 (u1y e13x - u1x e13y) with u1 = A2 - A1, and F is z0^3 times
@@ -239,12 +239,12 @@ def _complete_fichter(tssm: Tssm, pose: Array) -> Array:
     return np.array([_with(pose, theta=0.0, phi=chi + half - pose[3]) for half in (0.0, np.pi)])
 
 
-def _residual_fichter(tssm: Tssm, pose: Array) -> float:
+def _residual_fichter(tssm: Geometry, pose: Array) -> float:
     size = np.hypot(_level(tssm, 0.0), _level(tssm, 0.5 * np.pi))
     return _largest(2.0 * np.sin(0.5 * pose[4]), _level(tssm, pose[3] + pose[5]) / size)
 
 
-def _complete_general(tssm: Tssm, pose: Array) -> Array:
+def _complete_general(tssm: Geometry, pose: Array) -> Array:
     """F = 0 is a cubic in z0.
 
     Its leading coefficient sees the sides' horizontal parts M e, with M the first two rows and columns of R. As it
@@ -259,11 +259,11 @@ def _complete_general(tssm: Tssm, pose: Array) -> Array:
     return np.array([_with(pose, z0=height) for height in heights]).reshape(-1, 6)
 
 
-def _residual_general(tssm: Tssm, pose: Array) -> float:
+def _residual_general(tssm: Geometry, pose: Array) -> float:
     return abs(concurrency(tssm, pose))
 
 
-def _complete_special(tssm: Tssm, pose: Array) -> Array:
+def _complete_special(tssm: Geometry, pose: Array) -> Array:
     """B5 lies in the planes of legs 1 and 2, and of 3 and 4: all six legs meet the line I13 B5.
 
     (B5 - A1).(e15 x (A2 - A1)) = 0 and (B5 - A3).(e35 x (A4 - A3)) = 0: two linear equations for x0 and y0.
@@ -271,12 +271,12 @@ def _complete_special(tssm: Tssm, pose: Array) -> Array:
     return _in_planes(tssm, pose, 2, ((0, 0), (1, 1)))
 
 
-def _residual_special(tssm: Tssm, pose: Array) -> float:
+def _residual_special(tssm: Geometry, pose: Array) -> float:
     corners = tssm.corners(pose)
     return _largest(_from_pair(tssm, corners, corners[2], 0), _from_pair(tssm, corners, corners[2], 1))
 
 
-def _complete_hunt(tssm: Tssm, pose: Array) -> Array:
+def _complete_hunt(tssm: Geometry, pose: Array) -> Array:
     """Legs 5 and 6 lie in the platform's plane: all six legs meet the side B1B3.
 
     The platform's plane cuts the base along A5A6, which gives psi, and A5 in it gives z0.
@@ -290,14 +290,14 @@ def _complete_hunt(tssm: Tssm, pose: Array) -> Array:
     return np.array(poses)
 
 
-def _residual_hunt(tssm: Tssm, pose: Array) -> float:
+def _residual_hunt(tssm: Geometry, pose: Array) -> float:
     return _largest(_from_platform(tssm, pose, 4), _from_platform(tssm, pose, 5))
 
 
 # --- two flat pencils again ------------------------------------------------------------------------------------------
 
 
-def _complete_crossed(tssm: Tssm, pose: Array) -> Array:
+def _complete_crossed(tssm: Geometry, pose: Array) -> Array:
     """Legs 3 and 5 lie in the platform's plane and cross in a point of the plane of legs 1 and 2: two flat pencils, of
     legs 1 and 2 and of legs 3 and 5, that share the line from B1 to that point.
 
@@ -307,7 +307,7 @@ def _complete_crossed(tssm: Tssm, pose: Array) -> Array:
     return np.array([_slid(tssm, _with(pose, psi=psi)) for psi in _both(tssm.base[2] - tssm.base[4])])
 
 
-def _residual_crossed(tssm: Tssm, pose: Array) -> float:
+def _residual_crossed(tssm: Geometry, pose: Array) -> float:
     return _largest(_from_platform(tssm, pose, 2), _from_platform(tssm, pose, 4), concurrency(tssm, pose))
 
 
@@ -342,12 +342,12 @@ def _sides(corners: Array) -> Array:
     return np.asarray(np.roll(corners, -1, axis=0) - corners)
 
 
-def _normals(tssm: Tssm, corners: Array) -> Array:
+def _normals(tssm: Geometry, corners: Array) -> Array:
     """(3, 3) n1, n3, n5: of the planes of the pairs of legs."""
     return np.cross(tssm.base[::2] - corners, tssm.base[1::2] - corners)
 
 
-def _in_planes(tssm: Tssm, pose: Array, corner: int, conditions: tuple[tuple[int, int], tuple[int, int]]) -> Array:
+def _in_planes(tssm: Geometry, pose: Array, corner: int, conditions: tuple[tuple[int, int], tuple[int, int]]) -> Array:
     """(1, 6) the pose of given z0 where a corner lies, for each (other, pair) of two, in the plane through that pair's
     base line along the side to the other corner."""
     rotation = _rotation(pose)
@@ -364,7 +364,7 @@ def _in_planes(tssm: Tssm, pose: Array, corner: int, conditions: tuple[tuple[int
     return np.array([_with(pose, x0=x0, y0=y0)])
 
 
-def _slid(tssm: Tssm, pose: Array) -> Array:
+def _slid(tssm: Geometry, pose: Array) -> Array:
     """(6,) the pose of given z0 and angles with A5 in the platform's plane and F = 0.
 
     The platform is slid in its plane along that plane's line in the base. On this line the planes of the leg pairs have
@@ -380,7 +380,7 @@ def _slid(tssm: Tssm, pose: Array) -> Array:
     return _placed(pose, start + here / (here - there) * way)
 
 
-def _ceva(tssm: Tssm, corners: Array) -> float:
+def _ceva(tssm: Geometry, corners: Array) -> float:
     """F."""
     before, after = _factors(_normals(tssm, corners), _sides(corners))
     return float(before.prod() - after.prod())
@@ -391,7 +391,7 @@ def _factors(normals: Array, sides: Array) -> tuple[Array, Array]:
     return np.einsum("ij,ij->i", normals, sides), np.einsum("ij,ij->i", np.roll(normals, -1, axis=0), sides)
 
 
-def _by_height(tssm: Tssm, pose: Array) -> Polynomial:
+def _by_height(tssm: Geometry, pose: Array) -> Polynomial:
     """F as a cubic in z0 / length: each factor is linear in it."""
     at = [tssm.corners(_with(pose, z0=height * tssm.length)) for height in (0.0, 1.0)]
     zero, one = (np.array(_factors(_normals(tssm, corners), _sides(corners))) for corners in at)
@@ -403,7 +403,7 @@ def _by_height(tssm: Tssm, pose: Array) -> Polynomial:
     return Polynomial((before - after).coef).trim(_ROUNDING * size)
 
 
-def _level(tssm: Tssm, chi: float) -> float:
+def _level(tssm: Geometry, chi: float) -> float:
     """F / z0^3 where the platform is parallel to the base and turned by chi."""
     c, s = np.cos(chi), np.sin(chi)
     sides = _sides(tssm.platform)[:, :2] @ np.array([[c, s], [-s, c]])
@@ -426,13 +426,13 @@ def _from_line(point: Array, a: Array, b: Array) -> float:
     return float(np.linalg.norm(Line.through(a, b).nearest(point) - point))
 
 
-def _from_pair(tssm: Tssm, corners: Array, point: Array, pair: int) -> float:
+def _from_pair(tssm: Geometry, corners: Array, point: Array, pair: int) -> float:
     """How far a point is from the plane of a pair of legs, in characteristic lengths."""
     normal = _normals(tssm, corners)[pair]
     return float(normal @ (point - corners[pair]) / np.linalg.norm(normal)) / tssm.length
 
 
-def _from_platform(tssm: Tssm, pose: Array, leg: int) -> float:
+def _from_platform(tssm: Geometry, pose: Array, leg: int) -> float:
     """How far the base's point of a leg is from the platform's plane, in characteristic lengths."""
     return float(_rotation(pose)[:, 2] @ (tssm.base[leg] - pose[:3])) / tssm.length
 
@@ -526,4 +526,4 @@ ROWS = (
         _residual_crossed,
     ),
 )
-"""Table 2 in its order, then two rows that it lacks. Each for one naming of the legs: see `Tssm.relabelled`."""
+"""Table 2 in its order, then two rows that it lacks. Each for one naming of the legs: see `Geometry.relabelled`."""

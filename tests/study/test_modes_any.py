@@ -25,22 +25,12 @@ from linkages import (
     together,
     tripod,
 )
+from numpy.random import default_rng as rng
 
 import cinegen
 from cinegen.study import assembly_modes
 from cinegen.study.modes import ModesError
 from raff2urdf.closure import passive
-
-
-def rng(seed):
-    return np.random.default_rng(seed)
-
-
-@pytest.fixture
-def built(raff):
-    """`built(mechanism)`: loaded, its digits all written."""
-    return lambda mechanism: raff(mechanism.text(joint_digits=None))
-
 
 # --- any mechanism ------------------------------------------------------------------------------------------------
 

@@ -21,20 +21,11 @@ from linkages import (
     tripod,
     tripod_points,
 )
+from numpy.random import default_rng as rng
 
 from cinegen.study import assembly_modes
 from cinegen.study.hexapod import Hexapod
 from cinegen.study.triangle import TSSM
-
-
-def rng(seed):
-    return np.random.default_rng(seed)
-
-
-@pytest.fixture
-def built(raff):
-    """`built(mechanism)`: loaded, its digits all written."""
-    return lambda mechanism: raff(mechanism.text(joint_digits=None))
 
 
 def circles(a, b, r, s):

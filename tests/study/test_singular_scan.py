@@ -166,7 +166,10 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     [
         (["--scan", "x"], "--scan x: name two coordinates"),
         (["--scan", "x=1,y"], "'x=1': write NAME=LOW..HIGH"),
+        (["--scan", "x=1..b,y"], "--scan: 'b' is no number"),
         (["--at", "x"], "'x': write NAME=VALUE, mm or degrees"),
+        (["--at", "x=1,y"], "'y': write NAME=VALUE, mm or degrees"),
+        (["--at", "x=nan"], "--at: 'nan' is no number"),
         (["--at", "x=9000"], "--at x=9000 can't be reached straight from home on its branch"),
         (["--scan", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
     ],

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from cinegen.study.lines import Line, Variety, are_coplanar, classify, distance, mutual_moment, nearness, transversals
-from cinegen.study.table2 import COORDINATES, ROWS, Tssm, TssmError, concurrency
+from cinegen.study.table2 import COORDINATES, ROWS, Geometry, GeometryError, concurrency
 
 # The paper's example (J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics
 # polynomial and the singular configurations of parallel manipulators"): its geometry, identified from Table 1. With it
 # all printed poses give the same six leg lengths, to the printed digits.
-PAPER = Tssm(
+PAPER = Geometry(
     np.array([[-9.7, 9.1, 0], [9.7, 9.1, 0], [12.76, 3.9, 0], [3.0, -13.0, 0], [-3.0, -13.0, 0], [-12.76, 3.9, 0]]),
     np.array([[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]]),
 )
@@ -28,7 +28,7 @@ def _any_tssm(rng):
     base = rng.uniform(8.0, 14.0, 6) * np.array([np.cos(around), np.sin(around)])
     around = np.arange(3) * 2 * np.pi / 3 + rng.uniform(-0.5, 0.5, 3) + 0.5
     platform = rng.uniform(4.0, 8.0, 3) * np.array([np.cos(around), np.sin(around)])
-    return Tssm(np.column_stack([*base, np.zeros(6)]), np.column_stack([*platform, np.zeros(3)]))
+    return Geometry(np.column_stack([*base, np.zeros(6)]), np.column_stack([*platform, np.zeros(3)]))
 
 
 def _any_pose(rng):
@@ -345,11 +345,11 @@ def test_rows_without_a_solution_have_no_poses():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (lambda: Tssm(PAPER.base + np.array([0, 0, 1]), PAPER.platform), "base of a TSSM is 6 points"),
-        (lambda: Tssm(PAPER.base, PAPER.platform[:2]), "platform of a TSSM is 3 points"),
+        (lambda: Geometry(PAPER.base + np.array([0, 0, 1]), PAPER.platform), "base of a TSSM is 6 points"),
+        (lambda: Geometry(PAPER.base, PAPER.platform[:2]), "platform of a TSSM is 3 points"),
         (lambda: PAPER.relabelled([0, 2, 1, 3, 4, 5]), "keep 0 1, 2 3, 4 5 side by side"),
     ],
 )
 def test_what_is_no_tssm_says_why(make, says):
-    with pytest.raises(TssmError, match=says):
+    with pytest.raises(GeometryError, match=says):
         make()

@@ -174,6 +174,7 @@ def test_a_flat_pose_is_eight_solutions_in_one(rng):
     assert near.min() <= 1e-4
     if modes.complete:  # some could not be followed to where so many meet
         assert modes.coincident[near.argmin()] > 1
+        assert 2 <= modes.multiple <= modes.real
         assert modes.real >= 8
 
 
@@ -191,6 +192,7 @@ def test_two_legs_in_a_line_hold_the_platform_still(rng):
     near = np.abs(modes.placements - placement).max(axis=(1, 2))
     assert near.min() <= 1e-5
     assert modes.coincident[near.argmin()] > 1
+    assert 2 <= modes.multiple <= modes.real
 
 
 # --- none -----------------------------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.study.hexapod import kernel
 from cinegen.study.hexapod.equations import Array, Complex, coefficients, moving, placements, squares
 from cinegen.study.hexapod.legs import jacobian, lengths, nearest, refine
 from cinegen.study.hexapod.paths import Ends, Kind, lie_on_curve, settle
@@ -62,8 +63,8 @@ class Modes:
         complex: regular solutions that are not.
         infinite: paths that ended at infinity.
         multiple: paths that ended in points where solutions meet, real or not.
-        failed: paths that could not be followed to an end.
-        complete: whether these are all modes: no path failed, and none ended on a curve of configurations.
+        lost: paths that could not be followed to an end.
+        complete: whether these are all modes: no path was lost, and none ended on a curve of configurations.
         method: how they were found, in words.
         closest: what comes nearest, where there is no mode.
     """
@@ -74,10 +75,15 @@ class Modes:
     complex: int
     infinite: int
     multiple: int
-    failed: int
+    lost: int
     complete: bool
     method: str
     closest: Approach | None = None
+
+    @property
+    def total(self) -> int:
+        """How many complex solutions are accounted for: 40."""
+        return self.real + self.complex + self.infinite + self.multiple + self.lost
 
 
 class Hexapod:
@@ -96,7 +102,7 @@ class Hexapod:
     steps: int
 
     def __init__(self, base: ArrayLike, platform: ArrayLike) -> None:
-        """Follows the start system's solutions to this geometry.
+        """Follows the start system's solutions to this geometry, and compiles what is not compiled yet.
 
         Args:
             base: (6, 3) where rods begin.
@@ -111,11 +117,12 @@ class Hexapod:
         self._unit = float(np.sqrt(((a**2).sum() + (b**2).sum()) / 12.0))
         self._check(a, b)
         self._a, self._b = a / self._unit, b / self._unit
+        kernel.prepare_paths()
         ends = self._general(load())
         self._x = ends.x[ends.kind == Kind.REGULAR]
         self.degree = len(self._x)
         self._infinite = ends.count(Kind.INFINITE)
-        self._failed = COUNT - self.degree - self._infinite
+        self._lost = COUNT - self.degree - self._infinite
         self.steps = int(ends.steps.sum())
 
     def modes(self, lengths: ArrayLike) -> Modes:
@@ -171,7 +178,7 @@ class Hexapod:
     # --- what they say ----------------------------------------------------------------------------------------------
 
     def _account(self, asked: Array, ends: Ends, curve: bool) -> Modes:
-        infinite, failed = self._infinite + ends.count(Kind.INFINITE), self._failed + ends.count(Kind.FAILED)
+        infinite, lost = self._infinite + ends.count(Kind.INFINITE), self._lost + ends.count(Kind.FAILED)
         regular, multiple = ends.kind == Kind.REGULAR, ends.kind == Kind.MULTIPLE
         found, real = self._real(asked, ends)
         count = int((real & regular).sum())
@@ -180,7 +187,7 @@ class Hexapod:
         if (int(regular.sum()) - count) % 2:  # what is not real is conjugate to another
             remarks.append("a real solution could not be told from a complex one")
         closest = None
-        if not len(kept) and not failed:
+        if not len(kept) and not lost:
             here, misses = self._closest(asked, ends.x[regular | multiple])
             if np.abs(misses).max() <= _REAL:
                 kept, coincident = here[None], np.ones(1, dtype=np.int64)
@@ -194,9 +201,9 @@ class Hexapod:
             int(regular.sum()) - count,
             infinite,
             int(multiple.sum()),
-            failed,
-            not failed and not remarks,
-            _method(int(regular.sum()), count, infinite, int(multiple.sum()), failed, remarks),
+            lost,
+            not lost and not remarks,
+            _method(int(regular.sum()), count, infinite, int(multiple.sum()), lost, remarks),
             closest,
         )
 
@@ -298,14 +305,14 @@ def _together(found: Array) -> tuple[Array, NDArray[np.int64]]:
     return found[kept], np.array(counts, dtype=np.int64)
 
 
-def _method(regular: int, real: int, infinite: int, multiple: int, failed: int, remarks: list[str]) -> str:
+def _method(regular: int, real: int, infinite: int, multiple: int, lost: int, remarks: list[str]) -> str:
     said = [f"{regular} of {COUNT} distinct regular solutions, {real} of them real"]
     said += [
         f"{count} {'path' if count == 1 else 'paths'} {what}"
         for count, what in (
             (infinite, "ended at infinity"),
             (multiple, "ended at multiple points"),
-            (failed, "could not be followed"),
+            (lost, "could not be followed"),
         )
         if count
     ]

@@ -13,9 +13,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numba import complex128, float64, int64, typeof
 from numpy.typing import NDArray
 
-from cinegen.kernel.compiled import Array, Table, compiled, entry
+from cinegen.kernel.compiled import Array, Table, compiled, entry, prepare
 
 Complex = NDArray[np.complex128]
 
@@ -63,6 +64,14 @@ def work() -> Work:
         np.zeros(8, dtype=np.int64),
         np.zeros((4, 8), dtype=complex),
     )
+
+
+def prepare_paths() -> None:
+    """Compiles these kernels, or loads them from disk."""
+    solutions, numbers, scratch = complex128[:, ::1], int64[::1], typeof(work())
+    ends = complex128, complex128, solutions, numbers, numbers
+    prepare(follow, complex128[:, :, ::1], *ends, float64, float64, int64, scratch)
+    prepare(polish, complex128[:, ::1], solutions, float64[::1], scratch)
 
 
 @entry

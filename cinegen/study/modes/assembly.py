@@ -59,7 +59,7 @@ class Assembly:
             columns, loops = needed[first] - known, {first}
             growing = True
             while growing and first != 0:  # loops that share unknowns belong together
-                more = {loop for loop in left if needed[loop] - known & columns and (needed[loop] - known) & columns}
+                more = {loop for loop in left if needed[loop] & columns}
                 growing = not more <= loops
                 loops |= more
                 columns |= set().union(*(needed[loop] - known for loop in more)) if more else set()

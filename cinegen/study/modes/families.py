@@ -251,7 +251,9 @@ def _of_hinges(groups: Groups, moving: list[int], where: str) -> Family | None:
             on = {groups.other(centre, platform) for centre in groups.centres[platform]}
             if len(groups.centres[platform]) == 3 and on == set(bars):
                 bound = 6 if where == "in a plane" else 8
-                return Family("triad", f"a platform on three bars {where}", bound, True, (), (), platform)
+                rods = [rod for rod in groups.rods() if platform in rod.others]
+                words = f"a platform on three bars {where}"
+                return Family("triad", words, bound, True, *_ordered(groups, rods), platform=platform)
     return None
 
 

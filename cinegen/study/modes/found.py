@@ -14,14 +14,14 @@ from raff2urdf import closure
 
 @dataclass(frozen=True)
 class Paths:
-    """What became of all complex solutions: each is one of the first four.
+    """What became of all complex solutions: each is real, complex, infinite or lost.
 
     Attributes:
         real: those that are real configurations; of the platform and of all legs.
         complex: those that are not real.
         infinite: those that are at infinity.
-        lost: those of which that is not known.
         multiple: how many of the real and the complex ones meet others, or lie where joints are locked.
+        lost: those of which that is not known.
     """
 
     real: int = 0

@@ -50,7 +50,13 @@ class Homotopy:
         modes, lost = self._real(led, motors, curve)
         real = sum(mode.times for mode in modes)
         infinite, missing = led.count(INFINITE), led.count(LOST) + lost
-        paths = Paths(real, len(led.kinds) - real - infinite - missing, infinite, led.count(SINGULAR), missing)
+        paths = Paths(
+            real=real,
+            complex=len(led.kinds) - real - infinite - missing,
+            infinite=infinite,
+            multiple=led.count(SINGULAR),
+            lost=missing,
+        )
         complete, words = self._verdict(fibre, paths, curve)
         closest = None if modes else self._closest(led, motors)
         if closest is not None and closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
-from cinegen.study.hexapod import Hexapod, HexapodError
+from cinegen.study import hexapod, triangle
 from cinegen.study.modes.assembly import Assembly
 from cinegen.study.modes.families import Family, Groups, Legs
 from cinegen.study.modes.found import Approach, Found, Paths, closed, nearest
 from cinegen.study.modes.linkage import Array, Linkage, ModesError
 from cinegen.study.modes.reach import is_out_of_reach
-from cinegen.study.triangle import TSSM, TSSMError
 
 _ONE = 1e-9  # characteristic lengths: points that are one
 _SMALL = 1e-9  # ... and what a rod may miss
 _STARTS = 8
+
+_Modes = hexapod.Modes | triangle.Modes
+
+
+class _Solver(Protocol):
+    """What knows all modes of six rods."""
+
+    def modes(self, lengths: Array) -> _Modes: ...
 
 
 class SixRods:
@@ -33,7 +40,7 @@ class SixRods:
 
     def __init__(self, linkage: Linkage, family: Family) -> None:
         self._linkage, self._family, self._groups = linkage, family, Groups(linkage)
-        self._platform: tuple[Legs, Any] | None = None
+        self._platform: tuple[Legs, _Solver] | None = None
         self._assembly: Assembly | None = None
 
     def check(self, motors: Array) -> None:
@@ -54,9 +61,9 @@ class SixRods:
         solver = self._solver(legs)
         try:
             found = solver.modes(legs.lengths * self._linkage.mechanism.length)
-        except (HexapodError, TSSMError) as error:
+        except (hexapod.HexapodError, triangle.TSSMError) as error:
             raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
-        words = str(found.method)
+        words = found.method
         placements = found.placements.copy()
         placements[:, :3, 3] /= self._linkage.mechanism.length
         if self._assembly is None:
@@ -77,26 +84,30 @@ class SixRods:
         if lost:
             words += f"; the legs of {lost} were not assembled"
         closest = None if configurations else self._closest(found.closest, motors)
-        real, infinite = sum(coincident), int(found.infinite)
-        missing = int(getattr(found, "lost", getattr(found, "failed", 0))) + lost
-        multiple = int(getattr(found, "multiple", sum(c for c in coincident if c > 1)))
-        paths = Paths(real, _total(found) - real - infinite - missing, infinite, multiple, missing)
-        complete = bool(found.complete) and lost == 0
+        real, missing = sum(coincident), found.lost + lost
+        paths = Paths(
+            real=real,
+            complex=found.total - real - found.infinite - missing,
+            infinite=found.infinite,
+            multiple=found.multiple,
+            lost=missing,
+        )
+        complete = found.complete and lost == 0
         return Found(tuple(configurations), tuple(coincident), complete, words, paths, closest)
 
-    def _solver(self, legs: Legs) -> Any:
+    def _solver(self, legs: Legs) -> _Solver:
         if self._platform is not None:
             known, solver = self._platform
             if np.array_equal(known.base, legs.base) and np.array_equal(known.platform, legs.platform):
                 return solver
         try:
             solver = _solver_of(legs, self._linkage.mechanism.length)
-        except (HexapodError, TSSMError) as error:
+        except (hexapod.HexapodError, triangle.TSSMError) as error:
             raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
         self._platform = legs, solver
         return solver
 
-    def _closest(self, approach: Any, motors: Array) -> Approach:
+    def _closest(self, approach: hexapod.Approach | None, motors: Array) -> Approach:
         """What least squares come to, and which rods miss their lengths by how much where that is least of all."""
         linkage, length = self._linkage, self._linkage.mechanism.length
         home, rng = linkage.unknowns(linkage.mechanism.q_home), np.random.default_rng(0)
@@ -112,14 +123,7 @@ class SixRods:
         return nearest(linkage, starts, f"where they miss least, {', '.join(missing)}")
 
 
-def _total(found: Any) -> int:
-    """How many complex solutions there are: 40, or 16 of three pairs."""
-    if hasattr(found, "failed"):
-        return int(found.real + found.complex + found.infinite + found.multiple + found.failed)
-    return int(found.real + found.complex + found.infinite + found.lost)
-
-
-def _solver_of(legs: Legs, length: float) -> Any:
+def _solver_of(legs: Legs, length: float) -> _Solver:
     """In metres, so that what it says is in metres."""
     for points, others in ((legs.platform, legs.base), (legs.base, legs.platform)):
         apart = np.linalg.norm(points[:, None] - points[None], axis=2) < _ONE
@@ -128,20 +132,20 @@ def _solver_of(legs: Legs, length: float) -> Any:
             first = sorted({group[0] for group in groups})
             which = np.array([first.index(group[0]) for group in groups])
             try:
-                solver = TSSM(length * others, length * points[first], which)
-            except TSSMError:
+                solver = triangle.TSSM(length * others, length * points[first], which)
+            except triangle.TSSMError:
                 break
             return solver if points is legs.platform else _Inverted(solver)
-    return Hexapod(length * legs.base, length * legs.platform)
+    return hexapod.Hexapod(length * legs.base, length * legs.platform)
 
 
 class _Inverted:
     """Modes of a platform whose rods meet in pairs on the base: those of the base, seen from the platform."""
 
-    def __init__(self, solver: TSSM) -> None:
+    def __init__(self, solver: triangle.TSSM) -> None:
         self._solver = solver
 
-    def modes(self, lengths: Array) -> Any:
+    def modes(self, lengths: Array) -> triangle.Modes:
         """All modes for lengths (6,)."""
         found = self._solver.modes(lengths)
         closest = found.closest

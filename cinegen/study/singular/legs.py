@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
 from cinegen.study.lines import Line
-from cinegen.study.modes.families import Groups, Rod, recognise
-from cinegen.study.modes.kernel import MOTOR
+from cinegen.study.modes.families import Rod, recognise
 from cinegen.study.modes.linkage import Linkage, ModesError
 
 Array = NDArray[np.float64]
@@ -74,15 +73,8 @@ def _found(mechanism: Mechanism) -> Legs | None:
         return None
     if family.name == "triad" and family.bound != 6:
         return None
-    groups = Groups(linkage)
-    rods = family.rods if family.name == "hexapod" else tuple(_bars(groups, family.platform))
-    rods = _ordered(mechanism, linkage, rods)
-    ends = tuple((_end(linkage, rod, 0), _end(linkage, rod, 1)) for rod in rods)
+    ends = tuple((_end(linkage, rod, 0), _end(linkage, rod, 1)) for rod in family.rods)
     return Legs(ends, family.name == "triad")
-
-
-def _bars(groups: Groups, platform: int) -> list[Rod]:
-    return [rod for rod in groups.rods() if platform in rod.others]
 
 
 def _end(linkage: Linkage, rod: Rod, side: int) -> Ends:
@@ -91,17 +83,3 @@ def _end(linkage: Linkage, rod: Rod, side: int) -> Ends:
     carrier = centre.joints[0].carrier
     local = bodies.local(carrier, centre.at) * linkage.mechanism.length
     return Ends(carrier + linkage.root, local)
-
-
-def _ordered(mechanism: Mechanism, linkage: Linkage, rods: tuple[Rod, ...]) -> tuple[Rod, ...]:
-    """The rods in the order of the motors that drive them, on the rod itself or on its way to the base."""
-    tables, motors = linkage.tables, []
-    for rod in rods:
-        carriers = [centre.joints[0].carrier for centre in rod.ends]
-        members = [*carriers, *np.flatnonzero(linkage.bodies.body == rod.body)]
-        driving = np.flatnonzero(tables.above[members].any(axis=0) & (tables.joints[:, MOTOR] >= 0))
-        names = [linkage.joint_names[k] for k in driving]
-        motors.append([mechanism.actuated.index(name) for name in names if name in mechanism.actuated])
-    if any(len(own) != 1 for own in motors) or len({own[0] for own in motors}) < len(rods):
-        return rods
-    return tuple(rod for _, rod in sorted(zip(motors, rods, strict=True), key=lambda pair: pair[0]))

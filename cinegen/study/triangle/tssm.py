@@ -45,6 +45,7 @@ class Modes:
         real: solutions that are placements, each as often as it is a root.
         complex: solutions that are not real.
         infinite: solutions at infinity.
+        multiple: how many of the real ones are in modes that are not alone.
         lost: of the 16, those of which nothing is known.
         complete: whether these are all modes: nothing was lost.
         method: how they were found, or what hinders, in words.
@@ -58,11 +59,17 @@ class Modes:
     real: int
     complex: int
     infinite: int
+    multiple: int
     lost: int
     complete: bool
     method: str
     angles: Complex
     closest: Approach | None = None
+
+    @property
+    def total(self) -> int:
+        """How many complex solutions are accounted for: 16."""
+        return self.real + self.complex + self.infinite + self.lost
 
 
 class TSSM:
@@ -123,14 +130,16 @@ class TSSM:
         room = k.scratch()
         placements, times, counts, circles = self._solve(asked[None], room)
         n, real, complex_, infinite, lost, outcome = counts[0].tolist()
-        found = placements[0, :n].copy()
+        found, often = placements[0, :n].copy(), times[0, :n]
+        coincident = _together(found @ np.vstack([self.platform.T, np.ones(3)]), often, float(asked.max()))
         complete = lost == 0
         return Modes(
             found,
-            _together(found @ np.vstack([self.platform.T, np.ones(3)]), times[0, :n], float(asked.max())),
+            coincident,
             real,
             complex_,
             infinite,
+            int(often[coincident > 1].sum()),
             lost,
             complete,
             self._method(asked, counts[0]),

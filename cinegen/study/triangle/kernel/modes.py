@@ -162,7 +162,8 @@ def find_placements(
     """
     for m in range(lengths.shape[0]):
         if counts[m, OUTCOME] == SOLVED:
-            _find(robot, lengths[m], room, circles[m], equations[m], found[m], placements[m], times[m], counts[m])
+            _find_roots(robot, equations[m], room, found[m], counts[m])
+            _place(robot, lengths[m], room, circles[m], placements[m], times[m], counts[m])
 
 
 @compiled
@@ -185,23 +186,12 @@ def _judge(regular: float, counts: Table) -> None:
 
 
 @compiled
-def _find(
-    robot: Robot,
-    lengths: Array,
-    room: Scratch,
-    circles: Array,
-    equations: Array,
-    found: Array,
-    placements: Array,
-    times: Table,
-    counts: Table,
-) -> None:
-    plane = robot.plane[0] != 0
-    each = 2 if plane else 1  # an eigenvalue stands for a solution and its mirror image
-    known = 0
+def _find_roots(robot: Robot, equations: Array, room: Scratch, found: Array, counts: Table) -> None:
+    """Leaves in room the distinct finite roots that eigenvalues lead to, and counts the others."""
+    known, each = 0, _each(robot)
     for i in range(MODES // each):
         w = complex(found[0, i], found[1, i])
-        kind = follow(equations, w, plane, known, room.roots, room.root_times, room.choice, room.newton)
+        kind = follow(equations, w, each == 2, known, room.roots, room.root_times, room.choice, room.newton)
         if kind in (REAL, COMPLEX):
             known += 1
         elif kind == INFINITE:
@@ -209,7 +199,15 @@ def _find(
         elif kind == LOST:
             counts[LOSTS] += each
     room.known[0] = known
-    for i in range(known):
+
+
+@compiled
+def _place(
+    robot: Robot, lengths: Array, room: Scratch, circles: Array, placements: Array, times: Table, counts: Table
+) -> None:
+    """Placements of the roots that are real; the others are counted."""
+    each = _each(robot)
+    for i in range(room.known[0]):
         root, often = room.roots[i], room.root_times[i]
         if not is_real(root):
             counts[COMPLEXES] += each * often
@@ -223,6 +221,12 @@ def _find(
                 counts[REALS] += often
             else:
                 counts[LOSTS] += often
+
+
+@compiled
+def _each(robot: Robot) -> int:
+    """How many solutions an eigenvalue stands for: where the base points are in a plane, a mirror image too."""
+    return 2 if robot.plane[0] != 0 else 1
 
 
 @compiled
