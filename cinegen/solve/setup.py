@@ -24,11 +24,11 @@ def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float) -> Memory:
     memory = loops.memory_of(system, mechanism.loop_rank, m.LAYOUT)
     for name in ("taken", "moved", "last", "drift", "braking", "wish", "wish_free", "secondary"):
         memory.put(name, np.zeros(nv))
-    for name in ("stopped", "floor", "ceiling", "y", "x", "size"):
+    for name in ("y", "x", "size"):
         memory.put(name, np.zeros(nv))
-    memory.put("room", np.zeros((3, nv)))
-    for name in ("motions", "axes", "g"):
+    for name in ("motions", "axes"):
         memory.put(name, np.zeros((nv, nv)))
+    make_room_for_barriers(memory, nv, 0)
     memory.put("work", np.zeros((3, nv, nv)))
     memory.put("scratch", np.zeros((6, nv)))
     memory.put("r", np.zeros((4, 3)))
@@ -41,6 +41,16 @@ def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float) -> Memory:
     memory.put("settings", settings)
     _put_limits(memory, mechanism, dt)
     return memory
+
+
+def make_room_for_barriers(memory: Memory, nv: int, count: int) -> None:
+    """Room for so many rows of barriers in a tick."""
+    for name in ("stopped", "floor", "ceiling"):
+        memory.put(name, np.zeros(nv + count))
+    memory.put("room", np.zeros((3, nv + count)))
+    memory.put("g", np.zeros((nv + count, nv)))
+    memory.put("barrier_rows", np.zeros((count, nv)))
+    memory.put("barrier_room", np.zeros(count))
 
 
 def _put_limits(memory: Memory, mechanism: Mechanism, dt: float) -> None:

@@ -14,12 +14,14 @@ from cinegen.kernel.thresholds import CLOSURE
 from cinegen.model import Mechanism
 from cinegen.model.memory import curved, moves
 from cinegen.solve.ahead import Ahead
+from cinegen.solve.barrier import Barrier
 from cinegen.solve.blend import Blend
 from cinegen.solve.forecast import TICKS, Forecast, foresee
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.thresholds import (
     ACCEPTED,
     ASTRAY,
+    CLEAR_PLEASE,
     DONE,
     EVALUATE,
     EVALUATE_HERE,
@@ -30,7 +32,7 @@ from cinegen.solve.kernel.tick import prepare_tick, tick
 from cinegen.solve.objectives import Objective, State
 from cinegen.solve.plain import pull_rank
 from cinegen.solve.pull import Pull
-from cinegen.solve.setup import memory_of
+from cinegen.solve.setup import make_room_for_barriers, memory_of
 from cinegen.solve.singular import NEAR_PASSIVE
 from cinegen.solve.step import Layout, Step
 
@@ -74,6 +76,8 @@ class Solver:
         self._pulls: list[Pull] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
+        self._barriers: tuple[Barrier, ...] = ()
+        self._blocked = False  # a barrier failed in this tick
         self._ranks: dict[tuple[object, ...], int] = {}
         self._memory = memory_of(mechanism, self._system, dt)
         self._table = self._memory.table
@@ -381,6 +385,56 @@ class Solver:
         resting = 6 if self._rests() else 0
         return State(self.mechanism, self.q, self.dt, self.pulls, resting)
 
+    # --- barriers ------------------------------------------------------------------------------------------------
+
+    @property
+    def barriers(self) -> tuple[Barrier, ...]:
+        """What the mechanism must not run into: neither pulls nor objectives lead beyond. May be set at any time.
+
+        A barrier that fails in a tick allows nothing in it: the mechanism stays.
+
+        Raises:
+            CinegenError: set to something without the methods `bounds` and `clear`.
+        """
+        return self._barriers
+
+    @barriers.setter
+    def barriers(self, barriers: Iterable[Barrier]) -> None:
+        given = tuple(barriers)
+        for barrier in given:
+            if not (callable(getattr(barrier, "bounds", None)) and callable(getattr(barrier, "clear", None))):
+                raise CinegenError(f"a barrier has the methods `bounds` and `clear`; {barrier!r} lacks one")
+        self._barriers = given
+        self._table[m.GUARDED], self._table[m.BARRIERS] = bool(given), 0
+
+    def _look_around(self) -> None:
+        """Asks the barriers what holds in this tick."""
+        state, offset = self.state, int(self._table[m.OFFSET])
+        try:
+            found = [barrier.bounds(state) for barrier in self._barriers]
+            rows = np.vstack([bounds.rows for bounds in found]) * (self.mechanism.scale / self.mechanism.length)
+            most = np.concatenate([bounds.most for bounds in found]) * (self.dt / self.mechanism.length)
+            self._blocked = not (np.isfinite(rows).all() and len(rows) == len(most) and not np.isnan(most).any())
+        except Exception:  # whatever it is: the tick goes on
+            self._blocked = True
+        count = 0 if self._blocked else len(most)
+        if count > len(self._memory.arrays["stopped"]) - self._model.nv:
+            make_room_for_barriers(self._memory, self._model.nv, count)
+        self._table[m.BARRIERS] = count
+        if count:
+            self._memory.arrays["barrier_rows"].ravel()[: count * (rows.shape[1] - offset)] = rows[:, offset:].ravel()
+            self._memory.arrays["barrier_room"][:count] = most
+
+    def _clear(self) -> float:
+        """The part of the way to the trial that barriers allow."""
+        if self._blocked:
+            return 0.0
+        try:
+            state = self.state
+            return min(float(barrier.clear(state, self._trial)) for barrier in self._barriers)
+        except Exception:
+            return 0.0
+
     def _rests(self) -> bool:
         """Whether the mechanism has a base that could move, and does not: it moves when it is pulled itself."""
         base = self.mechanism.nodes[0]
@@ -413,6 +467,8 @@ class Solver:
             self._arrange()
         if self._objectives:
             self._wish()
+        if self._barriers:
+            self._look_around()
         table = self._table
         request = tick(table)
         if request == ACCEPTED:
@@ -425,6 +481,8 @@ class Solver:
                 self._evaluate(self._model, self._data, self._trial)
             elif request == EVALUATE_HERE:
                 self._evaluate(self._model, self._data, self._q)
+            elif request == CLEAR_PLEASE:
+                self._memory.arrays["settings"][m.CLEAR] = self._clear()
             else:
                 self._rank()
             request = tick(table)

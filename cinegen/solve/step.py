@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 class Verdict(Enum):
     """What became of a tick. Where several are true, this one is said: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
-    targets reached), DETOUR, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
+    targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
 
     BAD_TARGET = "a pull was set to what can't be followed: it is left out"
     REFUSED = "the loops could not be closed after any part of the step: the last state stays"
@@ -33,6 +33,7 @@ class Verdict(Enum):
     FOLLOWING = "every pull is followed"
     IDLE = "nothing is pulled"
     DETOUR = "on the way to the targets by another posture"
+    BARRED = "a barrier holds the motion back"
 
 
 VERDICTS = tuple(Verdict)  # in the kernel's order
@@ -199,6 +200,12 @@ class Step:
     def left_out(self) -> tuple[int, ...]:
         """Which of the solver's objectives failed in this tick, by position: they were left out."""
         flags = int(self._record[m.R_LEFT_OUT])
+        return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
+
+    @property
+    def barred(self) -> tuple[int, ...]:
+        """Which rows of the solver's barriers hold the motion back, by position among all of this tick."""
+        flags = int(self._record[m.R_BARRED])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 
     @property

@@ -9,7 +9,7 @@ from __future__ import annotations
 from cinegen.kernel.compiled import Array, Table, compiled, matrix, vector
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.directions import all_axes
-from cinegen.solve.kernel.resolve import to_joints
+from cinegen.solve.kernel.resolve import to_joints, within
 
 _NUDGE = 0.02  # rad or lengths of the step
 _WINS = 0.01  # of what curvature might give at the best: then it was worth it
@@ -33,18 +33,17 @@ def nudge(t: Table, step: Array, pull_rank: int) -> float:
     to_joints(axes[first + turn // 2], motions, k, n, t[m.RANK] > 0, step)
     longest = vector(t[m.LONGEST] + 8 * t[m.OFFSET], n)
     limit = vector(t[m.ACCELERATION] + 8 * t[m.OFFSET], n)
-    floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
+    total = n + t[m.BARRIERS]
+    floor, ceiling = vector(t[m.FLOOR], total), vector(t[m.CEILING], total)
     size = _NUDGE
     for j in range(n):
         fastest = min(0.5 * longest[j], limit[j])
         if abs(step[j]) * size > fastest:
             size = fastest / abs(step[j])
     sign = 1.0 if turn % 2 == 0 else -1.0
-    fits = True
     for j in range(n):
         step[j] *= sign * size
-        fits = fits and floor[j] <= step[j] <= ceiling[j]
-    if not fits:
+    if not within(step, floor, ceiling, matrix(t[m.BARRIER_ROWS], t[m.BARRIERS], n), n):
         for j in range(n):
             step[j] = 0.0
         return 0.0

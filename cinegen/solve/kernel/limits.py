@@ -28,13 +28,16 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) ->
     n, offset, k = t[m.N], t[m.OFFSET], t[m.K]
     record = vector(t[m.RECORD], m.R_HEAD)
     longest = vector(t[m.LONGEST] + 8 * offset, n)
-    floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
+    total = n + t[m.BARRIERS]
+    floor, ceiling = vector(t[m.FLOOR], total), vector(t[m.CEILING], total)
+    rows = matrix(t[m.BARRIER_ROWS], t[m.BARRIERS], n)
     excess, slowest = 0.0, -1
     for j in range(n):
         part = abs(step[j]) / longest[j]
         if part > excess:
             excess, slowest = part, j
     _positions(t, floor, ceiling)
+    _barriers(t, floor, ceiling)
     pace = FULL / excess if excess > FULL else 1.0
     if t[m.ACCELERATED] != 0 and room < math.inf:
         limit = vector(t[m.ACCELERATION] + 8 * offset, n)
@@ -53,7 +56,7 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) ->
     wishing = t[m.WISHING] != 0
     if wishing and add_wish(t, step, pull_rank, True):
         return
-    if not within(step, floor, ceiling, n):
+    if not within(step, floor, ceiling, rows, n):
         _bend(t, step, y, pull_rank)
     if wishing:
         add_wish(t, step, pull_rank, False)
@@ -76,6 +79,14 @@ def _positions(t: Table, floor: Array, ceiling: Array) -> None:
 
 
 @compiled
+def _barriers(t: Table, floor: Array, ceiling: Array) -> None:
+    """The bounds behind the first n (barriers,) of what barriers see of a step."""
+    n, room = t[m.N], vector(t[m.BARRIER_ROOM], t[m.BARRIERS])
+    for b in range(t[m.BARRIERS]):
+        floor[n + b], ceiling[n + b] = -math.inf, room[b]
+
+
+@compiled
 def _speeds(t: Table, floor: Array, ceiling: Array) -> None:
     """Narrows the bounds (n,) to what limits of velocity allow."""
     longest = vector(t[m.LONGEST] + 8 * t[m.OFFSET], t[m.N])
@@ -92,16 +103,21 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
     q, at = vector(t[m.Q], t[m.NQ]), vector(t[m.AT] + 8 * offset, n)
     scale = vector(t[m.SCALE] + 8 * offset, n)
     low, high = vector(t[m.LOW] + 8 * offset, n), vector(t[m.HIGH] + 8 * offset, n)
-    floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
+    total = n + t[m.BARRIERS]
+    floor, ceiling, rows = (
+        vector(t[m.FLOOR], total),
+        vector(t[m.CEILING], total),
+        matrix(t[m.BARRIER_ROWS], t[m.BARRIERS], n),
+    )
     accelerated = t[m.ACCELERATED] != 0
     _speeds(t, floor, ceiling)
     all_axes(t, pull_rank)
     motions, looped = matrix(t[m.MOTIONS], k, n), t[m.RANK] > 0
     axes, size, x = matrix(t[m.AXES], k, k), vector(t[m.SIZE], k), vector(t[m.X], k)
-    held = vector(t[m.STOPPED], n)
-    g, work = matrix(t[m.G], n, k), matrices(t[m.WORK], 3, k, k)
+    held = vector(t[m.STOPPED], total)
+    g, work = matrix(t[m.G], total, k), matrices(t[m.WORK], 3, k, k)
     scratch = matrix(t[m.SCRATCH], 6, k)
-    if not bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step):
+    if not bounded(y, motions, looped, axes, size, floor, ceiling, rows, n, k, x, g, held, work, scratch, step):
         if accelerated:  # positions and velocities count more; within these, as near to braking as can be
             braking = vector(t[m.BRAKING], n)
             for i in range(k):
@@ -112,7 +128,7 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
                 y[i] = s
             _positions(t, floor, ceiling)
             _speeds(t, floor, ceiling)
-            found = bounded(y, motions, looped, axes, size, floor, ceiling, n, k, x, g, held, work, scratch, step)
+            found = bounded(y, motions, looped, axes, size, floor, ceiling, rows, n, k, x, g, held, work, scratch, step)
         else:
             found = False
         if not found:
@@ -127,6 +143,12 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
         if held[j] != 0.0 and not _at_position_limit(held[j], q, at[j], step[j], low[j], high[j], scale[j]):
             held[j] = 0.0  # a velocity's or an acceleration's limit
             record[m.R_SLOWEST] = j
+    for b in range(t[m.BARRIERS]):
+        s, most = 0.0, ceiling[n + b]
+        for j in range(n):
+            s += rows[b, j] * step[j]
+        if s > most + TOUCH and most >= 0.0:
+            part = min(part, most / s)
     if part < 1.0:
         for j in range(n):
             step[j] *= part

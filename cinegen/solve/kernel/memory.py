@@ -27,6 +27,8 @@ _SIZES = (
     "left_out",  # objectives that made no sense in this tick, as bits
     "nudged",  # whether the step is one out of a singularity
     "detour",  # whether pulls wait, while redundancy leads elsewhere
+    "barriers",  # rows of the barriers in this tick
+    "guarded",  # whether a trial must be asked about before it is accepted
 )
 _FIRST = len(loops.LAYOUT)
 (
@@ -49,6 +51,8 @@ _FIRST = len(loops.LAYOUT)
     LEFT_OUT,
     NUDGED,
     DETOUR,
+    BARRIERS,
+    GUARDED,
 ) = range(_FIRST, _FIRST + len(_SIZES))
 
 _ARRAYS = (
@@ -74,19 +78,21 @@ _ARRAYS = (
     "wish",  # (nv,) what redundancy would like to do, without unit
     "wish_free",  # (nv,) the part of it that loops and pulls leave, in the free motions
     "secondary",  # (nv,) what of it is taken
-    "room",  # (3, nv) scratch: how far it may go, and what holds it
+    "room",  # (3, nv + barriers) scratch: how far it may go, and what holds it
     "taken",  # (nv,) part of the step that is tried
     "moved",  # (nv,) what it led to
     "last",  # (nv,) what was moved in the last tick
     "drift",  # (nv,) what of it was not in its step: what closed the loops
     "braking",  # (nv,) the step that slows down as much as accelerations allow
-    "stopped",  # (nv,) bounds that hold the step back
-    "floor",  # (nv,) bounds of the step
-    "ceiling",  # (nv,)
+    "stopped",  # (nv + barriers,) bounds that hold the step back
+    "floor",  # (nv + barriers,) bounds of the step, and of what barriers see of it
+    "ceiling",  # (nv + barriers,)
+    "barrier_rows",  # (barriers, nv) without unit
+    "barrier_room",  # (barriers,) how much of it a step may have
     "axes",  # (nv, nv)
     "size",  # (nv,)
     "x",  # (nv,)
-    "g",  # (nv, nv)
+    "g",  # (nv + barriers, nv)
     "work",  # (3, nv, nv)
     "scratch",  # (8, nv)
     "r",  # (4, 3)
@@ -123,6 +129,8 @@ _ARRAYS = (
     STOPPED,
     FLOOR,
     CEILING,
+    BARRIER_ROWS,
+    BARRIER_ROOM,
     AXES,
     SIZE,
     X,
@@ -137,10 +145,10 @@ LAYOUT = loops.LAYOUT + _SIZES + _ARRAYS
 # settings, behind those of loops: seconds, gain, largest error of a tick, most that a placement bends (lengths per
 # rad^2, infinite where it is not known), the singular value below which damping sets in; then what a tick remembers:
 # the distance it began with, what its step should win, what pulls lacked last, and the part of its wish that
-# redundancy is trusted with
+# redundancy is trusted with; and the part of a trial that barriers allow
 _DT = loops.SETTINGS_WIDTH
-DT, GAIN, ERROR_CAP, BEND, NEAR, DISTANCE, GAINED, LACK, TRUST = range(_DT, _DT + 9)
-SETTINGS_WIDTH = _DT + 9
+DT, GAIN, ERROR_CAP, BEND, NEAR, DISTANCE, GAINED, LACK, TRUST, CLEAR = range(_DT, _DT + 10)
+SETTINGS_WIDTH = _DT + 10
 
 # a pull's row of its table
 VALID, JOINT, TRANSLATION, ROTATION, WEIGHT, AXES_OF, AXES_JOINT, IS_TWIST, TARGET = range(9)
@@ -155,7 +163,7 @@ STATE_WIDTH = 32
 # the record of a tick; then come q, v, error of each pull (m, rad), what each pull wanted, singular values, and which
 # joints stopped it. Errors and singular values may be left out, where the verdict is known without them
 R_VERDICT, R_CLOSURE, R_PACE, R_PULL_RANK, R_SLOWEST, R_EVALUATIONS, R_SWEEPS = range(7)
-R_MEASURED, R_SIGMA, R_LEFT_OUT, R_HEAD = 7, 8, 9, 10
+R_MEASURED, R_SIGMA, R_LEFT_OUT, R_BARRED, R_HEAD = 7, 8, 9, 10, 11
 MOST_LEFT_OUT = 52  # objectives that are told apart: bits of a double
 WANTED = 25  # numbers for each pull: aim, axes, translation, rotation, weight, whether it holds
 

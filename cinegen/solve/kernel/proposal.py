@@ -29,9 +29,11 @@ def propose(t: Table) -> bool:
     t[m.SWEEPS] = 0
     t[m.QUICK] = 0
     record[m.R_PACE], record[m.R_SLOWEST], settings[m.LOOP_SIGMA] = 1.0, -1.0, math.inf
-    stopped, step = vector(t[m.STOPPED], n), vector(t[m.STEP], n)
-    for j in range(n):
+    settings[m.CLEAR] = 1.0
+    stopped, step = vector(t[m.STOPPED], n + t[m.BARRIERS]), vector(t[m.STEP], n)
+    for j in range(n + t[m.BARRIERS]):
         stopped[j] = 0.0
+    for j in range(n):
         step[j] = 0.0
     still = aim_at(t)
     if t[m.DETOUR] != 0:
@@ -101,7 +103,7 @@ def propose(t: Table) -> bool:
     # pulls are made exact together with the loops where nothing bends or damps them
     refine = (wishing or (looped and record[m.R_PACE] == 1.0)) and p > 0 and t[m.NUDGED] == 0
     if refine:
-        for j in range(n):
+        for j in range(n + t[m.BARRIERS]):
             refine = refine and stopped[j] == 0.0
         if t[m.QUICK] == 0:
             for i in range(pull_rank):
@@ -144,7 +146,7 @@ def is_sure(t: Table) -> bool:
     """Whether the trial can be accepted without looking: no loop, limit or singularity has a part in it, and the step
     is so small that its error of second order is far less than what it wins."""
     n, p = t[m.N], t[m.P]
-    if t[m.QUICK] == 0 or t[m.LOOPS] > 0 or p == 0:
+    if t[m.QUICK] == 0 or t[m.LOOPS] > 0 or p == 0 or t[m.GUARDED] != 0:
         return False
     record = vector(t[m.RECORD], m.R_HEAD)
     settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)

@@ -15,6 +15,7 @@ from cinegen.solve.kernel.thresholds import (
     BEGIN,
     FOLLOWING,
     IDLE,
+    IS_BARRED,
     NEAR_TYPE_2,
     ON_DETOUR,
     OUT_OF_REACH,
@@ -40,7 +41,7 @@ def finish(t: Table, accepted: bool) -> None:
     moved, last = vector(t[m.MOVED], n), vector(t[m.LAST], n)
     taken, drift = vector(t[m.TAKEN], n), vector(t[m.DRIFT], n)
     scale = vector(t[m.SCALE] + 8 * offset, n)
-    stopped, square = vector(t[m.STOPPED], n), vector(t[m.SQUARE], lesser)
+    stopped, square = vector(t[m.STOPPED], n + t[m.BARRIERS]), vector(t[m.SQUARE], lesser)
     fastest = 0.0
     secondary = vector(t[m.SECONDARY], n)
     for j in range(n):
@@ -97,6 +98,11 @@ def finish(t: Table, accepted: bool) -> None:
     for j in range(nv):
         record[at + j] = stopped[j - offset] if j >= offset else 0.0
         saturated = saturated or record[at + j] != 0.0
+    barred = 0
+    for b in range(min(t[m.BARRIERS], m.MOST_LEFT_OUT)):
+        if stopped[n + b] != 0.0:
+            barred |= 1 << b
+    record[m.R_BARRED] = barred
     refused = not accepted and t[m.TRIES] >= TRIES and t[m.CLOSES] == 0
     if good < pulls:
         verdict = BAD_TARGET
@@ -108,6 +114,8 @@ def finish(t: Table, accepted: bool) -> None:
         verdict = FOLLOWING
     elif t[m.DETOUR] != 0:
         verdict = ON_DETOUR
+    elif barred != 0 or (not accepted and settings[m.CLEAR] < 1.0):
+        verdict = IS_BARRED
     elif saturated:
         verdict = AT_LIMIT
     elif fastest < REST * settings[m.GAIN]:

@@ -12,7 +12,7 @@ from cinegen.kernel.compiled import Array, Table, compiled, matrices, matrix, ve
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.bounds import nearest
 from cinegen.solve.kernel.directions import all_axes
-from cinegen.solve.kernel.resolve import to_joints, within, without_pulls
+from cinegen.solve.kernel.resolve import seen_by_barriers, to_joints, within, without_pulls
 from cinegen.solve.kernel.thresholds import IDLE_WISH, LEAST_TRUST, SPARE_SPEED, TRUST_GROWS
 
 
@@ -64,16 +64,26 @@ def add_wish(t: Table, step: Array, pull_rank: int, whole: bool) -> bool:
         False where they can't, with moderate speed; then nothing is added.
     """
     n = t[m.N]
-    floor, ceiling = vector(t[m.FLOOR], n), vector(t[m.CEILING], n)
+    barriers = t[m.BARRIERS]
+    total = n + barriers
+    floor, ceiling = vector(t[m.FLOOR], total), vector(t[m.CEILING], total)
+    rows = matrix(t[m.BARRIER_ROWS], barriers, n)
     longest, secondary = vector(t[m.LONGEST] + 8 * t[m.OFFSET], n), vector(t[m.SECONDARY], n)
-    room = matrix(t[m.ROOM], 3, n)
+    room = matrix(t[m.ROOM], 3, total)
     for j in range(n):
         fastest = max(SPARE_SPEED * longest[j], abs(step[j]))
         room[0, j] = max(floor[j], -fastest) - step[j]
         room[1, j] = min(ceiling[j], fastest) - step[j]
         if not whole:
             room[0, j], room[1, j] = min(room[0, j], 0.0), max(room[1, j], 0.0)
-    if not within(secondary, room[0], room[1], n) and not _bounded_wish(t, pull_rank):
+    for b in range(barriers):
+        s = 0.0
+        for j in range(n):
+            s += rows[b, j] * step[j]
+        room[0, n + b], room[1, n + b] = floor[n + b], ceiling[n + b] - s
+        if not whole:
+            room[1, n + b] = max(room[1, n + b], 0.0)
+    if not within(secondary, room[0], room[1], rows, n) and not _bounded_wish(t, pull_rank):
         if whole:
             return False
         for j in range(n):
@@ -93,7 +103,9 @@ def _bounded_wish(t: Table, pull_rank: int) -> bool:
     if width <= 0:
         return False
     wish, motions, axes = vector(t[m.WISH_FREE], k), matrix(t[m.MOTIONS], k, n), matrix(t[m.AXES], k, k)
-    x, g = vector(t[m.X], width), matrix(t[m.G], n, width)
+    barriers = t[m.BARRIERS]
+    total = n + barriers
+    x, g = vector(t[m.X], width), matrix(t[m.G], total, width)
     for i in range(width):
         s = 0.0
         for j in range(k):
@@ -105,10 +117,11 @@ def _bounded_wish(t: Table, pull_rank: int) -> bool:
                 for j in range(k):
                     s += axes[first + i, j] * motions[j, c]
             g[c, i] = s
-    room, work = matrix(t[m.ROOM], 3, n), matrices(t[m.WORK], 3, width, width)
+    seen_by_barriers(matrix(t[m.BARRIER_ROWS], barriers, n), g, n, width)
+    room, work = matrix(t[m.ROOM], 3, total), matrices(t[m.WORK], 3, width, width)
     secondary, last = vector(t[m.SECONDARY], n), vector(t[m.LAST], n)
     scratch = matrix(t[m.SCRATCH], 6, width)
-    if not nearest(x, g, room[0], room[1], n, width, room[2], work[0], work[1], work[2], scratch):
+    if not nearest(x, g, room[0], room[1], total, width, room[2], work[0], work[1], work[2], scratch):
         return False
     fast, found = 0.0, 0.0
     for j in range(n):

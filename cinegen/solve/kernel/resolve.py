@@ -239,6 +239,7 @@ def bounded(
     size: Array,
     low: Array,
     high: Array,
+    rows: Array,
     n: int,
     k: int,
     x: Array,
@@ -251,6 +252,9 @@ def bounded(
     """The step (n,) within its bounds that is nearest to y in the metric of `axes` and `size`.
 
     Args:
+        low: (n + barriers,) bounds of the step, then of what barriers see of it.
+        high: (n + barriers,)
+        rows: (barriers, n).
         work: (3, k, k) scratch.
         scratch: (6, k) scratch.
 
@@ -270,7 +274,9 @@ def bounded(
             else:
                 s = axes[i, c]
             g[c, i] = s / size[i]
-    if not nearest(x, g, low, high, n, k, held, work[0], work[1], work[2], scratch):
+    seen_by_barriers(rows, g, n, k)
+    count = n + rows.shape[0]
+    if not nearest(x, g, low, high, count, k, held, work[0], work[1], work[2], scratch):
         return False
     for c in range(n):
         s = 0.0
@@ -281,11 +287,27 @@ def bounded(
 
 
 @compiled
-def within(step: Array, low: Array, high: Array, n: int) -> bool:
-    """Whether a step keeps all bounds."""
+def seen_by_barriers(rows: Array, g: Array, n: int, k: int) -> None:
+    """Below the n rows of g (n + barriers, k), what the joints do, goes what barriers (barriers, n) see of that."""
+    for b in range(rows.shape[0]):
+        for i in range(k):
+            s = 0.0
+            for c in range(n):
+                s += rows[b, c] * g[c, i]
+            g[n + b, i] = s
+
+
+@compiled
+def within(step: Array, low: Array, high: Array, rows: Array, n: int) -> bool:
+    """Whether a step (n,) keeps all bounds (n + barriers,), those of barriers (barriers, n) last."""
     keeps = True
     for j in range(n):
         keeps = keeps and low[j] - TOUCH <= step[j] <= high[j] + TOUCH
+    for b in range(rows.shape[0]):
+        s = 0.0
+        for j in range(n):
+            s += rows[b, j] * step[j]
+        keeps = keeps and low[n + b] - TOUCH <= s <= high[n + b] + TOUCH
     return keeps
 
 

@@ -1,8 +1,8 @@
 """What a tick asks for, says and remembers, as numbers; and the thresholds of all its decisions."""
 
-DONE, EVALUATE, EVALUATE_HERE, RANK_PLEASE, ACCEPTED = range(5)
-BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, ON_DETOUR = range(8)
-BEGIN, JUDGE, ASTRAY = range(3)
+DONE, EVALUATE, EVALUATE_HERE, RANK_PLEASE, ACCEPTED, CLEAR_PLEASE = range(6)
+BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, ON_DETOUR, IS_BARRED = range(9)
+BEGIN, JUDGE, ASTRAY, GUARD = range(4)
 
 TIGHT = 1e-12
 """Loops are corrected until their gap is below this (rad, characteristic lengths)."""

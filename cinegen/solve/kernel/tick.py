@@ -12,8 +12,18 @@ from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import holding
 from cinegen.solve.kernel.proposal import is_sure, propose
 from cinegen.solve.kernel.record import finish
-from cinegen.solve.kernel.thresholds import ACCEPTED, ASTRAY, BEGIN, DONE, EVALUATE, EVALUATE_HERE, JUDGE, RANK_PLEASE
-from cinegen.solve.kernel.trial import judge, set_out
+from cinegen.solve.kernel.thresholds import (
+    ACCEPTED,
+    ASTRAY,
+    BEGIN,
+    DONE,
+    EVALUATE,
+    EVALUATE_HERE,
+    GUARD,
+    JUDGE,
+    RANK_PLEASE,
+)
+from cinegen.solve.kernel.trial import guard, judge, set_out
 
 
 @entry
@@ -22,11 +32,14 @@ def tick(t: Table) -> int:
 
     Returns:
         DONE, or what is needed before the next call: EVALUATE, Pinocchio's Jacobians at `trial`; EVALUATE_HERE, those
-        at `q`; RANK_PLEASE, the generic rank of the pulls in `signature`. Or ACCEPTED: done, and Pinocchio's Jacobians
-        at the new q are needed before the next tick.
+        at `q`; RANK_PLEASE, the generic rank of the pulls in `signature`; CLEAR_PLEASE, the part of the way to
+        `trial` that barriers allow. Or ACCEPTED: done, and Pinocchio's Jacobians at the new q are needed before the
+        next tick.
     """
     if t[m.PHASE] == JUDGE:
         return judge(t)
+    if t[m.PHASE] == GUARD:
+        return guard(t)
     if t[m.PHASE] == ASTRAY:
         t[m.PHASE] = BEGIN
         return EVALUATE_HERE

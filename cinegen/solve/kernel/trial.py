@@ -15,10 +15,13 @@ from cinegen.solve.kernel.record import finish
 from cinegen.solve.kernel.resolve import far_from_singular
 from cinegen.solve.kernel.thresholds import (
     ARMIJO,
+    CLEAR_PLEASE,
     CORRECTIONS,
     DONE,
     EVALUATE,
     EXACT,
+    GUARD,
+    JUDGE,
     LEAST_TRUST,
     NOISE,
     STEP_CAP,
@@ -128,8 +131,22 @@ def judge(t: Table) -> int:
     forced = t[m.ACCELERATED] != 0 and (promised <= 0.0 or t[m.TRIES] == _most_tries(t) - 1)  # it can't stop at once
     if p > 0 and not forced and won < ARMIJO * promised - noise:
         return _shorten(t, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # where a parabola is lowest
+    if t[m.GUARDED] != 0:
+        t[m.PHASE] = GUARD
+        return CLEAR_PLEASE
     finish(t, True)
     return DONE
+
+
+@compiled
+def guard(t: Table) -> int:
+    """What to do with a trial that is good, now that barriers have said how much of the way to it is clear."""
+    clear = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.CLEAR]
+    if clear >= 1.0:
+        finish(t, True)
+        return DONE
+    t[m.PHASE] = JUDGE
+    return _shorten(t, min(max(clear, 0.1), 0.7))
 
 
 @compiled
