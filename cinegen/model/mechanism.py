@@ -15,7 +15,7 @@ from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.loops import ClosedLoops, Loop
 from cinegen.model.newton import Newton
-from cinegen.model.shapes import shapes
+from cinegen.model.shapes import collision_shapes, shapes
 from raff2urdf import closure
 
 Array = NDArray[np.float64]
@@ -130,6 +130,15 @@ class Mechanism:
             LoadError: a mesh can't be read.
         """
         return shapes(self.model, self.source.urdf, self.source.folder, self.source.name)
+
+    @cached_property
+    def collision(self) -> pin.GeometryModel:
+        """The shapes with which the nodes can collide, see `cinegen.model.shapes.collision_shapes`.
+
+        Raises:
+            LoadError: a mesh can't be read.
+        """
+        return collision_shapes(self.model, self.source.urdf, self.source.folder, self.source.name)
 
     @property
     def end(self) -> str:

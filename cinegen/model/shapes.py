@@ -1,4 +1,4 @@
-"""The visual shapes of a mechanism."""
+"""The shapes of a mechanism: what is seen of it, and what it can collide with."""
 
 from __future__ import annotations
 
@@ -31,7 +31,42 @@ def shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.Ge
     Raises:
         LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
     """
+    found = _read(parse_xml(urdf, name), model, folder, name)
+    return found if found.geometryObjects else stick_figure(model)
+
+
+def collision_shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.GeometryModel:
+    """The shapes with which the links of a URDF collide; the bars of a stick figure where it has no shapes at all.
+
+    A link has those that the URDF gives it for collisions. One that has none can still be seen, and so be hit: its
+    visual shapes count.
+
+    Args:
+        model: of the same URDF.
+        urdf: its text.
+        folder: where its meshes are looked for (`raff2urdf.graphics.names`); None where it names them absolutely.
+        name: what errors call it.
+
+    Raises:
+        LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
+    """
     tree = parse_xml(urdf, name)
+    for link in tree.iterchildren("link"):
+        collisions = list(link.iterchildren("collision"))
+        for visual in list(link.iterchildren("visual")) if collisions else ():
+            link.remove(visual)
+        for collision in collisions:
+            collision.tag = "visual"
+    found = _read(tree, model, folder, name)
+    return found if found.geometryObjects else _bars(stick_figure(model))
+
+
+def _read(tree: Any, model: pin.Model, folder: str | None, name: str) -> pin.GeometryModel:
+    """What stands as <visual> in the tree of a URDF, which is changed.
+
+    Raises:
+        LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
+    """
     _leave_shapes(tree)
     meshes: list[tuple[str, str]] = []  # files that Pinocchio reads, and where they are named
     for visual in list(tree.iter("visual")):
@@ -47,12 +82,23 @@ def shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.Ge
             meshes.append((str(path), _where(name, said)))
     text = etree.tostring(tree, encoding="unicode")
     try:
-        found = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
+        return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
     except (ValueError, RuntimeError) as error:
         for path_of_mesh, where in meshes:
             _check(path_of_mesh, where)
         raise LoadError(f"{name}: the shapes of '{model.name}' can't be read: {error}") from None
-    return found if found.geometryObjects else stick_figure(model)
+
+
+def _bars(figure: pin.GeometryModel) -> pin.GeometryModel:
+    """A stick figure without the drums on its joints, which stick out beside the links and only tell where axes are.
+
+    A link that has no bar keeps its drum: it would be nowhere else.
+    """
+    kept, barred = pin.GeometryModel(), {s.parentJoint for s in figure.geometryObjects if s.name.startswith("bar ")}
+    for solid in figure.geometryObjects:
+        if solid.name.startswith("bar ") or solid.parentJoint not in barred:
+            kept.addGeometryObject(solid)
+    return kept
 
 
 def _converted(path: Path) -> list[Drawing]:
