@@ -1,0 +1,128 @@
+"""`Keep`: holds a mechanism clear of what is around it, whatever leads it."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.avoid.clearance import Clearance
+from cinegen.solve.barrier import Bounds
+from cinegen.solve.objectives import State
+
+Array = NDArray[np.float64]
+
+STOP = 1.25
+"""Of the safety distance: where the damper lets nothing come nearer. What a step bends is less than the rest."""
+
+_LOOKS = 64  # at configurations on the way of one step, at most
+_PUSH = 0.5  # of what a link lacks to where it stops is made good in a tick
+
+
+class Keep:
+    """A barrier: no step leads nearer than the safety distance, nowhere on its way.
+
+    Links slow down as they come near (B. Faverjon and P. Tournassoud, "A local based approach for path planning of
+    manipulators with a high number of degrees of freedom", 1987): of what is left in front of them they use a part in
+    each tick. That is linear, so each step is looked at before it is made, by conservative advancement: where two
+    bodies are a and b apart at its ends, and can't move by more than w on its way, they are never nearer than
+    (a + b - w) / 2 (B. Mirtich, "Impulse-based dynamic simulation of rigid body systems", 1996); where that says too
+    little, the way is halved.
+
+    What is nearer than that already, because an obstacle was put there, may only go away.
+
+    Args:
+        clearance: of the mechanism.
+        safety: distance that is kept, m.
+        part: of what is left that may be used in a tick, 0 to 1.
+
+    Attributes:
+        held: the pairs that the last bounds were about, row by row.
+    """
+
+    def __init__(self, clearance: Clearance, safety: float, part: float = 0.5) -> None:
+        self.clearance, self.safety, self.part = clearance, safety, part
+        self.held: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
+
+    def bounds(self, state: State) -> Bounds:
+        """What holds in the next tick."""
+        near = self.clearance.near(state.q, self._range)
+        left = near.distances - STOP * self.safety
+        part = np.where(left < 0.0, _PUSH, self.part)
+        self.held = near.pairs
+        return Bounds(near.rows, part * np.maximum(left, -self.safety) / state.dt)
+
+    @property
+    def _range(self) -> float:
+        """m: a step moves nothing further."""
+        return STOP * self.safety + 0.25 * self.clearance.mechanism.length / self.part
+
+    def clear(self, state: State, q: Array) -> float:
+        """1 where all of the way from the state to q (nq,) is clear, 0.5 where it is not."""
+        return 1.0 if is_clear(self.clearance, state.q, q, self.safety) else 0.5
+
+
+def is_clear(clearance: Clearance, begin: Array, end: Array, safety: float) -> bool:
+    """Whether nothing comes nearer than the safety distance on the way from one configuration to another, and what is
+    nearer already does not come nearer still."""
+    first, ways = clearance.bounds(begin, end)
+    first, ways = first.copy(), ways.copy()
+    last = clearance.distances(end)
+    floor = np.where(first < safety, 0.5 * first, safety)
+    if (last < np.minimum(first - 1e-12, safety)).any():
+        return False
+    unsure = (first + last - ways < 2.0 * floor) & (first > 0.0)
+    if not unsure.any():
+        return True
+    return _is_clear_between(clearance, begin, end, floor, _LOOKS) is not None
+
+
+def _is_clear_between(clearance: Clearance, begin: Array, end: Array, floor: Array, looks: int) -> int | None:
+    """How many looks are left after the way was found to be clear; None if it is not, or they did not suffice."""
+    first, ways = clearance.bounds(begin, end)
+    first, ways = first.copy(), ways.copy()
+    last = clearance.distances(end)
+    if not ((first + last - ways < 2.0 * floor) & (first > 0.0)).any():
+        return looks
+    if looks <= 0:
+        return None
+    half = _between(clearance, begin, end)
+    if ((clearance.distances(half) < floor) & (first > 0.0)).any():
+        return None
+    left = _is_clear_between(clearance, begin, half, floor, looks - 1)
+    return None if left is None else _is_clear_between(clearance, half, end, floor, left)
+
+
+def _between(clearance: Clearance, begin: Array, end: Array) -> Array:
+    """The configuration half-way."""
+    model = clearance.mechanism.model
+    return np.asarray(pin.interpolate(model, begin, end, 0.5))
+
+
+def least_along(clearance: Clearance, path: Array, sharp: float = 0.05) -> float:
+    """m: a distance that nothing falls below anywhere on a path (n, nq), joints going straight between its points and
+    loops closed: a bound from below, no more than `sharp` of it too small.
+
+    Where two bodies overlap, the deepest overlap at the points that were looked at, below 0.
+    """
+    least = clearance.least(path[0])
+    for begin, end in itertools.pairwise(path):
+        least = min(least, _least_between(clearance, begin, end, sharp, _LOOKS))
+    return least
+
+
+def _least_between(clearance: Clearance, begin: Array, end: Array, sharp: float, looks: int) -> float:
+    first, ways = clearance.bounds(begin, end)
+    first, ways = first.copy(), ways.copy()
+    last = clearance.distances(end)
+    bound = float((0.5 * (first + last - ways)).min(initial=np.inf))
+    ends = float(np.minimum(first, last).min(initial=np.inf))
+    if bound >= (1.0 - sharp) * ends or ends <= 0.0 or looks == 0:
+        return min(bound, ends)
+    half = _between(clearance, begin, end)
+    return min(
+        _least_between(clearance, begin, half, sharp, looks // 2),
+        _least_between(clearance, half, end, sharp, looks // 2),
+    )
