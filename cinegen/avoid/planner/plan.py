@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 
 from cinegen.avoid.bodies import bodies_of, pairs_of
 from cinegen.avoid.clearance import Clearance
-from cinegen.avoid.keep import STOP, least_along
+from cinegen.avoid.keep import least_along
+from cinegen.avoid.planar import plane_of
 from cinegen.avoid.planner.attempt import Attempt, attempt
 from cinegen.avoid.planner.attraction import Attraction, PostureAttraction, TaskAttraction
-from cinegen.avoid.planner.planar import plane_of
+from cinegen.avoid.planner.lead import Lead
 from cinegen.avoid.planner.postures import TOLERANCE, Postures, postures
-from cinegen.avoid.planner.turning import Turning
 from cinegen.avoid.planner.verdict import Verdict
-from cinegen.avoid.planner.vortices import Vortices
 from cinegen.avoid.scene import Scene
+from cinegen.avoid.vortices import Turning, Vortices
 
 Array = NDArray[np.float64]
 
@@ -145,10 +145,7 @@ def plan(scene: Scene, *, steps: int = STEPS, attempts: int = 40, say: Callable[
             break
         words = f"{attraction.words}, {turning.value}"
         say(f"attempt {len(made) + 1}: {words}")
-        lead = Vortices(
-            clearance, attraction, turning, max(reach, 2.0 * STOP * scene.safety), STOP * scene.safety, scene.safety,
-            around, plane, _base(scene),
-        )  # fmt: skip
+        lead = Lead(attraction, Vortices(clearance, around, reach, scene.safety, turning))
         made.append(
             attempt(
                 clearance, scene.start, lead, attraction.left, lambda q: task.left(q) < TOLERANCE, scene.safety, steps,
@@ -178,11 +175,6 @@ def _ways(
     for attraction in led:
         for turning in others:
             yield attraction, turning
-
-
-def _base(scene: Scene) -> Array:
-    """(3,) where the robot stands: its first moving joint."""
-    return np.array(scene.mechanism.model.jointPlacements[1].translation)
 
 
 def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:

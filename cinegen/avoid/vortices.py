@@ -1,0 +1,120 @@
+"""`Vortices`: turn what leads a mechanism around the obstacles that are in its way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.avoid.clearance import Clearance
+from cinegen.avoid.fields import folding, turning_axis
+from cinegen.avoid.keep import STOP
+from cinegen.avoid.kernel.turn import AWAKE, AXIS, STATE_WIDTH
+from cinegen.avoid.planar import plane_of
+
+Array = NDArray[np.float64]
+
+STRENGTH = 1.5
+"""Of a vortex by what leads to the same point, where links are stopped: more than 1, or it would not get round."""
+
+
+class Turning(Enum):
+    """Which way a link goes round what it meets; the value says it in words."""
+
+    FOLDING = "toward the base"
+    SHORTER = "the shorter way"
+    LONGER = "the other way"
+    UP = "upward"
+    DOWN = "downward"
+    ASIDE = "aside"
+
+
+class Vortices:
+    """Around each obstacle one, that turns while the obstacle is in the way.
+
+    What the paper leaves open, and what experience added:
+
+    - Only what is in the way turns. A vortex wakes when a link comes within its reach, is led into the obstacle, and
+      going on without it would hit. It rests when no link is led into the obstacle any more: the paper's point Q.
+    - The axis is chosen when it wakes, and kept. All links go round an obstacle about the same axis.
+    - What leads a link's nearest point is how the mechanism's motion moves that point, J_i dq, not the tool's.
+    - The strength of a vortex is relative to that: no gain has to be tuned, nor does it depend on units.
+
+    Args:
+        clearance: of the mechanism.
+        around: for each pair the number of what it goes round.
+        reach: m: from where on vortices act.
+        safety: m: the distance that is kept.
+        turning: which way round.
+
+    Attributes:
+        states: (vortices, 4) whether each turns, and its axis.
+        turning: which way those go round that wake from now on.
+    """
+
+    def __init__(
+        self,
+        clearance: Clearance,
+        around: NDArray[np.int64],
+        reach: float,
+        safety: float,
+        turning: Turning = Turning.SHORTER,
+    ) -> None:
+        self.clearance, self.around, self.turning = clearance, around, turning
+        self.safety, self.stop = safety, STOP * safety
+        self.reach = max(reach, 2.0 * self.stop)
+        self.states = np.zeros((int(around.max(initial=-1)) + 1, STATE_WIDTH))
+        self._plane = plane_of(clearance.mechanism)
+        model = clearance.mechanism.model
+        self._base = np.array(model.jointPlacements[min(1, model.njoints - 1)].translation)
+
+    @property
+    def awake(self) -> NDArray[np.intp]:
+        """Numbers of what is gone round at present."""
+        return np.flatnonzero(self.states[:, AWAKE])
+
+    def rest(self) -> None:
+        """All of them rest."""
+        self.states[:] = 0.0
+
+    def turn(self, q: Array, motion: Array, in_the_way: Callable[[], frozenset[int]]) -> Array:
+        """(nv,) a motion, turned around what is in the way.
+
+        Args:
+            q: (nq,) where the mechanism is.
+            motion: (nv,) that leads it, rad and m.
+            in_the_way: asked where something might have to be gone round: numbers of what would be hit.
+        """
+        turned, asks = self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, STRENGTH)
+        if not (asks >= 0).any():
+            return turned
+        hit = in_the_way()
+        self.clearance.see(q)
+        woken = [g for g in np.flatnonzero(asks >= 0).tolist() if g in hit]
+        for g in woken:
+            self.states[g, AXIS:] = self._axis(int(asks[g]), motion)
+            self.states[g, AWAKE] = 1.0
+        if not woken:
+            return turned
+        return self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, STRENGTH)[0]
+
+    def hits(self, q: Array) -> frozenset[int]:
+        """Numbers of what the mechanism would be too near to at q (nq,)."""
+        return frozenset(self.around[self.clearance.distances(q) < self.safety].tolist())
+
+    def _axis(self, pair: int, motion: Array) -> Array:
+        """(3,) about which a vortex begins to turn, as the nearest link sees it."""
+        one, _, normal = self.clearance.points(pair)
+        led = self.clearance.motion_of(pair, motion)
+        towards = {
+            Turning.FOLDING: folding(one, self._base, self._plane),
+            Turning.SHORTER: led,
+            Turning.LONGER: led,
+            Turning.UP: np.array([0.0, 0.0, 1.0]),
+            Turning.DOWN: np.array([0.0, 0.0, -1.0]),
+            Turning.ASIDE: np.cross(normal, led),
+        }[self.turning]
+        axis = turning_axis(-normal, towards, led, plane=self._plane)
+        return -axis if self.turning is Turning.LONGER else axis
