@@ -21,11 +21,10 @@ from cinegen.kernel.compiled import TABLE, prepare
 from cinegen.kernel.memory import address, placements_address
 from cinegen.model import Mechanism
 from cinegen.model.memory import moves
+from cinegen.solve.resolve import free_motions
 
 Array = NDArray[np.float64]
 Table = NDArray[np.int64]
-
-_MOST = 96  # rows of what is near
 
 
 class Nearness(NamedTuple):
@@ -87,9 +86,11 @@ class Clearance:
         self._balls = np.array([[*body.centre, body.radius] for body in self.bodies]).reshape(-1, 4)
         self._ends, self._radii = _ends(self.bodies)
         self._placements = placements_address(self._data) if model.njoints > 1 else 0
-        self._which, self._room = np.zeros(_MOST, dtype=np.int64), np.zeros(_MOST)
-        self._rows, self._scratch = np.zeros((_MOST, model.nv)), np.zeros((2, 3))
-        self._square = np.zeros((3, 3))
+        most = len(found) + 2 * int((self._radii[self.pairs] >= 0.0).sum())  # rows, if all are near
+        self._which, self._room = np.zeros(most, dtype=np.int64), np.zeros(most)
+        self._rows, self._scratch = np.zeros((most, model.nv)), np.zeros((2, 3))
+        self._square, self._by = np.zeros((3, 3)), np.zeros((3, model.nv))
+        self._scale, self._all_free = np.ascontiguousarray(mechanism.scale), np.zeros((0, model.nv))
         self._before, self._ways = np.zeros(len(found)), np.zeros(len(found))
         self._at: Array | None = None
         prepare_clearance()
@@ -166,7 +167,8 @@ class Clearance:
     # --- all along a motion --------------------------------------------------------------------------------------
 
     def bounds(self, q: Array, to: Array) -> tuple[Array, Array]:
-        """Distances (pairs,) at q (nq,), and by how much they may change at most on the way to another q (nq,), m."""
+        """Distances (pairs,) at q (nq,), and by how much they may change at most on the way to another q (nq,), m.
+        Views: the next call overwrites them."""
         self.see(q)
         motion = np.ascontiguousarray(pin.difference(self._model, q, to))
         if len(self.pairs) and self._model.nv:
@@ -206,24 +208,31 @@ class Clearance:
         """
         self.see(q)
         found, asks = motion.copy(), np.full(len(states), -1, dtype=np.int64)
+        free = self._free(q)
         if len(self.pairs) and self._model.nv:
             turn(
-                self._results.address, self._flat, self._joints, self._moves, address(self._data.J), motion, around,
-                states, reach, stop, strength, asks, found, self._square,
+                self._results.address, self._flat, self._joints, self._moves, address(self._data.J), motion,
+                self._scale, free, around, states, reach, stop, strength, asks, found, self._by, self._square,
             )  # fmt: skip
         return found, asks
+
+    def _free(self, q: Array) -> Array:
+        """(motions, nv) orthonormal, without unit, that keep loops closed at q; none where there are no loops."""
+        if not self.mechanism.loops:
+            return self._all_free
+        loops = self.mechanism.system.evaluate(q)[1]
+        return np.ascontiguousarray(free_motions(loops, self.mechanism.loop_rank)[0].T)
 
 
 class _Results:
     """Coal's results as one array, read where coal keeps them if that is where this build is known to."""
 
     def __init__(self, solids: pin.GeometryData, count: int) -> None:
-        self._results = [solids.distanceResults[i] for i in range(count)]
-        self._in_place = False
+        self._solids, self._in_place = solids, False
         self.table = np.zeros((count, RESULT_WIDTH))
         self.address = address(self.table)
         if count:
-            begin = [address(one.normal) - 8 * NORMAL for one in self._results]
+            begin = [address(solids.distanceResults[i].normal) - 8 * NORMAL for i in range(count)]
             if begin == list(range(begin[0], begin[0] + 8 * RESULT_WIDTH * count, 8 * RESULT_WIDTH)):
                 numbers = ctypes.cast(begin[0], ctypes.POINTER(ctypes.c_double))
                 self.table = np.ctypeslib.as_array(numbers, (count, RESULT_WIDTH))
@@ -233,7 +242,8 @@ class _Results:
         """Takes over what coal has found."""
         if self._in_place:
             return
-        for row, one in zip(self.table, self._results, strict=True):
+        for i, row in enumerate(self.table):
+            one = self._solids.distanceResults[i]
             row[DISTANCE], row[NORMAL : NORMAL + 3] = one.min_distance, one.normal
             row[FIRST_POINT : FIRST_POINT + 3] = one.getNearestPoint1()
             row[SECOND_POINT : SECOND_POINT + 3] = one.getNearestPoint2()
@@ -262,6 +272,6 @@ def prepare_clearance() -> None:
     )  # fmt: skip
     prepare(sweep, types.int64, TABLE, TABLE, matrix, matrix, types.int64, types.int64, vector, vector, vector, matrix)
     prepare(
-        turn, types.int64, TABLE, TABLE, matrix, types.int64, vector, TABLE, matrix, types.float64, types.float64,
-        types.float64, TABLE, vector, matrix,
+        turn, types.int64, TABLE, TABLE, matrix, types.int64, vector, vector, matrix, TABLE, matrix, types.float64,
+        types.float64, types.float64, TABLE, vector, matrix, matrix,
     )  # fmt: skip

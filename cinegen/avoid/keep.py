@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import itertools
+from heapq import heapify, heappop, heappush
+from itertools import pairwise
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.avoid.clearance import Clearance
+from cinegen.avoid.errors import AvoidError
 from cinegen.solve.barrier import Bounds
 from cinegen.solve.objectives import State
 
@@ -17,7 +19,9 @@ Array = NDArray[np.float64]
 STOP = 1.25
 """Of the safety distance: where the damper lets nothing come nearer. What a step bends is less than the rest."""
 
+_FAR = 0.25  # lengths
 _LOOKS = 64  # at configurations on the way of one step, at most
+_HALVED = 12  # times that a part of a path is halved, at most
 _PUSH = 0.5  # of what a link lacks to where it stops is made good in a tick
 
 
@@ -40,9 +44,16 @@ class Keep:
 
     Attributes:
         held: the pairs that the last bounds were about, row by row.
+
+    Raises:
+        AvoidError: the safety distance or the part makes no sense.
     """
 
     def __init__(self, clearance: Clearance, safety: float, part: float = 0.5) -> None:
+        if not 0.0 <= safety < np.inf:
+            raise AvoidError(f"the safety distance is {safety!r}; give a finite number of m, 0 or more")
+        if not 0.0 < part <= 1.0:
+            raise AvoidError(f"the part of what is left that a tick may use is {part!r}; give one above 0, 1 at most")
         self.clearance, self.safety, self.part = clearance, safety, part
         self.held: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
@@ -51,13 +62,13 @@ class Keep:
         near = self.clearance.near(state.q, self._range)
         left = near.distances - STOP * self.safety
         part = np.where(left < 0.0, _PUSH, self.part)
-        self.held = near.pairs
+        self.held = near.pairs.copy()
         return Bounds(near.rows, part * np.maximum(left, -self.safety) / state.dt)
 
     @property
     def _range(self) -> float:
-        """m: a step moves nothing further."""
-        return STOP * self.safety + 0.25 * self.clearance.mechanism.length / self.part
+        """m: from there nothing comes too near in one tick, or the look at the step will say so."""
+        return STOP * self.safety + _FAR * self.clearance.mechanism.length
 
     def clear(self, state: State, q: Array) -> float:
         """1 where all of the way from the state to q (nq,) is clear, 0.5 where it is not."""
@@ -71,7 +82,7 @@ def is_clear(clearance: Clearance, begin: Array, end: Array, safety: float) -> b
     first, ways = first.copy(), ways.copy()
     last = clearance.distances(end)
     floor = np.where(first < safety, 0.5 * first, safety)
-    if (last < np.minimum(first - 1e-12, safety)).any():
+    if not (last >= np.minimum(first - 1e-12, safety)).all():
         return False
     unsure = (first + last - ways < 2.0 * floor) & (first > 0.0)
     if not unsure.any():
@@ -103,26 +114,28 @@ def _between(clearance: Clearance, begin: Array, end: Array) -> Array:
 
 def least_along(clearance: Clearance, path: Array, sharp: float = 0.05) -> float:
     """m: a distance that nothing falls below anywhere on a path (n, nq), joints going straight between its points and
-    loops closed: a bound from below, no more than `sharp` of it too small.
+    loops closed: a bound from below, by conservative advancement, no more than `sharp` of it too small (or than about
+    1e-4 of the longest way between two points, where nearly everything touches).
 
     Where two bodies overlap, the deepest overlap at the points that were looked at, below 0.
     """
-    least = clearance.least(path[0])
-    for begin, end in itertools.pairwise(path):
-        least = min(least, _least_between(clearance, begin, end, sharp, _LOOKS))
+    least = min(clearance.least(q) for q in path)
+    parts = [(_bound_between(clearance, begin, end), i, 0, begin, end) for i, (begin, end) in enumerate(pairwise(path))]
+    heapify(parts)
+    count = len(parts)
+    while parts and least > 0.0:
+        bound, _, depth, begin, end = heappop(parts)  # the least of all
+        if bound >= (1.0 - sharp) * least or depth == _HALVED:
+            return min(bound, least)
+        half = _between(clearance, begin, end)
+        least = min(least, clearance.least(half))
+        for ends in ((begin, half), (half, end)):
+            heappush(parts, (_bound_between(clearance, *ends), count, depth + 1, *ends))
+            count += 1
     return least
 
 
-def _least_between(clearance: Clearance, begin: Array, end: Array, sharp: float, looks: int) -> float:
+def _bound_between(clearance: Clearance, begin: Array, end: Array) -> float:
+    """m: nothing comes nearer than that on the way from one configuration to another."""
     first, ways = clearance.bounds(begin, end)
-    first, ways = first.copy(), ways.copy()
-    last = clearance.distances(end)
-    bound = float((0.5 * (first + last - ways)).min(initial=np.inf))
-    ends = float(np.minimum(first, last).min(initial=np.inf))
-    if bound >= (1.0 - sharp) * ends or ends <= 0.0 or looks == 0:
-        return min(bound, ends)
-    half = _between(clearance, begin, end)
-    return min(
-        _least_between(clearance, begin, half, sharp, looks // 2),
-        _least_between(clearance, half, end, sharp, looks // 2),
-    )
+    return float((0.5 * (first - ways + clearance.distances(end))).min(initial=np.inf))

@@ -52,6 +52,7 @@ class Vortices:
     Attributes:
         states: (vortices, 4) whether each turns, and its axis.
         turning: which way those go round that wake from now on.
+        plane: (3,) normal of the plane in which all moves; None in space.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class Vortices:
         self.safety, self.stop = safety, STOP * safety
         self.reach = max(reach, 2.0 * self.stop)
         self.states = np.zeros((int(around.max(initial=-1)) + 1, STATE_WIDTH))
-        self._plane = plane_of(clearance.mechanism)
+        self.plane = plane_of(clearance.mechanism)
         model = clearance.mechanism.model
         self._base = np.array(model.jointPlacements[min(1, model.njoints - 1)].translation)
 
@@ -109,12 +110,12 @@ class Vortices:
         one, _, normal = self.clearance.points(pair)
         led = self.clearance.motion_of(pair, motion)
         towards = {
-            Turning.FOLDING: folding(one, self._base, self._plane),
+            Turning.FOLDING: folding(one, self._base, self.plane),
             Turning.SHORTER: led,
             Turning.LONGER: led,
             Turning.UP: np.array([0.0, 0.0, 1.0]),
             Turning.DOWN: np.array([0.0, 0.0, -1.0]),
             Turning.ASIDE: np.cross(normal, led),
         }[self.turning]
-        axis = turning_axis(-normal, towards, led, plane=self._plane)
+        axis = turning_axis(-normal, towards, led, plane=self.plane)
         return -axis if self.turning is Turning.LONGER else axis

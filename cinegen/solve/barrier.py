@@ -17,7 +17,8 @@ class Bounds(NamedTuple):
 
     Attributes:
         rows: (m, nv) m/s by rad/s and m/s.
-        most: (m,) m/s; below 0 where the mechanism has to go back.
+        most: (m,) m/s; below 0 where the mechanism has to go back. Where joints can't go so fast, or bounds contradict
+            each other, it goes back slower, or stays; it never goes on.
     """
 
     rows: Array

@@ -9,7 +9,6 @@ import pinocchio as pin
 
 from cinegen.errors import CinegenError
 from cinegen.solve.inverse import reach
-from cinegen.solve.kernel import memory as m
 from cinegen.solve.objectives import Objective, Posture
 from cinegen.solve.pull import Pull
 from cinegen.solve.solver import Array, Solver
@@ -84,12 +83,12 @@ class PersistentSolver(Solver):
         if reached:
             self._goal, self._own = reached.q, self._objectives
             self._objectives = (Posture(reached.q, rate=_RATE / self.dt),)
-            self._table[m.DETOUR] = 1
+            self._suspend_pulls(True)
 
     def _take_over(self) -> None:
         """The pulls do, again."""
         if self._goal is None:
             return
         self._goal, self._objectives, self._own = None, self._own, ()
-        self._table[m.DETOUR] = self._table[m.WISHING] = 0
+        self._suspend_pulls(False)
         self._resting = 0

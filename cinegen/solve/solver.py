@@ -14,7 +14,7 @@ from cinegen.kernel.thresholds import CLOSURE
 from cinegen.model import Mechanism
 from cinegen.model.memory import curved, moves
 from cinegen.solve.ahead import Ahead
-from cinegen.solve.barrier import Barrier
+from cinegen.solve.barrier import Barrier, Bounds
 from cinegen.solve.blend import Blend
 from cinegen.solve.forecast import TICKS, Forecast, foresee
 from cinegen.solve.kernel import memory as m
@@ -146,7 +146,10 @@ class Solver:
             self._memory.arrays[name][:] = 0.0
         self._memory.arrays["settings"][m.TRUST] = 1.0
         self._table[m.PHASE] = ASTRAY
-        self._changed = True  # pulls forget what they followed
+        if not self._changed:  # pulls forget what they followed
+            self._memory.arrays["pull_state"][:] = 0.0
+            self._table[m.WARM] = 0
+            self._earlier, self._latest = None, None
 
     def _limit_accelerations(self, acceleration: float | Mapping[str, float] | None) -> None:
         if acceleration is None:
@@ -260,6 +263,12 @@ class Solver:
                 self._blends.remove(blend)
                 if blend.lets_go:
                     self.release(blend.pull)
+
+    def _suspend_pulls(self, waits: bool) -> None:
+        """For solvers that lead elsewhere: pulls wait, and objectives alone lead."""
+        self._table[m.DETOUR] = waits
+        if not waits:
+            self._table[m.WISHING] = 0
 
     def _notice(self) -> None:
         self._changed = True
@@ -411,10 +420,10 @@ class Solver:
         """Asks the barriers what holds in this tick."""
         state, offset = self.state, int(self._table[m.OFFSET])
         try:
-            found = [barrier.bounds(state) for barrier in self._barriers]
+            found = [_checked(barrier.bounds(state), self._model.nv) for barrier in self._barriers]
             rows = np.vstack([bounds.rows for bounds in found]) * (self.mechanism.scale / self.mechanism.length)
             most = np.concatenate([bounds.most for bounds in found]) * (self.dt / self.mechanism.length)
-            self._blocked = not (np.isfinite(rows).all() and len(rows) == len(most) and not np.isnan(most).any())
+            self._blocked = False
         except Exception:  # whatever it is: the tick goes on
             self._blocked = True
         count = 0 if self._blocked else len(most)
@@ -431,9 +440,10 @@ class Solver:
             return 0.0
         try:
             state = self.state
-            return min(float(barrier.clear(state, self._trial)) for barrier in self._barriers)
+            parts = [float(barrier.clear(state, self._trial.copy())) for barrier in self._barriers]
         except Exception:
             return 0.0
+        return min(part if part >= 0.0 else 0.0 for part in parts)  # nor is nan any of it
 
     def _rests(self) -> bool:
         """Whether the mechanism has a base that could move, and does not: it moves when it is pulled itself."""
@@ -503,6 +513,18 @@ class Solver:
         moved = pin.difference(self._model, self._q, self._trial) / self.mechanism.scale
         moving = at_v[at_v >= offset]
         arrays["moved"][moving - offset] = moved[moving]
+
+
+def _checked(bounds: Bounds, nv: int) -> Bounds:
+    """Bounds as they should be.
+
+    Raises:
+        ValueError: they are not.
+    """
+    rows, most = np.asarray(bounds.rows, dtype=float), np.asarray(bounds.most, dtype=float)
+    if rows.shape != (len(most), nv) or most.ndim != 1 or not np.isfinite(rows).all() or np.isnan(most).any():
+        raise ValueError
+    return Bounds(rows, most)
 
 
 def _nothing() -> None:

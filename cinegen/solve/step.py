@@ -204,7 +204,8 @@ class Step:
 
     @property
     def barred(self) -> tuple[int, ...]:
-        """Which rows of the solver's barriers hold the motion back, by position among all of this tick."""
+        """Which rows of the solver's barriers hold the motion back, by position among all of this tick; 52 stands
+        for all from there on."""
         flags = int(self._record[m.R_BARRED])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 

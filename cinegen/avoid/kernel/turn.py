@@ -10,19 +10,58 @@ from cinegen.kernel.compiled import Array, Table, compiled, entry, matrix
 AWAKE, AXIS, STATE_WIDTH = 0, 1, 4
 """Of a vortex: whether it turns, and about which axis (3)."""
 
-_LEAST = 1e-4  # of the mean square that joints move a point by, along a direction: less can't be asked of them
+_LEAST = 1e-4  # of the mean square by which free motions move a point: where it can't go, none is asked to take it
 
 
 @compiled
-def _moved(columns: Array, moves: Array, j: int, at: Array, found: Array) -> bool:
-    """How the column j moves a point (3,) of a joint; False where it does not."""
-    if moves[j] == 0.0:
-        found[0] = found[1] = found[2] = 0.0
-        return False
-    found[0] = columns[j, 0] + columns[j, 4] * at[2] - columns[j, 5] * at[1]
-    found[1] = columns[j, 1] + columns[j, 5] * at[0] - columns[j, 3] * at[2]
-    found[2] = columns[j, 2] + columns[j, 3] * at[1] - columns[j, 4] * at[0]
-    return True
+def _led(columns: Array, first: Array, second: Array, j: int, one: Array, other: Array, found: Array) -> None:
+    """How the column j moves a point (3,) of the first joint, seen from a point of the second."""
+    for i in range(3):
+        found[i] = 0.0
+    for side in range(2):
+        if (second[j] if side else first[j]) == 0.0:
+            continue
+        at, sign = (other, -1.0) if side else (one, 1.0)
+        found[0] += sign * (columns[j, 0] + columns[j, 4] * at[2] - columns[j, 5] * at[1])
+        found[1] += sign * (columns[j, 1] + columns[j, 5] * at[0] - columns[j, 3] * at[2])
+        found[2] += sign * (columns[j, 2] + columns[j, 3] * at[1] - columns[j, 4] * at[0])
+
+
+@compiled
+def _freely(
+    columns: Array,
+    first: Array,
+    second: Array,
+    one: Array,
+    other: Array,
+    scale: Array,
+    free: Array,
+    by: Array,
+    c: Array,
+) -> float:
+    """How free motions move a point of the first joint, seen from the second: by (3, motions), without unit of motion.
+    Of joints that no loop ties, each is free.
+
+    Returns:
+        the mean square along a direction.
+    """
+    nv, k = scale.shape[0], free.shape[0]
+    for i in range(3):
+        for f in range(k):
+            by[i, f] = 0.0
+    for j in range(nv):
+        _led(columns, first, second, j, one, other, c)
+        for i in range(3):
+            if k == 0:
+                by[i, j] = scale[j] * c[i]
+            else:
+                for f in range(k):
+                    by[i, f] += free[f, j] * scale[j] * c[i]
+    square = 0.0
+    for i in range(3):
+        for f in range(k if k > 0 else nv):
+            square += by[i, f] * by[i, f]
+    return square / 3.0
 
 
 @entry
@@ -33,6 +72,8 @@ def turn(
     moves: Array,
     jacobian: int,
     motion: Array,
+    scale: Array,
+    free: Array,
     vortices: Table,
     states: Array,
     reach: float,
@@ -40,6 +81,7 @@ def turn(
     strength: float,
     asks: Table,
     found: Array,
+    by: Array,
     scratch: Array,
 ) -> None:
     """Adds to a motion what vortices make of it (De Medio and Oriolo, equation 6).
@@ -56,6 +98,8 @@ def turn(
         moves: (joints, nv) 1 where a column moves a joint.
         jacobian: address of the Jacobian, (nv, 6).
         motion: (nv,) of the attraction, rad and m.
+        scale: (nv,) rad or m that a motion without unit is.
+        free: (motions, nv) orthonormal motions without unit that keep loops closed; none where there are no loops.
         vortices: (pairs,) number of the vortex that each belongs to.
         states: (vortices, 4) whether it turns, and its axis; one that nothing is led into any more rests.
         reach: m: where fields begin.
@@ -63,9 +107,10 @@ def turn(
         strength: of vortices, by the attraction at the same point.
         asks: (vortices,) becomes the nearest pair that is led into what a resting vortex surrounds, else -1.
         found: (nv,) becomes the motion with all vortices.
+        by: (3, nv) scratch.
         scratch: (3, 3).
     """
-    nv, total = motion.shape[0], pairs.shape[0] // 2
+    nv, total, k = motion.shape[0], pairs.shape[0] // 2, free.shape[0]
     result, columns = matrix(results, total, RESULT_WIDTH), matrix(jacobian, nv, 6)
     a, t, c = scratch[0], scratch[1], scratch[2]
     for g in range(asks.shape[0]):
@@ -80,15 +125,11 @@ def turn(
         one, other = result[p, FIRST_POINT : FIRST_POINT + 3], result[p, SECOND_POINT : SECOND_POINT + 3]
         first, second = moves[joints[pairs[2 * p]]], moves[joints[pairs[2 * p + 1]]]
         a[0] = a[1] = a[2] = 0.0
-        square = 0.0
         for j in range(nv):
-            if _moved(columns, first, j, one, c):
-                square += c[0] * c[0] + c[1] * c[1] + c[2] * c[2]
+            if motion[j] != 0.0:
+                _led(columns, first, second, j, one, other, c)
                 for i in range(3):
                     a[i] += c[i] * motion[j]
-            if _moved(columns, second, j, other, c):
-                for i in range(3):
-                    a[i] -= c[i] * motion[j]
         size = math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
         into = a[0] * normal[0] + a[1] * normal[1] + a[2] * normal[2]
         if not into > 1e-9 * size or size < 1e-12:
@@ -109,22 +150,19 @@ def turn(
         near = max(d, stop)
         modulus = (1.0 / near - 1.0 / reach) / (1.0 / stop - 1.0 / reach)
         asked = strength * into * modulus
-        along = _LEAST * square / 3.0
-        for j in range(nv):
-            s = 0.0
-            if _moved(columns, first, j, one, c):
-                s += (c[0] * t[0] + c[1] * t[1] + c[2] * t[2]) / length
-            if _moved(columns, second, j, other, c):
-                s -= (c[0] * t[0] + c[1] * t[1] + c[2] * t[2]) / length
+        along = _LEAST * _freely(columns, first, second, one, other, scale, free, by, c)
+        count = k if k > 0 else nv
+        for f in range(count):
+            s = (by[0, f] * t[0] + by[1, f] * t[1] + by[2, f] * t[2]) / length
             along += s * s
         if not along > 0.0:
             continue
-        for j in range(nv):
-            s = 0.0
-            if _moved(columns, first, j, one, c):
-                s += (c[0] * t[0] + c[1] * t[1] + c[2] * t[2]) / length
-            if _moved(columns, second, j, other, c):
-                s -= (c[0] * t[0] + c[1] * t[1] + c[2] * t[2]) / length
-            found[j] += s * asked / along
+        for f in range(count):
+            s = (by[0, f] * t[0] + by[1, f] * t[1] + by[2, f] * t[2]) / length * asked / along
+            if k == 0:
+                found[f] += s * scale[f]
+            else:
+                for j in range(nv):
+                    found[j] += s * free[f, j] * scale[j]
     for g in range(asks.shape[0]):  # what was not needed rests
         states[g, AWAKE] = 1.0 if states[g, AWAKE] == 2.0 else 0.0

@@ -1,4 +1,4 @@
-"""`plan`: a way to a goal around obstacles, by vortices."""
+"""`plan`: a way to a goal around obstacles, by vortices or another field."""
 
 from __future__ import annotations
 
@@ -11,17 +11,22 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.avoid.bodies import bodies_of, pairs_of
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.keep import least_along
 from cinegen.avoid.planar import plane_of
 from cinegen.avoid.planner.attempt import Attempt, attempt
 from cinegen.avoid.planner.attraction import Attraction, PostureAttraction, TaskAttraction
+from cinegen.avoid.planner.descent import Descent, Potential
+from cinegen.avoid.planner.ends import Refusal, free_goals
+from cinegen.avoid.planner.field import Field
 from cinegen.avoid.planner.lead import Lead
-from cinegen.avoid.planner.postures import TOLERANCE, Postures, postures
+from cinegen.avoid.planner.literal import Literal
+from cinegen.avoid.planner.postures import TOLERANCE, Postures
 from cinegen.avoid.planner.verdict import Verdict
 from cinegen.avoid.scene import Scene
+from cinegen.avoid.surroundings import surroundings
 from cinegen.avoid.vortices import Turning, Vortices
+from cinegen.solve.objectives import Objective
 
 Array = NDArray[np.float64]
 
@@ -43,6 +48,7 @@ class Plan:
             sense. Between two of them joints go straight, loops closed.
         attempts: all that were made, in order; the last one is what `path` is of.
         reason: the verdict, in words.
+        field: that was followed; None: `rrt_connect` follows none.
     """
 
     scene: Scene
@@ -51,6 +57,7 @@ class Plan:
     attempts: tuple[Attempt, ...]
     reason: str
     _clearance: Clearance
+    field: Field | None = Field.VORTEX
 
     def __bool__(self) -> bool:
         return self.verdict is Verdict.REACHED
@@ -87,76 +94,82 @@ class Plan:
         return float(sum(np.linalg.norm(step) for step in steps))
 
 
-def surroundings(scene: Scene) -> tuple[Clearance, NDArray[np.int64]]:
-    """The clearance of a scene's robot, and for each of its pairs what is gone round: the obstacle's place in the
-    scene, or a number behind these for two links of the robot."""
-    own = scene.bodies
-    bodies = bodies_of(scene.mechanism) if own is None else own
-    obstacles = [body for obstacle in scene.obstacles for body in obstacle.bodies]
-    owner = [i for i, obstacle in enumerate(scene.obstacles) for _ in obstacle.bodies]
-    links = () if own is not None else pairs_of(scene.mechanism, bodies)
-    clearance = Clearance(scene.mechanism, bodies, obstacles, links)
-    around, links_met = [], dict[tuple[int, int], int]()
-    for first, second in clearance.pairs.tolist():
-        if second >= len(bodies):
-            around.append(owner[second - len(bodies)])
-        else:
-            joints = (bodies[first].joint, bodies[second].joint)
-            around.append(links_met.setdefault(joints, len(scene.obstacles) + len(links_met)))
-    return clearance, np.array(around, dtype=np.int64)
-
-
-def plan(scene: Scene, *, steps: int = STEPS, attempts: int = 40, say: Callable[[str], None] | None = None) -> Plan:
+def plan(
+    scene: Scene,
+    *,
+    field: Field | str = Field.VORTEX,
+    steps: int = STEPS,
+    attempts: int = 40,
+    say: Callable[[str], None] | None = None,
+) -> Plan:
     """Looks for a way to a scene's goal, by vortex fields (C. De Medio and G. Oriolo, 1991).
 
     Goal and start are tested first. Then the node is led straight to the goal, vortices turning toward the base (of a
     mobile robot, the shorter way); if that ends somewhere else, other ways round are tried, and then the joints are
     led straight to postures in which the goal is reached, nearest first. All that was tried is in the plan.
 
+    Other fields are there to be compared, under the same barrier: each makes one attempt.
+
     Args:
         scene: what is where.
+        field: one of `Field`, or its value.
         steps: of one attempt, at most.
         attempts: at most.
         say: told in words what is being tried.
+
+    Raises:
+        AvoidError: there is no such field.
     """
+    field = Field(field)
     clearance, around = surroundings(scene)
     say = say or _nobody
 
     def without(verdict: Verdict, reason: str) -> Plan:
-        return Plan(scene, verdict, scene.start[None].copy(), (), reason, clearance)
+        return Plan(scene, verdict, scene.start[None].copy(), (), reason, clearance, field)
 
-    distances = clearance.distances(scene.start)
-    if len(distances) and distances.min() < scene.safety:
-        pair = int(distances.argmin())
-        return without(Verdict.START_IN_COLLISION, _too_near(clearance, scene, pair, float(distances[pair])))
-    say("looking for postures at the goal")
-    goals = postures(scene, clearance)
-    if not goals.free:
-        if goals.blocked:
-            _, pair, distance = max(goals.blocked, key=lambda one: one[2])
-            return without(Verdict.GOAL_IN_COLLISION, _too_near(clearance, scene, pair, distance))
-        return without(Verdict.OUT_OF_REACH, f"no posture was found in which '{scene.node}' is at the goal")
+    goals = free_goals(scene, clearance, say)
+    if isinstance(goals, Refusal):
+        return without(goals.verdict, goals.reason)
     made: list[Attempt] = []
-    reach = scene.influence or _REACH * scene.mechanism.length
-    plane = plane_of(scene.mechanism)
     task = TaskAttraction(scene.mechanism, scene.node, scene.goal, scene.translation, scene.rotation)
-    for attraction, turning in _ways(scene, task, goals, plane):
+    for words, lead, left in _leads(scene, field, clearance, around, task, goals):
         if len(made) == attempts:
             break
-        words = f"{attraction.words}, {turning.value}"
         say(f"attempt {len(made) + 1}: {words}")
-        lead = Lead(attraction, Vortices(clearance, around, reach, scene.safety, turning))
         made.append(
             attempt(
-                clearance, scene.start, lead, attraction.left, lambda q: task.left(q) < TOLERANCE, scene.safety, steps,
-                words,
+                clearance, scene.start, lead, left, lambda q: task.left(q) < TOLERANCE, scene.safety, steps, words
             )
         )  # fmt: skip
         if made[-1].verdict is Verdict.REACHED:
             break
     last = made[-1]
     reason = "" if last.verdict is Verdict.REACHED else f"{last.reason} (the last of {len(made)} attempts)"
-    return Plan(scene, last.verdict, last.path, tuple(made), reason, clearance)
+    return Plan(scene, last.verdict, last.path, tuple(made), reason, clearance, field)
+
+
+def _leads(
+    scene: Scene,
+    field: Field,
+    clearance: Clearance,
+    around: NDArray[np.int64],
+    task: TaskAttraction,
+    goals: Postures,
+) -> Iterator[tuple[str, Objective, Callable[[Array], float]]]:
+    """What is followed, in order: in words, as an objective, and how far it then is to the goal."""
+    reach = scene.influence or _REACH * scene.mechanism.length
+    if field is Field.VORTEX:
+        for attraction, turning in _ways(scene, task, goals, plane_of(scene.mechanism)):
+            lead = Lead(attraction, Vortices(clearance, around, reach, scene.safety, turning))
+            yield f"{attraction.words}, {turning.value}", lead, attraction.left
+        return
+    bodies = clearance.bodies[: len(clearance.bodies) - sum(len(obstacle.bodies) for obstacle in scene.obstacles)]
+    words = f"{task.words}, {field.value}"
+    if field is Field.LITERAL:
+        yield words, Literal(scene, bodies, reach), task.left
+    else:
+        potential = Potential(scene, bodies, field, reach)
+        yield words, Descent(scene.mechanism, potential.value, potential.gradient), task.left
 
 
 def _ways(
@@ -175,14 +188,6 @@ def _ways(
     for attraction in led:
         for turning in others:
             yield attraction, turning
-
-
-def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:
-    one, other = clearance.names(pair)
-    if distance <= 0.0:
-        return f"'{one}' is in '{other}'"
-    kept = f"the safety distance of {1e3 * scene.safety:.3g} mm"
-    return f"'{one}' is {1e3 * distance:.3g} mm from '{other}', nearer than {kept}"
 
 
 def _nobody(_: str) -> None:

@@ -16,3 +16,4 @@ class Verdict(Enum):
     OUT_OF_REACH = "goal out of reach"
     JOINT_LIMIT = "joint limit"
     STEP_LIMIT = "step limit"
+    TIME_LIMIT = "time limit"

@@ -12,6 +12,8 @@ from cinegen.solve.kernel.redundancy import add_wish
 from cinegen.solve.kernel.resolve import bounded, within
 from cinegen.solve.kernel.thresholds import FULL
 
+_EASED = 6  # times that barriers ask less back of a step than they did, where they contradict each other
+
 
 @compiled
 def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) -> None:
@@ -53,6 +55,8 @@ def keep_bounds(t: Table, step: Array, y: Array, pull_rank: int, room: float) ->
             y[i] *= pace
     if t[m.ACCELERATED] != 0:
         _accelerations(t, floor, ceiling)
+    if must_go_back(t):
+        _as_fast_as_can_be(t, floor, ceiling, rows)
     wishing = t[m.WISHING] != 0
     if wishing and add_wish(t, step, pull_rank, True):
         return
@@ -87,6 +91,32 @@ def _barriers(t: Table, floor: Array, ceiling: Array) -> None:
 
 
 @compiled
+def must_go_back(t: Table) -> bool:
+    """Whether a barrier does not allow the mechanism to stay."""
+    room = vector(t[m.BARRIER_ROOM], t[m.BARRIERS])
+    back = False
+    for b in range(t[m.BARRIERS]):
+        back = back or room[b] < 0.0
+    return back
+
+
+@compiled
+def _as_fast_as_can_be(t: Table, floor: Array, ceiling: Array, rows: Array) -> None:
+    """Where the mechanism has to go back, it need not go faster than its joints can: then it could not go at all."""
+    n, longest = t[m.N], vector(t[m.LONGEST] + 8 * t[m.OFFSET], t[m.N])
+    for b in range(t[m.BARRIERS]):
+        if not ceiling[n + b] < 0.0:
+            continue
+        s = 0.0
+        for j in range(n):
+            if rows[b, j] > 0.0:
+                s += rows[b, j] * max(floor[j], -FULL * longest[j])
+            elif rows[b, j] < 0.0:
+                s += rows[b, j] * min(ceiling[j], FULL * longest[j])
+        ceiling[n + b] = max(ceiling[n + b], min(FULL * s, 0.0))
+
+
+@compiled
 def _speeds(t: Table, floor: Array, ceiling: Array) -> None:
     """Narrows the bounds (n,) to what limits of velocity allow."""
     longest = vector(t[m.LONGEST] + 8 * t[m.OFFSET], t[m.N])
@@ -117,7 +147,16 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
     held = vector(t[m.STOPPED], total)
     g, work = matrix(t[m.G], total, k), matrices(t[m.WORK], 3, k, k)
     scratch = matrix(t[m.SCRATCH], 6, k)
-    if not bounded(y, motions, looped, axes, size, floor, ceiling, rows, n, k, x, g, held, work, scratch, step):
+    found = bounded(y, motions, looped, axes, size, floor, ceiling, rows, n, k, x, g, held, work, scratch, step)
+    if not found and must_go_back(t):  # not all at once: as much as can be, or nothing at all
+        for eased in range(_EASED):
+            for b in range(n, total):
+                if ceiling[b] < 0.0:
+                    ceiling[b] = 0.25 * ceiling[b] if eased < _EASED - 1 else 0.0
+            found = bounded(y, motions, looped, axes, size, floor, ceiling, rows, n, k, x, g, held, work, scratch, step)
+            if found:
+                break
+    if not found:
         if accelerated:  # positions and velocities count more; within these, as near to braking as can be
             braking = vector(t[m.BRAKING], n)
             for i in range(k):
@@ -129,8 +168,6 @@ def _bend(t: Table, step: Array, y: Array, pull_rank: int) -> None:
             _positions(t, floor, ceiling)
             _speeds(t, floor, ceiling)
             found = bounded(y, motions, looped, axes, size, floor, ceiling, rows, n, k, x, g, held, work, scratch, step)
-        else:
-            found = False
         if not found:
             for j in range(n):
                 step[j] = 0.0

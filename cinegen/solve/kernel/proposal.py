@@ -11,7 +11,7 @@ from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import aim_at, distance_left
 from cinegen.solve.kernel.directions import promise, singular_values
 from cinegen.solve.kernel.escape import nudge
-from cinegen.solve.kernel.limits import keep_bounds
+from cinegen.solve.kernel.limits import keep_bounds, must_go_back
 from cinegen.solve.kernel.redundancy import project_wish
 from cinegen.solve.kernel.resolve import far_from_singular, to_joints, unbounded
 from cinegen.solve.kernel.thresholds import ARRIVED, NOISE, REST
@@ -88,7 +88,8 @@ def propose(t: Table) -> bool:
         return False
     settings[m.SHARP] = largest
     pace = record[m.R_PACE]
-    if still and t[m.NUDGED] == 0 and _turns_back(step, vector(t[m.LAST], n), n):  # half of it: no zigzag
+    turns_back = _turns_back(step, vector(t[m.LAST], n), n)
+    if still and t[m.NUDGED] == 0 and turns_back and not must_go_back(t):  # half of it: no zigzag
         pace *= 0.5
         secondary, braking = vector(t[m.SECONDARY], n), vector(t[m.BRAKING], n)
         for j in range(n):

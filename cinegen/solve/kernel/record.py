@@ -99,9 +99,9 @@ def finish(t: Table, accepted: bool) -> None:
         record[at + j] = stopped[j - offset] if j >= offset else 0.0
         saturated = saturated or record[at + j] != 0.0
     barred = 0
-    for b in range(min(t[m.BARRIERS], m.MOST_LEFT_OUT)):
+    for b in range(t[m.BARRIERS]):
         if stopped[n + b] != 0.0:
-            barred |= 1 << b
+            barred |= 1 << min(b, m.MOST_LEFT_OUT)
     record[m.R_BARRED] = barred
     refused = not accepted and t[m.TRIES] >= TRIES and t[m.CLOSES] == 0
     if good < pulls:

@@ -10,7 +10,9 @@ from cinegen.kernel.null_space import free_motions
 from cinegen.kernel.thresholds import CLOSURE, CORRECTION
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.kernel.aims import distance_now
+from cinegen.solve.kernel.bounds import TOUCH
 from cinegen.solve.kernel.directions import promise, singular_values
+from cinegen.solve.kernel.limits import must_go_back
 from cinegen.solve.kernel.record import finish
 from cinegen.solve.kernel.resolve import far_from_singular
 from cinegen.solve.kernel.thresholds import (
@@ -129,6 +131,7 @@ def judge(t: Table) -> int:
     if refine and wishing:  # what is exact enough is no loss
         noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * settings[m.DISTANCE]))
     forced = t[m.ACCELERATED] != 0 and (promised <= 0.0 or t[m.TRIES] == _most_tries(t) - 1)  # it can't stop at once
+    forced = forced or (promised <= 0.0 and must_go_back(t))  # that costs the pulls something
     if p > 0 and not forced and won < ARMIJO * promised - noise:
         return _shorten(t, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # where a parabola is lowest
     if t[m.GUARDED] != 0:
@@ -303,6 +306,21 @@ def _most_tries(t: Table) -> int:
 
 
 @compiled
+def _is_spare(t: Table, part: float) -> bool:
+    """Whether barriers allow what is left of the step without so much of what redundancy adds: that may be what keeps
+    them."""
+    n, taken, secondary = t[m.N], vector(t[m.TAKEN], t[m.N]), vector(t[m.SECONDARY], t[m.N])
+    rows, room = matrix(t[m.BARRIER_ROWS], t[m.BARRIERS], n), vector(t[m.BARRIER_ROOM], t[m.BARRIERS])
+    spare = True
+    for b in range(t[m.BARRIERS]):
+        s = 0.0
+        for j in range(n):
+            s += rows[b, j] * (taken[j] - part * secondary[j])
+        spare = spare and s <= max(room[b], 0.0) + TOUCH
+    return spare
+
+
+@compiled
 def _shorten(t: Table, part: float) -> int:
     """Tries again with less of the step; gives up after ten times. What redundancy adds gives way first."""
     n = t[m.N]
@@ -313,8 +331,9 @@ def _shorten(t: Table, part: float) -> int:
         finish(t, False)
         return DONE
     taken, secondary = vector(t[m.TAKEN], n), vector(t[m.SECONDARY], n)
-    if wishing and t[m.P] > 0 and t[m.TRIES] <= WISHES:
-        part = min(part, 0.5) if t[m.TRIES] < WISHES else 0.0
+    spare = min(part, 0.5) if t[m.TRIES] < WISHES else 0.0
+    if wishing and t[m.P] > 0 and t[m.TRIES] <= WISHES and _is_spare(t, 1.0 - spare):
+        part = spare
         for j in range(n):
             taken[j] -= (1.0 - part) * secondary[j]
             secondary[j] *= part
