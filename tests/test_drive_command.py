@@ -45,6 +45,13 @@ def run(capsys, root, monkeypatch, tmp_path):
         (["robots/delta4.raff", "--host", "no such host"], "no such host"),
         (["robots/delta4.raff", "--record", "folder/../"], "can't be written"),
         (["robots/delta4.raff", "--video", "film.mp4"], "--video needs --seconds"),
+        ([], "nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml"),
+        (["robots/rx90.raff", "--scene", "robots/scenes/disc.toml"], "leave a FILE out"),
+        (["--scene", "robots/scenes/disc.toml", "--stand", "planar_3r=0,0,1"], "leave --stand out"),
+        (["--scene", "robots/scenes/disc.toml", "--robot", "arm"], "leave --robot out"),
+        (["--scene", "robots/scenes/none.toml"], "none.toml"),
+        (["--scene", "robots/rx90.raff"], "a scene is a .toml or a .json file"),
+        (["--scene", "robots/scenes/disc.toml", "--node", "tol", "--follow", "line"], "did you mean 'tool'"),
     ],
 )
 @pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
@@ -138,6 +145,23 @@ def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
     code, _, err = run("drive", "robots/five_bar.raff", "--record", "run.jsonl", "--no-browser", "--seconds", "0.2")
     assert code == 1
     assert "is a mission already" in err
+
+
+def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
+    scene = "robots/scenes/generic.toml"
+    options = ["--no-browser", "--port", "8470", "--seconds", "1", "--record", "run.jsonl", "--snapshot", "page.html"]
+    code, out, err = run("drive", "--scene", scene, *options)
+    assert (code, err) == (0, "")
+    assert "mobile: 2 joints, 0 loops, mobility 2" in out
+    assert "keeps 50 mm clear of 6 obstacles" in out
+    assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
+    code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8480", "--seconds", "0.3")
+    assert code == 0
+    from cinegen.mission import Recording
+
+    recording = Recording.load("run.jsonl")
+    assert recording.robots == ("mobile", "triangle", "rod", "angle", "block", "hexagon", "post")
+    assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
 
 
 def test_a_session_that_is_killed_leaves_its_recording_whole(root, tmp_path):

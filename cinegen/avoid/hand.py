@@ -91,6 +91,7 @@ class AvoidingSolver(Solver):
         self.keep = Keep(clearance, safety, -math.expm1(-_CLOSER * dt))
         self.barriers = (self.keep,)
         self.vortices = Vortices(clearance, around, 0.5 * mechanism.length if reach is None else reach, safety)
+        self._seen: dict[int, pin.SE3] = {}  # where obstacles were
         self._follower, self._scout = Shadow(mechanism, dt), Shadow(mechanism, dt, _SCOUTS)
         self._begin_anew()
 
@@ -103,6 +104,22 @@ class AvoidingSolver(Solver):
     def objectives(self, objectives: Iterable[Objective]) -> None:
         Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
         self._own = self._objectives
+
+    def move(self, body: int, placement: pin.SE3) -> None:
+        """Puts an obstacle elsewhere. Where that has gone some way, ways that led nowhere are tried again.
+
+        Args:
+            body: its number in the clearance.
+            placement: of its shape in the mechanism's world.
+        """
+        self.clearance.move(body, placement)
+        seen = self._seen.setdefault(body, placement.copy())
+        way = seen.actInv(placement)
+        turned = float(np.linalg.norm(pin.log3(way.rotation)))
+        if max(float(np.linalg.norm(way.translation)) / self.mechanism.length, turned) > _MOVED:
+            self._seen[body] = placement.copy()
+            if not self._ways:
+                self._begin_anew()
 
     def step(self) -> Step:
         """One tick of dt. Never raises: the verdict says what happened."""

@@ -19,10 +19,16 @@ Array = NDArray[np.float64]
 STOP = 1.25
 """Of the safety distance: where the damper lets nothing come nearer. What a step bends is less than the rest."""
 
+_LEAST = 1e-3  # lengths: what is between where links are stopped and the safety distance, at least
 _FAR = 0.25  # lengths
 _LOOKS = 64  # at configurations on the way of one step, at most
 _HALVED = 12  # times that a part of a path is halved, at most
 _PUSH = 0.5  # of what a link lacks to where it stops is made good in a tick
+
+
+def stop(clearance: Clearance, safety: float) -> float:
+    """m: where the damper stops links that are to keep a safety distance (m)."""
+    return max(STOP * safety, safety + _LEAST * clearance.mechanism.length)
 
 
 class Keep:
@@ -55,20 +61,21 @@ class Keep:
         if not 0.0 < part <= 1.0:
             raise AvoidError(f"the part of what is left that a tick may use is {part!r}; give one above 0, 1 at most")
         self.clearance, self.safety, self.part = clearance, safety, part
+        self.stop = stop(clearance, safety)
         self.held: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
     def bounds(self, state: State) -> Bounds:
         """What holds in the next tick."""
         near = self.clearance.near(state.q, self._range)
-        left = near.distances - STOP * self.safety
+        left = near.distances - self.stop
         part = np.where(left < 0.0, _PUSH, self.part)
         self.held = near.pairs.copy()
-        return Bounds(near.rows, part * np.maximum(left, -self.safety) / state.dt)
+        return Bounds(near.rows, part * np.maximum(left, -self.stop) / state.dt)
 
     @property
     def _range(self) -> float:
         """m: from there nothing comes too near in one tick, or the look at the step will say so."""
-        return STOP * self.safety + _FAR * self.clearance.mechanism.length
+        return self.stop + _FAR * self.clearance.mechanism.length
 
     def clear(self, state: State, q: Array) -> float:
         """1 where all of the way from the state to q (nq,) is clear, 0.5 where it is not."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.fields import folding, turning_axis
-from cinegen.avoid.keep import STOP
+from cinegen.avoid.keep import stop
 from cinegen.avoid.kernel.turn import AWAKE, AXIS, STATE_WIDTH
 from cinegen.avoid.planar import plane_of
 
@@ -48,6 +48,7 @@ class Vortices:
         reach: m: from where on vortices act.
         safety: m: the distance that is kept.
         turning: which way round.
+        strength: of vortices; 0 and none turns.
 
     Attributes:
         states: (vortices, 4) whether each turns, and its axis.
@@ -62,9 +63,10 @@ class Vortices:
         reach: float,
         safety: float,
         turning: Turning = Turning.SHORTER,
+        strength: float = STRENGTH,
     ) -> None:
-        self.clearance, self.around, self.turning = clearance, around, turning
-        self.safety, self.stop = safety, STOP * safety
+        self.clearance, self.around, self.turning, self.strength = clearance, around, turning, strength
+        self.safety, self.stop = safety, stop(clearance, safety)
         self.reach = max(reach, 2.0 * self.stop)
         self.states = np.zeros((int(around.max(initial=-1)) + 1, STATE_WIDTH))
         self.plane = plane_of(clearance.mechanism)
@@ -88,7 +90,7 @@ class Vortices:
             motion: (nv,) that leads it, rad and m.
             in_the_way: asked where something might have to be gone round: numbers of what would be hit.
         """
-        turned, asks = self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, STRENGTH)
+        turned, asks = self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, self.strength)
         if not (asks >= 0).any():
             return turned
         hit = in_the_way()
@@ -99,7 +101,7 @@ class Vortices:
             self.states[g, AWAKE] = 1.0
         if not woken:
             return turned
-        return self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, STRENGTH)[0]
+        return self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, self.strength)[0]
 
     def hits(self, q: Array) -> frozenset[int]:
         """Numbers of what the mechanism would be too near to at q (nq,)."""

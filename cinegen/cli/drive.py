@@ -11,7 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cinegen.cli.files import count, mechanisms_and_files, of_files, seconds, write
+from cinegen.cli.files import count, mechanisms_and_files, seconds, write
 
 if TYPE_CHECKING:
     from cinegen.cockpit import Cockpit
@@ -25,12 +25,19 @@ def add(commands: Any) -> None:
     drive = commands.add_parser(
         "drive", help="move robots in a page: drag any part, lead motors, plug in sensors",
         description="Serves a page to this machine in which any part of any robot can be taken and moved; loops stay "
-        "closed. Until somebody takes it, each robot's end follows a path.",
+        "closed. Until somebody takes it, each robot's end follows a path. In a scene the robot keeps clear of the "
+        "obstacles, which can be moved too.",
     )  # fmt: skip
-    of_files(drive)
+    drive.add_argument("files", nargs="*", metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
+    drive.add_argument("--robot", metavar="NAME", help="only the robot of this name")
     drive.add_argument(
-        "--follow", default="circle", choices=["circle", "figure8", "line", "still"],
-        help="the path its end follows, as large as fits into the workspace (%(default)s); still: none",
+        "--loop", action="append", default=[], metavar="NAME=KIND",
+        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
+    )  # fmt: skip
+    drive.add_argument("--scene", metavar="SCENE.toml", help="a robot among obstacles, instead of files of robots")
+    drive.add_argument(
+        "--follow", choices=["circle", "figure8", "line", "still"],
+        help="the path its end follows, as large as fits into the workspace (circle; in a scene still); still: none",
     )  # fmt: skip
     drive.add_argument("--node", metavar="NAME", help="which node follows it (its sensor's, or the last in the file)")
     drive.add_argument(
@@ -70,31 +77,69 @@ def of_page(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Drives."""
+    setup = _scene(options) if options.scene is not None else _files(options)
+    from cinegen.cockpit import Page, draw, title_of
+    from cinegen.session import is_obstacle
+
+    for name, mechanism in setup.robots.items():
+        if is_obstacle(mechanism):
+            continue
+        said = f"{name}: {count(mechanism.joints, 'joint')}, {count(mechanism.loops, 'loop')}"
+        said += f", mobility {mechanism.mobility}"
+        print(f"{said}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else said)
+    around = setup.surroundings
+    if around is not None:
+        print(f"keeps {1e3 * around.scene.safety:.3g} mm clear of {count(around.obstacles, 'obstacle')}")
+    if options.snapshot and options.seconds is None and not options.video:
+        page = Page(title_of(setup))
+        draw(page, setup)
+        write_page(Path(options.snapshot), page.html())
+        return 0
+    return show(setup, options, Path(options.scene or options.files[0]).stem, options.snapshot)
+
+
+def _files(options: argparse.Namespace) -> Setup:
+    """A session with the robots of files."""
+    from cinegen.errors import CinegenError
+
+    if not options.files:
+        raise CinegenError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
     loaded = mechanisms_and_files(options)
-    robots = {name: mechanism for name, (mechanism, _) in loaded.items()}
-    from cinegen.cockpit import Page, Scene, standing
     from cinegen.session import arrange
 
-    setup = arrange(
-        robots,
+    return arrange(
+        {name: mechanism for name, (mechanism, _) in loaded.items()},
         files={name: file for name, (_, file) in loaded.items()},
         sensors=options.sensor,
-        follow=None if options.follow == "still" else options.follow,
+        follow=_followed(options, "circle"),
         node=options.node,
         stands=options.stand,
         rate=options.rate,
         record=options.record,
     )
-    for name, mechanism in robots.items():
-        said = f"{name}: {count(mechanism.joints, 'joint')}, {count(mechanism.loops, 'loop')}"
-        said += f", mobility {mechanism.mobility}"
-        print(f"{said}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else said)
-    if options.snapshot and options.seconds is None and not options.video:
-        page = Page(", ".join(robots))
-        Scene(page, robots, standing(setup))
-        write_page(Path(options.snapshot), page.html())
-        return 0
-    return show(setup, options, Path(options.files[0]).stem, options.snapshot)
+
+
+def _scene(options: argparse.Namespace) -> Setup:
+    """A session with the robot and the obstacles of a scene."""
+    from cinegen.errors import CinegenError
+
+    beside = {"a FILE": options.files, "--robot": options.robot, "--loop": options.loop, "--stand": options.stand}
+    for what, said in beside.items():
+        if said:
+            raise CinegenError(f"--scene names its robot and where that stands: leave {what} out")
+    from cinegen.avoid.scene import load_scene
+    from cinegen.session import in_scene
+
+    return in_scene(
+        load_scene(options.scene), options.sensor, _followed(options, "still"), options.node, options.rate,
+        options.record,
+    )  # fmt: skip
+
+
+def _followed(options: argparse.Namespace, usual: str) -> str | None:
+    """The path that robots follow."""
+    shape: str = options.follow or usual
+    return None if shape == "still" else shape
 
 
 def show(setup: Setup, options: argparse.Namespace, stem: str, snapshot: str | None = None) -> int:
@@ -132,16 +177,18 @@ def show(setup: Setup, options: argparse.Namespace, stem: str, snapshot: str | N
 
 def _wait(cockpit: Cockpit, time: float | None) -> None:
     """Until the time is over; at a terminal, with a line of what goes on."""
+    from cinegen.session import is_obstacle
+
     left = math.inf if time is None else time
+    robots = [name for name, mechanism in cockpit.setup.robots.items() if not is_obstacle(mechanism)]
     if not sys.stderr.isatty():
         cockpit.wait(time)
         return
     while left > 0.0 and not cockpit.wait(min(left, 1.0)):
         left -= 1.0
         state = cockpit.state
-        said = ", ".join(
-            f"{name}: {robot.verdict[1]}, closure {robot.closure:.0e}" for name, robot in state.robots.items()
-        )
+        told = ((name, state.robots[name]) for name in robots)
+        said = ", ".join(f"{name}: {robot.verdict[1]}, closure {robot.closure:.0e}" for name, robot in told)
         print(f"\r{state.time:5.0f} s  {said[:110]:<110}", end="", file=sys.stderr, flush=True)
 
 

@@ -17,7 +17,7 @@ from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import Scene
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import Loop, Report, Reporter, Setup, State, Vocabulary
+from cinegen.session import Loop, Report, Reporter, Setup, State, Vocabulary, is_obstacle
 
 FRAMES = 60
 """A second, that pages are sent."""
@@ -55,9 +55,9 @@ class Cockpit:
         framed: bool = False,
     ) -> None:
         self.setup = setup
-        self.title = title or ", ".join(setup.robots)
+        self.title = title or title_of(setup)
         self.page = Page(self.title)
-        self.scene = Scene(self.page, setup.robots, standing(setup))
+        self.scene = draw(self.page, setup)
         self.loop = Loop(setup, own_process)
         self.hub = Hub(Vocabulary.of(setup), self.loop.send, self._hello)
         self.server = Server(self.page, self.hub, self.snapshot, host, token, framed)
@@ -160,14 +160,14 @@ class Cockpit:
 
     def _report(self) -> None:
         """Looks at all robots, now and then."""
-        reporters = {name: Reporter(mechanism) for name, mechanism in self.setup.robots.items()}
+        reporters = {name: Reporter(one) for name, one in self.setup.robots.items() if not is_obstacle(one)}
         while not self._over.is_set():
             begin = time.monotonic()
             state = self.loop.state if self.error is None else None
             if state is not None and (self.hub.clients or not self._reports):
-                for name, robot in state.robots.items():
+                for name, reporter in reporters.items():
                     with contextlib.suppress(CinegenError, np.linalg.LinAlgError):  # then the last one stays
-                        self._reports[name] = reporters[name].report(robot, state.time)
+                        self._reports[name] = reporter.report(state.robots[name], state.time)
                 self._reported += 1
             spent = time.monotonic() - begin
             self._over.wait(max(1.0 / REPORTS - spent, spent * (1.0 / _SHARE - 1.0)))
@@ -176,6 +176,21 @@ class Cockpit:
         """Ticks a second, and by how many ms 99 % of them are late at most."""
         report = self.loop.report()
         return (1.0 / report.mean if report.mean > 0.0 else 0.0), 1e3 * report.late.p99
+
+
+def title_of(setup: Setup) -> str:
+    """What a session's page is called: its robots' names."""
+    return ", ".join(name for name, mechanism in setup.robots.items() if not is_obstacle(mechanism))
+
+
+def draw(page: Page, setup: Setup) -> Scene:
+    """The robots of a session in a page, as it begins."""
+    scene = Scene(page, setup.robots, standing(setup))
+    around = setup.surroundings
+    if around is not None:
+        scene.show(around.robot, around.scene.start)
+        scene.goal(around.robot, around.scene.goal, around.scene.rotation == 3)
+    return scene
 
 
 def standing(setup: Setup) -> dict[str, pin.SE3]:

@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 
 from cinegen.cockpit import frames
-from cinegen.cockpit.cockpit import standing
+from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.page import Page
-from cinegen.cockpit.scene import Scene
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import Loop, Reporter, Setup, State, Vocabulary
+from cinegen.session import Loop, Reporter, Setup, State, Vocabulary, is_obstacle
 
 FPS = 30
 """Pictures a second."""
@@ -75,8 +74,8 @@ def film(
         raise FilmError("films need the package playwright: pip install 'cinegen[film]'") from None
     ffmpeg = _ffmpeg() if path.suffix else ""
     states = list(_played(setup, seconds, tell))
-    page = Page(", ".join(setup.robots))
-    Scene(page, setup.robots, standing(setup))
+    page = Page(title_of(setup))
+    draw(page, setup)
     hub = Hub(Vocabulary.of(setup), lambda command: None, lambda client: frames.hello(setup, page.title, client))
     server = Server(page, hub, page.html)
     server.start(7600)
@@ -124,11 +123,11 @@ def _frames(
 ) -> Iterator[tuple[dict[str, Any], dict[str, Any] | None]]:  # fmt: skip
     """What the page is told for each picture."""
     poses = frames.Poses(setup.robots)
-    reporters = {name: Reporter(mechanism) for name, mechanism in setup.robots.items()}
+    reporters = {name: Reporter(one) for name, one in setup.robots.items() if not is_obstacle(one)}
     for number, state in enumerate(states):
         report = None
         if aids and number % _REPORTED == 0:
-            found = {name: reporters[name].report(robot, state.time) for name, robot in state.robots.items()}
+            found = {name: one.report(state.robots[name], state.time) for name, one in reporters.items()}
             report = frames.report(setup, state, found, (setup.rate, 0.0), 1)
         yield frames.frame(state, poses), report
 

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
 from cinegen.sense.kinds import what_is
-from cinegen.session import FRAMES_OF_COMMAND, Replayed, Report, RobotState, Setup, Singularity, State
+from cinegen.session import FRAMES_OF_COMMAND, Replayed, Report, RobotState, Setup, Singularity, State, is_obstacle
 
 Array = NDArray[np.float64]
 
@@ -29,13 +29,14 @@ def hello(setup: Setup, title: str, client: int, replay: Replayed | None = None)
         client: the page's own number.
         replay: the recording that is shown.
     """
+    length = max((one.length for one in setup.robots.values() if not is_obstacle(one)), default=1.0)
     return {
         "kind": "hello",
         "protocol": PROTOCOL,
         "client": client,
         "title": title,
         "robots": [
-            _robot(name, mechanism, setup.stand(name).robot, setup.stand(name).node)
+            _robot(name, mechanism, setup.stand(name).robot, setup.stand(name).node, length)
             for name, mechanism in setup.robots.items()
         ],
         "sensors": [{"id": one.name, "url": one.url, "what": what_is(one.url)} for one in setup.devices],
@@ -47,7 +48,11 @@ def hello(setup: Setup, title: str, client: int, replay: Replayed | None = None)
     }  # fmt: skip
 
 
-def _robot(name: str, mechanism: Mechanism, on: str | None, node: str | None) -> dict[str, Any]:
+def _robot(name: str, mechanism: Mechanism, on: str | None, node: str | None, length: float) -> dict[str, Any]:
+    """
+    Args:
+        length: of the largest robot: an obstacle has none.
+    """
     model = mechanism.model
     above = {node: model.frames[mechanism.frame_id(node)] for node in mechanism.nodes}
     by_joint = {frame.parentJoint: node for node, frame in reversed(above.items())}
@@ -67,7 +72,8 @@ def _robot(name: str, mechanism: Mechanism, on: str | None, node: str | None) ->
     return {
         "name": name,
         "robot": mechanism.name,
-        "length": mechanism.length,
+        "obstacle": is_obstacle(mechanism),
+        "length": length if is_obstacle(mechanism) else mechanism.length,
         "mobility": mechanism.mobility,
         "end": mechanism.end,
         "stands_on": None if on is None else [on, node],

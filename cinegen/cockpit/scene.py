@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.cockpit.page import Page
 from cinegen.model import Mechanism
+from cinegen.session import is_obstacle, solids_of
 
 if TYPE_CHECKING:  # trimesh takes its time
     from raff2urdf.graphics.surface import Surface
@@ -26,8 +27,13 @@ Array = NDArray[np.float64]
 
 _SHOWN = 1.6  # m: the radius of what is shown, whatever its true size, so that every robot fills the view
 _EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # m, y up: where the view is from; far away, so that near parts don't look fat
+_RINGS, _SIDES = 7, 28  # of a capsule's end
 _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: where a loop is closed
 _TARGET = 0xD55E00  # vermillion: where something should be
+_GOAL = 0x009E73  # bluish green: where a scene's robot is to go
+_OBSTACLE = np.array([0.62, 0.55, 0.46, 1.0])  # nothing else is brown
+_WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of what stands fixed: it must not hide what is behind
+_DISC = np.array([0.34, 0.71, 0.91, 1.0])  # Okabe and Ito's sky blue: a mobile robot
 
 
 class Scene:
@@ -73,6 +79,16 @@ class Scene:
             self._root[path]["ball"].set_object(shape.Sphere(0.12 * size), ball)
         self._root[path].set_transform(placement.homogeneous)
 
+    def goal(self, name: str, placement: pin.SE3, whole: bool) -> None:
+        """Shows where a node of a mechanism is to go: as a ball, or as a triad too where its turn counts."""
+        path = f"{name}/goal"
+        size = 0.02 * self._radius
+        if whole:
+            self._root[path].set_object(shape.triad(4.0 * size))
+        ball = shape.MeshLambertMaterial(color=_GOAL, opacity=0.85)
+        self._root[path]["ball"].set_object(shape.Sphere(size), ball)
+        self._root[path].set_transform(placement.homogeneous)
+
     def _fit(self) -> None:
         """Scales and moves the whole so that it fills the view, and puts the floor under it."""
         points = np.vstack(
@@ -83,8 +99,8 @@ class Scene:
             ]
         )
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
-        radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
-        scale = _SHOWN / radius
+        self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
+        scale = _SHOWN / self._radius
         whole = np.diag([scale, scale, scale, 1.0])
         whole[:3, 3] = -scale * centre
         self._root.set_transform(whole)
@@ -101,7 +117,8 @@ class Scene:
     def _draw(self, name: str, mechanism: Mechanism) -> None:
         model = mechanism.model
         owners = {frame: node for node, frame in ((node, mechanism.frame_id(node)) for node in mechanism.nodes)}
-        for i, solid in enumerate(mechanism.visual.geometryObjects):
+        obstacle = is_obstacle(mechanism)
+        for i, solid in enumerate(_shapes(mechanism)):
             node = owners.get(solid.parentFrame)
             if node is None:
                 continue
@@ -110,7 +127,7 @@ class Scene:
                 place = self._root[name][node][f"{i}.{k}" if k else str(i)]
                 place.set_object(geometry, material)
                 place.set_transform(in_node.homogeneous @ extra)
-        for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
+        for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)} if not obstacle else ():
             self._root[name][node]["triad"].set_object(shape.triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
             mark = self._root[name][loop.first][f"loop {loop.name}"]
@@ -119,14 +136,32 @@ class Scene:
             mark.set_transform(loop.first_placement.homogeneous)
 
 
+def _shapes(mechanism: Mechanism) -> list[pin.GeometryObject]:
+    """What is drawn of a mechanism, each on the frame of a node."""
+    solids = solids_of(mechanism)
+    if not solids:
+        return list(mechanism.visual.geometryObjects)
+    number = mechanism.frame_id(mechanism.nodes[-1])
+    frame = mechanism.model.frames[number]
+    colour = _DISC if not is_obstacle(mechanism) else _OBSTACLE if mechanism.mobility else _WALL
+    found = []
+    for i, solid in enumerate(solids):
+        place = frame.placement * solid.placement
+        found.append(pin.GeometryObject(f"{i}", frame.parentJoint, number, place, solid.shape))
+        found[-1].meshColor = colour
+    return found
+
+
 def _extent(mechanism: Mechanism) -> Iterator[Array]:
-    """Points (n, 3) that reach as far as the mechanism does at home: its nodes, and the corners of its meshes."""
+    """Points (n, 3) that reach as far as the mechanism does at home: its nodes, the corners of its meshes, and of what
+    is drawn of an obstacle that can be moved."""
     places = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
     yield np.array([place.translation for place in places])
     frames = {mechanism.frame_id(node): place for node, place in zip(mechanism.nodes, places, strict=True)}
-    for solid in mechanism.visual.geometryObjects:
+    movable = mechanism.mobility > 0 and bool(solids_of(mechanism))
+    for solid in _shapes(mechanism):
         place = frames.get(solid.parentFrame)
-        if place is None or not _is_file(solid):
+        if place is None or not (movable or _is_file(solid)):
             continue
         solid.geometry.computeLocalAABB()
         box = solid.geometry.aabb_local
@@ -189,9 +224,36 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
         yield shape.Box((2.0 * geometry.halfSide).tolist()), material, extra
     elif isinstance(geometry, coal.Sphere):
         yield shape.Sphere(float(geometry.radius)), material, extra
+    elif isinstance(geometry, coal.Convex):
+        yield shape.TriangularMeshGeometry(*_triangles(geometry)), material, extra
+    elif isinstance(geometry, coal.Capsule):
+        yield _lathed(geometry), material, extra
     elif isinstance(geometry, coal.Cylinder):
         extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders stand along y
         yield shape.Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra
+
+
+def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:
+    """Corners (n, 3) and triangles (m, 3), each corner once for every triangle: edges are sharp."""
+    points = np.array(hull.points())
+    faces = np.array([[face[0], face[1], face[2]] for face in map(hull.polygons, range(hull.num_polygons))], dtype=int)
+    return points[faces.ravel()], np.arange(faces.size, dtype=np.uint32).reshape(-1, 3)
+
+
+def _lathed(capsule: coal.Capsule) -> Any:
+    """A capsule as triangles: rings about z, from the lower end to the upper."""
+    half, radius = float(capsule.halfLength), float(capsule.radius)
+    rise = np.linspace(-np.pi / 2.0, np.pi / 2.0, 2 * _RINGS)  # the middle is between two of them
+    around = np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)
+    across, height = radius * np.cos(rise), radius * np.sin(rise) + np.sign(rise) * half
+    points = np.stack(
+        [np.outer(across, np.cos(around)), np.outer(across, np.sin(around)), np.outer(height, np.ones(_SIDES))], axis=-1
+    )
+    corner = np.arange(2 * _RINGS * _SIDES, dtype=np.uint32).reshape(2 * _RINGS, _SIDES)
+    low, high = corner[:-1], corner[1:]
+    faces = [(low, np.roll(low, -1, 1), np.roll(high, -1, 1)), (low, np.roll(high, -1, 1), high)]
+    triangles = np.concatenate([np.stack(face, axis=-1).reshape(-1, 3) for face in faces])
+    return shape.TriangularMeshGeometry(points.reshape(-1, 3), triangles)
 
 
 def page_of(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, Scene]:

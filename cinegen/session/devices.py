@@ -11,6 +11,7 @@ from cinegen.sense import Gamepad, Grip, Hold, Scripted, Taps, open_sensor
 from cinegen.sense.kinds import scheme
 from cinegen.sense.reading import Reading
 from cinegen.session.driven import SENSOR, Driven, Held
+from cinegen.session.obstacle import is_obstacle
 from cinegen.session.setup import Device, Setup
 from cinegen.session.state import SensorState
 
@@ -43,7 +44,7 @@ class Devices:
         self.robots, self._number = robots, number
         self.chosen: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
         self.speed, self.turning, self.frame, self.view = 0.1, 0.5, "world", np.eye(3)
-        length = max(one.mechanism.length for one in robots.values())
+        length = max((one.mechanism.length for one in robots.values() if not is_obstacle(one.mechanism)), default=1.0)
         self.speed = float(f"{0.3 * length:.1g}")  # the robot's own size in some three seconds
         self._devices = {device.name: device for device in setup.devices}
         self._sensors: dict[str, Taps] = {}

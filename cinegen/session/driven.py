@@ -56,20 +56,21 @@ class Driven:
 
     Args:
         name: in the session.
-        mechanism: which.
-        dt: s, a tick.
+        solver: that moves it.
 
     Attributes:
         base: where it stands: the placement of its own world in the session's.
+        home: (nq,) where it goes when it is sent home: where it begins.
         held: what holds its nodes, in the order it was taken.
         motion: what moves it instead of them; None: they do.
         step: the last one of the solver.
     """
 
-    def __init__(self, name: str, mechanism: Mechanism, dt: float) -> None:
-        self.name, self.mechanism = name, mechanism
-        self.solver = Solver(mechanism, dt)
+    def __init__(self, name: str, solver: Solver) -> None:
+        self.name, self.solver = name, solver
+        self.mechanism: Mechanism = solver.mechanism
         self.base = pin.SE3.Identity()
+        self.home = solver.q
         self.held: list[Held] = []
         self.motion: Motion | None = None
         self.step: Step = self.solver.step()
@@ -150,7 +151,15 @@ class Driven:
         if q is None:
             self.motion = None
             return f"{self.name}: {motion.trouble}" if motion.trouble else ""
-        self.put(q)
+        hit = self.hit(q)
+        if hit:
+            motion.halt(self.q, hit)
+        else:
+            self.put(q)
+        return ""
+
+    def hit(self, q: Array) -> str:
+        """What would be hit on the straight way to q (nq,), in words; empty if nothing is."""
         return ""
 
     def put(self, q: Array) -> None:
@@ -183,5 +192,6 @@ _WORDS = {
     "FOLLOWING": "following",
     "IDLE": "free",
     "DETOUR": "finding another way",
+    "BARRED": "held off",
 }
 _DOING = {"motors": "led by its motors", "home": "on its way home", "undo": "going back", "redo": "going again"}

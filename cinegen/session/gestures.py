@@ -110,7 +110,8 @@ class Gestures:
             there, self._then = self._then, None
             for name, one in self._robots.items():
                 one.motion = None
-                one.put(there.q[name])
+                if not one.hit(there.q[name]):
+                    one.put(there.q[name])
             self._pin_again(there)
         if self._begun is None:
             trace = Trace(1.0 / _TRACED)

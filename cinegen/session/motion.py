@@ -24,6 +24,7 @@ _LIMIT = 1e-9  # rad or m: rounding at a limit
 _SHORTEST, _LONGEST = 0.3, 30.0  # s for a way
 _THERE = 1e-6  # rad or lengths: near enough to be there
 _BACK = 1.5  # s: the longest that undoing takes
+_PATIENCE = 0.5  # s: what is in the way may be going away itself
 
 
 class Motion(Protocol):
@@ -39,6 +40,9 @@ class Motion(Protocol):
 
     def advance(self, dt: float) -> Array | None:
         """(nq,) after dt (s); None where it has ended."""
+
+    def halt(self, q: Array, trouble: str) -> None:
+        """It could not go where it led last: it is still at q (nq,), and why."""
 
 
 class Motors:
@@ -95,8 +99,44 @@ class Motors:
         self._q = q
         return q
 
+    def halt(self, q: Array, trouble: str) -> None:
+        """The motors stay there; a slider that moves on tries again."""
+        self._forward.q = self._q = q
+        self.goal, self.trouble = {}, trouble
 
-class Way:
+
+class _Timed:
+    """Goes on with time; waits where something is in the way, and ends where that stays."""
+
+    name: str
+    trouble = ""
+    _seconds: float
+    _time = 0.0
+    _waited = 0.0
+    _dt = 0.0
+    _halted = False
+
+    def _go_on(self, dt: float) -> float | None:
+        """Which part of the way is to be gone after dt (s), 0 to 1; None where it has ended."""
+        if self._time >= self._seconds:
+            return None
+        if not self._halted:
+            self._waited = 0.0
+        self._halted = False
+        self._dt = dt
+        self._time += dt
+        return eased(self._time / self._seconds) if self._time < self._seconds else 1.0
+
+    def halt(self, q: Array, trouble: str) -> None:
+        """It waits at q (nq,)."""
+        self._halted = True
+        self._waited += self._dt
+        self._time -= self._dt
+        if self._waited >= _PATIENCE or self._time == math.inf:
+            self._time, self.trouble = math.inf, trouble
+
+
+class Way(_Timed):
     """To a configuration, led by the motors; where they can't lead there on this branch, at once.
 
     Args:
@@ -107,10 +147,9 @@ class Way:
     """
 
     def __init__(self, mechanism: Mechanism, q: Array, goal: Array, name: str) -> None:
-        self.name, self.trouble = name, ""
+        self.name = name
         self._mechanism, self._goal, self._start = mechanism, goal, q.copy()
         self._forward = ForwardKinematics(mechanism, q)
-        self._time = 0.0
         speed = speeds(mechanism)
         places = [(joint, mechanism.q_index(joint)) for joint in mechanism.actuated]
         longest = max((abs(goal[i] - q[i]) / speed[joint] for joint, i in places), default=0.0)
@@ -119,10 +158,9 @@ class Way:
 
     def advance(self, dt: float) -> Array | None:
         """One step on the way."""
-        if self._time >= self._seconds:
+        part = self._go_on(dt)
+        if part is None:
             return None
-        self._time += dt
-        part = eased(self._time / self._seconds) if self._time < self._seconds else 1.0
         values = {joint: float((1.0 - part) * self._start[i] + part * self._goal[i]) for joint, i in self._places}
         try:
             q = self._forward.move(values)
@@ -136,13 +174,18 @@ class Way:
         apart = pin.difference(self._mechanism.model, q, self._goal) / self._mechanism.scale
         return self._jump() if np.abs(apart).max(initial=0.0) > _THERE else self._goal
 
+    def halt(self, q: Array, trouble: str) -> None:
+        """See `Motion`."""
+        self._forward.q = q
+        super().halt(q, trouble)
+
     def _jump(self) -> Array:
         self._time = math.inf
         self.trouble = "its motors don't lead there from this assembly mode: it was put there at once"
         return self._goal
 
 
-class Retrace:
+class Retrace(_Timed):
     """A way gone before, backwards or again: every configuration on it was there.
 
     Args:
@@ -152,18 +195,14 @@ class Retrace:
     """
 
     def __init__(self, trace: Sequence[Array], period: float, name: str) -> None:
-        self.name, self.trouble = name, ""
+        self.name = name
         self._trace = trace
         self._seconds = min(period * (len(trace) - 1), _BACK)
-        self._time = 0.0
 
     def advance(self, dt: float) -> Array | None:
         """The next of them whose time has come."""
-        if self._time >= self._seconds:
-            return None
-        self._time += dt
-        part = eased(min(1.0, self._time / self._seconds))
-        return self._trace[round(part * (len(self._trace) - 1))]
+        part = self._go_on(dt)
+        return None if part is None else self._trace[round(part * (len(self._trace) - 1))]
 
 
 def speeds(mechanism: Mechanism) -> dict[str, float]:

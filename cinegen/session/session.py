@@ -22,11 +22,13 @@ from cinegen.mission import Place, Player, Pull, Recorder, Recording
 from cinegen.session import commands as c
 from cinegen.session.devices import Devices
 from cinegen.session.driven import HAND, PIN, SENSOR, Driven, Held, Pinned
+from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.gestures import Gestures
 from cinegen.session.motion import Motors, Way
 from cinegen.session.setup import Setup
 from cinegen.session.state import Notice, PullState, Replayed, RobotState, State
 from cinegen.session.state import Recording as RecordingState
+from cinegen.session.surroundings import driven
 
 SAMPLES = 100
 """A second, that are recorded."""
@@ -50,7 +52,7 @@ class Session:
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
         self.dt = 1.0 / setup.rate
-        self.robots = {name: Driven(name, mechanism, self.dt) for name, mechanism in setup.robots.items()}
+        self.robots = driven(setup)
         self._count = 0
         self.devices = Devices(setup, self.robots, self._number)
         self.time, self.paused = 0.0, False
@@ -253,11 +255,11 @@ class Session:
         self._let_go(c.LetGo(False))
         self._gestures.begin()
         for name, one in self.robots.items():
-            if command.robot in (None, name):
+            if command.robot == name or (command.robot is None and not isinstance(one, DrivenObstacle)):
                 self.devices.give_up_scripts(name)
                 for held in tuple(one.holding(PIN)):
                     one.release(held)
-                one.motion = Way(one.mechanism, one.q, one.mechanism.q_home, "home")
+                one.motion = Way(one.mechanism, one.q, one.home, "home")
 
     def _undo(self, command: c.Undo) -> None:
         self._let_go(c.LetGo(False))

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from cinegen.avoid.scene import Scene
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import Recording
 from cinegen.model import Mechanism
@@ -88,11 +89,26 @@ class Switch:
 
 
 @dataclass(frozen=True)
+class Surroundings:
+    """What a robot keeps clear of.
+
+    Attributes:
+        robot: which.
+        scene: what stands around it, and where it begins; the robot's world is the scene's.
+        obstacles: the session's name of each of the scene's obstacles, in its order.
+    """
+
+    robot: str
+    scene: Scene
+    obstacles: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Setup:
     """What a session is made of.
 
     Attributes:
-        robots: by their name in the session.
+        robots: by their name in the session; obstacles too.
         stands: of those that don't stand in the world's origin.
         devices: the sensors.
         switches: what these may hold.
@@ -101,6 +117,7 @@ class Setup:
         replay: a recording that is shown instead of being driven.
         tempo: how many times as fast as it was.
         stops: moments of the recording (s) that one can go to, each with its name; it is held at the first.
+        surroundings: what one of the robots keeps clear of.
     """
 
     robots: Mapping[str, Mechanism]
@@ -112,6 +129,7 @@ class Setup:
     replay: str | None = None
     tempo: float = 1.0
     stops: tuple[tuple[float, str], ...] = ()
+    surroundings: Surroundings | None = None
 
     def __post_init__(self) -> None:
         if not self.robots:

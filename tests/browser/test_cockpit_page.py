@@ -13,9 +13,10 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 import cinegen
+from cinegen.avoid.scene import scene_of
 from cinegen.cockpit import Cockpit
 from cinegen.mission.walk import record_modes
-from cinegen.session import arrange, replayed
+from cinegen.session import arrange, in_scene, replayed
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -428,3 +429,63 @@ def test_the_buttons_lead_from_mode_to_mode(robot, tab, tmp_path):
         picture(page, "modes")
     finally:
         cockpit.close()
+
+
+def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, tab):
+    said = {
+        "robot": "arm7.raff",
+        "safety": 0.02,
+        "goal": {"point": [0.5, -0.3, 0.5]},
+        "obstacle": [
+            {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]},
+            {"name": "wedge", "kind": "polygon", "points": [[0, 0], [0.2, 0], [0, 0.2]], "height": 0.2,
+             "point": [0.5, -0.6, 0.1]},
+            {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]},
+        ],
+    }  # fmt: skip
+    cockpit = Cockpit(in_scene(scene_of(said, mechanism=robot("arm7"))), port=8300)
+    try:
+        page = tab(cockpit)
+        picture(page, "obstacles")
+        for name in ("pole", "wedge"):
+            x, y, *_ = find(page, name, name)
+            box = page.locator("canvas").first.bounding_box()
+            drawn = page.evaluate(COLOUR, [x - box["x"], y - box["y"]])
+            assert drawn[0] > drawn[1] > drawn[2] > 20  # brown
+        assert page.evaluate(WHERE, ["floor", "floor"]) is None  # beside the others, the view is turned
+        assert page.locator("[data-meter^='pole']").count() == 0
+        assert page.locator("[data-node='wedge/wedge']").count() == 1
+        x, y, *_ = find(page, "pole", "pole")
+        page.mouse.move(x, y)
+        assert becomes(page, lambda: page.inner_text(".labels .over") == "pole")
+        begin, rest = place(cockpit, "pole", "pole"), cockpit.state.robots["arm7"].q
+        grab(page, cockpit, "pole", "pole")
+        to = begin + np.array([-0.1, -0.25, 0.0])
+        near, far = np.array(page.evaluate(PIXELS, [begin.tolist(), to.tolist()]))
+        verdicts = set()
+        for part in np.linspace(0.0, 1.0, 30):
+            page.mouse.move(*(np.array([x, y]) + part * (far - near)))
+            page.wait_for_timeout(20)
+            verdicts.add(page.text_content("#verdict"))
+        picture(page, "obstacle_dragged")
+        assert np.linalg.norm(place(cockpit, "pole", "pole") - begin) > 0.1
+        assert np.abs(cockpit.state.robots["arm7"].q - rest).max() > 0.01
+        assert "arm7: pushed by 'pole'" in verdicts
+        page.mouse.up()
+        assert becomes(page, lambda: not cockpit.state.robots["pole"].pulls)
+        page.keyboard.press("Control+z")
+        assert becomes(page, lambda: np.linalg.norm(place(cockpit, "pole", "pole") - begin) < 1e-9)
+    finally:
+        cockpit.close()
+
+
+COLOUR = """([x, y]) => {
+  const canvas = cockpit.viewer.renderer.domElement, box = canvas.getBoundingClientRect();
+  cockpit.viewer.render();
+  const copy = document.createElement("canvas");
+  [copy.width, copy.height] = [canvas.width, canvas.height];
+  const pen = copy.getContext("2d");
+  pen.drawImage(canvas, 0, 0);
+  return [...pen.getImageData(x * canvas.width / box.width, y * canvas.height / box.height, 1, 1).data];
+}"""
+"""The colour of a pixel of the canvas."""

@@ -18,7 +18,8 @@ from cinegen.avoid.fields.parameter import FieldError, positive, vector
 
 Array = NDArray[np.float64]
 
-_HALVINGS = 64
+_ROUNDS = 80  # at most
+_SAME = 1e-14  # of K
 _NOTHING = 1e-300
 
 
@@ -90,11 +91,18 @@ class Elliptical:
         largest = logs.max(axis=-1)
         # At this K even the largest term times all shares is within the contour, whatever its n.
         high = math.sqrt(float(self._shares.sum())) * np.exp(np.maximum(largest, 0.0)) - 1.0
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            beyond = self._excess(logs, middle) > 0.0
-            low, high = np.where(beyond, middle, low), np.where(beyond, high, middle)
-        return np.where(largest <= 0.0, 0.0, 0.5 * (low + high))
+        k = high
+        for _ in range(_ROUNDS):  # Newton's steps, halving where they lead astray
+            excess, slope = self._excess(logs, k), self._slope(logs, k)
+            beyond = excess > 0.0
+            low, high = np.where(beyond, k, low), np.where(beyond, high, k)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                ahead = k - excess / slope
+            before, k = k, np.where((ahead > low) & (ahead < high), ahead, 0.5 * (low + high))
+            if (np.abs(k - before) <= _SAME * k).all():
+                break
+        touching = (largest <= 0.0) | (self._excess(logs, np.full_like(k, CONTACT)) <= 0.0)
+        return np.where(touching, 0.0, k)
 
     def value(self, points: ArrayLike) -> Array:
         """(m,) J, at points (m, 3); infinite at contact and inside."""
@@ -113,14 +121,23 @@ class Elliptical:
     def _normals(self, points: ArrayLike, k: Array) -> Array:
         """(m, 3) the gradient of K, from its equation `_excess` = 0 by the implicit function theorem."""
         local = self._local(points)
-        logs, n = self._logs(local), self._order(k)[..., None]
-        terms = self._shares * np.exp(2.0 * n * (logs - logs.max(axis=-1, keepdims=True)))
-        terms /= terms.sum(axis=-1, keepdims=True)
+        logs = self._logs(local)
+        terms = self._terms(logs, k)
         flat = (local == 0.0) | np.isinf(self.half)
         along = np.where(flat, 0.0, terms / np.where(flat, 1.0, local))
-        by_n = ((terms * logs).sum(axis=-1) - np.log1p(k)) / n[..., 0]
-        n_by_k = -self.rounding * np.exp(-self.rounding * k) * n[..., 0] ** 2
-        return np.asarray(along @ self.axes.T / (1.0 / (1.0 + k) - by_n * n_by_k)[..., None])
+        return np.asarray(along @ self.axes.T / -self._slope(logs, k)[..., None])
+
+    def _terms(self, logs: Array, k: Array) -> Array:
+        """(m, 3) what each axis contributes to the n-norm, as parts of 1."""
+        n = self._order(np.maximum(k, CONTACT))[..., None]
+        terms = self._shares * np.exp(2.0 * n * (logs - logs.max(axis=-1, keepdims=True)))
+        return np.asarray(terms / terms.sum(axis=-1, keepdims=True))
+
+    def _slope(self, logs: Array, k: Array) -> Array:
+        """(m,) how `_excess` changes with K, where it is 0; nearly so elsewhere."""
+        n = self._order(np.maximum(k, CONTACT))
+        by_n = ((self._terms(logs, k) * logs).sum(axis=-1) - np.log1p(k)) / n
+        return np.asarray(by_n * -self.rounding * np.exp(-self.rounding * k) * n**2 - 1.0 / (1.0 + k))
 
     def _excess(self, logs: Array, k: Array) -> Array:
         """(m,) log of the n-norm of a point less that of the contour K: above 0 beyond it. It has one root."""

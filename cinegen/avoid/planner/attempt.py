@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.avoid.clearance import Clearance
-from cinegen.avoid.keep import STOP, Keep
+from cinegen.avoid.keep import Keep
 from cinegen.avoid.planner.verdict import Verdict
 from cinegen.solve import Solver
 from cinegen.solve.objectives import Objective
@@ -92,7 +92,7 @@ def attempt(
 
 def _held_by(clearance: Clearance, keep: Keep, q: Array) -> tuple[tuple[str, str], ...]:
     distances = clearance.distances(q)
-    near = [int(pair) for pair in np.argsort(distances) if distances[pair] < 1.5 * STOP * keep.safety]
+    near = [int(pair) for pair in np.argsort(distances) if distances[pair] < 1.5 * keep.stop]
     return tuple(clearance.names(pair) for pair in near)
 
 

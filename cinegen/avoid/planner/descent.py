@@ -27,13 +27,19 @@ from cinegen.solve.resolve import free_motions
 Array = NDArray[np.float64]
 
 GAINS = {Field.FIRAS: Gains(0.1), Field.SPHERICAL: Gains(0.1), Field.ELLIPTICAL: Gains(0.1)}
-"""How strong each is unless it is said. Weak ones fare best, and little depends on it: see `Gains`."""
+"""How strong each is unless it is said.
+
+Tried on 40 scenes of a planar 3R and 40 of a mobile point: pulls of 0.01 to 3 lengths (FIRAS, also with a half and a
+quarter of the range), 0.03 to 1 with exponents of 0.5, 1 and 2 (spherical), 0.01 to 1 with decays of 1 to 8
+(elliptical). Between neighbours of these nothing differs by more than a few scenes; strong ones are worse for arms.
+"""
 
 LONGEST = 0.06
 """Rad or lengths: a step of a joint, at most."""
 
 FADING = 0.2
-"""Lengths or rad from the goal: from there on repulsion fades."""
+"""Rad or lengths from the goal: from there on repulsion fades. Without that, a spherical potential, which never ends,
+reached 23 of those 40 goals of a mobile point instead of 37."""
 
 _FLAT = 1e-12  # a gradient without unit that leads nowhere
 _AT_LIMIT = 1e-9  # rad or lengths

@@ -29,7 +29,7 @@ _UPRIGHT = 1e-9  # sine of the angle between a cylinder and the normal of the pl
 
 
 class Field(Enum):
-    """What `plan` follows round obstacles; all but the first make one attempt only."""
+    """What `plan` follows round obstacles. Potentials and the paper's letter make one attempt only."""
 
     VORTEX = "vortex"
     """The paper's vortices, with what experience added."""
@@ -41,6 +41,8 @@ class Field(Enum):
     """The antigradient of Volpe and Khosla's potential, around the box that holds an obstacle."""
     LITERAL = "literal"
     """The paper's vortices as they are printed."""
+    NONE = "none"
+    """Nothing turns: what leads is held clear, and that is all. Makes as many attempts as `VORTEX`."""
 
     @classmethod
     def _missing_(cls, value: object) -> NoReturn:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise, product
 
 import numpy as np
 import pinocchio as pin
@@ -90,7 +90,7 @@ class Plan:
     def motion(self) -> float:
         """Of the joints: the lengths of all steps together, rad and characteristic lengths."""
         model, scale = self.scene.mechanism.model, self.scene.mechanism.scale
-        steps = (pin.difference(model, a, b) / scale for a, b in itertools.pairwise(self.path))
+        steps = (pin.difference(model, a, b) / scale for a, b in pairwise(self.path))
         return float(sum(np.linalg.norm(step) for step in steps))
 
 
@@ -163,6 +163,11 @@ def _leads(
             lead = Lead(attraction, Vortices(clearance, around, reach, scene.safety, turning))
             yield f"{attraction.words}, {turning.value}", lead, attraction.left
         return
+    if field is Field.NONE:
+        for attraction in _attractions(scene, task, goals):
+            still = Vortices(clearance, around, reach, scene.safety, strength=0.0)
+            yield f"{attraction.words}, nothing turns", Lead(attraction, still), attraction.left
+        return
     bodies = clearance.bodies[: len(clearance.bodies) - sum(len(obstacle.bodies) for obstacle in scene.obstacles)]
     words = f"{task.words}, {field.value}"
     if field is Field.LITERAL:
@@ -178,16 +183,18 @@ def _ways(
     """What is tried, in order."""
     first = (Turning.SHORTER,) if scene.mobile is not None else (Turning.FOLDING, Turning.SHORTER)
     others = (Turning.LONGER,) if plane is not None else (Turning.LONGER, Turning.UP, Turning.DOWN, Turning.ASIDE)
-    led: list[Attraction] = [task]
+    for attraction, turning in product(_attractions(scene, task, goals), first):
+        yield attraction, turning
+    for attraction, turning in product(_attractions(scene, task, goals), others):
+        yield attraction, turning
+
+
+def _attractions(scene: Scene, task: TaskAttraction, goals: Postures) -> Iterator[Attraction]:
+    """What leads, in order."""
+    yield task
     if scene.mobile is None:
         for i, posture in enumerate(goals.free[:_POSTURES]):
-            led.append(PostureAttraction(scene.mechanism, posture, f"the joints to posture {i + 1} of the goal"))
-    for attraction in led:
-        for turning in first:
-            yield attraction, turning
-    for attraction in led:
-        for turning in others:
-            yield attraction, turning
+            yield PostureAttraction(scene.mechanism, posture, f"the joints to posture {i + 1} of the goal")
 
 
 def _nobody(_: str) -> None:

@@ -52,8 +52,11 @@ document.body.classList.toggle("with-aids", withAids);
 const view = new View(byId("scene"), { still });
 const link = new Link((url) => view.connect(url));
 const session = new Session(link);
-session.on("hello", () => view.forget());
-session.on("state", (state) => view.apply(session.robots, state.poses)); // before all that asks where things are
+session.on("hello", () => {
+  view.forget();
+  view.background = new Set(session.obstacles.filter(({ mobility }) => mobility === 0).map(({ name }) => name));
+});
+session.on("state", (state) => view.apply([...session.robots, ...session.obstacles], state.poses)); // before all that asks where things are
 
 paint(view);
 lay(view);

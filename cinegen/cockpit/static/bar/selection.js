@@ -52,10 +52,10 @@ export class Selection {
   }
 
   #show() {
-    const { selected, robots } = this.session;
+    const { selected } = this.session;
     this.bar.hidden = selected === null;
     if (selected === null) return;
-    write(this.name, robots.length > 1 ? `${selected.robot} · ${selected.node}` : selected.node);
+    write(this.name, this.session.called(selected.robot, selected.node));
     const turning = this.gizmo.mode === "rotate";
     this.move.setAttribute("aria-pressed", String(!turning));
     this.turn.setAttribute("aria-pressed", String(turning));

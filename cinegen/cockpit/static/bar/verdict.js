@@ -8,6 +8,9 @@ const TONES = {
   FOLLOWING: "good",
   IDLE: "none",
   DETOUR: "good",
+  BARRED: "warn",
+  PUSHED: "warn",
+  TOUCHING: "bad",
   AT_LIMIT: "warn",
   SINGULAR: "warn",
   OUT_OF_REACH: "warn",
@@ -28,14 +31,14 @@ export class Verdict {
   }
 
   #show() {
-    const { state, report, robots } = this.session;
+    const { state, report, robots, obstacles } = this.session;
     const told = Object.entries(state?.verdicts ?? {}).map(([robot, { name, words } = {}]) => {
       const text = name === "IDLE" ? IDLE : (words ?? name ?? "");
       return { robot, name, words: text, tone: TONES[name] ?? "none" };
     });
     if (told.length === 0) return;
     const worst = told.reduce((one, other) => (TROUBLE.indexOf(other.tone) > TROUBLE.indexOf(one.tone) ? other : one));
-    let words = robots.length > 1 && worst.tone !== "none" ? `${worst.robot}: ${worst.words}` : worst.words;
+    let words = robots.length + obstacles.length > 1 && worst.tone !== "none" ? `${worst.robot}: ${worst.words}` : worst.words;
     let { tone } = worst;
     if (report?.paused) [words, tone] = ["paused", "none"];
     else if (MOVING[report?.moving]) [words, tone] = [MOVING[report.moving], "good"];

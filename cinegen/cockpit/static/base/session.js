@@ -30,9 +30,15 @@ export class Session extends Events {
   }
 
   get robots() {
-    return [...this.#robots.values()];
+    return [...this.#robots.values()].filter(({ obstacle }) => !obstacle);
   }
 
+  /** What robots keep clear of: each has one part. */
+  get obstacles() {
+    return [...this.#robots.values()].filter(({ obstacle }) => obstacle);
+  }
+
+  /** A robot or an obstacle. */
   robot(name) {
     return this.#robots.get(name) ?? null;
   }
@@ -40,6 +46,12 @@ export class Session extends Events {
   /** Whether there is such a part. */
   knows(robot, node) {
     return this.#robots.get(robot)?.byName.has(node) ?? false;
+  }
+
+  /** What people call a part. */
+  called(robot, node) {
+    if (this.robot(robot)?.obstacle) return robot;
+    return this.robots.length > 1 ? `${robot} · ${node}` : node;
   }
 
   /** Whether a part is pulled, and by whom: the pulls that hold now. */

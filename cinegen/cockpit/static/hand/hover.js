@@ -12,7 +12,7 @@ export function hover({ view, session, labels, tint, drag }) {
       return;
     }
     where.copy(view.root.worldToLocal(part.point.clone()));
-    labels.put("over", session.robots.length > 1 ? `${part.robot} · ${part.node}` : part.node, where, "over");
+    labels.put("over", session.called(part.robot, part.node), where, "over");
   };
   drag.on("hover", show);
   drag.on("drag", (part) => {

@@ -55,6 +55,7 @@ export class Pick {
     for (let at = object; at !== null && at !== root; at = at.parent) path.unshift(at);
     if (path.length < 2) return null;
     const [robot, group] = path;
+    if (this.view.background.has(robot.name)) return null;
     return this.session.knows(robot.name, group.name) ? { robot: robot.name, node: group.name, group } : null;
   }
 }

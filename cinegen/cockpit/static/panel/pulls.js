@@ -52,7 +52,7 @@ export class Pulls {
 
   #make(pull) {
     const { id } = pull;
-    const whose = this.session.robots.length > 1 ? `${pull.robot} · ${pull.node}` : pull.node;
+    const whose = this.session.called(pull.robot, pull.node);
     const card = { who: make("span", { class: "quiet" }), error: make("span", { class: "number" }) };
     const release = make(
       "button",

@@ -26,7 +26,7 @@ export class Tree {
 
   #build() {
     this.#nodes.clear();
-    const { robots } = this.session;
+    const { robots, obstacles } = this.session;
     this.section.note.textContent = String(robots.reduce((sum, robot) => sum + robot.nodes.length, 0));
     byRobot(this.section.body, robots, (robot, body) => {
       const children = new Map();
@@ -42,7 +42,19 @@ export class Tree {
       if (Array.isArray(robot.stands_on)) words.push(`stands on ${robot.stands_on.join(" · ")}`);
       body.append(make("p", { class: "empty" }, words.join(" · ")), list);
     });
+    if (obstacles.length > 0) this.section.body.append(this.#obstacles(obstacles));
     this.#mark(false);
+  }
+
+  #obstacles(obstacles) {
+    const list = make("ul", { class: "tree", "aria-label": "Obstacles" });
+    for (const obstacle of obstacles) {
+      if (obstacle.mobility > 0) list.append(this.#item(obstacle, obstacle.nodes[0]));
+      else list.append(make("li", { class: "empty" }, obstacle.name));
+    }
+    list.addEventListener("keydown", (event) => this.#walk(event, list));
+    const summary = make("summary", { title: "What the robot keeps clear of; drag it" }, "Obstacles");
+    return make("details", { class: "robot", open: true }, summary, make("div", { class: "body" }, list));
   }
 
   #grow(list, robot, first, children) {
@@ -65,16 +77,16 @@ export class Tree {
   }
 
   #item(robot, node) {
-    const kind = node.kind === "base" ? " base" : node.name === robot.end ? " end" : "";
+    const kind = robot.obstacle ? "" : node.kind === "base" ? " base" : node.name === robot.end ? " end" : "";
     const joint = robot.joints.find((one) => one.name === node.joint);
     const loops = robot.loops
       .filter((loop) => loop.first === node.name || loop.second === node.name)
       .map((loop) => (loop.first === node.name ? loop.second : loop.first));
     const words = [
-      node.kind ?? "node",
-      joint ? `on ${joint.name} (${joint.actuated ? "motor" : "passive"})` : "",
+      robot.obstacle ? "obstacle" : (node.kind ?? "node"),
+      joint && !robot.obstacle ? `on ${joint.name} (${joint.actuated ? "motor" : "passive"})` : "",
       loops.length > 0 ? `loop closed with ${loops.join(", ")}` : "",
-      node.name === robot.end ? "the tool" : "",
+      node.name === robot.end && !robot.obstacle ? "the tool" : "",
     ];
     const button = make(
       "button",
@@ -87,7 +99,7 @@ export class Tree {
         on: { click: () => this.session.select(robot.name, node.name) },
       },
       make("span", { class: "text" }, node.name),
-      joint?.actuated ? make("span", { class: "joint-name" }, joint.name) : null,
+      joint?.actuated && !robot.obstacle ? make("span", { class: "joint-name" }, joint.name) : null,
       loops.length > 0 ? make("span", { class: "loop" }, sign("loop"), loops.join(", ")) : null,
     );
     this.#nodes.set(keyOf(robot.name, node.name), button);

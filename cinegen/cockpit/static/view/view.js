@@ -18,6 +18,8 @@ export class View {
   #heard = 0;
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
+  background = new Set(); // names of what can't be moved: neither framed nor picked
+
   constructor(pane, { still = false } = {}) {
     this.pane = pane;
     const viewer = new window.MeshCat.Viewer(pane, false, still ? undefined : drawer(pane));
@@ -153,6 +155,7 @@ export class View {
     const box = new Box3();
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
+      if (this.background.has(robot.name)) continue;
       robot.traverse((object) => {
         if (object.isMesh) box.expandByObject(object);
       });

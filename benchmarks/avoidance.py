@@ -1,0 +1,120 @@
+"""Who gets round obstacles, among random scenes that all get alike (`random_scenes.py`).
+
+    python benchmarks/avoidance.py [SCENES] [FAMILY ...] [--workers N]
+
+One table for each family of scenes, by default 5 scenes of each. All follow the same loop, keep the same safety
+distance and look at the same distances; so none of them collides, and what differs is what leads:
+
+    none        nothing turns: the same attempts as vortex, held clear, and that is all
+    literal     De Medio and Oriolo's paper as it reads: folding (mobile: the shorter way), one attempt
+    vortex 1    the first attempt of `cinegen plan`
+    vortex      `cinegen plan`: other ways round, and postures at the goal, are tried in turn
+    firas, spherical, elliptical    potentials instead of vortices, by steepest descent with a line search
+    rrtconnect  RRT-Connect (OMPL), 10 s, shortened; does not count as local
+
+What is printed, of those scenes that any of them solves (how many is said above each table):
+
+    solved      how many of these
+    clearance   the least of all solved ways, by conservative advancement, in safety distances
+    way         median length of the node's way, by that of the straight line
+    motion      median way of all joints together, rad and characteristic lengths
+    step        median ms for a step, all attempts together
+    time        median s for a scene
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import warnings
+from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from statistics import median
+from typing import NamedTuple
+
+import numpy as np
+from random_scenes import FAMILIES
+
+from cinegen.avoid import plan, rrt_connect
+
+METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect")
+
+
+class Result(NamedTuple):
+    """Of one method in one scene."""
+
+    solved: bool
+    clearance: float
+    way: float
+    motion: float
+    step: float
+    time: float
+    verdict: str
+
+
+def result(family: str, number: int, method: str) -> Result:
+    warnings.simplefilter("ignore")
+    scene = FAMILIES[family](number)
+    begin = time.perf_counter()
+    if method == "rrtconnect":
+        found = rrt_connect(scene, seconds=10.0)
+    elif method == "vortex 1":
+        found = plan(scene, attempts=1)
+    else:
+        found = plan(scene, field=method)
+    spent = time.perf_counter() - begin
+    steps = sum(len(attempt.path) for attempt in found.attempts)
+    straight = float(np.linalg.norm(found.trace[-1] - found.trace[0]))
+    clearance = found.clearance / scene.safety if found else np.inf
+    return Result(
+        bool(found), clearance, found.length / max(straight, 1e-9), found.motion,
+        1e3 * spent / steps if steps else np.nan, spent, found.verdict.value,
+    )  # fmt: skip
+
+
+def table(family: str, count: int, workers: int) -> None:
+    asked = [(family, number, method) for method in METHODS for number in range(count)]
+    found: dict[str, list[Result]] = {method: [] for method in METHODS}
+    if workers > 1:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+            results: Iterable[Result] = list(pool.map(_result, asked))
+    else:
+        results = map(_result, asked)
+    for (_, _, method), one in zip(asked, results, strict=True):
+        found[method].append(one)
+    solvable = [number for number in range(count) if any(found[method][number].solved for method in METHODS)]
+    never = sorted(set(range(count)) - set(solvable))
+    print(f"\n{family}: {len(solvable)} of {count} are solved by any" + (f"; by none: {never}" if never else ""))
+    print(f"{'':<12}", *(f"{name:>9}" for name in ("solved", "clearance", "way", "motion", "step", "time")))
+    for method in METHODS:
+        solved = [found[method][number] for number in solvable if found[method][number].solved]
+        numbers = [
+            min((one.clearance for one in solved), default=np.nan),
+            *(median([getattr(one, name) for one in solved] or [np.nan]) for name in ("way", "motion")),
+            median(one.step for one in found[method]),
+            median(one.time for one in found[method]),
+        ]
+        print(
+            f"{method:<12} {f'{len(solved)}/{len(solvable)}':>9}",
+            *(f"{number:>9.2f}" for number in numbers),
+            flush=True,
+        )
+
+
+def _result(asked: tuple[str, int, str]) -> Result:
+    return result(*asked)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("count", nargs="?", type=int, default=5)
+    parser.add_argument("families", nargs="*", default=list(FAMILIES), metavar="FAMILY")
+    parser.add_argument("--workers", type=int, default=1)
+    options = parser.parse_args()
+    for family in options.families:
+        table(family, options.count, options.workers)
+
+
+if __name__ == "__main__":
+    main()

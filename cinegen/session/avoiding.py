@@ -1,0 +1,105 @@
+"""`AvoidingRobot`: a robot of a session that keeps clear of what stands around it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.avoid.body import Body
+from cinegen.avoid.hand import AvoidingSolver
+from cinegen.avoid.keep import is_clear
+from cinegen.avoid.planner import surroundings
+from cinegen.avoid.scene import Scene
+from cinegen.session.driven import Driven
+
+Array = NDArray[np.float64]
+
+_NAMED = 2  # in a verdict, at most
+
+
+class AvoidingRobot(Driven):
+    """That of a scene. Pulls lead it round obstacles or up to them; obstacles that come near push it away; other
+    motions stop before they hit anything.
+
+    Args:
+        name: in the session.
+        scene: what stands around it, and where it begins.
+        obstacles: what people call each of the scene's obstacles.
+        dt: s, a tick.
+    """
+
+    def __init__(self, name: str, scene: Scene, obstacles: Sequence[str], dt: float) -> None:
+        self._clearance, self._around = surroundings(scene)
+        self._avoiding = AvoidingSolver(
+            scene.mechanism, dt, self._clearance, self._around, scene.safety, scene.influence, scene.start
+        )
+        super().__init__(name, self._avoiding)
+        self.safety = scene.safety
+        self._obstacles = tuple(obstacles)
+        self._pieces = [obstacle.pieces for obstacle in scene.obstacles]
+        count = len(self._clearance.bodies) - sum(map(len, self._pieces))
+        self.bodies: tuple[Body, ...] = self._clearance.bodies[:count]
+        self._first = np.cumsum([count, *map(len, self._pieces)]).tolist()  # number of each obstacle's first piece
+        self._data = self.mechanism.model.createData()
+
+    def meet(self, obstacle: int, placement: pin.SE3) -> None:
+        """An obstacle, by its place in the scene, is there now in the session's world."""
+        there = self.base.actInv(placement)
+        for number, piece in enumerate(self._pieces[obstacle], self._first[obstacle]):
+            self._avoiding.move(number, there * piece.placement)
+
+    def places(self) -> Iterator[pin.SE3]:
+        """Where its bodies are, in the session's world."""
+        pin.forwardKinematics(self.mechanism.model, self._data, self.q)
+        for body in self.bodies:
+            yield self.base * self._data.oMi[body.joint] * body.placement
+
+    def hit(self, q: Array) -> str:
+        """See `Driven`."""
+        here = self.q
+        if np.array_equal(q, here) or is_clear(self._clearance, here, q, self.safety):
+            return ""
+        pair = int(self._clearance.distances(q).argmin())
+        return f"'{self._link(pair)}' would hit {self._what(pair)}"
+
+    def verdict(self) -> tuple[str, str]:
+        """See `Driven`; with the names of what is in the way."""
+        name, words = super().verdict()
+        distances = self._clearance.distances(self.q)
+        pair = int(distances.argmin()) if len(distances) else -1
+        if pair >= 0 and distances[pair] <= 0.0:
+            return "TOUCHING", f"'{self._link(pair)}' touches {self._what(pair)}"
+        if self.motion is not None:
+            return name, words
+        if name == "BARRED":
+            return name, f"held off by {self._listed(self._barring())}"
+        if name == "IDLE" and self.step.barred:
+            return "PUSHED", f"pushed by {self._listed(self._barring())}"
+        round_what = [self._obstacles[i] for i in self._avoiding.vortices.awake if i < len(self._obstacles)]
+        if name == "DETOUR" and round_what:
+            return name, f"going round {self._listed(map(repr, round_what))}"
+        return name, words
+
+    # --- names ---------------------------------------------------------------------------------------------------
+
+    def _barring(self) -> list[str]:
+        """What holds the last step back."""
+        held = self._avoiding.keep.held
+        return [self._what(int(held[row])) for row in self.step.barred if row < len(held)]
+
+    def _what(self, pair: int) -> str:
+        """What a link meets in a pair."""
+        group = int(self._around[pair])
+        if group < len(self._obstacles):
+            return f"'{self._obstacles[group]}'"
+        return f"its own '{self._clearance.names(pair)[1]}'"
+
+    def _link(self, pair: int) -> str:
+        return self._clearance.names(pair)[0]
+
+    @staticmethod
+    def _listed(names: Iterable[str]) -> str:
+        return ", ".join(list(dict.fromkeys(names))[:_NAMED]) or "what is near"

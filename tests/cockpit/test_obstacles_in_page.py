@@ -1,0 +1,68 @@
+"""Obstacles in the page: what is drawn of them, and what the page is told."""
+
+from __future__ import annotations
+
+import coal
+import numpy as np
+import pytest
+import trimesh
+
+from cinegen.avoid.scene import load_scene, scene_of
+from cinegen.avoid.scene.solid import hull
+from cinegen.cockpit import Page, draw, frames, title_of
+from cinegen.cockpit.scene import _lathed, _triangles
+from cinegen.session import Session, in_scene
+
+POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
+FLOOR = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]}
+
+
+@pytest.fixture
+def setup(robot):
+    said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE, FLOOR]}
+    return in_scene(scene_of(said, mechanism=robot("arm7")))
+
+
+@pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
+def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
+    drawn = _lathed(coal.Capsule(radius, length))
+    points = np.array(drawn.vertices)
+    beyond = points - np.stack([0.0 * points[:, 0], 0.0 * points[:, 1], points[:, 2].clip(-length / 2, length / 2)], 1)
+    assert np.linalg.norm(beyond, axis=1) == pytest.approx(radius)
+    assert np.ptp(points[:, 2]) == pytest.approx(length + 2.0 * radius)
+    mesh = trimesh.Trimesh(points, drawn.faces)
+    mesh.update_faces(mesh.nondegenerate_faces())  # a ring at each end is a point
+    assert mesh.is_watertight
+    volume = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)
+    assert mesh.volume == pytest.approx(volume, rel=0.03)  # above 0: seen from outside
+
+
+def test_a_hull_is_drawn_with_all_its_faces_turned_outwards():
+    points = np.random.default_rng(0).normal(size=(30, 3))
+    corners, faces = _triangles(hull(points).shape)
+    mesh = trimesh.Trimesh(corners, faces)
+    mesh.merge_vertices()
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(trimesh.convex.convex_hull(points).volume)
+
+
+def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(setup):
+    told = {one["name"]: one for one in frames.hello(setup, title_of(setup), 1)["robots"]}
+    assert title_of(setup) == "arm7"
+    assert {name: one["obstacle"] for name, one in told.items()} == {"arm7": False, "pole": True, "floor": True}
+    assert told["pole"]["length"] == told["arm7"]["length"]  # marks on it are as large as on the robot
+    session = Session(setup)
+    said = frames.frame(session.state(), frames.Poses(setup.robots))
+    session.close()
+    assert said["poses"]["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
+    assert said["verdicts"]["pole"]["name"] == "IDLE"
+
+
+def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):
+    scene = load_scene(root / "robots" / "scenes" / "disc.toml")
+    setup, page = in_scene(scene), Page()
+    draw(page, setup)
+    paths = {path for path, kind, _ in page.scene() if kind == "set_object"}
+    assert any(path.startswith("/meshcat/cinegen/disc/disc/") for path in paths)
+    assert "/meshcat/cinegen/planar_3r/goal/ball" in paths
+    assert not any("disc/disc/triad" in path for path in paths)

@@ -1,0 +1,346 @@
+"""A robot among obstacles, in the hand: it keeps clear, obstacles push it, what goes by itself hits nothing."""
+
+from __future__ import annotations
+
+import pickle
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.avoid.bodies import bodies_of
+from cinegen.avoid.scene import load_scene, scene_of
+from cinegen.mission import Recording
+from cinegen.session import Session, Vocabulary, in_scene, is_obstacle, replayed
+from cinegen.session import commands as c
+
+SAFETY = 0.02
+POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
+FLOOR = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]}
+POSTS = [
+    {"name": name, "kind": "cylinder", "radius": 0.1, "length": 3.0, "point": [0.9 * np.cos(a), 0.9 * np.sin(a), -3.2]}
+    for name, a in (("east", 0.3), ("north", 2.4), ("south", -1.8))
+]
+
+
+@pytest.fixture
+def session(robot):
+    """`session("arm7", POLE)`: a session with a robot among these obstacles."""
+    opened = []
+
+    def open_session(name, *obstacles, record=None, rate=1000.0, **keys):
+        mechanism = robot(name)
+        said = {"robot": f"{name}.raff", "goal": {"point": [0.0, 0.0, 0.0]}, "safety": SAFETY, **keys}
+        scene = scene_of({**said, "obstacle": list(obstacles)}, mechanism=mechanism)
+        opened.append(Session(in_scene(scene, record=record, rate=rate)))
+        return opened[-1]
+
+    yield open_session
+    for one in opened:
+        one.close()
+
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+class Measured:
+    """How far the robot is from an obstacle, by coal on what is drawn, as the session's states have them."""
+
+    def __init__(self, session, name, shapes):
+        self.mechanism, self.name, self.shapes = session.setup.robots[name], name, shapes
+        self.links = [body for body in bodies_of(self.mechanism) if body.joint]
+        self.setup, self.data = session.setup, self.mechanism.model.createData()
+
+    def __call__(self, state):
+        pin.forwardKinematics(self.mechanism.model, self.data, state.robots[self.name].q)
+        least = np.inf
+        for obstacle, shape in self.shapes.items():
+            other = state.robots[obstacle]
+            there = other.base * self.setup.robots[obstacle].placement(other.q, obstacle)
+            for link in self.links:
+                here = self.data.oMi[link.joint] * link.placement
+                result = coal.DistanceResult()
+                poses = [coal.Transform3s(place.rotation, place.translation) for place in (here, there)]
+                coal.distance(link.shape, poses[0], shape, poses[1], coal.DistanceRequest(), result)
+                least = min(least, result.min_distance)
+        return least
+
+
+def run(session, ticks, *said):
+    for command in said:
+        session.obey(command)
+    for _ in range(ticks):
+        session.tick()
+    return session.state()
+
+
+def lead(session, way, each=10, seen=None):
+    """Leads the hand along points; calls `seen` with the state after every tick."""
+    for point in way:
+        session.obey(c.Lead(tuple(point)))
+        for _ in range(each):
+            session.tick()
+            if seen is not None:
+                seen(session.state())
+
+
+def point(session, name, node):
+    return session.robots[name].placement(node).translation.copy()
+
+
+def line(begin, end, count):
+    return np.linspace(begin, end, count + 1)[1:]
+
+
+def test_an_arm_that_is_dragged_past_a_pole_never_comes_nearer_than_the_safety_distance(session):
+    one = session("arm7", POLE)
+    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    begin = point(one, "arm7", "tool")
+    least, verdicts = [far(one.state())], set()
+
+    def seen(state):
+        least.append(far(state))
+        verdicts.add(state.robots["arm7"].verdict)
+
+    one.obey(c.Take("arm7", "tool", (0, 0, 0), False))
+    lead(one, line(begin, begin + np.array([-0.15, 0.35, 0.0]), 60), seen=seen)  # through the pole, to the other side
+    run(one, 500)
+    lead(one, line(begin, begin, 1), seen=seen)
+    assert min(least) >= SAFETY
+    assert min(least) < 2.0 * SAFETY  # it was in the way
+    words = {words for name, words in verdicts if name in ("BARRED", "DETOUR")}
+    assert words
+    assert words <= {"held off by 'pole'", "going round 'pole'", "finding another way", "held off by its own 'link6'"}
+    assert np.linalg.norm(point(one, "arm7", "tool") - begin) < 0.4
+
+
+def test_what_is_not_in_the_way_is_followed_exactly(session):
+    one = session("arm7", POLE, FLOOR)
+    begin = point(one, "arm7", "tool")
+    to = begin + np.array([0.03, -0.2, 0.1])
+    run(one, 0, c.Take("arm7", "tool", (0, 0, 0), False))
+    lead(one, line(begin, to, 40))
+    state = run(one, 200)
+    assert np.linalg.norm(point(one, "arm7", "tool") - to) < 1e-6
+    assert state.robots["arm7"].verdict == ("FOLLOWING", "following")
+
+
+def test_loops_stay_closed_among_posts(session):
+    one = session("delta4", *POSTS)
+    far = Measured(one, "delta4", {post["name"]: coal.Cylinder(0.1, 3.0) for post in POSTS})
+    begin = point(one, "delta4", "platform")
+    least, closure = [], []
+
+    def seen(state):
+        least.append(far(state))
+        closure.append(state.robots["delta4"].closure)
+
+    one.obey(c.Take("delta4", "platform", (0, 0, 0), False))
+    for a in (0.3, 2.4, -1.8):
+        way = line(begin, begin + 0.9 * np.array([np.cos(a), np.sin(a), -0.4]), 25)
+        lead(one, way, each=4, seen=seen)
+    assert min(least) >= SAFETY
+    assert min(least) < 3.0 * SAFETY
+    assert max(closure) <= 1e-9
+
+
+def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(session):
+    one = session("arm7", POLE)
+    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    at_rest = one.state().robots["arm7"].q
+    begin = point(one, "pole", "pole")
+    least, verdicts = [], set()
+
+    def seen(state):
+        least.append(far(state))
+        verdicts.add(state.robots["arm7"].verdict)
+
+    one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.1), False))
+    up = np.array([0.0, 0.0, 0.1])
+    lead(one, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=10, seen=seen)
+    assert np.abs(one.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
+    assert ("PUSHED", "pushed by 'pole'") in verdicts
+    assert min(least) > 0.5 * SAFETY
+    assert np.linalg.norm(point(one, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
+    turned = one.robots["pole"].placement("pole").rotation
+    assert np.allclose(turned, np.eye(3), atol=1e-6)  # dragged, it is not turned
+
+
+def test_an_obstacle_that_is_thrown_at_a_robot_stops_before_it(session):
+    """Two metres in a tick, through the robot: it is held off, nothing is jumped through."""
+    one = session("arm7", POLE)
+    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    begin = point(one, "pole", "pole")
+    one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.0), False))
+    least = []
+    lead(one, [begin + np.array([-0.5, -2.0, 0.0])], each=300, seen=lambda state: least.append(far(state)))
+    assert min(least) > 0.5 * SAFETY
+
+
+def test_an_obstacle_stops_where_the_robot_cannot_yield(session):
+    """A pillar that stands fixed is the robot's base: there is nothing that could yield."""
+    one = session("arm7", {**POLE, "point": [0.3, -0.4, 0.1], "length": 0.2})
+    begin = point(one, "pole", "pole")
+    one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.0), False))
+    lead(one, line(begin, [0.0, 0.0, 0.1], 50))
+    state = run(one, 200)
+    assert np.linalg.norm(point(one, "pole", "pole")[:2]) > 0.03
+    assert state.robots["pole"].verdict[0] == "BARRED"
+    assert state.robots["pole"].verdict[1].startswith("stopped by '")
+
+
+def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
+    one = session("arm7", POLE)
+    begin = point(one, "pole", "pole")
+    run(one, 20, c.Take("pole", "pole", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0.1, 0.0, 0.0]))))
+    state = run(one, 5, c.LetGo(False))
+    moved = state.robots["pole"].q.copy()
+    assert state.robots["pole"].verdict[0] == "IDLE"
+    assert np.array_equal(run(one, 50).robots["pole"].q, moved)
+
+
+def test_home_stops_before_it_hits_and_says_what(session):
+    one = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
+    begin = one.state().robots["arm7"].q
+    run(one, 0, c.MoveJoint("arm7", "joint1", 1.2))
+    run(one, 2000, c.EndJoint())
+    assert abs(one.state().robots["arm7"].q[0] - begin[0]) > 0.5
+    middle = (point(one, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
+    run(one, 0, c.Take("pole", "pole", (0, 0, 0), False))
+    lead(one, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=500)
+    run(one, 5, c.LetGo(False))
+    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    one.obey(c.Home("arm7"))
+    least = [far(run(one, 1)) for _ in range(2500)]
+    state = one.state()
+    assert min(least) >= SAFETY
+    assert state.moving is None
+    assert np.abs(state.robots["arm7"].q - begin).max() > 0.1
+    notice = state.notices[-1]
+    assert notice.warning
+    assert notice.words.startswith("arm7: '")
+    assert notice.words.endswith("would hit 'pole'")
+
+
+def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
+    one = session("arm7", POLE)
+    far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
+    one.obey(c.MoveJoint("arm7", "joint1", 3.0))
+    least = [far(run(one, 1)) for _ in range(1000)]
+    assert min(least) >= SAFETY
+    name, words = one.state().robots["arm7"].verdict
+    assert name == "MOTORS"
+    assert words.endswith("would hit 'pole'")
+    one.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
+    assert run(one, 1500).robots["arm7"].q[0] == pytest.approx(-0.5)
+
+
+def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_they_are(session):
+    one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01,
+                  start={"joints": {"joint1": -0.3, "joint2": -0.6}})  # fmt: skip
+    begin = one.state().robots["planar_3r"].q
+    run(one, 0, c.Take("planar_3r", "tool", (0, 0, 0), False))
+    at = point(one, "planar_3r", "tool")
+    lead(one, line(at, at + np.array([-0.1, -0.1, 0.0]), 10))
+    run(one, 200, c.Take("disc", "disc", (0, 0, 0), False), c.Lead((-0.2, 0.6, 0.0)))
+    run(one, 0, c.LetGo(False))
+    state = run(one, 2000, c.Home(None))
+    assert np.allclose(state.robots["planar_3r"].q, begin, atol=1e-9)
+    assert np.allclose(point(one, "disc", "disc"), [-0.2, 0.6, 0.0], atol=1e-6)
+    run(one, 3000, c.Home("disc"))
+    assert np.allclose(point(one, "disc", "disc"), [0.0, 0.6, 0.0], atol=1e-9)
+
+
+def test_dragging_an_obstacle_is_undone_with_the_robot_that_yielded(session):
+    one = session("arm7", POLE)
+    before = {name: robot.q for name, robot in one.state().robots.items()}
+    begin = point(one, "pole", "pole")
+    run(one, 0, c.Take("pole", "pole", (0, 0, 0), False))
+    lead(one, line(begin, begin + np.array([-0.1, -0.2, 0.0]), 50))
+    run(one, 500, c.LetGo(False))
+    assert np.abs(one.state().robots["arm7"].q - before["arm7"]).max() > 0.05
+    state = run(one, 3000, c.Undo())
+    for name, q in before.items():
+        assert np.allclose(state.robots[name].q, q, atol=1e-9)
+
+
+def test_what_moves_in_the_plane_stays_in_it(session):
+    one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01)
+    run(one, 0, c.Take("disc", "disc", (0.02, 0.0, 0.05), False))
+    lead(one, line([0.02, 0.6, 0.05], [0.1, 0.7, 0.4], 20))
+    state = run(one, 300)
+    assert np.allclose(point(one, "disc", "disc"), [0.08, 0.7, 0.0], atol=1e-6)
+    assert state.robots["disc"].verdict == ("FOLLOWING", "following")
+
+
+def test_a_half_space_stays_where_it_is(session):
+    one = session("arm7", FLOOR)
+    state = run(one, 50, c.Take("floor", "floor", (0, 0, 0), False), c.Lead((0.0, 0.0, 1.0)))
+    assert np.allclose(point(one, "floor", "floor"), [0, 0, -0.05])
+    begin = point(one, "arm7", "tool")
+    assert state.robots["arm7"].verdict[0] == "IDLE"
+    run(one, 0, c.Take("arm7", "tool", (0, 0, 0), False))
+    lead(one, line(begin, begin * [1, 1, 0] - [0, 0, 0.3], 40))
+    assert point(one, "arm7", "tool")[2] > -0.05 + SAFETY - 1e-9
+
+
+def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
+    one = Session(in_scene(load_scene(root / "robots" / "scenes" / "discs.toml")))
+    scene = one.setup.surroundings.scene
+    begin = point(one, "mobile", "mobile")
+    run(one, 0, c.Take("mobile", "mobile", (0, 0, 0), False))
+    least = []
+
+    def seen(state):
+        here = one.robots["mobile"].placement("mobile").translation
+        least.extend(
+            np.linalg.norm(here - obstacle.placement.translation) - obstacle.written["radius"] - scene.mobile
+            for obstacle in scene.obstacles
+        )
+
+    lead(one, line(begin, scene.goal.translation, 300), each=5, seen=seen)
+    assert min(least) >= scene.safety
+    assert min(least) < 3.0 * scene.safety
+    one.close()
+
+
+def test_a_session_in_a_scene_is_recorded_and_shown_again(session, tmp_path):
+    path = tmp_path / "scene.jsonl"
+    one = session("planar_3r", {"name": "block", "kind": "polygon", "points": [[0, 0], [0.1, 0], [0, 0.1]],
+                                "point": [0.0, 0.6]}, FLOOR | {"normal": [0, 1], "point": [0, -0.9]},
+                  record=str(path), safety=0.01)  # fmt: skip
+    begin = point(one, "block", "block")
+    run(one, 0, c.Take("block", "block", (0, 0, 0), False))
+    lead(one, line(begin, begin + np.array([0.2, 0.1, 0.0]), 20))
+    last = one.state()
+    one.close()
+    setup = replayed(path)
+    assert [is_obstacle(mechanism) for mechanism in setup.robots.values()] == [False, True, True]
+    shown = Session(setup)
+    run(shown, 1)
+    state = run(shown, 0, c.Seek(Recording.load(path).seconds))
+    state = run(shown, 2)
+    for name, robot in last.robots.items():
+        there = [r.base * setup.robots[name].placement(r.q, setup.robots[name].nodes[-1])
+                 for r in (robot, state.robots[name])]  # fmt: skip
+        assert np.allclose(there[0].homogeneous, there[1].homogeneous, atol=1e-3)
+    shown.close()
+
+
+def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):
+    one = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
+    assert list(one.robots) == ["arm7", "arm7'", "shelf-left side", "ends'"]
+    known = Vocabulary.of(one.setup)
+    assert c.parse({"pin": {"robot": "arm7'", "node": "arm7'"}}, known) == c.Pin("arm7'", "arm7'")
+    copied = pickle.loads(pickle.dumps(one.setup))
+    assert list(copied.robots) == list(one.robots)
+    assert copied.surroundings.scene.safety == SAFETY
+
+
+def test_where_something_is_in_an_obstacle_at_the_beginning_it_is_said(session):
+    one = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
+    name, words = run(one, 5).robots["arm7"].verdict
+    assert name == "TOUCHING"
+    assert words.startswith("'link")
+    assert words.endswith("touches 'pole'")

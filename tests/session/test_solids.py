@@ -1,0 +1,111 @@
+"""Solids that are drawn: what is written of them reads back; how a scene's obstacles look."""
+
+from __future__ import annotations
+
+import json
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cinegen.avoid.scene import scene_of
+from cinegen.avoid.scene.solid import HEIGHT, Solid, hull
+from cinegen.session.looks import Looks
+from cinegen.session.obstacle import is_obstacle, mechanism_of
+from cinegen.session.solids import said, solids_of
+
+sizes = st.floats(1e-3, 10.0)
+seeds = st.integers(0, 2**31)
+shapes = st.one_of(
+    st.tuples(sizes, sizes, sizes).map(lambda sides: coal.Box(np.array(sides))),
+    sizes.map(coal.Sphere),
+    st.tuples(sizes, sizes).map(lambda numbers: coal.Cylinder(*numbers)),
+    st.tuples(sizes, sizes).map(lambda numbers: coal.Capsule(*numbers)),
+    seeds.map(lambda seed: hull(np.random.default_rng(seed).normal(size=(12, 3))).shape),
+)
+
+
+@pytest.fixture
+def scene(robot):
+    def make(name, *obstacles):
+        return scene_of({"goal": {"point": [0.1, 0.1]}, "obstacle": list(obstacles)}, mechanism=robot(name))
+
+    return make
+
+
+def support(solid, direction):
+    """How far a solid reaches along a direction."""
+    ball = coal.Sphere(1e-3)
+    far = 1e3 * direction
+    result = coal.DistanceResult()
+    here = coal.Transform3s(solid.placement.rotation, solid.placement.translation)
+    coal.distance(ball, coal.Transform3s(np.eye(3), far), solid.shape, here, coal.DistanceRequest(), result)
+    return result.min_distance
+
+
+@given(shape=shapes, seed=seeds)
+def test_what_is_written_of_a_solid_reads_back(robot, shape, seed):
+    rng = np.random.default_rng(seed)
+    placement = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
+    base = robot("planar_3r").source
+    written = json.loads(json.dumps(said([Solid(placement, shape)])))
+    copy = base.build(base.urdf, {**base.constraints, "solids": written}, base.folder, base.name)
+    (found,) = solids_of(copy)
+    assert type(found.shape) is type(shape)
+    for direction in rng.normal(size=(5, 3)):
+        unit = direction / np.linalg.norm(direction)
+        assert support(found, unit) == pytest.approx(support(Solid(placement, shape), unit), abs=1e-6)
+
+
+def test_robots_say_nothing_of_solids(robot):
+    assert solids_of(robot("delta4")) == []
+    assert not is_obstacle(robot("delta4"))
+
+
+def test_an_obstacle_moves_freely_in_space_in_the_plane_of_a_planar_robot_and_a_half_space_not_at_all(scene):
+    ball, wall = {"kind": "sphere", "radius": 0.1}, {"kind": "half_space", "normal": [0, 1, 0], "point": [0, -1]}
+    freedoms = {}
+    for name in ("arm7", "planar_3r"):
+        made = scene(name, ball, wall)
+        looks = Looks(made)
+        found = [mechanism_of(obstacle, obstacle.name, looks) for obstacle in made.obstacles]
+        assert all(map(is_obstacle, found))
+        freedoms[name] = [mechanism.mobility for mechanism in found]
+    assert freedoms == {"arm7": [6, 0], "planar_3r": [3, 0]}
+
+
+def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
+    flat = [
+        {"name": "disc", "kind": "disc", "radius": 0.1, "point": [0.5, 0.5]},
+        {"name": "sides", "kind": "box", "size": [0.1, 0.2], "point": [0.5, 0.8]},
+        {"name": "corners", "kind": "polygon", "points": [[0, 0], [0.1, 0], [0, 0.2]], "point": [1.0, 0.5]},
+        {"name": "tall", "kind": "disc", "radius": 0.1, "height": 0.7, "point": [1.0, 1.0]},
+    ]
+
+    def heights(made):
+        looks, up = Looks(made), np.array([0.0, 0.0, 1.0])
+        drawn = [next(iter(looks.solids(obstacle))) for obstacle in made.obstacles]
+        return [2e3 - 2e-3 - support(solid, up) - support(solid, -up) for solid in drawn]
+
+    planar, spatial = scene("planar_3r", *flat), scene("arm7", *flat)
+    height = heights(planar)[0]
+    assert height < planar.mechanism.length
+    assert heights(planar) == pytest.approx([height, height, height, 0.7], abs=1e-4)
+    assert heights(spatial) == pytest.approx([HEIGHT, HEIGHT, HEIGHT, 0.7], abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ["arm7", "planar_3r"])
+@pytest.mark.parametrize("normal", [[0, 0, 1], [0, 1, 0], [0.6, 0.8, 0]])
+def test_a_half_space_is_a_slab_behind_its_plane(scene, name, normal):
+    made = scene(name, {"kind": "half_space", "normal": normal, "point": [-0.4, -0.3, -0.2]})
+    (obstacle,) = made.obstacles
+    (slab,) = Looks(made).solids(obstacle)
+    placed = Solid(obstacle.placement * slab.placement, slab.shape)
+    unit = np.array(normal) / np.linalg.norm(normal)
+    reach = 1e3 - 1e-3 - support(placed, unit)  # the plane, and nothing above it
+    assert reach == pytest.approx(float(unit @ [-0.4, -0.3, -0.2]), abs=1e-6)
+    sides = 2.0 * slab.shape.halfSide
+    assert min(sides) == pytest.approx(0.02 * max(sides))
