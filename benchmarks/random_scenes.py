@@ -24,9 +24,9 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 import cinegen
+from cinegen.avoid.around import surroundings
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.scene import Scene, scene_of
-from cinegen.avoid.surroundings import surroundings
 from cinegen.model import Mechanism
 from cinegen.solve import Pull
 from cinegen.solve.inverse.seeker import Seeker

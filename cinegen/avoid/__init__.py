@@ -8,11 +8,14 @@ from typing import TYPE_CHECKING
 from cinegen.avoid.errors import AvoidError, SceneError
 
 if TYPE_CHECKING:
+    from cinegen.avoid.around import surroundings
+    from cinegen.avoid.hand import AvoidingSolver
     from cinegen.avoid.planner import Plan, Verdict, plan, rrt_connect
     from cinegen.avoid.scene import Scene, load_scene, scene_of
 
 __all__ = [
     "AvoidError",
+    "AvoidingSolver",
     "Plan",
     "Scene",
     "SceneError",
@@ -21,10 +24,12 @@ __all__ = [
     "plan",
     "rrt_connect",
     "scene_of",
+    "surroundings",
 ]
 
 _PLANNER, _SCENE = "cinegen.avoid.planner", "cinegen.avoid.scene"
 _WHERE = {
+    "AvoidingSolver": "cinegen.avoid.hand",
     "Plan": _PLANNER,
     "Scene": _SCENE,
     "Verdict": _PLANNER,
@@ -32,6 +37,7 @@ _WHERE = {
     "plan": _PLANNER,
     "rrt_connect": _PLANNER,
     "scene_of": _SCENE,
+    "surroundings": "cinegen.avoid.around",
 }
 
 

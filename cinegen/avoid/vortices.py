@@ -49,6 +49,7 @@ class Vortices:
         safety: m: the distance that is kept.
         turning: which way round.
         strength: of vortices; 0 and none turns.
+        up: (3,) which way is up; along z unless given.
 
     Attributes:
         states: (vortices, 4) whether each turns, and its axis.
@@ -64,12 +65,14 @@ class Vortices:
         safety: float,
         turning: Turning = Turning.SHORTER,
         strength: float = STRENGTH,
+        up: Array | None = None,
     ) -> None:
         self.clearance, self.around, self.turning, self.strength = clearance, around, turning, strength
         self.safety, self.stop = safety, stop(clearance, safety)
         self.reach = max(reach, 2.0 * self.stop)
         self.states = np.zeros((int(around.max(initial=-1)) + 1, STATE_WIDTH))
         self.plane = plane_of(clearance.mechanism)
+        self._up = np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up)
         model = clearance.mechanism.model
         self._base = np.array(model.jointPlacements[min(1, model.njoints - 1)].translation)
 
@@ -115,8 +118,8 @@ class Vortices:
             Turning.FOLDING: folding(one, self._base, self.plane),
             Turning.SHORTER: led,
             Turning.LONGER: led,
-            Turning.UP: np.array([0.0, 0.0, 1.0]),
-            Turning.DOWN: np.array([0.0, 0.0, -1.0]),
+            Turning.UP: self._up,
+            Turning.DOWN: -self._up,
             Turning.ASIDE: np.cross(normal, led),
         }[self.turning]
         axis = turning_axis(-normal, towards, led, plane=self.plane)

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Sequence
 from typing import Any
 
-from cinegen.cli import close, drive, export, info, modes, replay, sensors, singular
+from cinegen.cli import close, drive, export, info, modes, plan, replay, sensors, singular
 from raff2urdf.errors import RaffError
 
 
@@ -17,7 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code: 0, or 1 where something is wrong."""
     parser = argparse.ArgumentParser(prog="cinegen", description="Drive, study and show any mechanism.")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (info, modes, singular, drive, replay, export, close, sensors):
+    for command in (info, modes, singular, plan, drive, replay, export, close, sensors):
         command.add(commands)
     options = parser.parse_args(arguments)
     from cinegen.errors import CinegenError

@@ -1,9 +1,9 @@
 """A way to a goal around obstacles."""
 
+from cinegen.avoid.around import surroundings
 from cinegen.avoid.planner.attempt import Attempt
 from cinegen.avoid.planner.plan import Plan, plan
 from cinegen.avoid.planner.sampling import rrt_connect
 from cinegen.avoid.planner.verdict import Verdict
-from cinegen.avoid.surroundings import surroundings
 
 __all__ = ["Attempt", "Plan", "Verdict", "plan", "rrt_connect", "surroundings"]

@@ -52,6 +52,7 @@ def attempt(
     safety: float,
     most: int,
     words: str,
+    pushed: bool = False,
 ) -> Attempt:
     """Follows what leads until it arrives, or gets no nearer. Never nearer than the safety distance to anything.
 
@@ -64,6 +65,7 @@ def attempt(
         safety: m.
         most: steps.
         words: what leads, in words.
+        pushed: whether a field pushes the mechanism away from obstacles.
     """
     mechanism = clearance.mechanism
     solver = Solver(mechanism, 1.0, start)
@@ -84,7 +86,7 @@ def attempt(
         since = 0 if distance < nearest - _NEARER else since + 1
         nearest = min(nearest, distance)
         if still == _STILL:
-            return ended(*_why(clearance, keep, path[-1]))
+            return ended(*_why(clearance, keep, path[-1], pushed))
         if since == _PATIENCE:
             return ended(Verdict.CIRCLED, f"moved on for {_PATIENCE} steps and came no nearer to the goal")
     return ended(Verdict.REACHED, "")
@@ -96,8 +98,8 @@ def _held_by(clearance: Clearance, keep: Keep, q: Array) -> tuple[tuple[str, str
     return tuple(clearance.names(pair) for pair in near)
 
 
-def _why(clearance: Clearance, keep: Keep, q: Array) -> tuple[Verdict, str]:
-    """Why nothing moves any more."""
+def _why(clearance: Clearance, keep: Keep, q: Array, pushed: bool) -> tuple[Verdict, str]:
+    """Why nothing moves any more; whether a field pushed."""
     held, limits = _held_by(clearance, keep, q), _limits(clearance, q)
     at_limits = f"{', '.join(limits)} at the limit" if limits else ""
     if held:
@@ -105,6 +107,11 @@ def _why(clearance: Clearance, keep: Keep, q: Array) -> tuple[Verdict, str]:
         return Verdict.STUCK, f"led into what it must keep clear of: {pairs}" + (f"; {at_limits}" if limits else "")
     if limits:
         return Verdict.JOINT_LIMIT, at_limits
+    distances = clearance.distances(q)
+    if pushed and len(distances):
+        one, other = clearance.names(int(distances.argmin()))
+        apart = f"'{one}' is {1e3 * float(distances.min()):.3g} mm from '{other}'"
+        return Verdict.STUCK, f"what pulls to the goal and what pushes away balance: {apart}"
     return Verdict.STUCK, "nothing leads on: singular, or as near to the goal as that way leads"
 
 

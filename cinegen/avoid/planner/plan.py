@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.avoid.around import surroundings
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.keep import least_along
 from cinegen.avoid.planar import plane_of
@@ -24,7 +25,6 @@ from cinegen.avoid.planner.literal import Literal
 from cinegen.avoid.planner.postures import TOLERANCE, Postures
 from cinegen.avoid.planner.verdict import Verdict
 from cinegen.avoid.scene import Scene
-from cinegen.avoid.surroundings import surroundings
 from cinegen.avoid.vortices import Turning, Vortices
 from cinegen.solve.objectives import Objective
 
@@ -138,13 +138,15 @@ def plan(
         say(f"attempt {len(made) + 1}: {words}")
         made.append(
             attempt(
-                clearance, scene.start, lead, left, lambda q: task.left(q) < TOLERANCE, scene.safety, steps, words
+                clearance, scene.start, lead, left, lambda q: task.left(q) < TOLERANCE, scene.safety, steps, words,
+                isinstance(lead, Descent),
             )
         )  # fmt: skip
         if made[-1].verdict is Verdict.REACHED:
             break
     last = made[-1]
-    reason = "" if last.verdict is Verdict.REACHED else f"{last.reason} (the last of {len(made)} attempts)"
+    reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
+    reason = "" if last.verdict is Verdict.REACHED else reason
     return Plan(scene, last.verdict, last.path, tuple(made), reason, clearance, field)
 
 
@@ -160,7 +162,7 @@ def _leads(
     reach = scene.influence or _REACH * scene.mechanism.length
     if field is Field.VORTEX:
         for attraction, turning in _ways(scene, task, goals, plane_of(scene.mechanism)):
-            lead = Lead(attraction, Vortices(clearance, around, reach, scene.safety, turning))
+            lead = Lead(attraction, Vortices(clearance, around, reach, scene.safety, turning, up=scene.up))
             yield f"{attraction.words}, {turning.value}", lead, attraction.left
         return
     if field is Field.NONE:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.avoid.around import surroundings
 from cinegen.avoid.errors import AvoidError
 from cinegen.avoid.planner.attempt import Attempt
 from cinegen.avoid.planner.edge import edge
@@ -17,7 +18,6 @@ from cinegen.avoid.planner.plan import Plan
 from cinegen.avoid.planner.space import Space
 from cinegen.avoid.planner.verdict import Verdict
 from cinegen.avoid.scene import Scene
-from cinegen.avoid.surroundings import surroundings
 from cinegen.errors import ClosureError
 
 Array = NDArray[np.float64]

@@ -43,7 +43,7 @@ class Scene:
         rotation: how many rotations of it count, about the world's axes: 3 all, 1 only the turn about z, 0 none.
         safety: distance that is to be kept from obstacles.
         influence: distance from which on fields act (the paper's r of influence); None: the planner's choice.
-        up: (3,) a unit vector, which way around obstacles is up; None: the planner's choice.
+        up: (3,) a unit vector, which way is up, for ways over obstacles and below them; None: along z.
     """
 
     name: str

@@ -34,15 +34,6 @@ def figure(name):
     return load_scene(ROBOTS / "scenes" / f"{name}.toml")
 
 
-@cache
-def blocked():
-    """The disc of figure 7, moved to where FIRAS stops whether it is weak or strong."""
-    document = figure("disc").document()
-    document["robot"] = str(ROBOTS / "planar_3r.raff")
-    document["obstacle"][0]["point"] = [0.48, 0.23]
-    return scene_of(document)
-
-
 def point(obstacles, radius=0.0, start=(0.0, 0.0), goal=(4.0, 0.0), **more):
     """A mobile robot."""
     document = {"name": "point", "mobile": {"radius": radius}, "safety": 0.02, "influence": 0.6, **more}
@@ -226,7 +217,7 @@ def is_lowest(scene, found, q, away):
 @pytest.mark.parametrize("which", ["rod", "disc"])
 def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which, pull, monkeypatch):
     monkeypatch.setitem(GAINS, Field.FIRAS, Gains(pull))
-    scene = figure("rod") if which == "rod" else blocked()
+    scene = figure("rod") if which == "rod" else figure("disc")
     found = plan(scene, field="firas")
     assert found.verdict is Verdict.STUCK
     assert found.field is Field.FIRAS
@@ -242,7 +233,7 @@ def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which, pull, m
 
 def test_vortices_get_round_where_firas_stops():
     assert plan(figure("rod"))
-    assert plan(blocked())
+    assert plan(figure("disc"))
 
 
 @pytest.mark.parametrize("field", REPULSIVE)

@@ -1,0 +1,66 @@
+"""Draws the pictures of docs/avoidance.md again: `python docs/pictures/avoidance.py [NAME ...]`. Takes 20 s."""
+
+import io
+import sys
+from functools import partial
+from pathlib import Path
+
+from PIL import Image
+
+from cinegen.avoid import load_scene, plan, scene_of
+from cinegen.avoid.drawing import draw_plan, figure1, figure2, figure3, figure4
+
+PICTURES = Path(__file__).resolve().parent
+ROBOTS = PICTURES.parent.parent / "robots"
+LARGEST = 250_000  # bytes
+
+WALL = {
+    "name": "wall",
+    "robot": "arm7.raff",
+    "safety": 0.02,
+    "start": {"joints": {"joint1": -0.6}},
+    "goal": {"point": [0.5, 0.35, 0.3]},
+    "obstacle": [{"name": "wall", "kind": "box", "size": [0.7, 0.04, 0.45], "point": [0.55, 0.0, 0.225]}],
+}
+
+
+def way(name, field="vortex"):
+    """A figure of the paper: what becomes of a scene."""
+    return draw_plan(plan(load_scene(ROBOTS / "scenes" / f"{name}.toml"), field=field))
+
+
+def wall():
+    """A redundant arm in space."""
+    return draw_plan(plan(scene_of(WALL, ROBOTS)))
+
+
+FIGURES = {
+    "avoid_rod_potential": figure1,
+    "avoid_vortex_potential": figure2,
+    "avoid_rod_and_vortex": figure3,
+    "avoid_discarding": figure4,
+    "avoid_rod_firas": partial(way, "rod", "firas"),
+    "avoid_rod": partial(way, "rod"),
+    "avoid_disc_firas": partial(way, "disc", "firas"),
+    "avoid_disc": partial(way, "disc"),
+    "avoid_discs": partial(way, "discs"),
+    "avoid_generic": partial(way, "generic"),
+    "avoid_wall": wall,
+}
+"""What draws each of them: figures 1 to 10 of De Medio and Oriolo in their order, and one in space."""
+
+
+def picture(name):
+    """Draws one."""
+    drawn = io.BytesIO()
+    FIGURES[name]().savefig(drawn, format="png", dpi=110)
+    path = PICTURES / f"{name}.png"
+    with Image.open(drawn) as image:
+        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
+        few.save(path, optimize=True)
+    assert path.stat().st_size < LARGEST, path
+
+
+if __name__ == "__main__":
+    for wanted in sys.argv[1:] or FIGURES:
+        picture(wanted)

@@ -1,0 +1,299 @@
+"""The command `cinegen plan`: a way around obstacles, on the terminal, as JSON, as a picture and as a recording."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import sys
+
+import numpy as np
+import pytest
+
+from cinegen.avoid import load_scene, plan
+from cinegen.cli import files, main
+from cinegen.mission import Recording
+
+SCENES = ("rod", "disc", "discs", "generic")
+
+
+@pytest.fixture
+def typed(root, capsys):
+    """`typed("rod", "--json")`: what the command prints; its errors where that is asked for by `err=True`."""
+
+    def command(scene, *options, code=0, err=False):
+        path = scene if "." in str(scene) else root / f"robots/scenes/{scene}.toml"
+        assert main(["plan", str(path), *map(str, options)]) == code
+        said = capsys.readouterr()
+        return said.err if err else said.out
+
+    return command
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """`scene(obstacle=[...])`: the file of a disc that is to go from the origin to x = 1."""
+
+    def write(**values):
+        path = tmp_path / "scene.json"
+        path.write_text(json.dumps({"mobile": {"radius": 0.1}, "goal": {"point": [1, 0]}} | values))
+        return path
+
+    return write
+
+
+# --- what is told ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scenes_of_the_paper_are_reached_and_the_answer_says_how(root, typed, name):
+    said = typed(name)
+    found = load_scene(root / f"robots/scenes/{name}.toml")
+    lines = said.splitlines()
+    assert lines[0].startswith(f"{name}: ")
+    assert all(one.name in said for one in found.obstacles)
+    assert f"reached: {found.node} is at its goal" in lines
+    told = {words[0]: words[1:] for words in (line.split() for line in lines if line.startswith("  ")) if words}
+    assert float(told["clearance"][0]) >= 1e3 * found.safety
+    assert f"{1e3 * found.safety:g} mm are to be kept" in said
+    assert int(told["steps"][0]) > 0
+    assert "led by" in said
+    assert max(map(len, lines)) <= 100
+
+
+@pytest.mark.parametrize("name", ["rod", "disc"])
+def test_what_repels_gets_stuck_and_it_is_said_where_and_by_what(typed, name):
+    """Figures 5 and 7; vortices get there in figures 6 and 8."""
+    said = " ".join(typed(name, "--field", "firas", code=1).split())
+    assert "stuck: tool at x " in said
+    assert " from its goal: " in said
+    assert f" from '{name}'" in said
+    assert "Try --field vortex, or --planner rrtconnect" in said
+    assert "reached: tool is at its goal" in typed(name)
+
+
+def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
+    said = " ".join(typed("rod", "--field", "firas", code=1).split())
+    found = plan(load_scene(root / "robots/scenes/rod.toml"), field="firas")
+    words = said.split("stuck: tool at x ")[1]
+    x, y = words.split(" mm")[0].split(", y ")
+    assert [float(x), float(y)] == pytest.approx(1e3 * found.trace[-1][:2], abs=0.5)
+    left = float(words.split(" mm, ")[1].split(" mm from its goal")[0])
+    assert left == pytest.approx(1e3 * math.dist(found.trace[-1][:2], (0.6, 0.3)), abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("values", "verdict", "advice"),
+    [
+        ({"obstacle": [{"kind": "disc", "radius": 0.1}]}, "start in collision: 'mobile' is in 'disc 1'", "Start some"),
+        (
+            {"obstacle": [{"kind": "disc", "radius": 0.1, "point": [1.205, 0]}]},
+            "goal in collision: 'mobile' is 5 mm from 'disc 1', nearer than the safety distance of 10 mm",
+            "move the goal or the obstacle",
+        ),
+    ],
+)
+def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, verdict, advice):
+    said = typed(scene(**values), code=1)
+    assert verdict in said
+    assert advice in said
+    assert "attempt" not in said
+
+
+def test_a_goal_out_of_reach_is_said(typed, root, tmp_path):
+    path = tmp_path / "far.json"
+    path.write_text(json.dumps({"robot": str(root / "robots/planar_3r.raff"), "goal": {"point": [3, 0]}}))
+    said = typed(path, code=1)
+    assert "goal out of reach: no posture was found" in said
+    assert "Bring the goal nearer" in said
+
+
+def test_what_a_local_method_can_not_do_names_the_planner_that_may(typed, scene):
+    """A hollow in front of the goal, with a floor and a lid."""
+    walls = [([0.7, 0.0], [0.02, 1.2]), ([0.2, 0.6], [1.0, 0.02]), ([0.2, -0.6], [1.0, 0.02]), ([-0.3, 0], [0.02, 1.2])]
+    cell = [{"kind": "box", "size": size, "point": point} for point, size in walls]
+    said = typed(scene(obstacle=cell), code=1)
+    assert "reached" not in said
+    assert "Try --planner rrtconnect" in said
+
+
+def test_progress_is_told_to_a_person_who_waits(typed, monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    monkeypatch.setattr(files, "_PATIENCE", 0.0)
+    typed("generic")
+    assert "attempt 1: mobile straight to the goal" in terminal.getvalue()
+    assert terminal.getvalue().endswith("\r")
+
+
+# --- JSON --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_json_holds_a_way_from_the_start_to_the_goal(root, typed, name):
+    said = json.loads(typed(name, "--json"))
+    found = load_scene(root / f"robots/scenes/{name}.toml")
+    mechanism = found.mechanism
+    assert (said["scene"], said["verdict"], said["planner"], said["field"]) == (name, "reached", "vortex", "vortex")
+    path = [mechanism.configuration(values) for values in said["path"]]
+    assert set(said["path"][0]) == set(mechanism.joints)
+    assert (path[0] == found.start).all()
+    end = mechanism.placement(path[-1], found.node).translation
+    goal = found.goal.translation[: found.translation]
+    assert end[: found.translation] == pytest.approx(goal, abs=2e-4 * mechanism.length)
+    assert said["trace"][-1] == pytest.approx(end)
+    assert len(said["clearances"]) == len(path) == said["attempts"][-1]["steps"] + 1
+    assert min(said["clearances"]) >= said["clearance"] >= said["safety"] == found.safety
+    assert said["length"] >= math.dist(said["trace"][0], said["trace"][-1])
+    steps = np.linalg.norm(np.diff(said["trace"], axis=0), axis=1).sum()
+    assert said["length"] == pytest.approx(steps, rel=0.02)
+    assert [one["verdict"] for one in said["attempts"]][-1] == "reached"
+
+
+def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
+    said = json.loads(typed(scene(), "--json"), parse_constant=pytest.fail)
+    assert said["clearance"] is None
+    assert set(said["clearances"]) == {None}
+    said = json.loads(typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "--json", code=1))
+    assert (said["verdict"], said["attempts"]) == ("start in collision", [])
+    assert said["path"] == [{"x": 0.0, "y": 0.0}]
+
+
+def test_json_of_what_got_stuck_says_so_too(typed):
+    said = json.loads(typed("rod", "--field", "firas", "--json", code=1))
+    assert (said["verdict"], said["field"]) == ("stuck", "firas")
+    assert len(said["attempts"]) == 1
+
+
+# --- the other planner -------------------------------------------------------------------------------------------
+
+
+def test_rrt_connect_finds_a_way_in_the_same_scene(typed):
+    pytest.importorskip("ompl")
+    said = json.loads(typed("disc", "--planner", "rrtconnect", "--seconds", "20", "--json"))
+    assert (said["planner"], said["field"], said["verdict"]) == ("rrtconnect", None, "reached")
+    assert said["clearance"] >= said["safety"]
+    assert said["attempts"][0]["led_by"] == "RRT-Connect"
+
+
+def test_rrt_connect_out_of_time_says_that_more_may_help(typed, scene):
+    pytest.importorskip("ompl")
+    ring = [{"kind": "capsule", "radius": 0.02, "ends": [[0.7, -9], [0.7, 9]]}]
+    ring += [{"kind": "capsule", "radius": 0.02, "ends": [[a, b], [c, d]]} for a, b, c, d in [
+        (-9, -9, 0.7, -9), (-9, 9, 0.7, 9), (-9, -9, -9, 9)
+    ]]  # fmt: skip
+    said = typed(scene(obstacle=ring), "--planner", "rrtconnect", "--seconds", "0.3", code=1)
+    assert "time limit: RRT-Connect found no way in 0.3 s" in said
+    assert "Try --seconds 1.8" in said
+
+
+# --- what is wrong -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("mobile = { radius = 0.1 }", "goal is missing"),
+        ("mobile = { radius = 0.1 }\n[goal]\npoint = [1, nan]", "point must be finite"),
+        ("robot = 'none.raff'\n[goal]\npoint = [1, 0]", "none.raff' is not there"),
+        ("mobile = { radius = 0.1 }\ngaol = { point = [1, 0] }\n[goal]\npoint = [1, 0]", "did you mean 'goal'"),
+        (
+            "mobile = { radius = 0.1 }\n[goal]\npoint = [1, 0]\n[[obstacle]]\nkind = 'disc'\nradius = 0.0",
+            "radius must be above 0",
+        ),
+        ("mobile = { radius = 0.1", "this is no TOML"),
+    ],
+)
+def test_a_scene_that_is_wrong_is_one_clear_error(typed, tmp_path, text, says):
+    path = tmp_path / "wrong.toml"
+    path.write_text(text)
+    said = typed(path, code=1, err=True)
+    assert said.startswith(f"cinegen: {path}")
+    assert says in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "says"),
+    [
+        ("none.toml", [], "none.toml: can't be read"),
+        ("robot.raff", [], "a scene is a .toml or a .json file"),
+        ("rod", ["--planner", "rrtconnect", "--field", "firas"], "follows no field"),
+        ("rod", ["--plot", "way.nonsense"], "way.nonsense: can't be written"),
+        ("rod", ["-o", "."], "can't be written: is a directory"),
+    ],
+)
+def test_what_is_wrong_is_one_clear_error(typed, monkeypatch, tmp_path, name, options, says):
+    monkeypatch.chdir(tmp_path)
+    said = typed(name, *options, code=1, err=True)
+    assert says in said
+    assert said.startswith("cinegen: ")
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "options", [["--field", "magnetic"], ["--planner", "astar"], ["--json", "--view"], ["--seconds", "-1"]]
+)
+def test_a_command_line_that_makes_no_sense_is_2(root, capsys, options):
+    with pytest.raises(SystemExit) as error:
+        main(["plan", str(root / "robots/scenes/rod.toml"), *options])
+    assert error.value.code == 2
+    assert "usage: cinegen plan" in capsys.readouterr().err
+
+
+# --- pictures and recordings -------------------------------------------------------------------------------------
+
+
+def test_a_picture_is_written(typed, tmp_path):
+    path = tmp_path / "new/way.png"
+    assert f"picture: {path}" in typed("discs", "--plot", path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("name", ["rod", "discs"])
+def test_a_way_is_recorded_for_replay_and_export(root, typed, tmp_path, capsys, name):
+    path = tmp_path / "way.jsonl"
+    said = json.loads(typed(name, "--json", "-o", path))
+    recording = Recording.load(path)
+    (robot,) = recording.robots
+    mechanism = recording.mechanism(robot)
+    expected = np.array([mechanism.configuration(values) for values in said["path"]])
+    assert (recording.q[robot] == expected).all()
+    assert main(["export", str(path), "--to", "csv"]) == 0
+    assert "checked: joints within their limits" in capsys.readouterr().out
+    rows = np.loadtxt(tmp_path / "way.csv", delimiter=",", skiprows=1)
+    assert rows[-1, 1:] == pytest.approx(expected[-1], abs=1e-9)
+
+
+def test_a_way_that_ends_early_is_recorded_as_far_as_it_came_and_none_is_not(typed, scene, tmp_path):
+    path = tmp_path / "way.jsonl"
+    assert "as far as it came" in typed("rod", "--field", "firas", "-o", path, code=1)
+    assert len(Recording.load(path).times) > 2
+    none = tmp_path / "none.jsonl"
+    said = typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "-o", none, code=1)
+    assert f"there is no way: {none} is not written" in said
+    assert not none.exists()
+
+
+def test_what_is_there_is_not_overwritten_and_nothing_is_planned_then(typed, tmp_path):
+    path = tmp_path / "way.jsonl"
+    path.write_text("mine")
+    assert "is there already" in typed("rod", "-o", path, code=1, err=True)
+    assert path.read_text() == "mine"
+
+
+def test_the_page_is_served_with_view(typed, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    said = typed("rod", "--view", "--seconds", "0.5", "--port", "7950", "--no-browser")
+    assert "page: http://127.0.0.1:" in said
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_page_of_what_got_stuck_leaves_the_exit_code(typed, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    options = ["--field", "firas", "--view", "--seconds", "0.2", "--port", "7950", "--no-browser"]
+    assert "page: http://127.0.0.1:" in typed("rod", *options, code=1)
