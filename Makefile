@@ -43,6 +43,7 @@ bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as 
 	$(BIN)/python benchmarks/hexapod.py
 	$(BIN)/python benchmarks/assembly.py
 	$(BIN)/python benchmarks/avoidance.py
+	$(BIN)/python benchmarks/drag.py
 	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
 	$(BIN)/python benchmarks/compare.py
@@ -53,6 +54,7 @@ kernels: .venv/runtime-installed
 
 studies: .venv/runtime-installed
 	@$(BIN)/python -m cinegen.study
+	@$(BIN)/python -m cinegen.avoid
 
 generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff

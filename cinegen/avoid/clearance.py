@@ -69,15 +69,14 @@ class Clearance:
     ) -> None:
         self.mechanism = mechanism
         self.bodies = (*bodies, *obstacles)
-        moving = [i for i, body in enumerate(bodies) if body.joint != 0]
-        for i in moving:
-            if not np.isfinite(bodies[i].radius):
-                raise AvoidError(f"'{bodies[i].name}' moves, and reaches without end: a link can't be a half-space")
-        found = [*own, *((i, len(bodies) + k) for i in moving for k in range(len(obstacles)))]
-        self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
+        for body in bodies:
+            if body.joint != 0 and not np.isfinite(body.radius):
+                raise AvoidError(f"'{body.name}' moves, and reaches without end: a link can't be a half-space")
         model = self._model = mechanism.model
         self._data = model.createData()
         self._geometry = geometry_model(mechanism, bodies, obstacles, own)
+        found = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
+        self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         self._solids = self._geometry.createData()
         self._results = _Results(self._solids, len(found))
         self._flat = self.pairs.ravel().copy()

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.avoid.clearance import Clearance
-from cinegen.avoid.keep import Keep
+from cinegen.avoid.keep import Keep, part_in
 from cinegen.avoid.shadow import Shadow
 from cinegen.avoid.vortices import Turning, Vortices
 from cinegen.kernel.thresholds import CLOSURE
@@ -22,7 +22,6 @@ from cinegen.solve.objectives import Objective, State
 
 Array = NDArray[np.float64]
 
-_CLOSER = 60.0  # 1/s: part of what is left in front of a link that it may use up
 _SCOUTS = 0.2  # gain of what runs ahead: it is there in a few ticks
 _THERE = 1e-4  # rad or m in a step of it: it has arrived
 _TRUSTED = 0.25  # s without coming nearer, then the pulls wait and all of the mechanism goes round
@@ -88,7 +87,7 @@ class AvoidingSolver(Solver):
         self._still = 0  # ticks at rest
         super().__init__(mechanism, dt, q=q)
         self.clearance = clearance
-        self.keep = Keep(clearance, safety, -math.expm1(-_CLOSER * dt))
+        self.keep = Keep(clearance, safety, part_in(dt))
         self.barriers = (self.keep,)
         self.vortices = Vortices(clearance, around, 0.5 * mechanism.length if reach is None else reach, safety)
         self._seen: dict[int, pin.SE3] = {}  # where obstacles were
@@ -123,7 +122,10 @@ class AvoidingSolver(Solver):
 
     def step(self) -> Step:
         """One tick of dt. Never raises: the verdict says what happened."""
-        self._look()
+        try:
+            self._look()
+        except Exception:  # whatever it is: the tick goes on, held clear
+            self._begin_anew()
         step = super().step()
         self._objectives = self._own
         slow = float(np.abs(step.v / self.mechanism.scale).max(initial=0.0)) < _REST
@@ -181,7 +183,7 @@ class AvoidingSolver(Solver):
         elif turning:
             self._objectives = (*self._own, _Wish(turned - motion))
         if turning or posture is not None:
-            self._notice_progress(posture)
+            self._notice_progress(pulls, posture)
         elif self._waits and self._calm * self.dt >= _CALM:
             self._wait(False)
 
@@ -214,9 +216,9 @@ class AvoidingSolver(Solver):
         largest = float(np.abs(way / self.mechanism.scale).max(initial=0.0))
         return np.asarray(way * min(self.gain, _STRIDE / max(largest, 1e-300)))
 
-    def _notice_progress(self, posture: Array | None) -> None:
+    def _notice_progress(self, pulls: Sequence[Pull], posture: Array | None) -> None:
         """Tries harder where it comes no nearer."""
-        left = self._left() if posture is None else self._apart(posture)
+        left = self._left(pulls) if posture is None else self._apart(posture)
         if posture is not None and left < _AT_POSTURE:
             self._ways = [_Way(None, Turning.SHORTER)]
             self._set_out()
@@ -234,10 +236,10 @@ class AvoidingSolver(Solver):
             self._set_out()
             self._wait(bool(self._ways))
 
-    def _left(self) -> float:
-        """How far all pulls are from their targets, lengths and rad."""
+    def _left(self, pulls: Sequence[Pull]) -> float:
+        """How far pulls are from their targets, lengths and rad."""
         total = 0.0
-        for pull in self.pulls:
+        for pull in pulls:
             axes = np.eye(3) if pull.axes == "world" else None
             straight, turn = pull.errors(self.mechanism.placement(self._q, pull.node) * pull.at, axes)
             total += float(np.linalg.norm(straight)) / self.mechanism.length + float(np.linalg.norm(turn))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.errors import AvoidError
+from cinegen.model import Mechanism
 from cinegen.solve.barrier import Bounds
 from cinegen.solve.objectives import State
 
@@ -20,15 +22,21 @@ STOP = 1.25
 """Of the safety distance: where the damper lets nothing come nearer. What a step bends is less than the rest."""
 
 _LEAST = 1e-3  # lengths: what is between where links are stopped and the safety distance, at least
+_CLOSER = 60.0  # 1/s
 _FAR = 0.25  # lengths
 _LOOKS = 64  # at configurations on the way of one step, at most
 _HALVED = 12  # times that a part of a path is halved, at most
 _PUSH = 0.5  # of what a link lacks to where it stops is made good in a tick
 
 
-def stop(clearance: Clearance, safety: float) -> float:
+def part_in(dt: float) -> float:
+    """The part of what is left in front of a link that it may use up in a tick of dt (s), where ticks follow a hand."""
+    return -math.expm1(-_CLOSER * dt)
+
+
+def stop(mechanism: Mechanism, safety: float) -> float:
     """m: where the damper stops links that are to keep a safety distance (m)."""
-    return max(STOP * safety, safety + _LEAST * clearance.mechanism.length)
+    return max(STOP * safety, safety + _LEAST * mechanism.length)
 
 
 class Keep:
@@ -61,7 +69,7 @@ class Keep:
         if not 0.0 < part <= 1.0:
             raise AvoidError(f"the part of what is left that a tick may use is {part!r}; give one above 0, 1 at most")
         self.clearance, self.safety, self.part = clearance, safety, part
-        self.stop = stop(clearance, safety)
+        self.stop = stop(clearance.mechanism, safety)
         self.held: NDArray[np.int64] = np.zeros(0, dtype=np.int64)
 
     def bounds(self, state: State) -> Bounds:
@@ -120,9 +128,11 @@ def _between(clearance: Clearance, begin: Array, end: Array) -> Array:
 
 
 def least_along(clearance: Clearance, path: Array, sharp: float = 0.05) -> float:
-    """m: a distance that nothing falls below anywhere on a path (n, nq), joints going straight between its points and
-    loops closed: a bound from below, by conservative advancement, no more than `sharp` of it too small (or than about
-    1e-4 of the longest way between two points, where nearly everything touches).
+    """m: a distance that nothing falls below anywhere on a path (n, nq), joints going straight between its points.
+
+    A bound from below, by conservative advancement, no more than `sharp` of it too small (or than about 1e-4 of the
+    longest way between two points, where nearly everything touches). Loops, closed at the points, open between them to
+    second order of the step.
 
     Where two bodies overlap, the deepest overlap at the points that were looked at, below 0.
     """

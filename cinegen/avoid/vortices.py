@@ -68,7 +68,7 @@ class Vortices:
         up: Array | None = None,
     ) -> None:
         self.clearance, self.around, self.turning, self.strength = clearance, around, turning, strength
-        self.safety, self.stop = safety, stop(clearance, safety)
+        self.safety, self.stop = safety, stop(clearance.mechanism, safety)
         self.reach = max(reach, 2.0 * self.stop)
         self.states = np.zeros((int(around.max(initial=-1)) + 1, STATE_WIDTH))
         self.plane = plane_of(clearance.mechanism)

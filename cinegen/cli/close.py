@@ -18,7 +18,7 @@ def add(commands: Any) -> None:
         "joints, on the same branch as the line before; the first begins at home. Joints that are not named stay. What "
         "can't be is answered by {\"error\": \"...\"}, and moves nothing.",
     )  # fmt: skip
-    of_files(close, several=False)
+    of_files(close, count=1)
     close.add_argument("--start", metavar="FILE", help="begin where an answer says, kept in a file, instead of at home")
     close.set_defaults(run=run)
 

@@ -11,7 +11,7 @@ import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cinegen.cli.files import count, mechanisms_and_files, seconds, write
+from cinegen.cli.files import count, mechanisms_and_files, of_files, seconds, write
 
 if TYPE_CHECKING:
     from cinegen.cockpit import Cockpit
@@ -28,12 +28,7 @@ def add(commands: Any) -> None:
         "closed. Until somebody takes it, each robot's end follows a path. In a scene the robot keeps clear of the "
         "obstacles, which can be moved too.",
     )  # fmt: skip
-    drive.add_argument("files", nargs="*", metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
-    drive.add_argument("--robot", metavar="NAME", help="only the robot of this name")
-    drive.add_argument(
-        "--loop", action="append", default=[], metavar="NAME=KIND",
-        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
-    )  # fmt: skip
+    of_files(drive, count="*")
     drive.add_argument("--scene", metavar="SCENE.toml", help="a robot among obstacles, instead of files of robots")
     drive.add_argument(
         "--follow", choices=["circle", "figure8", "line", "still"],

@@ -18,9 +18,8 @@ if TYPE_CHECKING:
 _PATIENCE = 1.0  # s until progress is told
 
 
-def of_files(parser: argparse.ArgumentParser, several: bool = True) -> None:
-    """A command about robots."""
-    count = "+" if several else 1
+def of_files(parser: argparse.ArgumentParser, count: str | int = "+") -> None:
+    """A command about robots: so many files of them, as argparse counts."""
     parser.add_argument("files", nargs=count, metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
     parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
     parser.add_argument(

@@ -41,7 +41,7 @@ def add(commands: Any) -> None:
     )  # fmt: skip
     # argparse takes "-10" for a value; so it does "-10,5,800" then.
     modes._negative_number_matcher = re.compile(r"-\.?\d")
-    of_files(modes, several=False)
+    of_files(modes, count=1)
     where = modes.add_mutually_exclusive_group()
     where.add_argument(
         "--lengths", "--values", nargs="+", metavar="V",

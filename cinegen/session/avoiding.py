@@ -8,10 +8,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.avoid.around import surroundings
 from cinegen.avoid.body import Body
 from cinegen.avoid.hand import AvoidingSolver
 from cinegen.avoid.keep import is_clear
-from cinegen.avoid.planner import surroundings
 from cinegen.avoid.scene import Scene
 from cinegen.session.driven import Driven
 

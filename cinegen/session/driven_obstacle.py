@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.avoid.clearance import Clearance
-from cinegen.avoid.keep import Keep, is_clear
+from cinegen.avoid.keep import Keep, is_clear, part_in
 from cinegen.avoid.scene import Obstacle
 from cinegen.model import Mechanism
 from cinegen.session.avoiding import AvoidingRobot
@@ -19,7 +18,6 @@ from cinegen.solve import Solver
 
 Array = NDArray[np.float64]
 
-_CLOSER = 60.0  # 1/s: part of what is left in front of a link that it may use up
 _NEARER = 0.5  # of the safety distance: nearer than that it does not come
 
 
@@ -46,7 +44,7 @@ class DrivenObstacle(Driven):
         own = [replace(piece, joint=joint) for piece in obstacle.pieces]
         links = [replace(body, joint=0) for body in robot.bodies]
         self._clearance = Clearance(mechanism, own, links)
-        self._keep = Keep(self._clearance, _NEARER * robot.safety, -math.expm1(-_CLOSER * dt))
+        self._keep = Keep(self._clearance, _NEARER * robot.safety, part_in(dt))
         self.solver.barriers = (self._keep,)
         self._first = len(own)
 

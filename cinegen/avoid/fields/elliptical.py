@@ -36,7 +36,8 @@ class Elliptical:
     belongs to the contour, not to the point, so K is the root of an equation; each point lies on one contour only if
     beta ln(sum_i (h_i / a)^2) < 2, which is asked for.
 
-    What is taken from the papers: the contours of a rectangle with these factors and this n, and the avoidance
+    The papers were not at hand: these formulas are as others report them, and only their consequences are tested. What
+    is taken: the contours of a rectangle with these factors and this n, and the avoidance
     potential A e^(-alpha K) / K. In space one n serves all directions, where they allow two; and the decays of the
     exponent, beta, and of the potential, alpha, are two numbers.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cinegen.avoid.body import Body
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.fields import Elliptical, Firas, Spherical, line_search
-from cinegen.avoid.keep import STOP
+from cinegen.avoid.keep import stop
 from cinegen.avoid.planar import plane_of
 from cinegen.avoid.planner.field import Field, Gains, Outline, axis_of
 from cinegen.avoid.scene import Scene
@@ -277,6 +277,7 @@ class Potential:
         mechanism, plane, gains = scene.mechanism, plane_of(scene.mechanism), gains or GAINS[field]
         obstacles = [body for obstacle in scene.obstacles for body in obstacle.bodies]
         firas = GAINS[Field.FIRAS].firas(reach, mechanism.length)
+        kept = stop(scene.mechanism, scene.safety)
         stand, self.fields = list(obstacles), list[Firas | Spherical | Elliptical]()
         for i, body in enumerate(obstacles):
             self.fields.append(gains.firas(reach, mechanism.length) if field is Field.FIRAS else firas)
@@ -285,7 +286,7 @@ class Potential:
             outline = Outline(body, plane)
             around = outline.round if field is Field.SPHERICAL else outline.boxed
             near = next(Links(mechanism, bodies, [around]).near(scene.start))
-            if near.distances.min() <= STOP * scene.safety or _holds(around, scene.goal.translation):
+            if near.distances.min() <= kept or _holds(around, scene.goal.translation):
                 continue
             stand[i] = around
             if field is Field.SPHERICAL:

@@ -45,7 +45,7 @@ class Plan:
         scene: that it is for.
         verdict: in one word.
         path: (steps + 1, nq) from the start to the goal, or as far as the last attempt came; (1, nq) where none made
-            sense. Between two of them joints go straight, loops closed.
+            sense. Loops are closed at each; between two of them joints go straight.
         attempts: all that were made, in order; the last one is what `path` is of.
         reason: the verdict, in words.
         field: that was followed; None: `rrt_connect` follows none.
@@ -104,11 +104,12 @@ def plan(
 ) -> Plan:
     """Looks for a way to a scene's goal, by vortex fields (C. De Medio and G. Oriolo, 1991).
 
-    Goal and start are tested first. Then the node is led straight to the goal, vortices turning toward the base (of a
-    mobile robot, the shorter way); if that ends somewhere else, other ways round are tried, and then the joints are
-    led straight to postures in which the goal is reached, nearest first. All that was tried is in the plan.
+    Goal and start are tested first. Then the node is led straight to the goal, vortices turning toward the base or the
+    shorter way (of a mobile robot, only that); if that ends somewhere else, all joints are led straight to postures in
+    which the goal is reached: the one nearest to the start, then those that differ most; then all of that again by the
+    other ways round. All that was tried is in the plan.
 
-    Other fields are there to be compared, under the same barrier: each makes one attempt.
+    Other fields are there to be compared, under the same barrier: potentials and the paper's letter make one attempt.
 
     Args:
         scene: what is where.

@@ -15,9 +15,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import cinegen
+from cinegen.avoid.around import surroundings
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.errors import AvoidError
-from cinegen.avoid.planner import Verdict, plan, rrt_connect, surroundings
+from cinegen.avoid.planner import Verdict, plan, rrt_connect
 from cinegen.avoid.planner.edge import edge
 from cinegen.avoid.planner.space import Space
 from cinegen.avoid.scene import load_scene, scene_of

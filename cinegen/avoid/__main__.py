@@ -1,0 +1,6 @@
+"""`python -m cinegen.avoid` compiles its kernels, so that nobody has to wait for that later."""
+
+from cinegen.avoid.clearance import prepare_clearance
+
+if __name__ == "__main__":
+    prepare_clearance()
