@@ -1,6 +1,6 @@
 """Who gets round obstacles, among random scenes that all get alike (`random_scenes.py`).
 
-    python benchmarks/avoidance.py [SCENES] [FAMILY ...] [--workers N]
+    python benchmarks/avoidance.py [SCENES] [FAMILY ...] [--first NUMBER] [--workers N]
 
 One table for each family of scenes, by default 5 scenes of each. All follow the same loop, keep the same safety
 distance and look at the same distances; so none of them collides, and what differs is what leads:
@@ -25,9 +25,9 @@ What is printed, of those scenes that any of them solves (how many is said above
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 import warnings
-from collections.abc import Iterable
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from statistics import median
@@ -73,27 +73,25 @@ def result(family: str, number: int, method: str) -> Result:
     )  # fmt: skip
 
 
-def table(family: str, count: int, workers: int) -> None:
-    asked = [(family, number, method) for method in METHODS for number in range(count)]
-    found: dict[str, list[Result]] = {method: [] for method in METHODS}
-    if workers > 1:
-        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-            results: Iterable[Result] = list(pool.map(_result, asked))
-    else:
-        results = map(_result, asked)
-    for (_, _, method), one in zip(asked, results, strict=True):
-        found[method].append(one)
-    solvable = [number for number in range(count) if any(found[method][number].solved for method in METHODS)]
-    never = sorted(set(range(count)) - set(solvable))
-    print(f"\n{family}: {len(solvable)} of {count} are solved by any" + (f"; by none: {never}" if never else ""))
+def table(family: str, numbers: range, workers: int) -> None:
+    asked = [(family, number, method) for number in numbers for method in METHODS]
+    found: dict[str, dict[int, Result]] = {method: {} for method in METHODS}
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for (_, number, method), one in zip(asked, pool.map(_result, asked), strict=True):
+            found[method][number] = one
+            if method == METHODS[-1]:
+                print(f"\r{family} {number}", end="", file=sys.stderr, flush=True)
+    solvable = [number for number in numbers if any(found[method][number].solved for method in METHODS)]
+    never = sorted(set(numbers) - set(solvable))
+    print(f"\n{family}: {len(solvable)} of {len(numbers)} are solved by any" + (f"; by none: {never}" if never else ""))
     print(f"{'':<12}", *(f"{name:>9}" for name in ("solved", "clearance", "way", "motion", "step", "time")))
     for method in METHODS:
         solved = [found[method][number] for number in solvable if found[method][number].solved]
         numbers = [
             min((one.clearance for one in solved), default=np.nan),
             *(median([getattr(one, name) for one in solved] or [np.nan]) for name in ("way", "motion")),
-            median(one.step for one in found[method]),
-            median(one.time for one in found[method]),
+            median(one.step for one in found[method].values()),
+            median(one.time for one in found[method].values()),
         ]
         print(
             f"{method:<12} {f'{len(solved)}/{len(solvable)}':>9}",
@@ -111,9 +109,10 @@ def main() -> None:
     parser.add_argument("count", nargs="?", type=int, default=5)
     parser.add_argument("families", nargs="*", default=list(FAMILIES), metavar="FAMILY")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--first", type=int, default=0, metavar="NUMBER", help="of the scenes (0)")
     options = parser.parse_args()
     for family in options.families:
-        table(family, options.count, options.workers)
+        table(family, range(options.first, options.first + options.count), options.workers)
 
 
 if __name__ == "__main__":

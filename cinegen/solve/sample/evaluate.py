@@ -1,7 +1,8 @@
-"""`evaluate`: placement, Jacobian and singular values of a node, for many values of the motors."""
+"""`evaluate`: placement, Jacobian and singular values of a node, for many values of the motors; `Sampler` for more."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from cinegen.model import Mechanism
 from cinegen.model.memory import put_motors
 from cinegen.solve.kernel import memory as m
 from cinegen.solve.sample import kernel
-from cinegen.solve.sample.kernel import measure_closed, measure_next, prepare_sample, work_size
+from cinegen.solve.sample.kernel import measure_closed, measure_given, measure_next, prepare_sample, work_size
 from cinegen.solve.solver import Solver
 
 Array = NDArray[np.float64]
@@ -34,6 +35,8 @@ class Evaluations:
             in the order of `mechanism.actuated`; infinite or not a number where they don't determine it (type 2).
         singular_values: (count, .) of the pull on what the loops leave, without unit, largest first (type 1).
         closure: (count,) the largest loop residual, rad or characteristic lengths.
+        second: (count,) the smallest singular value of the passive joints in the loops, without unit (type 2); not a
+            number unless a `Sampler` was asked for it.
     """
 
     q: Array
@@ -41,6 +44,7 @@ class Evaluations:
     jacobians: Array
     singular_values: Array
     closure: Array
+    second: Array
 
 
 def evaluate(
@@ -68,53 +72,107 @@ def evaluate(
             f"values must be (count, {len(mechanism.actuated)}), one for each motor of {mechanism.name}, "
             f"not {given.shape}"
         )
-    return _Sampler(mechanism, node, translation, rotation).evaluate(given)
+    return Sampler(mechanism, node, translation, rotation).led(given)
 
 
-class _Sampler(Solver):
-    """A solver that is led by its motors."""
+class Sampler(Solver):
+    """Evaluates a node of a mechanism at many configurations, batch after batch.
 
-    def __init__(self, mechanism: Mechanism, node: str, translation: int, rotation: int) -> None:
+    Args:
+        mechanism: which.
+        node: base, link or frame.
+        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes (`Pull`).
+        rotation: how many rotations.
+        balls: joints, by threes, that are written for a ball joint each; where given, the smallest singular value of
+            the passive joints is wanted, and these joints count as the balls that they are.
+
+    Raises:
+        UnknownNameError: no such node.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        node: str,
+        translation: int = 3,
+        rotation: int = 3,
+        balls: Sequence[Sequence[str]] | None = None,
+    ) -> None:
         prepare_sample()
         super().__init__(mechanism, dt=1.0)
         self.pull(node, None, translation, rotation, axes=node)
         self._arrange()
-        self._rows = min(translation + rotation, int(self._table[m.N]) - mechanism.loop_rank)
-
-    def evaluate(self, values: Array) -> Evaluations:
-        """See the function."""
-        mechanism, model, data = self.mechanism, self._model, self._data
-        count, motors = len(values), len(mechanism.actuated)
-        done = Evaluations(
-            np.full((count, model.nq), np.nan),
-            np.full((count, 4, 4), np.nan),
-            np.full((count, 6, motors), np.nan),
-            np.full((count, self._rows), np.nan),
-            np.full(count, np.nan),
-        )
         n = int(self._table[m.N])
-        places = [mechanism.q_index(joint) for joint in mechanism.actuated]
-        put_motors(self._memory, [mechanism.v_index(joint) for joint in mechanism.actuated], places)
+        self._rows = min(translation + rotation, n - mechanism.loop_rank)
+        self._places = [mechanism.q_index(joint) for joint in mechanism.actuated]
+        put_motors(self._memory, [mechanism.v_index(joint) for joint in mechanism.actuated], self._places)
         settings = self._memory.arrays["settings"]
         settings[m.TOLERANCE], settings[m.STRIDE], settings[m.ASTRAY] = _TOLERANCE, _STRIDE, CORRECTION
-        anchor, work = np.zeros(model.nq), np.zeros(work_size(n, n - mechanism.loop_rank))
-        todo = np.zeros(kernel.SIZE, dtype=np.int64)
-        todo[kernel.COUNT], todo[kernel.WIDTH] = count, self._rows
-        results = (done.q, done.placements, done.jacobians, done.singular_values, done.closure)
-        todo[kernel.VALUES :] = [address(array) for array in (values, anchor, work, *results)]
+        self._anchor, self._work = np.zeros(mechanism.model.nq), np.zeros(work_size(n, n - mechanism.loop_rank))
+        columns = mechanism.passive_columns
+        wanted = balls is not None and 0 < mechanism.passive_rank == len(columns)
+        self._passive = columns.astype(float) if wanted else np.zeros(0)
+        at = [[mechanism.v_index(name) for name in three] for three in balls or ()]
+        self._balls = np.array(at, dtype=float).reshape(-1, 3)
+        self._second_work = np.zeros((int(self._table[m.ROWS]) + 2) * max(len(self._passive), 1))
+
+    def led(self, values: Array) -> Evaluations:
+        """At values of the motors (count, motors), loops closed from one to the next as `evaluate` does, from home."""
+        model, data = self._model, self._data
+        done, todo = self._empty(len(values)), self._todo(values)
         table, evaluate, trial = self._table, self._evaluate, self._trial
-        if not mechanism.loops:
-            done.q[:] = mechanism.q_home
-            done.q[:, places] = values
+        self._point(todo, done)
+        if not self.mechanism.loops:
+            done.q[:] = self.mechanism.q_home
+            done.q[:, self._places] = values
             done.closure[:] = 0.0
             for q in done.q:
                 evaluate(model, data, q)
                 measure_next(table, todo)
             return done
-        trial[:] = self._q
+        trial[:] = self._q[:] = self.mechanism.q_home
+        table[m.FACTORED] = 0
         evaluate(model, data, trial)
         while measure_closed(table, todo):
             if self._curved is not None:
                 self._integrate(*self._curved)
             evaluate(model, data, trial)
         return done
+
+    def at(self, configurations: Array) -> Evaluations:
+        """At configurations (count, nq), as they are."""
+        model, data = self._model, self._data
+        done, todo = self._empty(len(configurations)), self._todo(np.zeros((0, len(self._places))))
+        table, evaluate, trial = self._table, self._evaluate, self._trial
+        todo[kernel.COUNT] = len(configurations)
+        self._point(todo, done)
+        if not self.mechanism.loops:
+            done.q[:], done.closure[:] = configurations, 0.0
+        measure = measure_given if self.mechanism.loops else measure_next
+        for q in configurations:
+            trial[:] = q
+            evaluate(model, data, trial)
+            measure(table, todo)
+        table[m.FACTORED] = 0
+        return done
+
+    def _empty(self, count: int) -> Evaluations:
+        shapes = (self._model.nq,), (4, 4), (6, len(self._places)), (self._rows,), (), ()
+        return Evaluations(*(np.full((count, *shape), np.nan) for shape in shapes))
+
+    def _todo(self, values: Array) -> NDArray[np.int64]:
+        todo = np.zeros(kernel.SIZE, dtype=np.int64)
+        todo[kernel.COUNT], todo[kernel.WIDTH] = len(values), self._rows
+        todo[kernel.PASSIVE], todo[kernel.BALLS] = len(self._passive), len(self._balls)
+        todo[kernel.VALUES] = address(values)
+        for name, array in (
+            (kernel.ANCHOR, self._anchor), (kernel.WORK, self._work), (kernel.PASSIVE_COLUMNS, self._passive),
+            (kernel.BALL_COLUMNS, self._balls), (kernel.SECOND_WORK, self._second_work),
+        ):  # fmt: skip
+            todo[name] = address(array)
+        return todo
+
+    def _point(self, todo: NDArray[np.int64], done: Evaluations) -> None:
+        """Names where the results go."""
+        results = (done.q, done.placements, done.jacobians, done.singular_values, done.closure, done.second)
+        todo[kernel.Q : kernel.Q + len(results)] = [address(array) for array in results]

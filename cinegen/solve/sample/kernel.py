@@ -8,6 +8,7 @@ from cinegen.kernel.closing import factor_loops, loop_rows
 from cinegen.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
 from cinegen.kernel.null_space import free_motions
 from cinegen.kernel.placement import compose
+from cinegen.kernel.smallest import smallest_singular_value
 from cinegen.kernel.svd import COLD_SWEEPS, orthogonalise
 from cinegen.kernel.walk import ARRIVED, ONWARD, go_on, set_out
 from cinegen.solve.kernel import memory as m
@@ -15,14 +16,29 @@ from cinegen.solve.kernel import memory as m
 # the list of what is to be done: how many configurations, which is the next, whether one is under way, how many
 # singular values; then addresses of the motors' values (count, motors), the last configuration of the list that was
 # closed (nq,), scratch; and of the results: q (count, nq), placements (count, 4, 4), Jacobians (count, 6, motors),
-# singular values, closures
+# singular values, closures, and the smallest singular value of the passive joints (count,); how many these are, 0 if
+# nobody wants it, their columns, how many ball joints are written as three of them each, and which columns (balls, 3)
 COUNT, NEXT, BEGUN, WIDTH, VALUES, ANCHOR, WORK = range(7)
-Q, PLACEMENTS, JACOBIANS, SINGULAR_VALUES, CLOSURES, SIZE = range(7, 13)
+Q, PLACEMENTS, JACOBIANS, SINGULAR_VALUES, CLOSURES, SECOND = range(7, 13)
+PASSIVE, PASSIVE_COLUMNS, BALLS, BALL_COLUMNS, SECOND_WORK, SIZE = range(13, 19)
+
+_GIMBAL = 1e-4  # volume that a ball joint's axes span: below, they lie in a plane
 
 
 @entry
 def measure_next(t: Table, todo: Table) -> None:
     """Without loops: writes down what Pinocchio was evaluated at."""
+    _measure(t, todo, todo[NEXT])
+    todo[NEXT] += 1
+
+
+@entry
+def measure_given(t: Table, todo: Table) -> None:
+    """With loops: writes down what Pinocchio was evaluated at, that is at `trial`, closed or not."""
+    q, trial = vector(t[m.Q], t[m.NQ]), vector(t[m.TRIAL], t[m.NQ])
+    for i in range(t[m.NQ]):
+        q[i] = trial[i]
+    vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.CLOSED] = loop_rows(t, False)
     _measure(t, todo, todo[NEXT])
     todo[NEXT] += 1
 
@@ -102,7 +118,7 @@ def _measure(t: Table, todo: Table, i: int) -> None:
                 jacobian[a, c] = rows[a, j] * (length if a < 3 else 1.0) / scale[j]
         _values(t, rows, n, spare, values)
         return
-    _find_motions(t)
+    right = _find_motions(t, todo, rows)
     motions = matrix(t[m.MOTIONS], k, n)
     for a in range(6):
         for b in range(k):
@@ -115,6 +131,8 @@ def _measure(t: Table, todo: Table, i: int) -> None:
         for c in range(count):
             jacobian[a, c] *= (length if a < 3 else 1.0) / scale[int(motors[c]) - offset]
     _values(t, moved, k, spare, values)
+    if todo[PASSIVE] > 0:
+        vector(todo[SECOND] + 8 * i, 1)[0] = _second(t, todo) if right else math.nan
     vector(todo[CLOSURES] + 8 * i, 1)[0] = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.CLOSED]
     written, q = vector(todo[Q] + 8 * t[m.NQ] * i, t[m.NQ]), vector(t[m.Q], t[m.NQ])
     for a in range(t[m.NQ]):
@@ -122,18 +140,68 @@ def _measure(t: Table, todo: Table, i: int) -> None:
 
 
 @compiled
-def _find_motions(t: Table) -> None:
-    """The motions (k, n) that the loops leave free where Pinocchio was evaluated last."""
+def _find_motions(t: Table, todo: Table, rows: Array) -> bool:
+    """The motions (k, n) that the loops leave free where Pinocchio was evaluated last; rows and result as of
+    `_count_balls`."""
     n, rank = t[m.N], t[m.RANK]
     motions = matrix(t[m.MOTIONS], n - rank, n)
     if rank > 0:
         loop_rows(t, True)
+        right = _count_balls(t, todo, rows)
         factor_loops(t, False)
         free_motions(n, rank, vector(t[m.TAU], n), matrix(t[m.H], rank, n), motions)
-        return
+        return right
     for a in range(n):
         for j in range(n):
             motions[a, j] = 1.0 if a == j else 0.0
+    return True
+
+
+@compiled
+def _count_balls(t: Table, todo: Table, rows: Array) -> bool:
+    """Lets ball joints that are written as three joints that turn count as balls: their columns in the loops, and in
+    the node's rows (6, n), become those of turns about the world's axes.
+
+    They are linear in the axes, L a1, L a2, L a3 with the same L, which is wanted. False where these lie in a plane.
+    """
+    offset, right = t[m.OFFSET], True
+    columns = matrix(t[m.COLUMNS] + 48 * offset, t[m.N], 6)
+    jc = matrix(t[m.JC], t[m.ROWS], t[m.N])
+    balls = matrix(todo[BALL_COLUMNS], todo[BALLS], 3)
+    for b in range(todo[BALLS]):
+        one, two, three = int(balls[b, 0]) - offset, int(balls[b, 1]) - offset, int(balls[b, 2]) - offset
+        u, v, w = columns[one, 3:], columns[two, 3:], columns[three, 3:]
+        ux, uy, uz = v[1] * w[2] - v[2] * w[1], v[2] * w[0] - v[0] * w[2], v[0] * w[1] - v[1] * w[0]
+        vx, vy, vz = w[1] * u[2] - w[2] * u[1], w[2] * u[0] - w[0] * u[2], w[0] * u[1] - w[1] * u[0]
+        wx, wy, wz = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+        volume = u[0] * ux + u[1] * uy + u[2] * uz
+        if abs(volume) < _GIMBAL:
+            right = False
+            continue
+        f = 1.0 / volume
+        for a in (jc, rows):
+            for i in range(a.shape[0]):  # rows of the inverse of (u v w) are the cross products
+                c0, c1, c2 = a[i, one] * f, a[i, two] * f, a[i, three] * f
+                a[i, one] = c0 * ux + c1 * vx + c2 * wx
+                a[i, two] = c0 * uy + c1 * vy + c2 * wy
+                a[i, three] = c0 * uz + c1 * vz + c2 * wz
+    return right
+
+
+@compiled
+def _second(t: Table, todo: Table) -> float:
+    """The smallest singular value of the passive joints' columns in the loops, whose rows are up to date."""
+    n, rows, offset, count = t[m.N], t[m.ROWS], t[m.OFFSET], todo[PASSIVE]
+    jc = matrix(t[m.JC], rows, n)
+    passive = vector(todo[PASSIVE_COLUMNS], count)
+    a = matrix(todo[SECOND_WORK], rows, count)
+    x = vector(todo[SECOND_WORK] + 8 * rows * count, count)
+    y = vector(todo[SECOND_WORK] + 8 * (rows + 1) * count, count)
+    for j in range(count):
+        column = int(passive[j]) - offset
+        for i in range(rows):
+            a[i, j] = jc[i, column]
+    return smallest_singular_value(a, rows, count, x, y)
 
 
 def work_size(n: int, k: int) -> int:
@@ -303,4 +371,5 @@ def _factor(b: Array, low: Array, n: int, width: int) -> None:
 def prepare_sample() -> None:
     """Compiles these kernels, or loads them from disk."""
     prepare(measure_next, TABLE, TABLE)
+    prepare(measure_given, TABLE, TABLE)
     prepare(measure_closed, TABLE, TABLE)

@@ -1,0 +1,253 @@
+"""`ByPose`: configurations in which a node is where the cells of a piece want it, by a wave from those that are known.
+
+Each piece is settled for itself, so that the order of pieces makes no difference: a first cell is come to on a straight
+way from home; from there the wave goes from neighbour to neighbour. Where it stops each cell that is left is looked for
+from configurations that are spread over all that can be reached, and where one is found a new wave begins. So a cell is
+called out of reach only after a search, unless no chain of links is as long.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.solve.inverse.seeker import Seeker
+from cinegen.solve.pull import Pull
+from cinegen.study.maps.longest import farthest
+from cinegen.study.maps.settled import How, Settled
+from cinegen.study.maps.survey import Survey
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+_GOAL = 1e-10  # rad or lengths that may be left
+_JUMP = 0.7  # rad or lengths: a neighbour's solution that is further away is on another branch
+_SAME = 1e-4  # rad or lengths: two solutions that are nearer are one
+_WAY = 12  # steps from home to the first cell
+_SPREAD, _SPREAD_CLOSED = 600, 400  # configurations that starts are taken from
+_SEED = 0
+
+
+class ByPose:
+    """For one survey; used for piece after piece.
+
+    Args:
+        survey: over poses.
+    """
+
+    def __init__(self, survey: Survey) -> None:
+        self.survey, self.mechanism = survey, survey.mechanism
+        self._seeker = self._seeker_of(survey.rotation)
+        rng = np.random.default_rng(_SEED)
+        closer = Seeker(self.mechanism, (), survey.limits)
+        self._spread = closer.spread(_SPREAD_CLOSED if self.mechanism.loops else _SPREAD, rng)
+        places = [self.mechanism.placement(q, survey.node) for q in self._spread]
+        self._features = np.array([_feature(at.translation, at.rotation, self._weights) for at in places])
+        self._centre, self._radius = farthest(self.mechanism, survey.node)
+        self._axis = self._seeker_of(2) if "solid_angle" in survey.quantities else None
+        self._turning = np.zeros(self.mechanism.model.nv, dtype=bool)
+        for name in self.mechanism.joints:
+            if not self.mechanism.slides(name):
+                self._turning[self.mechanism.v_index(name)] = True
+
+    def _seeker_of(self, rotation: int) -> Seeker:
+        survey = self.survey
+        return Seeker(survey.mechanism, (Pull(survey.node, pin.SE3.Identity(), 3, rotation),), survey.limits)
+
+    @property
+    def _weights(self) -> tuple[float, float, float]:
+        """How much place, z and the other axes count for what is near."""
+        turn = {0: (0.0, 0.0), 2: (0.5, 0.0), 3: (0.5, 0.5)}[self.survey.rotation]
+        return 1.0 / self.mechanism.length, *turn
+
+    def settle(self, piece: tuple[slice, ...]) -> Settled:
+        """All cells of a piece of the survey's region."""
+        points, rotations = self.survey.region.poses(self.survey.home, piece)
+        wave = _Wave(self, points, rotations, _neighbours([len(range(*s.indices(10**18))) for s in piece]))
+        wave.run()
+        solutions = wave.count() if "solutions" in self.survey.quantities else None
+        angle = self._solid_angles(wave.q, points) if self._axis is not None else None
+        return Settled(wave.q, wave.how, solutions, angle)
+
+    # --- one cell ------------------------------------------------------------------------------------------------
+
+    def seek(self, start: Array, target: pin.SE3) -> Array | None:
+        """(nq,) from a start; None where it leads nowhere."""
+        self._seeker.pulls[0].target = target
+        return self._seeker.best if self._seeker.seek(start, _GOAL) else None
+
+    def away(self, q: Array, other: Array) -> float:
+        """How far the joint that is farthest goes, rad or lengths."""
+        return float(np.abs(pin.difference(self.mechanism.model, q, other) / self.mechanism.scale).max(initial=0.0))
+
+    def same(self, q: Array, other: Array) -> bool:
+        """Whether two configurations are one, whole turns apart."""
+        gaps = pin.difference(self.mechanism.model, q, other) / self.mechanism.scale
+        gaps[self._turning] = (gaps[self._turning] + np.pi) % (2.0 * np.pi) - np.pi
+        return bool(np.abs(gaps).max(initial=0.0) <= _SAME)
+
+    def starts(self, target: pin.SE3) -> Iterable[Array]:
+        """Configurations in which the node is near to a target, the nearest first: as many as are to be tried."""
+        point = _feature(target.translation, target.rotation, self._weights)
+        away = ((self._features - point) ** 2).sum(axis=1)
+        count = min(self.survey.starts, len(away))
+        nearest = np.argpartition(away, count - 1)[:count] if count else np.zeros(0, dtype=int)
+        return list(self._spread[nearest[np.argsort(away[nearest], kind="stable")]])
+
+    def too_far(self, points: Array) -> NDArray[np.bool_]:
+        """(n,) points (n, 3) that no chain of links is long enough for."""
+        return np.asarray(np.linalg.norm(points - self._centre, axis=1) > self._radius)
+
+    def from_home(self, target: pin.SE3) -> Array | None:
+        """(nq,) on a straight way from home; None where that ends."""
+        home = self.survey.home
+        q: Array | None = self.mechanism.q_home
+        for part in np.linspace(0.0, 1.0, _WAY + 1)[1:]:
+            point = home.translation + part * (target.translation - home.translation)
+            turned = home.rotation @ pin.exp3(part * pin.log3(home.rotation.T @ target.rotation))
+            q = self.seek(q, pin.SE3(turned, point)) if q is not None else None
+        return q
+
+    # --- directions ----------------------------------------------------------------------------------------------
+
+    def _solid_angles(self, configurations: Array, points: Array) -> Array:
+        """(n,) sr: that part of all directions that the node's z can have at a point."""
+        directions = sphere(self.survey.directions)
+        return np.array(
+            [
+                self._solid_angle(q, point, directions) if np.isfinite(q[0]) else 0.0
+                for q, point in zip(configurations, points, strict=True)
+            ]
+        )
+
+    def _solid_angle(self, q: Array, point: Array, directions: Array) -> float:
+        """That direction is tried next which is nearest to one that is known, from there, then from other starts."""
+        seeker = self._axis
+        assert seeker is not None
+        known, axes = [q], [self.mechanism.placement(q, self.survey.node).rotation[:, 2]]
+        nearness, by = directions @ axes[0], np.zeros(len(directions), dtype=int)
+        left = np.ones(len(directions), dtype=bool)
+        for _ in directions:
+            at = int(np.argmax(np.where(left, nearness, -np.inf)))
+            left[at] = False
+            target = seeker.pulls[0].target = pin.SE3(_turned_to(directions[at]), point)
+            if any(seeker.seek(start, _GOAL) for start in (known[by[at]], *self.starts(target))):
+                known.append(seeker.best)
+                nearer = directions @ directions[at]
+                by[nearer > nearness] = len(known) - 1
+                nearness = np.maximum(nearness, nearer)
+        return float(4.0 * np.pi * (len(known) - 1) / len(directions))
+
+
+def _turned_to(axis: Array) -> Array:
+    """(3, 3) axes whose z is this one."""
+    return np.asarray(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
+
+
+class _Wave:
+    """Goes through the cells of a piece."""
+
+    def __init__(self, of: ByPose, points: Array, rotations: Array, near: Ints) -> None:
+        self.of, self.points, self.near = of, points, near
+        self.rotations = rotations
+        self.q = np.full((len(points), of.mechanism.model.nq), np.nan)
+        self.how = np.zeros(len(points), dtype=np.uint8)
+        self._elsewhere: dict[int, Array] = {}  # on another branch than the neighbour's
+
+    def target(self, cell: int) -> pin.SE3:
+        return pin.SE3(self.rotations[cell if len(self.rotations) > 1 else 0], self.points[cell])
+
+    def run(self) -> None:
+        """Settles all cells."""
+        self.how[self.of.too_far(self.points)] = How.TOO_FAR
+        left = np.flatnonzero(self.how == How.NOT_YET)
+        if len(left) == 0:
+            return
+        first = int(left[np.argmin(((self.points[left] - self.of.survey.home.translation) ** 2).sum(axis=1))])
+        self._begin(first, self.of.from_home(self.target(first)))
+        for cell in left.tolist():
+            if self.how[cell] != How.NOT_YET:
+                continue
+            found = self._elsewhere.get(cell)
+            if found is None:
+                target = self.target(cell)
+                tries = (self.of.seek(start, target) for start in self.of.starts(target))
+                found = next((q for q in tries if q is not None), None)
+            if found is None:
+                self.how[cell] = How.NOT_FOUND
+            else:
+                self._begin(cell, found)
+
+    def _begin(self, cell: int, q: Array | None) -> None:
+        """A wave from a cell."""
+        if q is None:
+            return
+        self.q[cell], self.how[cell] = q, How.SEARCH
+        waiting = deque([cell])
+        while waiting:
+            here = waiting.popleft()
+            for near in self.near[here].tolist():
+                if near < 0 or self.how[near] not in (How.NOT_YET, How.NOT_FOUND):
+                    continue
+                found = self.of.seek(self.q[here], self.target(near))
+                if found is None:
+                    continue
+                if self.of.away(self.q[here], found) > _JUMP:
+                    self._elsewhere.setdefault(near, found)
+                    continue
+                self.q[near], self.how[near] = found, How.NEIGHBOUR
+                waiting.append(near)
+
+    def count(self) -> NDArray[np.int32]:
+        """(n,) how many solutions there are of each cell: each that is found spreads as the first did."""
+        known: list[list[Array]] = [[q] if np.isfinite(q[0]) else [] for q in self.q]
+        waiting: deque[tuple[int, Array]] = deque()
+        for cell, found in enumerate(known):
+            waiting.extend((cell, q) for q in found)
+            if found:
+                target = self.target(cell)
+                for start in self.of.starts(target):
+                    self._note(cell, self.of.seek(start, target), known, waiting)
+        while waiting:
+            here, q = waiting.popleft()
+            for near in self.near[here].tolist():
+                if near >= 0 and known[near]:
+                    self._note(near, self.of.seek(q, self.target(near)), known, waiting)
+        return np.array([len(found) for found in known], dtype=np.int32)
+
+    def _note(self, cell: int, q: Array | None, known: list[list[Array]], waiting: deque[tuple[int, Array]]) -> None:
+        if q is not None and not any(self.of.same(q, other) for other in known[cell]):
+            known[cell].append(q)
+            waiting.append((cell, q))
+
+
+def sphere(count: int) -> Array:
+    """(count, 3) directions, as even as may be (a spiral of golden angles: R. Swinbank and R. J. Purser, "Fibonacci
+    grids", 2006)."""
+    k = np.arange(count) + 0.5
+    z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
+    flat = np.sqrt(1.0 - z**2)
+    return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+
+
+def _feature(point: Array, rotation: Array, weights: tuple[float, float, float]) -> Array:
+    place, axis, others = weights
+    return np.concatenate([place * point, axis * rotation[:, 2], others * rotation[:, :2].ravel()])
+
+
+def _neighbours(shape: list[int]) -> Ints:
+    """(n, 2 axes) numbers of the cells next to each, the last axis fastest; -1 where there is none."""
+    number = np.arange(int(np.prod(shape))).reshape(shape)
+    found = []
+    for axis in range(len(shape)):
+        for step in (-1, 1):
+            moved = np.roll(number, -step, axis)
+            edge = [slice(None)] * len(shape)
+            edge[axis] = slice(0, 1) if step < 0 else slice(-1, None)
+            moved[tuple(edge)] = -1
+            found.append(moved.ravel())
+    return np.column_stack(found)

@@ -1,0 +1,7 @@
+"""What is said when a map can't be made."""
+
+from cinegen.errors import CinegenError
+
+
+class MapError(CinegenError):
+    """A map that can't be made, read or gone on with: says what is wrong, where, and what to do."""

@@ -1,0 +1,213 @@
+"""`Survey`: all that determines a map: of which robot, over what, which quantities, and how thoroughly."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.model import Mechanism
+from cinegen.study.maps.errors import MapError
+from cinegen.study.maps.region import Region
+from cinegen.study.singular.slice import POSE
+from raff2urdf.closure import rank
+
+Array = NDArray[np.float64]
+
+VERSION = 1
+"""Of what stands in a map's file: changes when the same survey would give other numbers."""
+
+STARTS = 6
+"""From how many configurations a pose is looked for that no neighbour leads to, unless said."""
+
+
+@dataclass(frozen=True, eq=False)
+class Survey:
+    """All that determines a map. What it takes to make it (processes, machines) is no part of it.
+
+    Attributes:
+        mechanism: which.
+        region: the grid.
+        quantities: names of what is wanted in each cell, see `cinegen.study.maps.quantities`.
+        node: whose pose is meant, and whose motions; the mechanism's end unless given.
+        limits: whether joints must keep to their position limits, where poses are looked for.
+        starts: from how many configurations a pose is looked for, where no neighbour's leads there.
+        directions: into how many directions a sphere is divided, for the dexterous solid angle.
+        along: (3,) in the world, along which speeds and forces are meant.
+        scene: obstacles, as `cinegen.avoid.Scene.document` has them, for the clearance; none unless given.
+        folder: where the scene's files are looked for.
+
+    Raises:
+        UnknownNameError: no such node.
+        MapError: coordinates, quantities or numbers that make no sense.
+    """
+
+    mechanism: Mechanism
+    region: Region
+    quantities: tuple[str, ...] = ("sigma_1", "sigma_2")
+    node: str = ""
+    limits: bool = True
+    starts: int = STARTS
+    directions: int = 64
+    along: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    scene: Mapping[str, Any] | None = field(default=None, repr=False)
+    folder: str = "."
+
+    def __post_init__(self) -> None:
+        from cinegen.study.maps.quantities import checked  # which looks at surveys
+
+        if not self.node:
+            object.__setattr__(self, "node", self.mechanism.end)
+        self.mechanism.frame_id(self.node)
+        if self.starts < 0 or self.directions < 1:
+            raise MapError(f"starts ({self.starts}) must be 0 or more, and directions ({self.directions}) 1 or more")
+        length = math.hypot(*self.along)
+        if not (len(self.along) == 3 and 0.0 < length < math.inf):
+            raise MapError(f"along {self.along}: give a direction, three numbers")
+        object.__setattr__(self, "along", tuple(float(x) / length for x in self.along))
+        self._check_independent()
+        object.__setattr__(self, "quantities", checked(self))
+
+    def _check_independent(self) -> None:
+        """Whether the coordinates can be given at all."""
+        mechanism, region = self.mechanism, self.region
+        if self.of_motors:
+            return
+        home = self.home
+        for k, name in enumerate(POSE):
+            given = region.at.get(name)
+            if given is None and name not in region.names:
+                continue
+            if self._moves(k):
+                continue
+            value = float(np.r_[home.translation, pin.rpy.matrixToRpy(home.rotation)][k])
+            if name in region.names or not math.isclose(float(given or 0.0), value, abs_tol=1e-9):
+                raise MapError(
+                    f"{mechanism.name}: {self.node} can't move along {name}: it stays at {value:g}. Leave it out"
+                )
+
+    def _moves(self, k: int) -> bool:
+        """Whether a coordinate of the node's pose can change at all."""
+        from cinegen.solve.resolve import free_motions
+
+        mechanism = self.mechanism
+        for q in mechanism.samples:
+            rows = mechanism.jacobian(q, self.node) * mechanism.scale
+            rotation = mechanism.placement(q, self.node).rotation
+            world = np.vstack([rotation @ rows[:3] / mechanism.length, rotation @ rows[3:]])
+            loops = mechanism.system.evaluate(q)[1]
+            if np.abs(world[k] @ free_motions(loops, mechanism.loop_rank)[0]).max(initial=0.0) > 1e-9:
+                return True
+        return False
+
+    @cached_property
+    def of_motors(self) -> bool:
+        """Whether it is over values of motors, else over poses."""
+        return self.region.of_motors(self.mechanism)
+
+    @cached_property
+    def home(self) -> pin.SE3:
+        """The node's pose at home."""
+        return self.mechanism.placement(self.mechanism.q_home, self.node)
+
+    @cached_property
+    def rotation(self) -> int:
+        """How many rotations of the node are given: 0, 2 (the direction of its z) or 3."""
+        region = self.region
+        turned = any(name in (*region.names, *region.at) for name in POSE[3:])
+        return {"free": 3 if turned else 0, "axis": 2, "fixed": 3}[region.orientation]
+
+    @cached_property
+    def counted(self) -> tuple[int, int]:
+        """How many translations and rotations of the node count for singular values: those that are given; of motors
+        all that don't follow from others, as `cinegen.study.singularity` counts them."""
+        if not self.of_motors and self.rotation < 3:
+            return 3, 0
+        return (3, 3) if self._rank(6) > self._rank(3) else (3, 0)
+
+    @cached_property
+    def rank(self) -> int:
+        """Of the node's motions that count: generic."""
+        return self._rank(sum(self.counted))
+
+    def _rank(self, rows: int) -> int:
+        from cinegen.solve.resolve import free_motions
+
+        mechanism, found = self.mechanism, 0
+        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * mechanism.scale
+        for q in mechanism.samples:
+            loops = mechanism.system.evaluate(q)[1]
+            moved = (mechanism.jacobian(q, self.node) * units)[:rows] @ free_motions(loops, mechanism.loop_rank)[0]
+            found = max(found, rank(moved))
+        return found
+
+    # --- words ---------------------------------------------------------------------------------------------------
+
+    @cached_property
+    def robot(self) -> dict[str, Any]:
+        """The robot's texts: what `of_document` builds it from, on any machine."""
+        source = self.mechanism.source
+        constraints = None if source.constraints is None else dict(source.constraints)
+        return {"urdf": source.urdf, "constraints": constraints}
+
+    @cached_property
+    def robot_hash(self) -> str:
+        """SHA-256 of the robot's texts."""
+        return hashlib.sha256(_text(self.robot).encode()).hexdigest()
+
+    def document(self) -> dict[str, Any]:
+        """As JSON has it; `of_document` reads it back."""
+        return {
+            "version": VERSION,
+            "robot": self.robot,
+            "node": self.node,
+            "region": self.region.document(),
+            "quantities": list(self.quantities),
+            "limits": self.limits,
+            "starts": self.starts,
+            "directions": self.directions,
+            "along": list(self.along),
+            "scene": None if self.scene is None else dict(self.scene),
+        }
+
+    @property
+    def text(self) -> str:
+        """The document, always the same way: two surveys are the same where their texts are."""
+        return _text(self.document())
+
+    @classmethod
+    def of_document(cls, document: Mapping[str, Any], folder: str = ".") -> Survey:
+        """What `document` has written.
+
+        Raises:
+            MapError: by another version.
+        """
+        if document.get("version") != VERSION:
+            raise MapError(f"this map is of version {document.get('version')}, and {VERSION} is read here")
+        from cinegen.model.load import build
+
+        robot = document["robot"]
+        return cls(
+            build(robot["urdf"], robot["constraints"], None),
+            Region.of_document(document["region"]),
+            tuple(document["quantities"]),
+            document["node"],
+            document["limits"],
+            document["starts"],
+            document["directions"],
+            tuple(document["along"]),
+            document["scene"],
+            folder,
+        )
+
+
+def _text(document: Any) -> str:
+    return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
