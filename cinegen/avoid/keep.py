@@ -127,12 +127,13 @@ def _between(clearance: Clearance, begin: Array, end: Array) -> Array:
     return np.asarray(pin.interpolate(model, begin, end, 0.5))
 
 
-def least_along(clearance: Clearance, path: Array, sharp: float = 0.05) -> float:
+def least_along(clearance: Clearance, path: Array, sharp: float = 0.05, asked: float = 0.0) -> float:
     """m: a distance that nothing falls below anywhere on a path (n, nq), joints going straight between its points.
 
     A bound from below, by conservative advancement, no more than `sharp` of it too small (or than about 1e-4 of the
     longest way between two points, where nearly everything touches). Loops, closed at the points, open between them to
-    second order of the step.
+    second order of the step. Where it says less than what is asked for, m, though nothing that near is seen, it is
+    looked at more closely.
 
     Where two bodies overlap, the deepest overlap at the points that were looked at, below 0.
     """
@@ -142,7 +143,7 @@ def least_along(clearance: Clearance, path: Array, sharp: float = 0.05) -> float
     count = len(parts)
     while parts and least > 0.0:
         bound, _, depth, begin, end = heappop(parts)  # the least of all
-        if bound >= (1.0 - sharp) * least or depth == _HALVED:
+        if depth == _HALVED or (bound >= (1.0 - sharp) * least and not bound < asked <= least):
             return min(bound, least)
         half = _between(clearance, begin, end)
         least = min(least, clearance.least(half))

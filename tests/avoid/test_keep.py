@@ -331,6 +331,16 @@ def test_a_path_that_is_far_from_everything_nearly_everywhere_is_bound_as_sharpl
     assert 0.95 * 0.002 <= least_along(clearance, path) <= 0.002
 
 
+@given(seed=seeds, part=st.floats(0.5, 0.995))
+def test_a_distance_that_is_kept_is_shown_to_be_kept_however_roughly_the_rest_is_told(robot, seed, part):
+    mechanism, rng = robot("planar_3r"), np.random.default_rng(seed)
+    clearance = among("planar_3r", around("planar_3r", seed % 5), own=False)
+    path = mechanism.q_home + np.cumsum(0.1 * rng.normal(size=(6, 3)), axis=0)
+    asked = part * densely(clearance, path, 200)
+    if asked > 0.01 * mechanism.length:
+        assert least_along(clearance, path, 0.5, asked) >= asked
+
+
 @pytest.mark.parametrize("safety", [-0.1, np.nan, np.inf])
 def test_a_safety_distance_that_is_none_is_refused(safety):
     with pytest.raises(AvoidError, match="the safety distance is"):

@@ -68,7 +68,7 @@ class Plan:
     @cached_property
     def clearance(self) -> float:
         """m: nothing comes nearer to anything than that, anywhere on the path, by conservative advancement."""
-        return least_along(self._clearance, self.path)
+        return least_along(self._clearance, self.path, asked=self.scene.safety)
 
     @cached_property
     def clearances(self) -> Array:
