@@ -15,11 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.avoid.fields.nearness import CONTACT
 from cinegen.avoid.fields.parameter import FieldError, positive, vector
+from cinegen.avoid.kernel.superquadric import find_contours, prepare_contours
 
 Array = NDArray[np.float64]
 
-_ROUNDS = 80  # at most
-_SAME = 1e-14  # of K
 _NOTHING = 1e-300
 
 
@@ -75,6 +74,7 @@ class Elliptical:
             )
         if self.axes.shape != (3, 3) or not np.allclose(self.axes.T @ self.axes, np.eye(3), atol=1e-6):
             raise FieldError("the axes of a box are not perpendicular unit vectors; give a rotation (3, 3)")
+        prepare_contours()
         positive("the strength of an elliptical potential", self.strength)
         positive("the decay of an elliptical potential", self.decay)
         positive("the rounding of an elliptical potential", self.rounding)
@@ -88,22 +88,9 @@ class Elliptical:
     def pseudo_distance(self, points: ArrayLike) -> Array:
         """(m,) K at points (m, 3), from 0 on the box; 0 in it."""
         logs = self._logs(self._local(points))
-        low = np.zeros(logs.shape[:-1])
-        largest = logs.max(axis=-1)
-        # At this K even the largest term times all shares is within the contour, whatever its n.
-        high = math.sqrt(float(self._shares.sum())) * np.exp(np.maximum(largest, 0.0)) - 1.0
-        k = high
-        for _ in range(_ROUNDS):  # Newton's steps, halving where they lead astray
-            excess, slope = self._excess(logs, k), self._slope(logs, k)
-            beyond = excess > 0.0
-            low, high = np.where(beyond, k, low), np.where(beyond, high, k)
-            with np.errstate(divide="ignore", invalid="ignore"):
-                ahead = k - excess / slope
-            before, k = k, np.where((ahead > low) & (ahead < high), ahead, 0.5 * (low + high))
-            if (np.abs(k - before) <= _SAME * k).all():
-                break
-        touching = (largest <= 0.0) | (self._excess(logs, np.full_like(k, CONTACT)) <= 0.0)
-        return np.where(touching, 0.0, k)
+        k = np.empty(logs.shape[:-1])
+        find_contours(np.ascontiguousarray(logs.reshape(-1, 3)), self._shares, float(self.rounding), k.reshape(-1))
+        return k
 
     def value(self, points: ArrayLike) -> Array:
         """(m,) J, at points (m, 3); infinite at contact and inside."""
@@ -120,7 +107,7 @@ class Elliptical:
         return np.asarray(slope[..., None] * self._normals(points, k))
 
     def _normals(self, points: ArrayLike, k: Array) -> Array:
-        """(m, 3) the gradient of K, from its equation `_excess` = 0 by the implicit function theorem."""
+        """(m, 3) the gradient of K, from its equation by the implicit function theorem."""
         local = self._local(points)
         logs = self._logs(local)
         terms = self._terms(logs, k)
@@ -135,17 +122,10 @@ class Elliptical:
         return np.asarray(terms / terms.sum(axis=-1, keepdims=True))
 
     def _slope(self, logs: Array, k: Array) -> Array:
-        """(m,) how `_excess` changes with K, where it is 0; nearly so elsewhere."""
+        """(m,) how the log of the n-norm of a point less that of its contour changes with K."""
         n = self._order(np.maximum(k, CONTACT))
         by_n = ((self._terms(logs, k) * logs).sum(axis=-1) - np.log1p(k)) / n
         return np.asarray(by_n * -self.rounding * np.exp(-self.rounding * k) * n**2 - 1.0 / (1.0 + k))
-
-    def _excess(self, logs: Array, k: Array) -> Array:
-        """(m,) log of the n-norm of a point less that of the contour K: above 0 beyond it. It has one root."""
-        n = self._order(np.maximum(k, CONTACT))[..., None]
-        largest = logs.max(axis=-1, keepdims=True)
-        total = (self._shares * np.exp(2.0 * n * (logs - largest))).sum(axis=-1)
-        return np.asarray(largest[..., 0] + np.log(total) / (2.0 * n[..., 0]) - np.log1p(k))
 
     def _order(self, k: Array) -> Array:
         """(m,) n."""
