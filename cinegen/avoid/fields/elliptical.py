@@ -13,9 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.avoid.fields.nearness import CONTACT
 from cinegen.avoid.fields.parameter import FieldError, positive, vector
-from cinegen.avoid.kernel.superquadric import find_contours, prepare_contours
+from cinegen.avoid.kernel.superquadric import CONTACT, find_contours, prepare_contours
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,10 @@ import math
 
 from numba import types
 
-from cinegen.avoid.fields.nearness import CONTACT
 from cinegen.kernel.compiled import Array, compiled, entry, prepare
+
+CONTACT = 1e-12
+"""K up to which a point is on the box."""
 
 _ROUNDS = 80  # at most
 _SAME = 1e-14  # of K
