@@ -33,7 +33,7 @@ check: .venv/test-installed ## run the linters only
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
-bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, and beside placo, pink and mink
+bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, maps, and beside placo, pink and mink
 	$(BIN)/python benchmarks/tick.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/reach.py
@@ -44,6 +44,7 @@ bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as 
 	$(BIN)/python benchmarks/assembly.py
 	$(BIN)/python benchmarks/avoidance.py
 	$(BIN)/python benchmarks/drag.py
+	$(BIN)/python benchmarks/maps.py
 	@$(MAKE) --no-print-directory .venv-bench/installed || { echo "*** .venv-bench can't be made, for the reason above:" \
 		"there is NO comparison with placo, pink and mink. The tables above it stand." >&2; exit 1; }
 	$(BIN)/python benchmarks/compare.py

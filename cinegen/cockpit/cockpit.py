@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.cockpit import frames
+from cinegen.cockpit.chart import Chart
 from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import Scene
@@ -58,9 +59,10 @@ class Cockpit:
         self.title = title or title_of(setup)
         self.page = Page(self.title)
         self.scene = draw(self.page, setup)
+        self.chart = None if setup.map is None else Chart(setup.map)
         self.loop = Loop(setup, own_process)
         self.hub = Hub(Vocabulary.of(setup), self.loop.send, self._hello)
-        self.server = Server(self.page, self.hub, self.snapshot, host, token, framed)
+        self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.chart)
         self._over = threading.Event()
         self._reports: dict[str, Report] = {}
         self._reported = 0

@@ -45,6 +45,7 @@ def hello(setup: Setup, title: str, client: int, replay: Replayed | None = None)
         ],
         "frames": list(FRAMES_OF_COMMAND),
         "replay": replay and {"file": replay.file, "seconds": replay.seconds, "stops": list(setup.stops)},
+        "map": setup.map and setup.map.robot,
     }  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import warnings
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from cinegen.cockpit.cockpit import Cockpit
 from cinegen.errors import CinegenWarning
 from cinegen.model import Mechanism
-from cinegen.session import Setup, arrange
+from cinegen.session import Setup, arrange, on_map
 
 
 class Shown:
@@ -90,3 +91,26 @@ def show(
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange(robots, follow=follow)
     return Shown(Cockpit(setup, port=port, own_process=False, framed=True), height)
+
+
+def show_map(
+    path: str | Path,
+    quantity: str | None = None,
+    mechanism: Mechanism | None = None,
+    port: int = 7000,
+    height: int = 600,
+) -> Shown:
+    """Shows a map in a live page, beside its robot: a click on a cell brings the robot there. Returns at once.
+
+    Args:
+        path: of the map, .zarr; it may be growing still.
+        quantity: that the cells are coloured by at first; the map's first unless given.
+        mechanism: the map's robot as it was loaded, with its meshes; see `cinegen.session.on_map`.
+        port: the first to try.
+        height: of the page in a notebook's cell, pixels.
+
+    Raises:
+        MapError: there is no map.
+        CinegenError: it has no such quantity, or is of another robot; or the page can't be served.
+    """
+    return show(on_map(path, quantity, mechanism), port=port, height=height)

@@ -26,6 +26,7 @@ import tornado.netutil
 import tornado.web
 import tornado.websocket
 
+from cinegen.cockpit.chart import Chart
 from cinegen.cockpit.hub import Client, Hub
 from cinegen.cockpit.page import Page, viewer
 from cinegen.errors import CinegenError
@@ -56,6 +57,7 @@ class Server:
         host: the address to listen on; others than this machine's own need a token.
         token: that browsers must know; made up where one is needed.
         framed: whether any other page may show this one in a frame, as notebooks do; else only those of this machine.
+        chart: a map that is shown; None: none is.
     """
 
     def __init__(
@@ -66,8 +68,10 @@ class Server:
         host: str = "127.0.0.1",
         token: str | None = None,
         framed: bool = False,
+        chart: Chart | None = None,
     ) -> None:
         self.page, self.hub, self.snapshot, self.host, self.framed = page, hub, snapshot, host, framed
+        self.chart = chart
         self.token = token or (None if is_local(host) else secrets.token_urlsafe(16))
         self.port = 0
         self.scenes: set[_Scene] = set()
@@ -142,6 +146,9 @@ class Server:
                 ("/viewer.js", _Viewer, options),
                 ("/snapshot.html", _Snapshot, options),
                 ("/static/(.*)", _Static, options),
+                ("/map/about.json", _Map, options),
+                ("/map/cells.bin", _MapCells, options),
+                ("/map/cell/([0-9]{1,18})", _MapCell, options),
                 ("/scene", _Scene, options),
                 ("/session", _Session, options),
             ]
@@ -251,6 +258,49 @@ class _Static(_Guarded):
         kind = mimetypes.guess_type(name)[0] or "text/plain"
         self.set_header("Content-Type", "text/javascript; charset=utf-8" if name.endswith(".js") else kind)
         self.write(place.read_bytes())
+
+
+class _OfMap(_Guarded):
+    """What there is to know of the map that is shown: read beside the server's own work."""
+
+    async def found(self, ask: Callable[[Chart], Any]) -> Any:
+        """What a chart says.
+
+        Raises:
+            HTTPError: no map is shown; or it says nothing of that.
+        """
+        chart = self.server.chart
+        if chart is None:
+            raise tornado.web.HTTPError(404)
+        try:
+            answer = await asyncio.get_running_loop().run_in_executor(None, ask, chart)
+        except (CinegenError, OSError, ValueError) as error:  # it was taken away
+            raise tornado.web.HTTPError(404, reason="The map can't be read any more") from error
+        if answer is None:
+            raise tornado.web.HTTPError(404)
+        return answer
+
+
+class _Map(_OfMap):
+    """What is said of it."""
+
+    async def get(self) -> None:
+        self.write(await self.found(lambda chart: chart.told()))
+
+
+class _MapCells(_OfMap):
+    """Its cells."""
+
+    async def get(self) -> None:
+        self.set_header("Content-Type", "application/octet-stream")
+        self.write(await self.found(lambda chart: chart.block()))
+
+
+class _MapCell(_OfMap):
+    """How a cell is reached."""
+
+    async def get(self, number: str) -> None:
+        self.write(await self.found(lambda chart: chart.cell(int(number))))
 
 
 class _Scene(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own check_origin refuses foreign pages

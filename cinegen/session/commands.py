@@ -110,6 +110,15 @@ class Home:
 
 
 @dataclass(frozen=True, slots=True)
+class Visit:
+    """A robot goes to a configuration (nq,), loops closed, its node straight ahead."""
+
+    robot: str
+    node: str
+    q: Numbers
+
+
+@dataclass(frozen=True, slots=True)
 class Undo:
     """The last gesture is undone."""
 
@@ -194,8 +203,8 @@ class Tempo:
 
 
 Command = (
-    Take | Lead | LetGo | Pin | Release | Weigh | Holds | MoveJoint | EndJoint | Home | Undo | Redo | Pause | Choose
-    | Frame | View | Set | Record | Gamepad | Play | Seek | Tempo
+    Take | Lead | LetGo | Pin | Release | Weigh | Holds | MoveJoint | EndJoint | Home | Visit | Undo | Redo | Pause
+    | Choose | Frame | View | Set | Record | Gamepad | Play | Seek | Tempo
 )  # fmt: skip
 
 SETTINGS: Mapping[str, tuple[float, float]] = {
@@ -326,6 +335,13 @@ def _home(value: Any, known: Vocabulary) -> Home:
     return Home(value)
 
 
+def _visit(value: Any, known: Vocabulary) -> Visit:
+    entry = _object(value, {"robot", "node", "q"})
+    robot, node = _node(entry, known)
+    q = entry.get("q")
+    return Visit(robot, node, _numbers(q, len(q) if isinstance(q, list) else 1, "a configuration"))
+
+
 def _choose(value: Any, known: Vocabulary) -> Choose:
     entry = _object(value, {"robot", "node", "sensor"})
     robot, node = _node(entry, known)
@@ -378,6 +394,7 @@ KINDS: Mapping[str, Callable[[Any, Vocabulary], Command]] = {
     "holds": _holds,
     "joint": _joint,
     "home": _home,
+    "visit": _visit,
     "undo": _true(Undo()),
     "redo": _true(Redo()),
     "pause": lambda value, known: Pause(_flag(value, "pause")),

@@ -194,4 +194,10 @@ _WORDS = {
     "DETOUR": "finding another way",
     "BARRED": "held off",
 }
-_DOING = {"motors": "led by its motors", "home": "on its way home", "undo": "going back", "redo": "going again"}
+_DOING = {
+    "motors": "led by its motors",
+    "home": "on its way home",
+    "visit": "on its way there",
+    "undo": "going back",
+    "redo": "going again",
+}

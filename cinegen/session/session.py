@@ -29,6 +29,7 @@ from cinegen.session.setup import Setup
 from cinegen.session.state import Notice, PullState, Replayed, RobotState, State
 from cinegen.session.state import Recording as RecordingState
 from cinegen.session.surroundings import driven
+from cinegen.session.visit import Visit
 
 SAMPLES = 100
 """A second, that are recorded."""
@@ -76,8 +77,8 @@ class Session:
         self._obeys: dict[type[c.Command], Callable[[Any], None]] = {
             c.Take: self._take, c.Lead: self._lead, c.LetGo: self._let_go, c.Pin: self._pin, c.Release: self._release,
             c.Weigh: self._weigh, c.Holds: self._holds, c.MoveJoint: self._move_joint, c.EndJoint: self._end_joint,
-            c.Home: self._home, c.Undo: self._undo, c.Redo: self._redo, c.Pause: self._pause, c.Choose: self._choose,
-            c.Frame: self._frame, c.View: self._view, c.Set: self._set, c.Record: self._record,
+            c.Home: self._home, c.Visit: self._visit, c.Undo: self._undo, c.Redo: self._redo, c.Pause: self._pause,
+            c.Choose: self._choose, c.Frame: self._frame, c.View: self._view, c.Set: self._set, c.Record: self._record,
             c.Gamepad: self._gamepad, c.Play: self._replay, c.Seek: self._replay, c.Tempo: self._replay,
         }  # fmt: skip
         for name, one in self.robots.items():
@@ -260,6 +261,16 @@ class Session:
                 for held in tuple(one.holding(PIN)):
                     one.release(held)
                 one.motion = Way(one.mechanism, one.q, one.home, "home")
+
+    def _visit(self, command: c.Visit) -> None:
+        one = self.robots[command.robot]
+        visit = Visit(one.mechanism, one.q, np.array(command.q), command.node, self.dt)
+        self._let_go(c.LetGo(False))
+        self._gestures.begin()
+        self.devices.give_up_scripts(command.robot)
+        for held in tuple(one.holding(PIN)):
+            one.release(held)
+        one.motion = visit
 
     def _undo(self, command: c.Undo) -> None:
         self._let_go(c.LetGo(False))

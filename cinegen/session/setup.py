@@ -104,6 +104,23 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
+class MapBeside:
+    """A map that is shown beside the robot that it is of.
+
+    Attributes:
+        path: of the map.
+        robot: in whose world the map is.
+        node: whose poses it is of.
+        quantity: that its cells are coloured by at first; None: its first.
+    """
+
+    path: str
+    robot: str
+    node: str
+    quantity: str | None = None
+
+
+@dataclass(frozen=True)
 class Setup:
     """What a session is made of.
 
@@ -118,6 +135,7 @@ class Setup:
         tempo: how many times as fast as it was.
         stops: moments of the recording (s) that one can go to, each with its name; it is held at the first.
         surroundings: what one of the robots keeps clear of.
+        map: that is shown beside one of them.
     """
 
     robots: Mapping[str, Mechanism]
@@ -130,6 +148,7 @@ class Setup:
     tempo: float = 1.0
     stops: tuple[tuple[float, str], ...] = ()
     surroundings: Surroundings | None = None
+    map: MapBeside | None = None
 
     def __post_init__(self) -> None:
         if not self.robots:

@@ -144,7 +144,7 @@ class State:
         undo: how many gestures can be undone.
         redo: how many can be done again.
         paused: whether everything stands still.
-        moving: what goes on by itself: "home", "undo", "redo", "motors"; None: nothing.
+        moving: what goes on by itself: "home", "visit", "undo", "redo", "motors"; None: nothing.
         recording: that is being made.
         replay: that is being shown.
         notices: the last few.

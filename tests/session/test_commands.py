@@ -41,6 +41,7 @@ def said(message):
         ({"joint": None}, c.EndJoint()),
         ({"home": None}, c.Home(None)),
         ({"home": "arm"}, c.Home("arm")),
+        ({"visit": {"robot": "arm", "node": "tool", "q": [1, 0.5]}}, c.Visit("arm", "tool", (1.0, 0.5))),
         ({"undo": True}, c.Undo()),
         ({"redo": True}, c.Redo()),
         ({"pause": False}, c.Pause(False)),

@@ -27,7 +27,12 @@ import { Drag } from "./hand/drag.js";
 import { Gizmo } from "./hand/gizmo.js";
 import { hover } from "./hand/hover.js";
 import { Pick } from "./hand/pick.js";
+import { Cells } from "./map/cells.js";
+import { Field } from "./map/field.js";
+import { Legend } from "./map/legend.js";
+import { visit } from "./map/visit.js";
 import { Joints } from "./panel/joints.js";
+import { MapSection } from "./panel/map.js";
 import { Motion } from "./panel/motion.js";
 import { Pulls } from "./panel/pulls.js";
 import { Record } from "./panel/record.js";
@@ -52,6 +57,7 @@ document.body.classList.toggle("with-aids", withAids);
 const view = new View(byId("scene"), { still });
 const link = new Link((url) => view.connect(url));
 const session = new Session(link);
+const field = new Field(session);
 session.on("hello", () => {
   view.forget();
   view.background = new Set(session.obstacles.filter(({ mobility }) => mobility === 0).map(({ name }) => name));
@@ -73,6 +79,9 @@ const gizmo = new Gizmo(view, session);
 const drag = new Drag({ view, session, pick, gizmo });
 for (const hand of [drag, gizmo]) hand.lead.said = (lead) => foot.sent(lead);
 hover({ ...shown, drag });
+const cells = new Cells({ view, field });
+const legend = new Legend({ view, field });
+visit({ ...shown, field, cells, legend, drag, pick });
 
 /** Lets go of what is held; whether anything was. */
 function letGo(pinned = false) {
@@ -95,9 +104,10 @@ new Verdict(session);
 new Replay(session);
 new Gamepad(session);
 const panel = byId("panel");
+new MapSection(panel, field);
 for (const Section of [Singularity, Joints, Pulls, Sensors, Tree, Motion, Record]) new Section(panel, session);
 tellEye(view, session);
-begin(view, session, still);
+begin(view, session, still, field);
 keys({ commands, gizmo, session, view, letGo, pin });
 
 window.cockpit = {
@@ -106,6 +116,8 @@ window.cockpit = {
     return view.root;
   },
   hand: pick,
+  field,
+  cells,
   labels,
   select: (robot, node) => session.select(robot, node),
   frame: () => view.frame(),

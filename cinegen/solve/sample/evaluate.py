@@ -85,6 +85,8 @@ class Sampler(Solver):
         rotation: how many rotations.
         balls: joints, by threes, that are written for a ball joint each; where given, the smallest singular value of
             the passive joints is wanted, and these joints count as the balls that they are.
+        whole: whether all of `Evaluations` is wanted; else its placements and Jacobians stay empty, (count, 0, 0), and
+            of singular values only the smallest is there, as the last: that is quicker.
 
     Raises:
         UnknownNameError: no such node.
@@ -97,6 +99,7 @@ class Sampler(Solver):
         translation: int = 3,
         rotation: int = 3,
         balls: Sequence[Sequence[str]] | None = None,
+        whole: bool = True,
     ) -> None:
         prepare_sample()
         super().__init__(mechanism, dt=1.0)
@@ -114,6 +117,7 @@ class Sampler(Solver):
         self._passive = columns.astype(float) if wanted else np.zeros(0)
         at = [[mechanism.v_index(name) for name in three] for three in balls or ()]
         self._balls = np.array(at, dtype=float).reshape(-1, 3)
+        self._whole, self._one = whole, np.zeros((4, 4))
         self._second_work = np.zeros((int(self._table[m.ROWS]) + 2) * max(len(self._passive), 1))
 
     def led(self, values: Array) -> Evaluations:
@@ -157,14 +161,15 @@ class Sampler(Solver):
         return done
 
     def _empty(self, count: int) -> Evaluations:
-        shapes = (self._model.nq,), (4, 4), (6, len(self._places)), (self._rows,), (), ()
+        more = ((4, 4), (6, len(self._places))) if self._whole else ((0, 0), (0, 0))
+        shapes = (self._model.nq,), *more, (self._rows,), (), ()
         return Evaluations(*(np.full((count, *shape), np.nan) for shape in shapes))
 
     def _todo(self, values: Array) -> NDArray[np.int64]:
         todo = np.zeros(kernel.SIZE, dtype=np.int64)
         todo[kernel.COUNT], todo[kernel.WIDTH] = len(values), self._rows
         todo[kernel.PASSIVE], todo[kernel.BALLS] = len(self._passive), len(self._balls)
-        todo[kernel.VALUES] = address(values)
+        todo[kernel.VALUES], todo[kernel.WHOLE] = address(values), self._whole
         for name, array in (
             (kernel.ANCHOR, self._anchor), (kernel.WORK, self._work), (kernel.PASSIVE_COLUMNS, self._passive),
             (kernel.BALL_COLUMNS, self._balls), (kernel.SECOND_WORK, self._second_work),
@@ -174,5 +179,6 @@ class Sampler(Solver):
 
     def _point(self, todo: NDArray[np.int64], done: Evaluations) -> None:
         """Names where the results go."""
-        results = (done.q, done.placements, done.jacobians, done.singular_values, done.closure, done.second)
+        placements = done.placements if self._whole else self._one
+        results = (done.q, placements, done.jacobians, done.singular_values, done.closure, done.second)
         todo[kernel.Q : kernel.Q + len(results)] = [address(array) for array in results]

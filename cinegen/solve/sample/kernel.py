@@ -17,10 +17,12 @@ from cinegen.solve.kernel import memory as m
 # singular values; then addresses of the motors' values (count, motors), the last configuration of the list that was
 # closed (nq,), scratch; and of the results: q (count, nq), placements (count, 4, 4), Jacobians (count, 6, motors),
 # singular values, closures, and the smallest singular value of the passive joints (count,); how many these are, 0 if
-# nobody wants it, their columns, how many ball joints are written as three of them each, and which columns (balls, 3)
+# nobody wants it, their columns, how many ball joints are written as three of them each, and which columns (balls, 3);
+# whether all this is wanted: else, of placements, Jacobians and singular values, only the smallest of these, and the
+# placements' memory is that of one
 COUNT, NEXT, BEGUN, WIDTH, VALUES, ANCHOR, WORK = range(7)
 Q, PLACEMENTS, JACOBIANS, SINGULAR_VALUES, CLOSURES, SECOND = range(7, 13)
-PASSIVE, PASSIVE_COLUMNS, BALLS, BALL_COLUMNS, SECOND_WORK, SIZE = range(13, 19)
+PASSIVE, PASSIVE_COLUMNS, BALLS, BALL_COLUMNS, SECOND_WORK, WHOLE, SIZE = range(13, 20)
 
 _GIMBAL = 1e-4  # volume that a ball joint's axes span: below, they lie in a plane
 
@@ -103,7 +105,9 @@ def _measure(t: Table, todo: Table, i: int) -> None:
     """Placement, Jacobian, singular values and closure where Pinocchio was evaluated last, that is at q."""
     n, offset, count = t[m.N], t[m.OFFSET], t[m.MOTORS]
     k = n - t[m.RANK]
-    placement, jacobian = matrix(todo[PLACEMENTS] + 128 * i, 4, 4), matrix(todo[JACOBIANS] + 48 * count * i, 6, count)
+    whole = todo[WHOLE] != 0
+    placement = matrix(todo[PLACEMENTS] + (128 * i if whole else 0), 4, 4)
+    jacobian = matrix(todo[JACOBIANS] + 48 * count * i, 6, count)
     values = vector(todo[SINGULAR_VALUES] + 8 * todo[WIDTH] * i, todo[WIDTH])
     motors = vector(t[m.MOTOR_COLUMNS], count)
     rows, moved = matrix(todo[WORK], 6, n), matrix(todo[WORK] + 48 * n, 6, k)
@@ -112,11 +116,11 @@ def _measure(t: Table, todo: Table, i: int) -> None:
     _own_rows(t, placement, rows)
     scale, length = vector(t[m.SCALE] + 8 * offset, n), vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.LENGTH]
     if t[m.LOOPS] == 0:
-        for c in range(count):
+        for c in range(count if whole else 0):
             j = int(motors[c]) - offset
             for a in range(6):
                 jacobian[a, c] = rows[a, j] * (length if a < 3 else 1.0) / scale[j]
-        _values(t, rows, n, spare, values)
+        _values(t, rows, n, whole, spare, values)
         return
     right = _find_motions(t, todo, rows)
     motions = matrix(t[m.MOTIONS], k, n)
@@ -126,11 +130,12 @@ def _measure(t: Table, todo: Table, i: int) -> None:
             for j in range(n):
                 s += rows[a, j] * motions[b, j]
             moved[a, b] = s
-    _by_motors(motions, motors, offset, moved, k, matrix(spare, k, k + 6), jacobian)
-    for a in range(6):
-        for c in range(count):
-            jacobian[a, c] *= (length if a < 3 else 1.0) / scale[int(motors[c]) - offset]
-    _values(t, moved, k, spare, values)
+    if whole:
+        _by_motors(motions, motors, offset, moved, k, matrix(spare, k, k + 6), jacobian)
+        for a in range(6):
+            for c in range(count):
+                jacobian[a, c] *= (length if a < 3 else 1.0) / scale[int(motors[c]) - offset]
+    _values(t, moved, k, whole, spare, values)
     if todo[PASSIVE] > 0:
         vector(todo[SECOND] + 8 * i, 1)[0] = _second(t, todo) if right else math.nan
     vector(todo[CLOSURES] + 8 * i, 1)[0] = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)[m.CLOSED]
@@ -289,8 +294,8 @@ def _eliminate(a: Array, k: int, more: int) -> None:
 
 
 @compiled
-def _values(t: Table, rows: Array, width: int, spare: int, out: Array) -> None:
-    """Singular values of those rows (6, width) that the pull holds, largest first.
+def _values(t: Table, rows: Array, width: int, whole: bool, spare: int, out: Array) -> None:
+    """Singular values of those rows (6, width) that the pull holds, largest first; or only the smallest, as the last.
 
     Vectors are factored before, the longest first, B = L Q with L triangular: Jacobi's rotations have less to do with
     L^T (Z. Drmac and K. Veselic, "New fast and accurate Jacobi SVD algorithm", 2008).
@@ -305,6 +310,9 @@ def _values(t: Table, rows: Array, width: int, spare: int, out: Array) -> None:
             free += 1
     n, wide = min(size, free), max(size, free)
     if n == 0:
+        return
+    if not whole:
+        _smallest(t, rows, width, size, n, wide, spare, out)
         return
     b, low = matrix(spare, n, wide), matrix(spare + 8 * n * wide, n, n)
     square = vector(spare + 8 * n * (wide + n), n)
@@ -332,6 +340,27 @@ def _values(t: Table, rows: Array, width: int, spare: int, out: Array) -> None:
         out[j] = value
     for i in range(n, out.shape[0]):
         out[i] = 0.0
+
+
+@compiled
+def _smallest(t: Table, rows: Array, width: int, size: int, n: int, wide: int, spare: int, out: Array) -> None:
+    """As `_values`: only the smallest, of (wide, n)."""
+    table, moves = matrix(t[m.PULL_TABLE], 1, m.PULL_WIDTH), vector(t[m.MOVES] + 8 * t[m.OFFSET], t[m.N])
+    translation = int(table[0, m.TRANSLATION])
+    first = 5 if size == translation + 1 else 3
+    b, x, y = matrix(spare, wide, n), vector(spare + 8 * wide * n, n), vector(spare + 8 * (wide + 1) * n, n)
+    lies = size < wide  # then it is laid on its side
+    k = 0
+    for j in range(width):
+        if t[m.LOOPS] > 0 or moves[j] != 0.0:
+            for i in range(size):
+                row = i if i < translation else first + i - translation
+                if lies:
+                    b[k, i] = rows[row, j]
+                else:
+                    b[i, k] = rows[row, j]
+            k += 1
+    out[out.shape[0] - 1] = smallest_singular_value(b, wide, n, x, y) if n == out.shape[0] else 0.0
 
 
 @compiled

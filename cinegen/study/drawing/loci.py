@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.study.drawing.stick import FAINT, INK
-from cinegen.study.singular.scan import Curve, Loci
+from cinegen.study.drawing.words import readable
+from cinegen.study.singular.contour import Curve
+from cinegen.study.singular.scan import Loci
 from cinegen.study.singular.singularity import Kind
-from cinegen.study.singular.slice import POSE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,7 +33,7 @@ def draw_loci(loci: Loci, size: float = 7.0) -> Figure:
 
     figure = Figure(figsize=(size, 0.86 * size), layout="constrained", dpi=150)
     axes = figure.add_subplot()
-    units = [_unit(loci, axis.name) for axis in loci.of.axes]
+    units = [readable(loci.of.mechanism, axis.name) for axis in loci.of.axes]
     u, v = (values * scale for values, (scale, _) in zip((loci.u, loci.v), units, strict=True))
     nearness = np.fmin(loci.first, loci.second)
     shade = axes.pcolormesh(u, v, nearness.T, shading="nearest", cmap="Greys_r", vmin=0.0, alpha=0.55, rasterized=True)
@@ -67,18 +68,11 @@ def _paint(axes: Any, curve: Curve, points: Array) -> None:
     axes.plot(*points.T, color=colour, linewidth=1.8, label=names.get(curve.kind, "end of the branch"), **style)
 
 
-def _unit(loci: Loci, name: str) -> tuple[float, str]:
-    """What a coordinate's SI value is multiplied by, and the unit that makes."""
-    long = name in POSE[:3] or (name in loci.of.mechanism.joints and loci.of.mechanism.slides(name))
-    return (1e3, "mm") if long else (float(np.degrees(1.0)), "°")
-
-
 def _title(loci: Loci) -> str:
     given = loci.of.given(*loci.of.start())
     others = [name for name in given if name not in (axis.name for axis in loci.of.axes)]
-    said = ", ".join(
-        f"{name} {_quiet(given[name] * _unit(loci, name)[0]):.4g} {_unit(loci, name)[1]}" for name in others
-    )
+    units = {name: readable(loci.of.mechanism, name) for name in others}
+    said = ", ".join(f"{name} {_quiet(given[name] * scale):.4g} {unit}" for name, (scale, unit) in units.items())
     what = loci.of.mechanism.name if loci.of.of_motors else f"{loci.of.node} of {loci.of.mechanism.name}"
     return f"Singularities of {what}" + (f" at {said}" if said else "")
 

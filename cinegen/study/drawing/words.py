@@ -12,6 +12,8 @@ from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
+_LONG = ("x", "y", "z", "radius", "way")
+
 
 def shown(mechanism: Mechanism, joint: str, value: float) -> tuple[float, str]:
     """A joint's value in mm or degrees, and the unit.
@@ -20,6 +22,17 @@ def shown(mechanism: Mechanism, joint: str, value: float) -> tuple[float, str]:
         UnknownNameError: no such joint.
     """
     return (1e3 * value, "mm") if mechanism.slides(joint) else (math.degrees(value), "degrees")
+
+
+def readable(mechanism: Mechanism, name: str) -> tuple[float, str]:
+    """What a coordinate's SI value is multiplied by to be read, and the unit that makes: mm or °.
+
+    Args:
+        mechanism: whose joints there are.
+        name: of a coordinate of a pose, a radius or a way, or of a joint; any other is an angle.
+    """
+    long = name in _LONG or (name in mechanism.joints and mechanism.slides(name))
+    return (1e3, "mm") if long else (math.degrees(1.0), "°")
 
 
 def said(mechanism: Mechanism, joint: str, value: float) -> str:

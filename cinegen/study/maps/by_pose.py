@@ -3,7 +3,7 @@
 Each piece is settled for itself, so that the order of pieces makes no difference: a first cell is come to on a straight
 way from home; from there the wave goes from neighbour to neighbour. Where it stops each cell that is left is looked for
 from configurations that are spread over all that can be reached, and where one is found a new wave begins. So a cell is
-called out of reach only after a search, unless no chain of links is as long.
+called out of reach only after a search, unless the lengths of the links rule it out.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from cinegen.solve.inverse.seeker import Seeker
 from cinegen.solve.pull import Pull
-from cinegen.study.maps.longest import farthest
 from cinegen.study.maps.settled import How, Settled
+from cinegen.study.maps.shells import Shells
 from cinegen.study.maps.survey import Survey
 
 Array = NDArray[np.float64]
@@ -27,8 +27,10 @@ Ints = NDArray[np.intp]
 _GOAL = 1e-10  # rad or lengths that may be left
 _JUMP = 0.7  # rad or lengths: a neighbour's solution that is further away is on another branch
 _SAME = 1e-4  # rad or lengths: two solutions that are nearer are one
+_SURE = 0.2  # part of the way to the next solution: a neighbour's that is nearer is the one that this one leads to
 _WAY = 12  # steps from home to the first cell
 _SPREAD, _SPREAD_CLOSED = 600, 400  # configurations that starts are taken from
+_TRIES = 300  # random starts of a piece, at least, where solutions are counted
 _SEED = 0
 
 
@@ -47,12 +49,12 @@ class ByPose:
         self._spread = closer.spread(_SPREAD_CLOSED if self.mechanism.loops else _SPREAD, rng)
         places = [self.mechanism.placement(q, survey.node) for q in self._spread]
         self._features = np.array([_feature(at.translation, at.rotation, self._weights) for at in places])
-        self._centre, self._radius = farthest(self.mechanism, survey.node)
+        self.shells = Shells(self.mechanism, survey.node, survey.limits, survey.rotation)
         self._axis = self._seeker_of(2) if "solid_angle" in survey.quantities else None
+        self._neutral = pin.neutral(self.mechanism.model)
         self._turning = np.zeros(self.mechanism.model.nv, dtype=bool)
-        for name in self.mechanism.joints:
-            if not self.mechanism.slides(name):
-                self._turning[self.mechanism.v_index(name)] = True
+        turning = [name for name in self.mechanism.joints if not self.mechanism.slides(name)]
+        self._turning[[self.mechanism.v_index(name) for name in turning]] = True
 
     def _seeker_of(self, rotation: int) -> Seeker:
         survey = self.survey
@@ -69,7 +71,7 @@ class ByPose:
         points, rotations = self.survey.region.poses(self.survey.home, piece)
         wave = _Wave(self, points, rotations, _neighbours([len(range(*s.indices(10**18))) for s in piece]))
         wave.run()
-        solutions = wave.count() if "solutions" in self.survey.quantities else None
+        solutions = _Solutions(wave).count() if "solutions" in self.survey.quantities else None
         angle = self._solid_angles(wave.q, points) if self._axis is not None else None
         return Settled(wave.q, wave.how, solutions, angle)
 
@@ -84,11 +86,15 @@ class ByPose:
         """How far the joint that is farthest goes, rad or lengths."""
         return float(np.abs(pin.difference(self.mechanism.model, q, other) / self.mechanism.scale).max(initial=0.0))
 
-    def same(self, q: Array, other: Array) -> bool:
-        """Whether two configurations are one, whole turns apart."""
-        gaps = pin.difference(self.mechanism.model, q, other) / self.mechanism.scale
-        gaps[self._turning] = (gaps[self._turning] + np.pi) % (2.0 * np.pi) - np.pi
-        return bool(np.abs(gaps).max(initial=0.0) <= _SAME)
+    def marks(self, q: Array) -> Array:
+        """(nv,) what tells a configuration from others: what each joint does, rad or lengths."""
+        return np.asarray(pin.difference(self.mechanism.model, self._neutral, q) / self.mechanism.scale)
+
+    def apart(self, marks: Array, known: Array, joints: NDArray[np.intp]) -> Array:
+        """(k,) how far some joints of configurations are from those of known ones (k, nv), whole turns left out."""
+        gaps = (known - marks)[:, joints]
+        turns = np.where(self._turning[joints], np.rint(gaps / (2.0 * np.pi)), 0.0)
+        return np.asarray(np.abs(gaps - 2.0 * np.pi * turns).max(axis=1, initial=0.0))
 
     def starts(self, target: pin.SE3) -> Iterable[Array]:
         """Configurations in which the node is near to a target, the nearest first: as many as are to be tried."""
@@ -98,9 +104,9 @@ class ByPose:
         nearest = np.argpartition(away, count - 1)[:count] if count else np.zeros(0, dtype=int)
         return list(self._spread[nearest[np.argsort(away[nearest], kind="stable")]])
 
-    def too_far(self, points: Array) -> NDArray[np.bool_]:
-        """(n,) points (n, 3) that no chain of links is long enough for."""
-        return np.asarray(np.linalg.norm(points - self._centre, axis=1) > self._radius)
+    def anywhere(self, rng: np.random.Generator) -> Array:
+        """(nq,) all joints at random, loops open."""
+        return self._seeker.anywhere(rng)
 
     def from_home(self, target: pin.SE3) -> Array | None:
         """(nq,) on a straight way from home; None where that ends."""
@@ -163,7 +169,7 @@ class _Wave:
 
     def run(self) -> None:
         """Settles all cells."""
-        self.how[self.of.too_far(self.points)] = How.TOO_FAR
+        self.how[self.of.shells.exclude(self.points, self.rotations)] = How.TOO_FAR
         left = np.flatnonzero(self.how == How.NOT_YET)
         if len(left) == 0:
             return
@@ -202,27 +208,65 @@ class _Wave:
                 self.q[near], self.how[near] = found, How.NEIGHBOUR
                 waiting.append(near)
 
-    def count(self) -> NDArray[np.int32]:
-        """(n,) how many solutions there are of each cell: each that is found spreads as the first did."""
-        known: list[list[Array]] = [[q] if np.isfinite(q[0]) else [] for q in self.q]
-        waiting: deque[tuple[int, Array]] = deque()
-        for cell, found in enumerate(known):
-            waiting.extend((cell, q) for q in found)
-            if found:
-                target = self.target(cell)
-                for start in self.of.starts(target):
-                    self._note(cell, self.of.seek(start, target), known, waiting)
-        while waiting:
-            here, q = waiting.popleft()
-            for near in self.near[here].tolist():
-                if near >= 0 and known[near]:
-                    self._note(near, self.of.seek(q, self.target(near)), known, waiting)
-        return np.array([len(found) for found in known], dtype=np.int32)
 
-    def _note(self, cell: int, q: Array | None, known: list[list[Array]], waiting: deque[tuple[int, Array]]) -> None:
-        if q is not None and not any(self.of.same(q, other) for other in known[cell]):
-            known[cell].append(q)
-            waiting.append((cell, q))
+class _Solutions:
+    """All solutions of a piece's cells that differ in what the motors do.
+
+    Passive joints may have several values for the same motors (a universal joint can lie in two ways, and the rod
+    between is where it was): that is one solution. Where joints have limits both ways are followed all the same, for
+    one may be stopped where the other goes on.
+    """
+
+    def __init__(self, wave: _Wave) -> None:
+        self._wave, self._of = wave, wave.of
+        mechanism = self._of.mechanism
+        self._motors = np.array([mechanism.v_index(name) for name in mechanism.actuated], dtype=np.intp)
+        self._told = np.arange(mechanism.model.nv) if self._of.survey.limits else self._motors
+        self._known = [np.zeros((0, mechanism.model.nv)) for _ in wave.q]  # marks of each cell's solutions
+        self._waiting: deque[tuple[int, int, Array]] = deque()
+
+    def count(self) -> NDArray[np.int32]:
+        """(n,) of each cell: each solution that is found spreads as the first did."""
+        wave, of = self._wave, self._of
+        reached = np.flatnonzero(np.isfinite(wave.q[:, 0])).tolist()
+        rng = np.random.default_rng(_SEED)
+        tries = max(1, _TRIES // max(1, len(reached)))
+        for cell in reached:
+            self._note(cell, wave.q[cell])
+        for cell in reached:
+            target = wave.target(cell)
+            anywhere = (of.anywhere(rng) for _ in range(tries))
+            for start in (*of.starts(target), *anywhere):
+                self._note(cell, of.seek(start, target))
+        while self._waiting:
+            here, number, q = self._waiting.popleft()
+            own = self._known[here]
+            others = of.apart(own[number], np.delete(own, number, axis=0), self._told)
+            sure = _SURE * others.min(initial=_JUMP)
+            for near in wave.near[here].tolist():
+                if near < 0 or not len(self._known[near]):
+                    continue
+                if of.apart(own[number], self._known[near], self._told).min() > sure:
+                    self._note(near, of.seek(q, wave.target(near)))
+        return np.array([self._distinct(known) for known in self._known], dtype=np.int32)
+
+    def _note(self, cell: int, q: Array | None) -> None:
+        if q is None:
+            return
+        marks, known = self._of.marks(q), self._known[cell]
+        if self._of.apart(marks, known, self._told).min(initial=np.inf) > _SAME:
+            self._waiting.append((cell, len(known), q))
+            self._known[cell] = np.vstack([known, marks])
+
+    def _distinct(self, known: Array) -> int:
+        """How many of these differ in what the motors do."""
+        if len(known) < 2 or len(self._told) == len(self._motors):
+            return len(known)
+        kept = known[:0]
+        for marks in known:
+            if self._of.apart(marks, kept, self._motors).min(initial=np.inf) > _SAME:
+                kept = np.vstack([kept, marks])
+        return len(kept)
 
 
 def sphere(count: int) -> Array:

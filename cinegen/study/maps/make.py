@@ -3,28 +3,39 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cinegen.study.maps import work
+from cinegen.study.maps.cluster import connected, each
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.store import Lock, Store, create
+from cinegen.study.maps.lock import locked
+from cinegen.study.maps.store import Index, Store, begin, sweep, unwritten
 from cinegen.study.maps.survey import Survey
 
 if TYPE_CHECKING:
     import xarray
-    from distributed import Client
+
+__all__ = ["BY_MOTORS", "BY_POSE", "Say", "connected", "make_map", "open_map"]
 
 BY_POSE, BY_MOTORS = 6_000, 20_000
-"""Cells of a piece: 0.1 to 1 s of work."""
+"""Cells of a piece, and of a task: 0.1 to 1 s of work."""
 
-_AHEAD = 3  # pieces for each process that are handed out and not finished
-_RETRIES = 5  # of a piece whose process has died
-_WORTH = 4  # pieces for each process, from which on processes are worth starting
+_MANY, _LARGEST = (
+    100_000,
+    200_000,
+)  # of more pieces than that each is larger, up to so many cells: there are fewer files
+
+_READ = 2_000_000  # cells of a task that only reads
+_WORTH = 4  # tasks for each process, from which on processes are worth starting
 
 Say = Callable[[int, int], None]
+Task = Callable[[work.Job, list[Index]], None]
+Do = Callable[[Task, Iterable[list[Index]]], Iterator[list[Index]]]
+"""Has a function of `work` done for many lists of pieces, and hands them back as they are done."""
 
 
 def make_map(
@@ -38,14 +49,16 @@ def make_map(
 ) -> xarray.Dataset:
     """Makes a map, or goes on with one that was begun; what is finished is never computed again.
 
-    Killed at any moment, the same call goes on where it stopped, and the file is the same in the end, byte for byte.
+    Killed at any moment, the same call goes on where it stopped, and the file is the same in the end, byte for byte,
+    whoever made it. What is finished is read first: a piece whose files are damaged is made again.
 
     Args:
         survey: what is to be shown.
         path: the map's folder, .zarr.
         workers: processes on this machine; as many as it has cores unless given, and this one alone for a small map.
         scheduler: address of a Dask scheduler, such as tcp://node1:8786; its workers must see the path too.
-        most: cells of a piece.
+        most: cells of a piece; a map that is there keeps its own. Unless given as many as take about a second, and of
+            a map of more than 10^9 cells more.
         say: is told how many cells are done, and how many there are.
 
     Returns:
@@ -55,14 +68,14 @@ def make_map(
         MapError: there is something else at the path, or it can't be written, or the cluster does not answer.
     """
     where = Path(path).absolute()
-    if where.exists():
-        store = Store(where)
-        if store.text != survey.text:
-            raise MapError(f"{where} is a map of something else: {_difference(store.survey, survey)}. Give another -o")
-    else:
-        store = create(where, survey, survey.region.chunks(most or (BY_MOTORS if survey.of_motors else BY_POSE)))
-    with Lock(where):
-        _make(store, workers, scheduler, say or (lambda *_: None))
+    usual = BY_MOTORS if survey.of_motors else BY_POSE
+    if min(workers or 1, most or 1) < 1 or 0 in (workers, most):
+        raise MapError(f"workers ({workers}) and cells of a piece ({most}) must be 1 or more")
+    store = begin(where, survey, survey.region.chunks(most or piece_size(survey.region.size, usual)))
+    if store.text != survey.text:
+        raise MapError(f"{where} is a map of something else: {_difference(store.survey, survey)}. Give another -o")
+    with _held(where):
+        _make(store, usual, workers, scheduler, say or (lambda *_: None))
     return open_map(where)
 
 
@@ -70,94 +83,91 @@ def open_map(path: str | Path) -> xarray.Dataset:
     """A map that is on disk, finished or not: cells that nobody has looked at are `settled` 0. Nothing is read yet.
 
     Raises:
-        MapError: there is no map.
+        MapError: there is no map; later, where values are read, that files are damaged.
     """
     import xarray
 
+    from cinegen.study.maps.checked import CheckedStore
+
     store = Store(Path(path).absolute())
-    dataset: xarray.Dataset = xarray.open_zarr(store.path, consolidated=False, chunks=None)
+    dataset: xarray.Dataset = xarray.open_zarr(
+        CheckedStore(store.path, read_only=True), consolidated=False, chunks=None
+    )
     dataset.encoding["source"] = str(store.path)
     return dataset
 
 
-def _make(store: Store, workers: int | None, scheduler: str | None, say: Say) -> None:
-    size, path = store.survey.region.size, str(store.path)
-    left = list_of(store)
-    done = size - sum(cells for _, cells in left)
-    say(done, size)
-    if not left:
-        return
-    wanted = workers or min(os.cpu_count() or 1, max(1, len(left) // _WORTH))
-    if scheduler is None and wanted == 1:
-        for index, cells in left:
-            work.do(path, store.text, [index])
-            done += cells
-            say(done, size)
-        return
-    with _client(scheduler, wanted) as client:
-        for cells in _handed_out(client, store, left):
-            done += cells
-            say(done, size)
-
-
-def list_of(store: Store) -> list[tuple[tuple[int, ...], int]]:
-    """Pieces that are left, and cells of each."""
-    found = []
-    for index in store.left():
-        cells = 1
-        for part in store.cells(index):
-            cells *= part.stop - part.start
-        found.append((index, cells))
-    return found
+def piece_size(cells: int, usual: int) -> int:
+    """Cells of a piece, at most, of a map of so many cells."""
+    return min(max(usual, cells // _MANY), _LARGEST)
 
 
 @contextmanager
-def _client(scheduler: str | None, workers: int) -> Iterator[Client]:
-    import dask
-    from distributed import Client, LocalCluster
-
-    quiet = {"distributed.worker.memory.terminate": False, "distributed.comm.timeouts.connect": "20s"}
-    with dask.config.set(quiet):
-        if scheduler is None:
-            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None, silence_logs=50)
-            with cluster, Client(cluster) as client:
-                yield client
-            return
-        try:
-            client = Client(scheduler, timeout=20)
-        except (OSError, ValueError) as error:
-            raise MapError(f"no Dask scheduler answers at {scheduler}: {error}") from None
-        with client:
-            yield client
+def _held(path: Path) -> Iterator[None]:
+    """Nobody else makes the map meanwhile; nothing is left beside it."""
+    try:
+        with locked(path / "zarr.json"):
+            sweep(path)
+            try:
+                yield
+            finally:
+                sweep(path)
+    except OSError as error:
+        raise unwritten(path, error) from None
 
 
-def _handed_out(client: Client, store: Store, left: list[tuple[tuple[int, ...], int]]) -> Iterator[int]:
-    """Cells that are done, as they are: a few pieces for each process are under way, so that the scheduler never has
-    many to look after."""
-    from distributed import as_completed
+def _make(store: Store, usual: int, workers: int | None, scheduler: str | None, say: Say) -> None:
+    there = left = 0  # cells
+    for index, written in store.look():
+        there, left = there + written * store.size(index), left + (not written) * store.size(index)
+    wanted = workers or min(os.cpu_count() or 1, max(1, left // (_WORTH * usual)))
+    if not left or (scheduler is None and wanted == 1):
+        scheduler, wanted, usual = None, 1, 1  # then it is told of each piece
+    with _doing(store, scheduler, wanted) as do:
+        if there:
+            for _ in do(work.look_after, _lists(store, True, _READ)):
+                pass
+        done, size = store.done, store.survey.region.size
+        say(done, size)
+        for indices in do(work.make, _lists(store, False, usual)):
+            done += sum(map(store.size, indices))
+            say(done, size)
 
-    path, text = str(store.path), store.text
-    ahead = _AHEAD * max(1, sum(client.ncores().values()))
-    waiting = iter(left)
-    cells_of: dict[Any, int] = {}
 
-    def next_one() -> list[Any]:
-        for index, cells in waiting:
-            future = client.submit(work.do, path, text, [index], pure=False, retries=_RETRIES)
-            cells_of[future.key] = cells
-            return [future]
-        return []
+def _lists(store: Store, written: bool, most: int) -> Iterator[list[Index]]:
+    """All pieces that are written, or are not, some at a time: of at most so many cells, unless one has more."""
+    some, cells = list[Index](), 0
+    for index, there in store.look():
+        if there != written:
+            continue
+        size = store.size(index)
+        if some and cells + size > most:
+            yield some
+            some, cells = [], 0
+        some.append(index)
+        cells += size
+    if some:
+        yield some
 
-    futures = as_completed([future for _ in range(ahead) for future in next_one()])
-    for future in futures:
-        try:
-            future.result()
-        except MapError:
-            raise
-        except Exception as error:
-            raise MapError(f"{store.path}: a piece could not be made: {error}. What was finished stays") from error
-        yield cells_of.pop(future.key)
-        futures.update(next_one())
+
+@contextmanager
+def _doing(store: Store, scheduler: str | None, workers: int) -> Iterator[Do]:
+    """Who does it: this process alone, others on this machine, or a cluster."""
+    job = work.Job.of(store)
+    if scheduler is None and workers == 1:
+        yield partial(_in_turn, job)
+        return
+    from cinegen.solve.sample import Sampler
+
+    Sampler(store.survey.mechanism, store.survey.node)  # compiles, where that must be done, before all do it at once
+    with connected(scheduler, workers) as client:
+        yield lambda function, lists: (indices for indices, _ in each(client, function, lists, job))
+
+
+def _in_turn(job: work.Job, function: Task, lists: Iterable[list[Index]]) -> Iterator[list[Index]]:
+    for indices in lists:
+        function(job, indices)
+        yield indices
 
 
 def _difference(there: Survey, asked: Survey) -> str:

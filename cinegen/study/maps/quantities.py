@@ -8,7 +8,7 @@ turned, is `Survey.counted`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,8 +18,11 @@ from cinegen.solve.sample import Evaluations
 from cinegen.study.maps.errors import MapError
 from cinegen.study.maps.settled import Settled
 from raff2urdf.errors import did_you_mean
+from raff2urdf.readers.urdf import UNLIMITED
 
 if TYPE_CHECKING:
+    from cinegen.avoid.clearance import Clearance
+    from cinegen.model import Mechanism
     from cinegen.study.maps.survey import Survey
 
 Array = NDArray[np.float64]
@@ -98,11 +101,24 @@ def _manipulability(cells: Cells) -> Values:
 def _margin(cells: Cells) -> Values:
     model, q = cells.survey.mechanism.model, cells.evaluations.q
     low, high = model.lowerPositionLimit, model.upperPositionLimit
-    limited = np.isfinite(low) & np.isfinite(high) & (high > low)
+    limited = np.isfinite(low) & np.isfinite(high) & (high > low) & _moving(cells.survey)
     if not limited.any():
         return np.where(np.isfinite(q[:, 0]), 1.0, np.nan)
     q, low, high = q[:, limited], low[limited], high[limited]
     return np.asarray((np.minimum(q - low, high - q) / (0.5 * (high - low))).min(axis=1))
+
+
+def _moving(survey: Survey) -> NDArray[np.bool_]:
+    """(nq,) whether a number of the configuration has to do with where the node is: fingers behind it have not."""
+    mechanism = survey.mechanism
+    model, system = mechanism.model, mechanism.system
+    ends = [model.frames[mechanism.frame_id(survey.node)].parentJoint]
+    for first, _, second, _ in system.anchors:
+        ends += [first, second]
+    found = np.zeros(model.nq, dtype=bool)
+    for joint in {joint for end in ends for joint in model.supports[end] if joint > 0}:
+        found[model.joints[joint].idx_q : model.joints[joint].idx_q + model.joints[joint].nq] = True
+    return found
 
 
 def _velocity(cells: Cells) -> Values:
@@ -121,11 +137,9 @@ def _limits(survey: Survey, of: str) -> Array:
     """(motors,) what the robot's description allows them, 1 where it says nothing."""
     mechanism = survey.mechanism
     columns = [mechanism.v_index(name) for name in mechanism.actuated]
-    if of == "speed":
-        given = np.asarray(mechanism.model.upperVelocityLimit)[columns]
-        return np.where(np.isfinite(given) & (given > 0.0), given, _SLOWLY)
-    given = np.asarray(mechanism.model.upperEffortLimit)[columns]
-    return np.where(np.isfinite(given) & (given > 0.0), given, _WEAKLY)
+    model, unsaid = mechanism.model, _SLOWLY if of == "speed" else _WEAKLY
+    given = np.asarray(model.upperVelocityLimit if of == "speed" else model.upperEffortLimit)[columns]
+    return np.where((given > 0.0) & (given < UNLIMITED), given, unsaid)
 
 
 def _solid_angle(cells: Cells) -> Values:
@@ -134,12 +148,17 @@ def _solid_angle(cells: Cells) -> Values:
 
 
 def _clearance(cells: Cells) -> Values:
+    clearance = _clearance_of(cells.survey)
+    return np.array([clearance.least(q) if np.isfinite(q[0]) else np.nan for q in cells.evaluations.q])
+
+
+@lru_cache(maxsize=2)
+def _clearance_of(survey: Survey) -> Clearance:
+    """Kept from piece to piece: shapes take a while."""
     from cinegen.avoid import scene_of, surroundings
 
-    survey = cells.survey
     assert survey.scene is not None
-    clearance = surroundings(scene_of(dict(survey.scene), survey.folder, mechanism=survey.mechanism))[0]
-    return np.array([clearance.least(q) if np.isfinite(q[0]) else np.nan for q in cells.evaluations.q])
+    return surroundings(scene_of(dict(survey.scene), survey.folder, mechanism=survey.mechanism))[0]
 
 
 class Quantity(NamedTuple):
@@ -187,8 +206,12 @@ def checked(survey: Survey) -> tuple[str, ...]:
         wanted.discard("sigma_2")  # nothing is passive, nothing can be of type 2
     if "clearance" in wanted and survey.scene is None:
         raise MapError("clearance is that in a scene: say which (--scene)")
+    if "clearance" in wanted:
+        _read_scene(survey)
     if "solid_angle" in wanted and (survey.of_motors or survey.rotation):
         raise MapError("solid_angle asks which directions the node can have: leave its orientation free")
+    if "solutions" in wanted and survey.of_motors and mechanism.loops:
+        _check_motors(mechanism)
     if "solutions" in wanted and not survey.of_motors:
         free, held = mechanism.mobility, survey.rank if survey.rotation != 2 else survey.rank + 2
         if free > held:
@@ -197,3 +220,31 @@ def checked(survey: Survey) -> tuple[str, ...]:
                 f"{survey.node} takes {held} of them. Leave 'solutions' out, or give its orientation too"
             )
     return tuple(name for name in QUANTITIES if name in wanted)
+
+
+def _read_scene(survey: Survey) -> None:
+    """Whether it can be read.
+
+    Raises:
+        MapError: it can't.
+    """
+    from cinegen.avoid import AvoidError, scene_of
+
+    try:
+        scene_of(dict(survey.scene or {}), survey.folder, mechanism=survey.mechanism)
+    except AvoidError as error:
+        raise MapError(f"the scene can't be read: {error}") from None
+
+
+def _check_motors(mechanism: Mechanism) -> None:
+    """Whether motors determine it, so that its assembly modes can be counted.
+
+    Raises:
+        MapError: they don't.
+    """
+    from cinegen.study.modes.linkage import Linkage, ModesError
+
+    try:
+        Linkage(mechanism)
+    except ModesError as error:
+        raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None

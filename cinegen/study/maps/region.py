@@ -183,7 +183,10 @@ class Region:
 
     def motors(self, mechanism: Mechanism, piece: tuple[slice, ...]) -> Array:
         """(n, motors) values of the motors in the order of `mechanism.actuated`, rad and m."""
-        given = self.values(piece)
+        return self.motors_at(mechanism, self.values(piece))
+
+    def motors_at(self, mechanism: Mechanism, given: Array) -> Array:
+        """(n, motors) likewise, for values (n, axes) of the axes, wherever they are."""
         home = [mechanism.q_home[mechanism.q_index(name)] for name in mechanism.actuated]
         motors = np.tile([self.at.get(name, value) for name, value in zip(mechanism.actuated, home, strict=True)],
                          (len(given), 1))  # fmt: skip
@@ -201,7 +204,10 @@ class Region:
         Returns:
             points (n, 3), m, and rotations (n, 3, 3) or (1, 3, 3) where all are the same, in the world.
         """
-        given = self.values(piece)
+        return self.poses_at(home, self.values(piece))
+
+    def poses_at(self, home: pin.SE3, given: Array) -> tuple[Array, Array]:
+        """Likewise, for values (n, axes) of the axes, wherever they are."""
         column = {name: given[:, k] for k, name in enumerate(self.names)}
         points = np.empty((len(given), 3))
         for k, name in enumerate(POSE[:3]):

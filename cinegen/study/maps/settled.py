@@ -26,7 +26,7 @@ class How(IntEnum):
     NOT_FOUND = 5
     """Neither neighbours nor all other starts led there."""
     TOO_FAR = 6
-    """No chain of the links is as long: it is certain."""
+    """The links are too short for it, or too long: it is certain (`Shells`)."""
     BEYOND = 7
     """The motors say it, and it is beyond joint limits."""
 
@@ -48,7 +48,8 @@ class Settled:
     Attributes:
         q: (n, nq) a configuration for each; not a number where there is none.
         how: (n,) `How`.
-        solutions: (n,) how many there are, up to whole turns of joints; None unless asked for.
+        solutions: (n,) how many there are that differ in what the motors do, up to whole turns; of motors, how many
+            assembly modes. None unless asked for.
         solid_angle: (n,) of the directions that the node's z can have, sr; None unless asked for.
     """
 

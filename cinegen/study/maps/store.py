@@ -1,32 +1,33 @@
 """`Store`: a map on disk, written piece by piece: a zarr group that xarray opens as a `Dataset`.
 
-Of a piece `settled` is written last: where its chunk is there, all of the piece is, and is never computed again. Each
-chunk is a file of its own that is written beside and then renamed, so that none is ever half there.
+Of a piece `settled` is written last: where its chunk is there, all of the piece is. Each chunk is a file of its own,
+whole or not there at all (`chunk`); what is not whole yet stands in a folder beside the map, and is swept away.
 """
 
 from __future__ import annotations
 
-import fcntl
+import hashlib
 import json
 import math
+import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-import cinegen.study.maps.quantities as known
+from cinegen.study.maps.chunk import is_sound, packed, put
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.region import piece, pieces
-from cinegen.study.maps.settled import How
-from cinegen.study.maps.survey import VERSION, Survey
-
-if TYPE_CHECKING:
-    import zarr
-
-_KIND = "cinegen map"
+from cinegen.study.maps.layout import KIND, LAST, Layout, lay_out, layouts
+from cinegen.study.maps.lock import locked
+from cinegen.study.maps.region import piece
+from cinegen.study.maps.survey import Survey
 
 Values = np.ndarray[Any, np.dtype[Any]]
+Index = tuple[int, ...]
 
 
 class Store:
@@ -35,6 +36,7 @@ class Store:
     Attributes:
         path: where it is.
         survey: what it shows.
+        text: of the survey.
         chunks: cells along each axis of a piece.
 
     Raises:
@@ -43,10 +45,7 @@ class Store:
 
     def __init__(self, path: str | Path, folder: str = ".") -> None:
         self.path = Path(path)
-        self._group = _opened(self.path)
-        attributes: dict[str, Any] = dict(self._group.attrs)
-        if attributes.get("kind") != _KIND:
-            raise MapError(f"{self.path} is a zarr group, but no map of cinegen's")
+        attributes = _attributes(self.path)
         try:
             self.text = str(attributes["survey"])
             self.survey = Survey.of_document(json.loads(self.text), str(attributes.get("folder", folder)))
@@ -54,160 +53,184 @@ class Store:
         except MapError as error:
             raise MapError(f"{self.path}: {error}") from None
         except (KeyError, ValueError, TypeError, RecursionError) as error:
-            raise MapError(f"{self.path} is damaged: its description can't be read ({error})") from None
-        missing = [name for name in self.names if name not in self._group]
-        if missing:
-            raise MapError(f"{self.path} is damaged: it lacks {', '.join(missing)}")
+            raise MapError(f"{self.path} is damaged: its description can't be read ({error}). {_ELSE}") from None
+        self._check()
+
+    def _check(self) -> None:
+        """Whether all arrays are there."""
+        region = self.survey.region
+        if len(self.chunks) != len(region.shape) or min(self.chunks) < 1:
+            raise MapError(f"{self.path} is damaged: pieces of {self.chunks} cells. {_ELSE}")
+        for array in self.layouts:
+            document = _document(self.path / array.name)
+            try:
+                right = array.fits(document, region.shape, self.chunks)
+            except (KeyError, TypeError):
+                right = False
+            if not right:
+                raise MapError(f"{self.path} is damaged: {array.name} is not there, or is something else. {_ELSE}")
+        for axis in region.axes:
+            if not is_sound(_read(self.path / axis.name / "c" / "0")):
+                raise MapError(f"{self.path} is damaged: values of {axis.name} are not there, or broken. {_ELSE}")
+
+    @cached_property
+    def layouts(self) -> tuple[Layout, ...]:
+        """Of what is written of each piece, in this order."""
+        return layouts(self.survey)
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of the survey's text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Of what is written of each piece, in this order."""
-        return (*self.survey.quantities, "configuration", "reachable", "settled")
+    def beside(self) -> Path:
+        """Where files stand that are not whole yet."""
+        return beside(self.path)
 
     @property
     def pieces(self) -> int:
         """How many there are."""
-        shape = self.survey.region.shape
-        return math.prod(-(-count // width) for count, width in zip(shape, self.chunks, strict=True))
+        return math.prod(self._counts)
 
-    def left(self) -> Iterator[tuple[int, ...]]:
-        """Pieces that are not written yet, one after the other."""
-        for index in pieces(self.survey.region.shape, self.chunks):
-            if not self.is_done(index):
-                yield index
+    @property
+    def _counts(self) -> tuple[int, ...]:
+        return tuple(-(-n // width) for n, width in zip(self.survey.region.shape, self.chunks, strict=True))
 
-    def is_done(self, index: Sequence[int]) -> bool:
+    def look(self) -> Iterator[tuple[Index, bool]]:
+        """All pieces, the last axis fastest, and whether each is written; one after the other, for there may be many.
+        Folders are listed: that is quicker than to ask for each file."""
+        *before, last = self._counts
+        for index in product(*map(range, before)):
+            try:
+                there = set(os.listdir(self.path / LAST / "c" / "/".join(map(str, index))))
+            except FileNotFoundError:
+                there = set()
+            for k in range(last):
+                yield (*index, k), str(k) in there
+
+    @property
+    def done(self) -> int:
+        """Cells of all pieces that are written."""
+        return sum(self.size(index) for index, written in self.look() if written)
+
+    def is_done(self, index: Index) -> bool:
         """Whether a piece is written."""
-        return (self.path / "settled" / "c" / "/".join(map(str, index))).exists()
+        return self._file(self.layouts[-1], index).exists()
 
-    def cells(self, index: Sequence[int]) -> tuple[slice, ...]:
+    def is_sound(self, index: Index) -> bool:
+        """Whether all files of a piece are there, and as they were written."""
+        return all(is_sound(_read(self._file(array, index))) for array in self.layouts)
+
+    def forget(self, index: Index) -> None:
+        """Has a piece made again.
+
+        Raises:
+            MapError: the map can't be written.
+        """
+        try:
+            self._file(self.layouts[-1], index).unlink(missing_ok=True)
+        except OSError as error:
+            raise unwritten(self.path, error) from None
+
+    def cells(self, index: Index) -> tuple[slice, ...]:
         """Of a piece."""
         return piece(index, self.survey.region.shape, self.chunks)
 
-    def write(self, index: Sequence[int], values: Mapping[str, Values]) -> None:
+    def size(self, index: Index) -> int:
+        """Cells of a piece."""
+        return math.prod(part.stop - part.start for part in self.cells(index))
+
+    def write(self, index: Index, values: Mapping[str, Values]) -> None:
         """Writes a piece: for each name (n, ...) of its cells, the last axis fastest.
 
         Raises:
             MapError: it can't be written: what is there already stays.
         """
-        cells = self.cells(index)
-        shape = [len(range(*s.indices(s.stop))) for s in cells]
+        shape = [part.stop - part.start for part in self.cells(index)]
         try:
-            for name in self.names:
-                array = values[name]
-                self._group[name][cells] = array.reshape(*shape, *array.shape[1:])  # type: ignore[index]
+            for array in self.layouts:
+                found = np.asarray(values[array.name], dtype=array.dtype).reshape(*shape, *array.more)
+                data = packed(found, (*self.chunks, *array.more), array.fill)
+                put(self._file(array, index), data, self.beside)
         except OSError as error:
-            raise MapError(
-                f"{self.path}: can't be written: {error.strerror}. What was finished stays: make room, and give the "
-                "same command again"
-            ) from None
+            raise unwritten(self.path, error) from None
+
+    def _file(self, array: Layout, index: Index) -> Path:
+        return self.path / array.name / "c" / "/".join(map(str, (*index, *(0 for _ in array.more))))
 
 
-def create(path: Path, survey: Survey, chunks: Sequence[int]) -> Store:
-    """A new map, with nothing in it yet: it appears all at once.
+def begin(path: Path, survey: Survey, chunks: Sequence[int]) -> Store:
+    """The map at a path; a new one, with nothing in it yet, where there is none: it appears all at once.
 
     Raises:
-        MapError: it can't be written.
+        MapError: there is something else, or it can't be written.
     """
-    import shutil
-
-    fresh = path.with_name(f".{path.name}.new")
     try:
-        shutil.rmtree(fresh, ignore_errors=True)
-        fresh.parent.mkdir(parents=True, exist_ok=True)
-        _fill(fresh, survey, chunks)
-        fresh.rename(path)
+        if not os.path.lexists(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with locked(path.parent, wait=True):  # two that begin at once begin one map
+                if not os.path.lexists(path):
+                    sweep(path)
+                    lay_out(beside(path), survey, chunks)
+                    beside(path).rename(path)
     except OSError as error:
-        shutil.rmtree(fresh, ignore_errors=True)
-        raise MapError(f"{path}: can't be written: {error.strerror}") from None
+        sweep(path)
+        raise unwritten(path, error) from None
     return Store(path)
 
 
-def _fill(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
-    import zarr
-
-    mechanism, region = survey.mechanism, survey.region
-    group = zarr.create_group(path, attributes={
-        "kind": _KIND,
-        "title": f"{mechanism.name} over {', '.join(region.names)}",
-        "robot": mechanism.name,
-        "robot_sha256": survey.robot_hash,
-        "node": survey.node,
-        "characteristic_length_m": mechanism.length,
-        "counted": f"{survey.counted[0]} translations, {survey.counted[1]} rotations of {survey.node}",
-        "version": VERSION,
-        "chunks": list(chunks),
-        "folder": survey.folder,
-        "survey": survey.text,
-    })  # fmt: skip
-    for axis in region.axes:
-        group.create_array(
-            axis.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
-            attributes={"units": _unit(survey, axis.name), "cell_width": axis.width},
-        )  # fmt: skip
-
-    def put(name: str, dtype: str, fill: Any, attributes: dict[str, Any], more: tuple[int, ...] = ()) -> None:
-        group.create_array(
-            name, shape=(*region.shape, *more), chunks=(*chunks, *more), dtype=dtype, fill_value=fill,
-            dimension_names=(*region.names, *("joint",) * len(more)), attributes=attributes,
-        )  # fmt: skip
-
-    for name in survey.quantities:
-        quantity = known.QUANTITIES[name]
-        fill = 0 if quantity.dtype.startswith("int") else math.nan
-        put(name, quantity.dtype, fill, {"units": quantity.unit, "long_name": quantity.words})
-    joints = _numbers(survey)
-    put("configuration", "float64", math.nan, {
-        "units": "rad or m", "long_name": "a configuration, loops closed", "joints": joints,
-    }, (mechanism.model.nq,))  # fmt: skip
-    put("reachable", "bool", False, {"units": "1", "long_name": "whether there is a configuration"})
-    put("settled", "uint8", 0, {
-        "units": "1", "long_name": "how the cell was settled",
-        "flag_values": [int(how) for how in How], "flag_meanings": " ".join(how.name.lower() for how in How),
-    })  # fmt: skip
+def sweep(path: Path) -> None:
+    """Removes what processes that were killed have left beside a map."""
+    shutil.rmtree(beside(path), ignore_errors=True)
 
 
-def _numbers(survey: Survey) -> list[str]:
-    """A name for each number of a configuration."""
-    names = [""] * survey.mechanism.model.nq
-    for name, joint in zip(survey.mechanism.model.names, survey.mechanism.model.joints, strict=True):
-        for k in range(joint.nq if name != "universe" else 0):
-            names[joint.idx_q + k] = name if joint.nq == 1 else f"{name}.{k}"
-    return names
+def beside(path: Path) -> Path:
+    """Where what is not whole yet of a map stands."""
+    return path.with_name(f".{path.name}.new")
 
 
-def _unit(survey: Survey, name: str) -> str:
-    mechanism = survey.mechanism
-    long = mechanism.slides(name) if name in mechanism.joints else name in ("x", "y", "z", "radius", "way")
-    return "m" if long else "rad"
+def unwritten(path: Path, error: OSError) -> MapError:
+    """What is said of a map that can't be written."""
+    why = error.strerror or str(error)
+    return MapError(
+        f"{path} can't be written: {why}. What was finished stays: put that right, and give the same command again"
+    )
 
 
-def _opened(path: Path) -> zarr.Group:
-    import zarr
+_ELSE = "Give another path, or delete it"
 
+
+def _attributes(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        raise MapError(f"there is no map at {path}")
+    if not path.is_dir():
+        raise MapError(f"{path} is a file, and no map: maps are folders. Give another path")
+    document = _document(path)
+    attributes = document.get("attributes")
+    if document.get("node_type") != "group" or not isinstance(attributes, dict):
+        raise MapError(f"{path} is no zarr group that can be read, so no map. Give another path")
+    if attributes.get("kind") != KIND:
+        raise MapError(f"{path} is a zarr group, but no map of cinegen's. Give another path")
+    return attributes
+
+
+def _document(path: Path) -> dict[str, Any]:
+    """Of a group or an array; nothing where it can't be read."""
     try:
-        return zarr.open_group(path, mode="r+")
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise MapError(f"{path} is no zarr group that can be read: {error}") from None
+        document = json.loads((path / "zarr.json").read_bytes())
+    except PermissionError as error:
+        raise MapError(f"{path} can't be read: {error.strerror}") from None
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return document if isinstance(document, dict) else {}
 
 
-class Lock:
-    """Holds a map while it is made: two at once would do all work twice."""
-
-    def __init__(self, path: Path) -> None:
-        self._path, self._file = path, (path / "zarr.json").open("rb")
-
-    def __enter__(self) -> Lock:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self._file.close()
-            raise MapError(f"{self._path} is being made by another process: wait for it") from None
-        except OSError:  # a file system without locks
-            pass
-        for left in self._path.glob("**/*.partial"):  # of a process that was killed
-            left.unlink(missing_ok=True)
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
+def _read(path: Path) -> bytes:
+    """A file's bytes; none where there is no file."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return b""
+    except OSError as error:  # the disk is failing, or it may not be read
+        raise MapError(f"{path} can't be read: {error.strerror}") from None

@@ -1,10 +1,13 @@
-"""A piece of a map: settled, measured and written; what processes and machines do, each for itself."""
+"""Pieces of a map: settled, measured and written; what processes and machines do, each for itself."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from pathlib import Path
+from socket import gethostname
+from threading import Lock
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +15,21 @@ from numpy.typing import NDArray
 from cinegen.solve.sample import Evaluations, Sampler
 from cinegen.study.maps.by_motors import ByMotors
 from cinegen.study.maps.by_pose import ByPose
+from cinegen.study.maps.errors import MapError
 from cinegen.study.maps.quantities import QUANTITIES, Cells
 from cinegen.study.maps.settled import How, Settled
-from cinegen.study.maps.store import Store
+from cinegen.study.maps.store import Index, Store
 from cinegen.study.maps.survey import Survey
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]
 
+_LEAN = {"solutions", "sigma_1", "sigma_2", "margin", "solid_angle", "clearance"}
+"""Quantities that look at neither placements nor Jacobians nor more than one singular value."""
+
 
 class Surveyor:
-    """Settles and measures pieces of a survey's region."""
+    """Settles and measures pieces of a survey's region; a piece comes to the same whatever was made before it."""
 
     def __init__(self, survey: Survey) -> None:
         self.survey = survey
@@ -31,7 +38,7 @@ class Surveyor:
             from cinegen.study.singular.counted import balls as balls_of
 
             balls = balls_of(survey.mechanism)
-        self._sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls)
+        self._sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls, not _lean(survey))
         self._by = ByMotors(survey, self._sampler) if survey.of_motors else ByPose(survey)
 
     def values(self, piece: tuple[slice, ...]) -> dict[str, Values]:
@@ -68,6 +75,14 @@ class Surveyor:
             second[k] = rows.sigma(rows.of(configurations[k])[None])[0]
 
 
+def _lean(survey: Survey) -> bool:
+    """Whether the smallest singular values, or none, are all that is wanted of the sampler."""
+    if not _LEAN.issuperset(survey.quantities):
+        return False
+    rows = min(sum(survey.counted), survey.mechanism.mobility)
+    return "sigma_1" not in survey.quantities or survey.rank == rows
+
+
 def _spread(done: Evaluations, configurations: Array) -> Evaluations:
     """Not a number where there is no configuration."""
     good = np.isfinite(configurations[:, 0])
@@ -82,30 +97,67 @@ def _spread(done: Evaluations, configurations: Array) -> Evaluations:
     return Evaluations(*spread)
 
 
-@lru_cache(maxsize=2)
-def _at_work(path: str, text: str) -> tuple[Store, Surveyor]:
-    """For a map: made once in each process, from what stands in it."""
-    store = Store(path)
-    return store, Surveyor(store.survey)
+# --- what is handed out --------------------------------------------------------------------------------------------
 
 
-def do(path: str, text: str, indices: Sequence[tuple[int, ...]]) -> int:
-    """Makes some pieces of a map and writes them; cells that are reachable.
+class Job(NamedTuple):
+    """The map that pieces are of, as others find it.
 
-    Args:
+    Attributes:
         path: of the map.
-        text: of its survey: that it is the one that is meant.
-        indices: of the pieces.
+        survey: SHA-256 of its survey's text: that it is the one that is meant.
+        chunks: cells along each axis of a piece.
+    """
+
+    path: str
+    survey: str
+    chunks: Index
+
+    @classmethod
+    def of(cls, store: Store) -> Job:
+        """Of a map that is there."""
+        return cls(str(store.path), store.digest, store.chunks)
+
+
+_ONE = Lock()  # surveyors have scratch of their own, and Python would run no two at a time
+
+
+def make(job: Job, indices: Sequence[Index]) -> None:
+    """Makes some pieces of a map, unless they are there, and writes them.
 
     Raises:
         MapError: the map can't be read or written.
     """
-    store, surveyor = _at_work(path, text)
-    reached = 0
+    with _ONE:
+        store = _store(job)
+        for index in indices:
+            if not store.is_done(index):  # by a process that was thought dead
+                store.write(index, _surveyor(job).values(store.cells(index)))
+
+
+def look_after(job: Job, indices: Sequence[Index]) -> None:
+    """Reads some pieces that are written: those that are damaged are to be made again.
+
+    Raises:
+        MapError: the map can't be read, or not written.
+    """
+    store = _store(job)
     for index in indices:
-        if store.is_done(index):  # by a process that was thought dead
-            continue
-        values = surveyor.values(store.cells(index))
-        store.write(index, values)
-        reached += int(values["reachable"].sum())
-    return reached
+        if not store.is_sound(index):
+            store.forget(index)
+
+
+@lru_cache(maxsize=2)
+def _store(job: Job) -> Store:
+    """From what stands at the path; once in each process."""
+    if not Path(job.path).exists():
+        raise MapError(f"{gethostname()} sees no map at {job.path}: all machines must see it at the same path")
+    store = Store(job.path)
+    if Job.of(store) != job:
+        raise MapError(f"{gethostname()} sees another map at {job.path}: all machines must see the same one there")
+    return store
+
+
+@lru_cache(maxsize=2)
+def _surveyor(job: Job) -> Surveyor:
+    return Surveyor(_store(job).survey)

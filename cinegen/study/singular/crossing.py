@@ -55,12 +55,14 @@ def of_end(mechanism: Mechanism) -> Rows:
 
     Its rotations count where they don't follow from its translations, as they do in a mechanism that only translates.
     """
-    found = [_of_node(mechanism, mechanism.end, count) for count in (3, 6)]
+    found = [of_node(mechanism, mechanism.end, count) for count in (3, 6)]
     ranks = [max(rank(of(q)) for q in mechanism.samples) for of in found]
     return Rows(found[ranks[1] > ranks[0]], max(ranks))
 
 
-def _of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Array]:
+def of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Array]:
+    """At q (nq,) how the motions that all loops allow move a node (count, nv), without unit: along its own three axes,
+    and with 6 also about them."""
     model, system, frame = mechanism.model, mechanism.own_system(), mechanism.frame_id(node)
     units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:count, None] * mechanism.scale
 

@@ -22,6 +22,7 @@ POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 _CLOSED = 1e-10  # rad or characteristic lengths
 _ITERATIONS = 15
+_THERE = 1e-7  # rad or characteristic lengths: a configuration that far from its point is another's
 _JUMP = 0.7  # rad or characteristic lengths: a neighbour that is further away is on another branch
 
 
@@ -214,6 +215,12 @@ class Slice(Coordinates):
             passive[[mechanism.v_index(name) for name in mechanism.actuated]] = False
         away = np.abs(pin.difference(mechanism.model, q, found) / mechanism.scale)[passive]
         return found if away.max(initial=0.0) <= jump else None
+
+    def is_at(self, u: float, v: float, q: Array) -> bool:
+        """Whether q (nq,) is a configuration of a point of the slice."""
+        here = self.coordinates(q)
+        away = max(abs(here[axis.name] - value) for axis, value in zip(self.axes, (u, v), strict=True))
+        return away <= _THERE * max(self.mechanism.length, 1.0)
 
 
 def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis:

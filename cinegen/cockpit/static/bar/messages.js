@@ -5,6 +5,7 @@
 import { byId, make } from "../base/dom.js";
 
 const HINT = "Drag any part of the robot.";
+const ON_MAP = "Drag any part of the robot, or click a cell: it goes there.";
 const HOLDING = "Esc lets go";
 const STAYS = 6000; // ms
 const MOST = 4;
@@ -17,9 +18,9 @@ export class Messages {
     this.hint = byId("hint");
     this.toasts = byId("toasts");
     this.cover = byId("cover");
-    this.hint.textContent = HINT;
     session.on("hello", () => {
       this.cover.hidden = true;
+      if (!this.knows) this.hint.textContent = session.hello.map ? ON_MAP : HINT;
       this.#hint();
     });
     session.on("notice", ({ words, level, action }) => this.toast(words, level, action));

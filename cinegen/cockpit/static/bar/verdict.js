@@ -19,7 +19,7 @@ const TONES = {
 };
 const TROUBLE = ["none", "good", "warn", "bad"];
 const IDLE = "ready";
-const MOVING = { home: "going home", undo: "going back", redo: "going on" };
+const MOVING = { home: "going home", visit: "going there", undo: "going back", redo: "going on" };
 
 export class Verdict {
   constructor(session) {

@@ -83,8 +83,14 @@ export class Link extends Events {
 
 /** A socket's address beside the page's own, with its token. */
 function address(name) {
-  const url = new URL(name, location.href);
+  const url = new URL(beside(name));
   url.protocol = url.protocol.replace("http", "ws");
+  return url.href;
+}
+
+/** An address beside the page's own, with its token. */
+export function beside(name) {
+  const url = new URL(name, location.href);
   const token = new URLSearchParams(location.search).get("token");
   if (token !== null) url.searchParams.set("token", token);
   return url.href;

@@ -4,6 +4,7 @@ export const {
   AmbientLight,
   Box3,
   BoxGeometry,
+  BufferAttribute,
   BufferGeometry,
   Color,
   ConeGeometry,

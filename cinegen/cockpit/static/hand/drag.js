@@ -1,7 +1,8 @@
 // The ball-and-plane drag: a part is taken where it is touched, and led in the plane of the view through that point.
 // It turns freely meanwhile. A press and release without a drag selects the part.
 //
-// Events: hover (part or null), drag (part or null), free (a pointer that touches no part was pressed and released).
+// Events: hover (part or null), drag (part or null), free (the event: a pointer that touches no part was pressed and
+// released), point (where a pointer is that touches no part; null if there is none).
 
 import { Plane, Vector3 } from "three";
 import { Events } from "../base/events.js";
@@ -28,7 +29,7 @@ export class Drag extends Events {
     canvas.addEventListener("pointermove", (event) => this.#move(event), true);
     canvas.addEventListener("pointerrawupdate", (event) => this.#follow(event));
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
-      canvas.addEventListener(end, (event) => this.#release(event), true);
+      view.pane.addEventListener(end, (event) => this.#release(event), true); // the view takes it there to turn
     }
     canvas.addEventListener("pointerleave", () => this.#point(null));
     this.on("drag", (part) => canvas.classList.toggle("dragging", part !== null));
@@ -117,7 +118,7 @@ export class Drag extends Events {
     const beside = this.#beside;
     this.#beside = null;
     if (beside === null || event.type !== "pointerup") return;
-    if (Math.hypot(event.clientX - beside.x, event.clientY - beside.y) <= STILL) this.tell("free");
+    if (Math.hypot(event.clientX - beside.x, event.clientY - beside.y) <= STILL) this.tell("free", event);
   }
 
   #point(event) {
@@ -133,8 +134,10 @@ export class Drag extends Events {
   #hover() {
     const busy = this.#held !== null || this.gizmo.busy;
     if (busy) return;
-    const hit = this.#pointer === null || this.gizmo.hovered ? null : this.pick.touched(this.#pointer);
+    const aside = this.#pointer === null || this.gizmo.hovered;
+    const hit = aside ? null : this.pick.seen(this.#pointer);
     this.view.canvas.style.cursor = this.gizmo.hovered ? "move" : hit === null ? "" : "grab";
+    this.tell("point", aside || hit !== null ? null : this.#pointer);
     if (hit?.robot === this.over?.robot && hit?.node === this.over?.node) return;
     this.over = hit;
     this.tell("hover", hit);

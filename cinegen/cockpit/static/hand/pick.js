@@ -11,6 +11,7 @@ export class Pick {
   constructor(view, session) {
     this.view = view;
     this.session = session;
+    this.veil = null; // (ray, away) -> whether something that is no part is seen there, nearer than that
     this.extra = null; // (event) -> part or null: what else can be touched where no mesh is
   }
 
@@ -25,8 +26,10 @@ export class Pick {
     return this.#ray.ray;
   }
 
-  /** The same of a pointer that need not be exact: what lies nearest to it, a few pixels around. */
+  /** The same of a pointer that need not be exact: what lies nearest to it, a few pixels around; unless something that
+   * is no part is seen right there. */
   near(event) {
+    if (this.#veiled(event)) return null;
     for (const away of NEAR) {
       for (let turn = 0; turn < (away ? AROUND : 1); turn += 1) {
         const angle = (2 * Math.PI * turn) / AROUND;
@@ -45,9 +48,21 @@ export class Pick {
     for (const hit of this.#ray.intersectObject(root, true)) {
       if (!hit.object.isMesh) continue;
       const part = this.#owner(hit.object, root);
-      if (part !== null) return { ...part, point: hit.point };
+      if (part !== null) return { ...part, point: hit.point, away: hit.distance };
     }
     return this.extra?.(event) ?? null;
+  }
+
+  /** The part that one sees under a pointer; null if none. */
+  seen(event) {
+    return this.#veiled(event) ? null : this.touched(event);
+  }
+
+  /** Whether something that is no part is what one sees there. */
+  #veiled(event) {
+    if (this.veil === null) return false;
+    const away = this.touched(event)?.away ?? Infinity;
+    return this.veil(this.aim(event), away);
   }
 
   #owner(object, root) {

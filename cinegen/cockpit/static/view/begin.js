@@ -4,7 +4,8 @@
 const QUIET = 250; // ms without a command of the scene: it is there
 const LATEST = 5000;
 
-export function begin(view, session, still) {
+/** @param field the map that is shown beside a robot: it is waited for, too */
+export function begin(view, session, still, field) {
   const started = performance.now();
   let heard = -1;
   let since = 0;
@@ -13,7 +14,8 @@ export function begin(view, session, still) {
     const { num_messages_received: count } = view.viewer;
     if (count !== heard) [heard, since] = [count, now];
     const placed = view.root.scale.x !== 1 || now - started > LATEST; // the scene's scale comes after its objects
-    if (session.state === null || !placed || now - since < QUIET) return;
+    const late = now - started > LATEST;
+    if (session.state === null || !placed || !(field.ready || late) || now - since < QUIET) return;
     clearInterval(timer);
     if (!still) {
       // else the camera is the server's

@@ -18,6 +18,7 @@ export class View {
   #heard = 0;
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
+  also = null; // (box of the scene) => void: what else than robots fills the view
   background = new Set(); // names of what can't be moved: neither framed nor picked
 
   constructor(pane, { still = false } = {}) {
@@ -160,6 +161,7 @@ export class View {
         if (object.isMesh) box.expandByObject(object);
       });
     }
+    this.also?.(box);
     if (box.isEmpty()) return;
     const { camera, controls } = this;
     camera.updateWorldMatrix(true, false);

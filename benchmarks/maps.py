@@ -1,0 +1,134 @@
+"""How fast maps are made, from evaluation to file, and what it costs to share the work.
+
+    python benchmarks/maps.py [ROUNDS] [--quick]
+
+Each row is a ratio of two ways that take turns: the medians of all rounds stand beside each other.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import sysconfig
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from statistics import median
+
+import cinegen
+from cinegen.solve.sample import evaluate
+from cinegen.study.maps import GridAxis, Region, Survey, make_map
+from cinegen.study.maps.by_motors import to_and_fro
+from cinegen.study.maps.cluster import connected, each
+
+ROBOTS = Path(__file__).parent.parent / "robots"
+PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
+BATCH = 20_000  # configurations that `evaluate` gets at once
+GROWN = 100  # times: the larger map whose memory is looked at
+TASKS = 500  # that do nothing
+MEMORY = """
+import json, resource, sys
+import cinegen
+from cinegen.study.maps import GridAxis, Region, Survey, make_map
+robot, path, cells = sys.argv[1:]
+mechanism = cinegen.load(robot)
+axes = [GridAxis(name, -3.0, 3.0, count) for name, count in zip(mechanism.actuated, (int(cells), 100, 100))]
+make_map(Survey(mechanism, Region(tuple(axes)), ("sigma_1",)), path, workers=2, most=5000)
+both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+print(json.dumps([resource.getrusage(who).ru_maxrss / 1024 for who in both]))
+"""
+
+
+def over(mechanism: cinegen.Mechanism, names: Sequence[str], side: int, node: str = "") -> Survey:
+    """A map over motors, about home."""
+    home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in names}
+    axes = tuple(GridAxis(name, home[name] - 0.4, home[name] + 0.4, side) for name in names)
+    return Survey(mechanism, Region(axes), node=node, limits=False)
+
+
+def alone(survey: Survey) -> float:
+    """Evaluations a second of `cinegen.evaluate`, at the same configurations."""
+    region = survey.region
+    values = region.motors(survey.mechanism, tuple(slice(0, count) for count in region.shape))
+    values = values[to_and_fro(list(region.shape))]
+    begin = time.perf_counter()
+    for first in range(0, len(values), BATCH):
+        evaluate(survey.mechanism, survey.node, values[first : first + BATCH], *survey.counted)
+    return len(values) / (time.perf_counter() - begin)
+
+
+def whole(survey: Survey) -> float:
+    """Cells a second of a map made by this process, from the call to the open file."""
+    with tempfile.TemporaryDirectory() as folder:
+        begin = time.perf_counter()
+        make_map(survey, Path(folder) / "map.zarr", workers=1)
+        return survey.region.size / (time.perf_counter() - begin)
+
+
+def steady(survey: Survey, scheduler: str | None, skipped: int = 4) -> float:
+    """Cells a second of a map, once it is under way."""
+    with tempfile.TemporaryDirectory() as folder:
+        told: list[tuple[float, int]] = []
+        make_map(survey, Path(folder) / "map.zarr", workers=1, scheduler=scheduler,
+                 say=lambda done, _: told.append((time.perf_counter(), done)))  # fmt: skip
+        (first, before), (last, after) = told[skipped], told[-1]
+        return (after - before) / (last - first)
+
+
+def turns(rounds: int, *ways: Callable[[], float]) -> list[float]:
+    """Medians of ways that take turns."""
+    found = [[way() for way in ways] for _ in range(rounds)]
+    return [median(values) for values in zip(*found, strict=True)]
+
+
+def row(what: str, first: float, second: float, unit: str, mark: str = "") -> None:
+    print(f"{what:<62}{first:>10,.0f}{second:>10,.0f} {unit:<4}{second / first:>6.2f}  {mark}", flush=True)
+
+
+def memory(cells: int) -> tuple[float, float]:
+    """MB at most: of the process that calls, scheduler included, and of one that works."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-c", MEMORY, ROBOTS / "planar_3r.raff", Path(folder) / "map.zarr", str(cells)]
+        own, others = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        return own, others
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("rounds", nargs="?", type=int, default=5)
+    parser.add_argument("--quick", action="store_true", help="smaller maps")
+    arguments = parser.parse_args()
+    rounds, quick = arguments.rounds, arguments.quick
+    warnings.simplefilter("ignore")  # the panda's second finger
+    panda, delta = cinegen.load(Path(sysconfig.get_path("purelib")) / PANDA), cinegen.load(ROBOTS / "delta4.raff")
+    surveys = {
+        "panda": over(panda, panda.actuated[:6], 8 if quick else 10, "panda_hand"),
+        "delta4": over(delta, delta.actuated, 50 if quick else 70),
+    }
+    marks = {"panda": ">= 300,000 /s", "delta4": ">= 50,000 /s"}
+    print(f"{'':<62}{'first':>10}{'second':>10}{'ratio':>11}  mark")
+    with connected(None, 1) as one, connected(None, 2) as two:
+        addresses = [str(client.scheduler.address) for client in (one, two)]  # type: ignore[union-attr]
+        for name, survey in surveys.items():
+            whole(survey)
+            found = turns(rounds, lambda s=survey: alone(s), lambda s=survey: whole(s))
+            row(f"{name}: evaluate alone; a map, from the call to the file", *found, "/s", marks[name])
+            ways = [lambda s=survey, at=at: steady(s, at) for at in (None, *addresses)]
+            inside, shared, both = turns(rounds, *ways)
+            row(f"{name}: this process; one process by Dask", inside, shared, "/s", ">= 0.95")
+            row(f"{name}: one process by Dask; two", shared, both, "/s", ">= 1.8")
+        begin = time.perf_counter()
+        for _ in each(one, abs, range(TASKS)):
+            pass
+        print(f"a task that does nothing: {1e3 * (time.perf_counter() - begin) / TASKS:.2f} ms")
+    (small, small_work), (large, large_work) = memory(1), memory(GROWN)
+    row(f"memory of who calls; for a map {GROWN} times larger", small, large, "MB", "flat")
+    row(f"memory of who works; for a map {GROWN} times larger", small_work, large_work, "MB", "flat")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,148 @@
+// The map that is shown beside a robot: its cells, what is known of each, and which of them are to be seen.
+//
+// Events: cells (there are others), change (others of them are to be seen, or otherwise).
+
+import { memory } from "../base/dom.js";
+import { Events } from "../base/events.js";
+import { beside } from "../base/link.js";
+
+const GROWING = 2000; // ms until a map that is being made is looked at again
+const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn of it
+
+export class Field extends Events {
+  about = null; // what is said of the map; null without one
+  quantity = null; // name of what the colours show
+  shown = true;
+  cut = null; // { axis, index, layer }: cells beyond an index of an axis are left out, or all but those at it
+  share = 1; // of a cell's width
+  #numbers = new Map();
+  #seen = new Uint32Array(0);
+  #timer = null;
+
+  constructor(session) {
+    super();
+    this.expected = null; // whether there is a map; null until that is known
+    session.on("hello", ({ map = null }) => {
+      this.expected = map !== null;
+      clearTimeout(this.#timer);
+      if (this.expected) this.#load();
+    });
+  }
+
+  /** Whether nothing more is to be waited for before the first picture. */
+  get ready() {
+    return this.expected === false || this.about !== null;
+  }
+
+  /** An array of numbers of all cells. */
+  array(name) {
+    return this.#numbers.get(name) ?? null;
+  }
+
+  /** The values of a quantity. */
+  values(name = this.quantity) {
+    return this.array(`value ${name}`);
+  }
+
+  /** What is said of a quantity; null if none is shown. */
+  said(name = this.quantity) {
+    return this.about?.quantities.find((one) => one.name === name) ?? null;
+  }
+
+  /** Cells that are to be seen. */
+  get seen() {
+    return this.shown ? this.#seen : this.#seen.subarray(0, 0);
+  }
+
+  /** Chooses what is seen: { quantity, shown, cut, share }, or some of these. */
+  choose(wished) {
+    Object.assign(this, wished);
+    if ("share" in wished) memory.set(`map.share.${this.#kind}`, this.share);
+    this.#look();
+    this.tell("change");
+  }
+
+  get #kind() {
+    return this.about.surface ? "surface" : "cloud";
+  }
+
+  async #load() {
+    try {
+      const [about, block] = await this.#read();
+      const first = this.about === null;
+      this.#take(about, block);
+      if (first) this.#begin(about);
+      this.#look();
+      this.tell("cells");
+    } catch (error) {
+      console.warn("map:", error);
+    }
+    if (this.about === null || this.about.done < this.about.cells) {
+      this.#timer = setTimeout(() => this.#load(), GROWING);
+    }
+  }
+
+  async #read() {
+    const about = await (await got("map/about.json")).json();
+    if (this.about !== null && about.done === this.about.done) return [about, null];
+    return [about, await (await got("map/cells.bin")).arrayBuffer()];
+  }
+
+  #take(about, block) {
+    if (block !== null) {
+      const all = Object.entries(about.arrays);
+      const [, last] = all.at(-1);
+      if (block.byteLength !== last.at + 4 * last.count) throw new Error("the map has grown meanwhile"); // once more
+      this.#numbers = new Map(
+        all.map(([name, { at, count, whole }]) => [name, new (whole ? Uint32Array : Float32Array)(block, at, count)]),
+      );
+    }
+    this.about = about;
+  }
+
+  #begin({ quantity, axes }) {
+    this.quantity = quantity;
+    this.share = memory.get(`map.share.${this.#kind}`, SHARE[this.#kind]);
+    const turn = axes.findIndex(({ places, count }) => !places && count > 1);
+    if (turn >= 0 && axes.some(({ places }) => places)) {
+      this.cut = { axis: turn, index: axes[turn].count >> 1, layer: true }; // else all turns are in one place
+    } else if (axes.length > 2 && this.#surrounds()) {
+      this.cut = { axis: 0, index: (axes[0].count - 1) >> 1, layer: false };
+    }
+  }
+
+  /** Whether the cells are all around where the robot stands: then they would hide it. */
+  #surrounds() {
+    const points = this.array("points");
+    const sides = new Set();
+    for (let i = 0; i < points.length; i += 3) {
+      for (let k = 0; k < 3; k += 1) if (points[i + k] !== 0) sides.add(points[i + k] > 0 ? k : -1 - k);
+    }
+    return sides.size === 6;
+  }
+
+  #look() {
+    const indices = this.array("indices");
+    const count = this.about.shown;
+    const wide = this.about.axes.length;
+    const { cut } = this;
+    const seen = new Uint32Array(count);
+    let n = 0;
+    for (let i = 0; i < count; i += 1) {
+      if (cut !== null) {
+        const index = indices[wide * i + cut.axis];
+        if (cut.layer ? index !== cut.index : index > cut.index) continue;
+      }
+      seen[n] = i;
+      n += 1;
+    }
+    this.#seen = seen.subarray(0, n);
+  }
+}
+
+/** What the server has beside the page. */
+export async function got(name) {
+  const answer = await fetch(beside(name));
+  if (!answer.ok) throw new Error(`${name}: ${answer.status}`);
+  return answer;
+}

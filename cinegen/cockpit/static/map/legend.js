@@ -1,0 +1,68 @@
+// What the colours of a map mean: at the foot of the pane, so that pictures have it, too.
+//
+// For tests: #legend, with .name, .low, .high and .cell (what is known of the cell under the pointer).
+
+import { make, write } from "../base/dom.js";
+import { units } from "../base/units.js";
+import { GRADIENT } from "./colours.js";
+import { spelled, valueOf } from "./words.js";
+
+export class Legend {
+  #cell = null;
+
+  constructor({ view, field }) {
+    this.field = field;
+    this.name = make("div", { class: "name" });
+    this.bar = make("div", { class: "colours" });
+    this.bar.style.background = GRADIENT;
+    this.low = make("span", { class: "number low" });
+    this.high = make("span", { class: "number high" });
+    this.ends = make("div", { class: "ends" }, this.low, this.high);
+    this.cell = make("dl", { class: "cell" });
+    this.element = make(
+      "div",
+      { id: "legend", hidden: true, role: "img" },
+      this.name,
+      this.bar,
+      this.ends,
+      this.cell,
+    );
+    view.pane.append(this.element);
+    for (const event of ["cells", "change"]) field.on(event, () => this.#show());
+    units.on("change", () => {
+      if (field.about !== null) this.#show();
+    });
+  }
+
+  /** Tells of a cell, or of none: null. */
+  tell(cell) {
+    this.#cell = cell;
+    this.#tell();
+  }
+
+  #show() {
+    const { field } = this;
+    const said = field.said();
+    this.element.hidden = !field.shown;
+    this.bar.hidden = this.ends.hidden = said === null;
+    write(this.name, said === null ? "reached" : said.words);
+    if (said !== null) {
+      write(this.low, `${said.least < said.low ? "≤ " : ""}${spelled(said.low, said.unit)}`);
+      write(this.high, `${said.most > said.high ? "≥ " : ""}${spelled(said.high, said.unit)}`);
+      this.element.setAttribute("aria-label", `${said.words}: ${this.low.textContent} to ${this.high.textContent}`);
+    }
+    this.#tell();
+  }
+
+  #tell() {
+    const { field } = this;
+    const cell = this.#cell;
+    this.cell.hidden = cell === null;
+    if (cell === null) return;
+    const rows = [
+      ...field.about.axes.map((axis, k) => [axis.name, valueOf(axis, field.array("indices")[cell * field.about.axes.length + k])]),
+      ...field.about.quantities.map(({ name, unit }) => [name, spelled(field.values(name)[cell], unit)]),
+    ];
+    this.cell.replaceChildren(...rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
+  }
+}

@@ -1,0 +1,23 @@
+// Numbers of a map in words.
+
+import { units } from "../base/units.js";
+
+const DIGITS = 3;
+const SMALL = 1e-3;
+const LARGE = 1e5;
+
+/** A value with its unit; "1" is none. */
+export function spelled(value, unit) {
+  if (!Number.isFinite(value)) return value === Infinity ? "∞" : "–";
+  const size = Math.abs(value);
+  const text = size !== 0 && (size < SMALL || size >= LARGE) ? value.toExponential(1) : String(Number(value.toPrecision(DIGITS)));
+  return unit === "1" ? text : `${text} ${UNITS[unit] ?? unit}`;
+}
+
+/** Where a cell is along an axis, by its index among those that are shown. */
+export function valueOf({ unit, low, step }, index) {
+  const value = low + index * step;
+  return unit === "m" ? units.length(value) : units.angle(value);
+}
+
+const UNITS = { "m s-1": "m/s" };

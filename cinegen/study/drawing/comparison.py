@@ -1,0 +1,149 @@
+"""`draw_comparison`: two maps in one picture: what one reaches alone, what both reach, and how a quantity differs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.study.drawing.heading import printed, value
+from cinegen.study.drawing.modes import DrawingError
+from cinegen.study.drawing.panel import bar, legend, spans, title
+from cinegen.study.drawing.plane import Plane
+from cinegen.study.drawing.shades import OUT, differing, pretty
+from cinegen.study.drawing.stick import INK
+from cinegen.study.drawing.words import readable
+from cinegen.study.maps.compare import Comparison, Difference, compare
+from cinegen.study.maps.dataset import survey_of
+from cinegen.study.maps.errors import MapError
+from cinegen.study.maps.make import open_map
+from cinegen.study.maps.survey import Survey
+from raff2urdf.errors import did_you_mean
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+Bools = NDArray[np.bool_]
+
+FIRST, SECOND, BOTH = "#0072b2", "#e69f00", "#b7c3cf"
+"""What the first map reaches alone, the second alone (Okabe and Ito's blue and orange), and both."""
+
+_PALE = 0.6  # of these colours behind a curve
+_MORE = 0.8  # inches, of a title with more lines
+
+
+def draw_comparison(
+    first: xarray.Dataset | str | Path, second: xarray.Dataset | str | Path, quantity: str | None = None,
+    *, size: float = 12.0,
+) -> Figure:  # fmt: skip
+    """Two maps in one picture: what each reaches alone, and both; beside it how a quantity differs where both reach,
+    the second less the first. Of maps of more than two axes the middle slice of the first two.
+
+    Args:
+        first: a map, or its folder.
+        second: another one, over the same coordinates.
+        quantity: whose difference is shown; that of sigma_1, or the first that both have, unless given.
+        size: width, inches.
+
+    Raises:
+        DrawingError: there is no matplotlib.
+        MapError: these are no maps; or they can't be compared, see `compare`; or don't both tell that quantity.
+    """
+    if find_spec("matplotlib") is None:
+        raise DrawingError("pictures need matplotlib: install it with `pip install matplotlib`")
+    one, other = (open_map(of) if isinstance(of, str | Path) else of for of in (first, second))
+    found, survey = compare(one, other), survey_of(one)
+    name = _chosen(found, quantity)
+    if len(found.region.axes) == 1:
+        return _over_one(found, survey, name, size)
+    return _over_two(found, survey, name, size)
+
+
+def _chosen(found: Comparison, name: str | None) -> str | None:
+    known = tuple(found.differences)
+    if name is None:
+        return "sigma_1" if "sigma_1" in known else next(iter(known), None)
+    if name not in known:
+        raise MapError(f"both maps don't tell '{name}'{did_you_mean(name, known)}")
+    return name
+
+
+def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:
+    """Cells, their colour and their name."""
+    (one, other), names = found.cells, found.names
+    return [(~one & ~other, OUT, "neither"), (one & ~other, FIRST, f"{names[0]} alone"),
+            (other & ~one, SECOND, f"{names[1]} alone"), (one & other, BOTH, "both")]  # fmt: skip
+
+
+def _words(found: Comparison) -> str:
+    """How much is reached, in lines."""
+    said = [f"{label} {printed(extent)}" for label, extent in found.extents.items()]
+    return "\n".join("; ".join(part) for part in (said[:2], said[2:4], said[4:]))
+
+
+def _over_one(found: Comparison, survey: Survey, name: str | None, size: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    (axis,) = found.region.axes
+    scale, unit = readable(survey.mechanism, axis.name)
+    figure = Figure(figsize=(0.6 * size, 0.36 * size), layout="constrained", dpi=150)
+    axes = figure.add_subplot()
+    for cells, colour, label in _classes(found):
+        for first, last in spans(cells):
+            axes.axvspan(*(axis.borders[[first, last]] * scale), color=colour, alpha=_PALE, linewidth=0.0, label=label)
+    if name is not None:
+        difference = found.differences[name]
+        axes.plot(axis.middles() * scale, difference.values, color=INK, linewidth=1.6)
+        axes.axhline(0.0, color=INK, linewidth=0.5)
+        axes.set_ylabel(differing(difference.words, difference.unit, name, difference.values).words)
+    axes.set_xlabel(f"{axis.name} ({unit})")
+    axes.set_xlim(axis.low * scale, axis.high * scale)
+    title(axes, " and ".join(found.names), _words(found))
+    legend(figure)
+    return figure
+
+
+def _over_two(found: Comparison, survey: Survey, name: str | None, size: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    region, cut = found.region, found.region.axes[2:]
+    at = {axis.name: float(axis.middles()[axis.count // 2]) for axis in cut}
+    middle: Any = (slice(None), slice(None), *(axis.count // 2 for axis in cut))
+    here = replace(survey, region=replace(region, axes=region.axes[:2], at={**region.at, **at}))
+    plane, panels = Plane(here), 1 if name is None else 2
+    wide, tall = plane.paper(size / 2.0)
+    figure = Figure(figsize=(wide * panels, tall + _MORE), layout="constrained", dpi=150)
+    axes = figure.add_subplot(1, panels, 1, projection=plane.projection)
+    for cells, colour, label in _classes(found):
+        plane.fill(axes, cells[middle], colour, label)
+    plane.dress(axes)
+    slice_of = ", ".join(value(here, axis, number) for axis, number in at.items())
+    title(axes, " and ".join(found.names), _words(found) + (f" in all; at {slice_of}" if slice_of else ""))
+    if name is not None:
+        difference = found.differences[name]
+        values = difference.values[middle]
+        look = differing(difference.words, difference.unit, name, values)
+        beside = figure.add_subplot(1, panels, 2, projection=plane.projection, sharex=axes, sharey=axes)
+        plane.fill(beside, np.isnan(values), OUT)
+        mesh = plane.shade(beside, values, look)
+        plane.levels(beside, values, look)
+        plane.dress(beside)
+        title(
+            beside,
+            f"{pretty(name)}, where both reach",
+            f"{found.names[1]} less {found.names[0]}: {_spread(difference)}",
+        )
+        bar(figure, mesh, beside, look)
+    legend(figure)
+    return figure
+
+
+def _spread(difference: Difference) -> str:
+    least, median, most = (f"{number:+.3g}".replace("-", "−") for number in difference.spread)
+    unit = "" if difference.unit == "1" else f" {difference.unit}"
+    return f"{least} to {most}{unit}, median {median}{unit}"

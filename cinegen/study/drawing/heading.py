@@ -1,0 +1,49 @@
+"""What stands above a map's picture: which robot, what is held, how much is reached."""
+
+from __future__ import annotations
+
+import textwrap
+
+from cinegen.study.drawing.words import quiet, readable
+from cinegen.study.maps.extent import Extent
+from cinegen.study.maps.survey import Survey
+from cinegen.study.singular.slice import POSE
+
+_POWERS = {"^2": "²", "^3": "³", "^4": "⁴", "^5": "⁵", "^6": "⁶"}
+_TURNED = {0: "any orientation", 2: "direction of its z given", 3: "orientation given"}
+
+
+def heading(survey: Survey, name: str | None = None) -> str:
+    """Whose map of what it is."""
+    robot = name or survey.mechanism.name
+    return f"{robot}: over {', '.join(survey.region.names)}" if survey.of_motors else f"{robot}: reach of {survey.node}"
+
+
+def given(survey: Survey, words: str, width: int = 92) -> str:
+    """What is held, and more, in lines of at most so many letters."""
+    parts = [value(survey, name, number) for name, number in survey.region.at.items()]
+    if not survey.of_motors and not (survey.rotation == 3 and any(name in POSE[3:] for name in survey.region.at)):
+        parts.append(_TURNED[survey.rotation])
+    if not survey.limits:
+        parts.append("joint limits left out")
+    return textwrap.fill("; ".join([*parts, words]), width)
+
+
+def value(survey: Survey, name: str, si: float) -> str:
+    """Of a coordinate, in mm or degrees."""
+    scale, unit = readable(survey.mechanism, name)
+    number = f"{quiet(si * scale, 6):.4g}".replace("-", "−")
+    return f"{name} {number} mm" if unit == "mm" else f"{name} {number}°"
+
+
+def size_words(survey: Survey, extent: Extent) -> str:
+    """How much is reached."""
+    return f"{'possible' if survey.of_motors else 'reached'}: {printed(extent)}"
+
+
+def printed(extent: Extent) -> str:
+    """An extent and its error, in letters for paper."""
+    words = str(extent)
+    for typed, letter in _POWERS.items():
+        words = words.replace(typed, letter)
+    return words

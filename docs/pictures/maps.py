@@ -1,0 +1,49 @@
+"""Draws the pictures of docs/maps.md again: `python docs/pictures/maps.py [NAME ...]`. Takes 20 s."""
+
+import io
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from PIL import Image
+
+import cinegen
+from cinegen.study.drawing.map import draw_map
+from cinegen.study.maps import GridAxis, Region, Survey, make_map
+
+PICTURES = Path(__file__).resolve().parent
+ROBOTS = PICTURES.parent.parent / "robots"
+
+
+def map_of(name, axes, quantity, **more):
+    """A map of a robot, drawn."""
+    region = Region(tuple(GridAxis(*axis) for axis in axes), **more)
+    survey = Survey(cinegen.load(ROBOTS / f"{name}.raff"), region, ("sigma_1", "sigma_2", "condition"))
+    with TemporaryDirectory() as folder:
+        return draw_map(make_map(survey, Path(folder) / f"{name}.zarr", workers=1), quantity)
+
+
+FIGURES = {
+    "map_five_bar": lambda: map_of("five_bar", [("x", -0.42, 0.42, 80), ("y", 0.0, 0.72, 80)], "sigma_1"),
+    "map_five_bar_motors": lambda: map_of("five_bar", [("joint1", 1.1, 3.4, 80), ("joint3", -0.3, 2.0, 80)], "sigma_2"),
+    "map_gough": lambda: map_of(
+        "gough", [("x", -0.6, 0.6, 60), ("y", -0.6, 0.6, 60)], "condition", at={"rx": 0.0, "ry": 0.0, "rz": 0.0}
+    ),
+    "map_delta4": lambda: map_of(
+        "delta4", [("x", -2.7, 2.9, 36), ("y", -2.8, 2.8, 36), ("z", -5.4, -0.8, 36)], "sigma_1"
+    ),
+}
+
+
+def picture(name):
+    """Draws one."""
+    drawn = io.BytesIO()
+    FIGURES[name]().savefig(drawn, format="png", dpi=110)
+    with Image.open(drawn) as image:
+        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
+        few.save(PICTURES / f"{name}.png", optimize=True)
+
+
+if __name__ == "__main__":
+    for wanted in sys.argv[1:] or FIGURES:
+        picture(wanted)

@@ -1,0 +1,112 @@
+"""What the page is told of a map that is shown beside a robot."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from browsers import Browser, becomes, get
+
+from cinegen.cockpit import Cockpit, show_map
+from cinegen.session import ShownMap, on_map
+from cinegen.study.maps import GridAxis, Region, Survey, make_map
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+SLICE = Region((GridAxis("x", -0.4, 0.4, 8), GridAxis("y", 0.1, 0.5, 5)))
+
+
+@pytest.fixture(scope="module")
+def path(robot, tmp_path_factory):
+    where = tmp_path_factory.mktemp("maps") / "five_bar.zarr"
+    make_map(Survey(robot("five_bar"), SLICE, ("sigma_1", "solutions")), where, workers=1)
+    return where
+
+
+@pytest.fixture
+def cockpit(path):
+    with Cockpit(on_map(path, "solutions"), port=8800, own_process=False) as one:
+        yield one
+
+
+def arrays(about, block):
+    """All arrays of the cells by name, as the page reads them."""
+    return {
+        name: np.frombuffer(block, "<u4" if one["whole"] else "<f4", one["count"], one["at"])
+        for name, one in about["arrays"].items()
+    }
+
+
+def test_the_page_gets_all_cells_as_numbers(cockpit, path):
+    cloud = ShownMap(path).cloud()
+    about = json.loads(get(cockpit.url, "map/about.json")[1])
+    status, block = get(cockpit.url, "map/cells.bin")
+    assert status == 200
+    found = arrays(about, block)
+    assert len(block) == sum(4 * one.size for one in found.values())
+    assert (about["robot"], about["node"], about["quantity"], about["surface"]) == (
+        "linkage",
+        "tool",
+        "solutions",
+        True,
+    )
+    assert (about["done"], about["cells"], about["shown"]) == (40, 40, len(cloud.numbers))
+    assert found["numbers"].tolist() == cloud.numbers.tolist()
+    assert found["indices"].reshape(-1, 2).tolist() == cloud.indices.tolist()
+    assert found["points"].reshape(-1, 3) == pytest.approx(cloud.points, abs=1e-6)
+    assert found["edges"].reshape(-1, 2, 3) == pytest.approx(
+        np.broadcast_to([[0.1, 0.0, 0.0], [0.0, 0.08, 0.0]], (len(cloud.points), 2, 3)), abs=1e-6
+    )
+    assert found["value sigma_1"].tolist() == cloud.values["sigma_1"].tolist()
+    assert [one["unit"] for one in about["quantities"]] == ["1", "1"]
+
+
+def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):
+    shown = ShownMap(path)
+    number = int(shown.cloud().numbers[7])
+    to = json.loads(get(cockpit.url, f"map/cell/{number}")[1])
+    assert to["q"] == shown.configuration(number).tolist()  # to the last bit
+    browser = Browser(cockpit.url)
+    assert becomes(lambda: browser.state is not None)
+    assert browser.told[0]["map"] == "linkage"
+    browser.say(visit=to)
+    assert becomes(lambda: cockpit.state.robots["linkage"].q.tolist() == to["q"])
+    assert cockpit.state.robots["linkage"].closure < 1e-9
+    browser.leave()
+
+
+@pytest.mark.parametrize("wrong", ["map/cell/40", "map/cell/999999999999999999", "map/cell/-1", "map/cell/x", "map/"])
+def test_what_is_not_there_is_not_found(cockpit, wrong):
+    assert get(cockpit.url, wrong)[0] == 404
+
+
+def test_without_a_map_there_is_nothing_to_be_told(robot):
+    from cinegen.session import Setup
+
+    with Cockpit(Setup({"delta4": robot("delta4")}), port=8800, own_process=False) as one:
+        assert {get(one.url, f"map/{name}")[0] for name in ("about.json", "cells.bin", "cell/0")} == {404}
+        browser = Browser(one.url)
+        assert becomes(lambda: browser.told)
+        assert browser.told[0]["map"] is None
+        browser.leave()
+
+
+def test_a_map_is_kept_from_who_has_no_token(path):
+    with Cockpit(on_map(path), port=8800, own_process=False, host="0.0.0.0", token="secret") as one:
+        address = f"http://127.0.0.1:{one.server.port}/"
+        for name in ("about.json", "cells.bin", "cell/7"):
+            assert get(address, f"map/{name}")[0] == 403
+        assert get(f"{address}?token=secret", "map/about.json")[0] == 200
+
+
+def test_a_map_that_is_taken_away_meanwhile_ends_nothing(robot, tmp_path):
+    where = tmp_path / "a.zarr"
+    make_map(Survey(robot("five_bar"), SLICE, ()), where, workers=1)
+    shown = show_map(where, port=8800)
+    number = int(ShownMap(where).cloud().numbers[0])
+    where.rename(tmp_path / "b.zarr")
+    assert get(shown.url, f"map/cell/{number}")[0] == 404
+    assert get(shown.url, "map/about.json")[0] == 200  # it was whole
+    assert shown.q["linkage"] == pytest.approx(robot("five_bar").q_home)
+    shown.close()

@@ -1,0 +1,163 @@
+"""Cells of maps, as they are shown beside a robot."""
+
+from __future__ import annotations
+
+import shutil
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.session import Session, SetupError, ShownMap, on_map
+from cinegen.study.maps import GridAxis, MapError, Region, Survey, make_map
+
+BOX = GridAxis("x", -1.3, 1.3, 8), GridAxis("y", -1.2, 1.2, 7), GridAxis("z", -2.7, -1.2, 6)
+
+
+@pytest.fixture(scope="module")
+def made(robot, tmp_path_factory):
+    """`made(robot, region, *quantities)`: a map on disk, and what xarray says is in it."""
+    folder, known = tmp_path_factory.mktemp("maps"), {}
+
+    def make(name, region, *quantities):
+        key = name, repr(region), quantities
+        if key not in known:
+            path = folder / f"{len(known)}.zarr"
+            known[key] = path, make_map(Survey(robot(name), region, quantities), path, workers=1)
+        return known[key]
+
+    return make
+
+
+def where(mechanism, dataset, numbers):
+    """(n, 3) the end in the configurations of cells, by Pinocchio."""
+    q = dataset["configuration"].values.reshape(-1, mechanism.model.nq)[numbers]
+    return np.array([mechanism.placement(one, mechanism.end).translation for one in q])
+
+
+def test_all_reached_cells_are_shown_where_the_robot_is_in_them(made, robot):
+    path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
+    shown = ShownMap(path)
+    cloud = shown.cloud()
+    assert cloud.numbers.tolist() == np.flatnonzero(dataset["reachable"].values).tolist()
+    assert 0 < len(cloud.numbers) < cloud.cells == cloud.done == 8 * 7 * 6
+    assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
+    assert cloud.edges is None
+    assert cloud.size == pytest.approx(0.25)  # to the next cell, along z
+    for axis, index in zip(cloud.axes, cloud.indices.T, strict=True):
+        assert axis.low + axis.step * index == pytest.approx(cloud.points[:, "xyz".index(axis.name)])
+    for quantity in cloud.quantities:
+        values = dataset[quantity.name].values.ravel()[cloud.numbers]
+        assert cloud.values[quantity.name].tolist() == values.tolist()
+        assert quantity.least == values.min() <= quantity.low < quantity.high <= values.max() == quantity.most
+        assert quantity.words == dataset[quantity.name].attrs["long_name"]
+    some = int(cloud.numbers[len(cloud.numbers) // 2])
+    assert shown.configuration(some).tolist() == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
+    missed = int(np.flatnonzero(~dataset["reachable"].values)[0])
+    assert shown.configuration(missed) is None
+    assert shown.configuration(cloud.cells) is None
+
+
+@pytest.mark.parametrize("most", [150, 60, 3])
+def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot, most):
+    path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
+    cloud = ShownMap(path, most).cloud()
+    assert 0 < len(cloud.numbers) <= most
+    assert max(axis.every for axis in cloud.axes) > 1
+    assert dataset["reachable"].values.ravel()[cloud.numbers].all()
+    assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
+    assert cloud.values["margin"].tolist() == dataset["margin"].values.ravel()[cloud.numbers].tolist()
+    for axis, index in zip(cloud.axes, cloud.indices.T, strict=True):
+        assert index.max() < axis.count
+        assert axis.low + axis.step * index == pytest.approx(cloud.points[:, "xyz".index(axis.name)])
+
+
+def test_a_map_that_is_being_made_is_shown_as_far_as_it_is(robot, tmp_path):
+    path = tmp_path / "growing.zarr"
+    make_map(Survey(robot("delta4"), Region(BOX), ("sigma_1",)), path, workers=1, most=60)
+    taken = [chunk for name in ("settled", "reachable", "configuration", "sigma_1")
+             for chunk in (path / name / "c" / "0").iterdir()]  # fmt: skip
+    kept = {chunk: tmp_path / f"kept {k}" for k, chunk in enumerate(taken)}
+    for chunk, there in kept.items():
+        chunk.rename(there)
+    shown = ShownMap(path)
+    before = shown.cloud()
+    assert 0 < before.done < before.cells
+    assert shown.cloud() is before  # nothing is read again
+    assert before.points[:, 0].min() > -1.3 + 0.3
+    for chunk, there in kept.items():
+        there.rename(chunk)
+    after = shown.cloud()
+    assert after.done == after.cells
+    assert set(before.numbers.tolist()) < set(after.numbers.tolist())
+
+
+def test_cells_of_a_sphere_are_tiles_with_its_closed_form(made):
+    """The chord of an angle a on a circle of radius r is 2 r sin(a / 2)."""
+    region = Region((GridAxis("azimuth", -1.0, 1.0, 5), GridAxis("elevation", -1.5, -1.0, 3)), {"radius": 2.0})
+    cloud = ShownMap(made("delta4", region)[0]).cloud()
+    assert np.linalg.norm(cloud.points, axis=1) == pytest.approx(2.0)
+    elevation = np.arcsin(cloud.points[:, 2] / 2.0)
+    around, up = np.linalg.norm(cloud.edges, axis=2).T
+    assert around == pytest.approx(2.0 * 2.0 * np.cos(elevation) * np.sin(0.2))
+    assert up == pytest.approx(2.0 * 2.0 * np.sin(0.5 / 6.0))
+    assert np.einsum("nx,nx->n", cloud.edges[:, 0], cloud.edges[:, 1]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_cells_of_motors_are_where_these_lead_the_end(made, robot):
+    path, dataset = made("delta4", Region((GridAxis("joint1", -0.6, 0.6, 4), GridAxis("joint6", -0.6, 0.6, 3))))
+    cloud = ShownMap(path).cloud()
+    assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
+    assert all(axis.unit == "rad" and axis.places for axis in cloud.axes)
+    assert cloud.quantities == ()
+
+
+def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
+    gough = robot("gough")
+    path, dataset = made("gough", Region((GridAxis("rx", -0.3, 0.3, 4), GridAxis("ry", -0.3, 0.3, 3))))
+    cloud = ShownMap(path).cloud()
+    home = gough.placement(gough.q_home, gough.end).translation
+    for point, number in zip(cloud.points, cloud.numbers, strict=True):
+        q = dataset["configuration"].values.reshape(-1, gough.model.nq)[number]
+        assert (point - home) / np.linalg.norm(point - home) == pytest.approx(
+            gough.placement(q, gough.end).rotation[:, 2]
+        )
+    assert not any(axis.places for axis in cloud.axes)
+
+
+@pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+def test_beside_the_map_stands_its_robot(made, robot):
+    path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
+    setup = on_map(path, "margin", robot("delta4"))
+    assert setup.map.path == str(path)
+    assert (setup.map.robot, setup.map.node, setup.map.quantity) == ("r1", "platform", "margin")
+    assert setup.robots == {"r1": robot("delta4")}
+    session = Session(on_map(path))
+    session.tick()
+    assert session.robots["r1"].q == pytest.approx(robot("delta4").q_home)
+    session.close()
+
+
+def test_what_makes_no_sense_is_refused(made, robot, tmp_path):
+    path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
+    with pytest.raises(SetupError, match=r"no quantity 'sigma_2'.*it has sigma_1, margin"):
+        on_map(path, "sigma_2")
+    with pytest.raises(SetupError, match="of another robot"):
+        on_map(path, None, robot("gough"))
+    with pytest.raises(MapError):
+        on_map(tmp_path / "nothing.zarr")
+    shutil.copytree(path, tmp_path / "file.zarr")
+    (tmp_path / "file.zarr" / "zarr.json").write_text("no map")
+    with pytest.raises(MapError):
+        ShownMap(tmp_path / "file.zarr")
+
+
+def test_a_map_in_a_scene_has_its_obstacles_beside_it(robot, tmp_path):
+    pole = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
+    scene = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [pole]}
+    region = Region((GridAxis("x", 0.2, 0.4, 2), GridAxis("y", 0.2, 0.4, 2)))
+    make_map(Survey(robot("arm7"), region, ("clearance",), scene=scene), tmp_path / "a.zarr", workers=1)
+    setup = on_map(tmp_path / "a.zarr")
+    assert set(setup.robots) == {setup.map.robot, "pole"}
+    assert setup.surroundings.robot == setup.map.robot
+    assert setup.stand("pole").placement.isApprox(pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.5])))

@@ -1,0 +1,140 @@
+"""Inverse kinematics of some robots in closed form, written down from their RAFF files: in m, limits in degrees.
+
+Each function counts solutions cell by cell, within joint limits or without; those that differ only in how a universal
+joint lies count once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy import cos, pi, radians, sin
+
+
+def within(angle, low, high):
+    """Whether an angle, or one whole turns away, is between two others, degrees."""
+    return (angle - radians(low)) % (2.0 * pi) <= radians(high - low)
+
+
+def two_bars(x, y, first, second, elbow):
+    """Angles of a 2R arm, and whether it reaches."""
+    c = (x * x + y * y - first**2 - second**2) / (2.0 * first * second)
+    two = elbow * np.arccos(np.clip(c, -1.0, 1.0))
+    return np.arctan2(y, x) - np.arctan2(second * sin(two), first + second * cos(two)), two, np.abs(c) <= 1.0
+
+
+def five_bar(x, y, limits=True):
+    """Motors 300 apart, inner bars 250, outer bars 400."""
+    count = np.zeros(np.shape(x), dtype=int)
+    for left in (1, -1):
+        for right in (1, -1):
+            one, two, reaches = two_bars(x + 0.15, y, 0.25, 0.4, left)
+            three, four, too = two_bars(x - 0.15, y, 0.25, 0.4, right)
+            ok = reaches & too
+            if limits:
+                ok &= within(one, 60, 200) & within(two, -170, -5) & within(three, -20, 120) & within(four, 5, 170)
+                ok &= within(one + two - three - four, -175, -5)
+            count += ok
+    return count
+
+
+def planar_3r(x, y, turned, limits=True):
+    """Links of 400, 300 and 200, the last one at a given angle."""
+    count = np.zeros(np.shape(x), dtype=int)
+    for elbow in (1, -1):
+        one, two, ok = two_bars(x - 0.2 * cos(turned), y - 0.2 * sin(turned), 0.4, 0.3, elbow)
+        if limits:
+            ok = ok & within(one, -170, 170) & within(two, -160, 160) & within(turned - one - two, -160, 160)
+        count += ok
+    return count
+
+
+def delta4(x, y, z, limits=True):
+    """Base 1500, upper arms 2000, forearms 3500, platform 506.54: a product over the three arms."""
+    count = np.ones(np.shape(x), dtype=int)
+    for degrees in (0.0, 120.0, 240.0):
+        c, s = cos(radians(degrees)), sin(radians(degrees))
+        outward, aside = c * x + s * y + 0.50654 - 1.5, -s * x + c * y  # the wrist, seen from the shoulder
+        flat = 3.5**2 - aside**2  # of the forearm, squared, in the upper arm's plane
+        of_arm = np.zeros(np.shape(x), dtype=int)
+        for elbow in (1, -1):
+            shoulder, knee, ok = two_bars(outward, z, 2.0, np.sqrt(np.maximum(flat, 1e-12)), elbow)
+            ok = ok & (flat >= 0.0)
+            if limits:
+                swing = np.arcsin(np.clip(aside / 3.5, -1.0, 1.0))
+                ok &= within(shoulder, -85, 80) & within(knee, 185, 355) & within(swing, -60, 60)
+                ok &= within(pi - shoulder - knee, -120, 40)
+            of_arm += ok
+        count *= of_arm
+    return count
+
+
+BASES = ((15.0, 820.0, 0.0), (95.0, 870.0, 35.0), (128.0, 790.0, -20.0), (218.0, 850.0, 50.0), (250.0, 800.0, 10.0),
+         (340.0, 880.0, -30.0))  # fmt: skip
+PLATFORM = ((40.0, 420.0, -15.0), (70.0, 450.0, 20.0), (160.0, 400.0, -25.0), (185.0, 460.0, 10.0),
+            (280.0, 430.0, -10.0), (315.0, 410.0, 30.0))  # fmt: skip
+
+
+def cylindrical(degrees, radius, height):
+    """A point, m, of an angle in degrees and lengths in mm."""
+    return np.array([radius * cos(radians(degrees)), radius * sin(radians(degrees)), height]) / 1000.0
+
+
+def about_z(angle):
+    c, s = cos(angle), sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def about_x(degrees):
+    c, s = cos(radians(degrees)), sin(radians(degrees))
+    return np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
+
+
+def gough(points, rotation, passive=True):
+    """(n,) whether the legs have lengths from 700 to 1300; and, if passive joints count, their universal joints and the
+    ball of leg 1 angles within limits."""
+    ok = np.ones(len(points), dtype=bool)
+    for base, own in zip(BASES, PLATFORM, strict=True):
+        legs = points + rotation @ cylindrical(*own) - cylindrical(*base)
+        lengths = np.linalg.norm(legs, axis=1)
+        ok &= (lengths >= 0.7) & (lengths <= 1.3)
+        if passive:
+            frame = about_z(radians(base[0])) @ about_x(90.0)
+            along = legs @ frame / lengths[:, None]
+            one, two = np.arctan2(along[:, 1], along[:, 0]), np.arccos(-along[:, 2])
+            ok &= within(one, 20, 170) & within(two, 20, 170)
+            if base is BASES[0]:
+                ok &= [_ball(frame, rotation, *angles) for angles in zip(one, two, strict=True)]
+    return ok
+
+
+def _ball(frame, rotation, one, two):
+    """Whether the three angles of leg 1's ball joint are within limits, in one of two ways."""
+    jack = frame @ about_z(one) @ about_x(90.0) @ about_z(two) @ about_x(90.0)
+    carried = rotation @ about_z(radians(140.0)).T  # link 6 with the platform's frame at 140 degrees on it
+    m = about_x(60.0).T @ jack.T @ carried
+    five = np.arccos(np.clip(-m[2, 2], -1.0, 1.0))  # and -five, which its limits leave out
+    return bool(
+        within(np.arctan2(m[1, 2], m[0, 2]), 10, 170)
+        & within(five, 20, 160)
+        & within(np.arctan2(-m[2, 1], m[2, 0]), -90, 120)
+    )
+
+
+def rx90(points, rotations, limits=True, order=True):
+    """(n,) solutions of an arm of 450 and 450 whose wrist's axes meet where the tool is; or, where it only matters how
+    the tool's z lies (`order` false), whether there is one: the wrist bends so far, about any direction."""
+    count = np.zeros(len(points), dtype=int)
+    x, y, z = points.T
+    for front in (1, -1):
+        one = np.arctan2(front * y, front * x)
+        for elbow in (1, -1):
+            two, bent, ok = two_bars(front * np.hypot(x, y), z, 0.45, 0.45, elbow)
+            up = two + bent
+            forearm = np.column_stack([cos(one) * cos(up), sin(one) * cos(up), sin(up)])
+            five = np.degrees(np.arccos(np.clip((forearm * rotations[:, :, 2]).sum(axis=1), -1.0, 1.0)))
+            if limits:
+                ok = ok & within(one, -160, 160) & within(two, -47.5, 227.5) & within(bent - pi / 2, -232.5, 52.5)
+                count += ok * ((five <= 105.0).astype(int) + (five <= 120.0))
+            else:
+                count += 2 * ok
+    return count if order else (count > 0).astype(int)

@@ -1,0 +1,261 @@
+"""What maps tell of cells: against the study of single configurations, numpy, linear programmes and closed forms."""
+
+import itertools
+import math
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from closed_forms import rx90
+from mapped import mapped, middles, over
+from scipy.optimize import linprog
+
+import cinegen
+from cinegen.study import singularity
+from cinegen.study.maps import QUANTITIES, Survey
+from cinegen.study.maps.by_pose import sphere
+
+SURVEYS = {
+    "five_bar": over(("x", -0.5, 0.5, 6), ("y", -0.5, 0.5, 6)),
+    "delta4": over(("x", -1.5, 1.4, 4), ("y", -1.5, 1.3, 4), ("z", -3.0, -1.0, 3)),
+    "gough": over(("x", -0.3, 0.3, 5), ("rz", -0.3, 0.3, 5)),
+    "rx90": over(("x", 0.2, 0.7, 4), ("z", -0.5, 0.6, 4), orientation="fixed"),
+    "planar_3r": over(("x", -0.8, 0.8, 6), ("y", -0.8, 0.8, 6)),
+    "arm7": over(("x", -0.8, 0.8, 5), ("z", -0.4, 1.1, 5)),
+    "hybrid": over(("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 4)),
+    "tssm": over(("x", -0.01, 0.01, 4), ("y", -0.01, 0.01, 4)),
+    "sr400": over(("x", 0.4, 1.4, 4), ("z", 0.0, 1.4, 4)),
+}
+
+
+def cells(survey):
+    """Each cell that is reached: its configuration, and by quantity its value."""
+    found = mapped(survey)
+    reached = found["reachable"]
+    assert reached.sum() > 3
+    rows = zip(*(found[name][reached] for name in survey.quantities), strict=True)
+    values = [dict(zip(survey.quantities, row, strict=True)) for row in rows]
+    return list(zip(found["configuration"][reached], values, strict=True))
+
+
+def by_motors(survey, q):
+    """(6, motors) how motors move the node, in its own axes: the loops solved by least squares."""
+    mechanism = survey.mechanism
+    loops = mechanism.system.evaluate(q)[1] if mechanism.loops else np.zeros((0, mechanism.model.nv))
+    motors = [mechanism.v_index(name) for name in mechanism.actuated]
+    moved = np.zeros((mechanism.model.nv, len(motors)))
+    for k, motor in enumerate(motors):
+        rows = np.zeros((len(motors), mechanism.model.nv))
+        rows[range(len(motors)), motors] = 1.0
+        wanted = np.zeros(len(loops) + len(motors))
+        wanted[len(loops) + k] = 1.0 / mechanism.scale[motor]
+        moved[:, k] = mechanism.scale * np.linalg.lstsq(np.vstack([loops, rows]), wanted, rcond=1e-10)[0]
+    return mechanism.jacobian(q, survey.node) @ moved
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot, name):
+    mechanism = robot(name)
+    region = SURVEYS[name]
+    survey = Survey(mechanism, region, ("sigma_1", "sigma_2"))
+    assert ("sigma_2" in survey.quantities) == bool(mechanism.passive_rank)
+    for q, values in cells(survey):
+        studied = singularity(mechanism, q)
+        if survey.counted == (3, 3) or survey._rank(6) == survey._rank(3):
+            assert values["sigma_1"] == pytest.approx(studied.sigma[0], rel=1e-5, abs=1e-7)
+        if mechanism.passive_rank:
+            assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_condition_and_manipulability_are_numpy_s(robot, name):
+    survey = Survey(robot(name), SURVEYS[name], ("sigma_1", "condition", "manipulability"))
+    straight, turn = survey.counted
+    length = survey.mechanism.length
+    scale = survey.mechanism.scale[[survey.mechanism.v_index(n) for n in survey.mechanism.actuated]]
+    for q, values in cells(survey):
+        matrix = (np.repeat([1.0 / length, 1.0], 3)[:, None] * by_motors(survey, q) * scale)[: straight + turn]
+        sigma = np.linalg.svd(matrix, compute_uv=False)[: survey.rank]
+        assert values["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-4)
+        assert values["manipulability"] == pytest.approx(np.prod(sigma), rel=1e-4, abs=1e-9)
+        if not survey.mechanism.loops:
+            assert values["sigma_1"] == pytest.approx(sigma[-1], rel=1e-4, abs=1e-7)
+
+
+TWO_BARS = """
+robot arm {
+  base { }
+  link 1 { parameters { theta 30.0 } type 2 pred 0 velocity 90.0 }
+  link 2 { parameters { theta 40.0 d 500.0 } type 2 pred 1 velocity 180.0 }
+  frame 20 { name "tool" parameters { d 300.0 } pred 2 }
+  constraint { frame 20 sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/null" translation 3 rotation 3 }
+"""
+
+
+def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_them(raff):
+    """|l1 l2 sin q2|; and speeds by the inverse of the Jacobian, written down."""
+    arm = raff(TWO_BARS)
+    region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
+    survey = Survey(arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0))
+    speeds = np.radians([90.0, 180.0])
+    for q, values in cells(survey):
+        one, both = q[0], q[0] + q[1]
+        j = np.array([[-0.5 * math.sin(one) - 0.3 * math.sin(both), -0.3 * math.sin(both)],
+                      [0.5 * math.cos(one) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
+        assert values["manipulability"] == pytest.approx(abs(0.15 * math.sin(q[1])) / arm.length**2, rel=1e-5)
+        assert values["sigma_1"] == pytest.approx(np.linalg.svd(j / arm.length)[1][-1], rel=1e-5)
+        each = np.abs(np.linalg.solve(j, [0.6, 0.8]))
+        assert values["velocity"] == pytest.approx((speeds / each).min(), rel=1e-5)
+        assert values["force"] == pytest.approx(1.0 / np.abs(j.T @ [0.6, 0.8]).max(), rel=1e-5)
+        assert values["margin"] == 1.0  # no limits
+
+
+def test_five_bar_is_singular_where_a_leg_is_stretched_and_where_its_outer_bars_are_in_line(robot):
+    """Both kinds of loci: the smallest singular values are as small as the sines that vanish there."""
+    region = over(("x", -0.83, 0.81, 60), ("y", -0.83, 0.82, 60))
+    found = mapped(Survey(robot("five_bar"), region, ("sigma_1", "sigma_2"), limits=False))
+    reached = found["reachable"]
+    q = found["configuration"][reached]
+    first = np.minimum(np.abs(np.sin(q[:, 1])), np.abs(np.sin(q[:, 3])))
+    second = np.abs(np.sin(q[:, 0] + q[:, 1] - q[:, 2] - q[:, 3]))
+    for sigma, sine in ((found["sigma_1"][reached], first), (found["sigma_2"][reached], second)):
+        assert sine.min() < 0.05  # cells come near
+        ratio = sigma / sine
+        assert ratio.min() > 0.02
+        assert ratio.max() < 2.0
+
+
+# --- capability ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [name for name in SURVEYS if name != "sr400"])
+def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
+    along = (0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0)
+    mechanism = robot(name)
+    survey = Survey(mechanism, SURVEYS[name], ("velocity", "force"), along=along)
+    columns = [mechanism.v_index(n) for n in mechanism.actuated]
+    given = mechanism.model.upperVelocityLimit[columns]
+    limits = np.where(np.isfinite(given) & (given > 0.0), given, 1.0)
+    rows = sum(survey.counted)
+    for q, values in cells(survey):
+        jacobian = by_motors(survey, q)
+        own = mechanism.placement(q, survey.node).rotation.T @ along
+        wanted = np.r_[own, np.zeros(rows - 3)]
+        best = linprog(
+            np.r_[np.zeros(len(limits)), -1.0], A_eq=np.c_[jacobian[:rows], -wanted], b_eq=np.zeros(rows),
+            bounds=[*((-limit, limit) for limit in limits), (0.0, None)],
+        )  # fmt: skip
+        assert values["velocity"] == pytest.approx(-best.fun, rel=1e-4, abs=1e-7)
+        assert values["force"] == pytest.approx(1.0 / np.abs(jacobian[:3].T @ own).max(), rel=1e-4)
+
+
+def test_no_motors_at_random_are_faster_and_some_come_near(robot):
+    """Of the redundant arm: among speeds at the corners of what limits allow, none has more along the direction."""
+    survey = Survey(robot("planar_3r"), SURVEYS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
+    limits = robot("planar_3r").model.upperVelocityLimit
+    for q, values in cells(survey):
+        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(survey, q)[:3])[:2]
+        fastest = 0.0
+        for k, rest in itertools.product(range(3), itertools.product((-1.0, 1.0), repeat=2)):
+            speeds = np.insert(np.array(rest), k, 0.0) * limits  # two at their limits, the third makes vy vanish
+            if abs(jacobian[1, k]) > 1e-12:
+                speeds[k] = -(jacobian[1] @ speeds) / jacobian[1, k]
+                if abs(speeds[k]) <= limits[k]:
+                    fastest = max(fastest, jacobian[0] @ speeds)
+        assert values["velocity"] == pytest.approx(fastest, rel=1e-5)
+
+
+def test_an_arm_that_is_stretched_can_t_move_outward(robot):
+    region = over(("joint2", -1e-12, 1e-12, 1), at={"joint1": 0.0, "joint3": 0.0})
+    stretched = Survey(robot("planar_3r"), region, ("velocity", "condition", "force"), along=(1.0, 0.0, 0.0))
+    values = {name: v.item() for name, v in mapped(stretched).items() if v.size == 1}
+    assert values["velocity"] == pytest.approx(0.0, abs=1e-9)
+    assert values["force"] > 1e9  # the structure bears it alone
+    assert values["condition"] > 1e9
+
+
+# --- limits, directions, obstacles -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_margin_is_the_least_of_all_joints(robot, name):
+    mechanism = robot(name)
+    for q, values in cells(Survey(mechanism, SURVEYS[name], ("margin",))):
+        margins = []
+        for joint in mechanism.joints:
+            low, high = (getattr(mechanism.model, f"{end}PositionLimit")[mechanism.q_index(joint)]
+                         for end in ("lower", "upper"))  # fmt: skip
+            if math.isfinite(high - low):
+                margins.append(1.0 - abs(q[mechanism.q_index(joint)] - 0.5 * (low + high)) / (0.5 * (high - low)))
+        assert values["margin"] == pytest.approx(min(margins), abs=1e-6)
+        assert -1e-6 <= values["margin"] <= 1.0
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
+    """The directions of a wrist that bends by 120 degrees are caps about its forearm, one for each way of the arm."""
+    region = over(("x", 0.1, 0.8, 4), at={"y": 0.1, "z": -0.3})
+    survey = Survey(robot("rx90"), region, ("solid_angle",), limits=limits, directions=80)
+    angles = mapped(survey)["solid_angle"]
+    if not limits:
+        np.testing.assert_allclose(angles, 4.0 * math.pi, rtol=1e-6)
+    turns = np.array([pin.Quaternion.FromTwoVectors(np.eye(3)[2], d).matrix() for d in sphere(80)])
+    for x, angle in zip(*middles(region), angles, strict=True):
+        points = np.tile([x, 0.1, -0.3], (80, 1))
+        wanted = rx90(points, turns, limits, order=False).mean() * 4.0 * math.pi
+        assert angle == pytest.approx(wanted, abs=1.01 * 4.0 * math.pi / 80)
+
+
+def test_directions_are_even_and_of_unit_length():
+    directions = sphere(500)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=5e-3)
+    np.testing.assert_allclose(3.0 * directions.T @ directions / 500, np.eye(3), atol=2e-2)
+
+
+def test_clearance_is_what_coal_measures_between_shapes(robot):
+    ball, size = np.array([0.3, 0.3, 0.4]), 0.15
+    scene = {
+        "goal": {"point": [0.4, 0.4, 0.4]},
+        "obstacle": [{"kind": "sphere", "radius": size, "point": ball.tolist()}],
+    }
+    mechanism = robot("arm7")
+    survey = Survey(mechanism, SURVEYS["arm7"], ("clearance",), scene=scene)
+    from cinegen.avoid.around import links_of
+
+    bodies, links = links_of(mechanism)
+    for q, values in cells(survey):
+        pin.forwardKinematics(mechanism.model, data := mechanism.model.createData(), q)
+        places = [data.oMi[body.joint] * body.placement for body in bodies]
+        obstacle = coal.Sphere(size), pin.SE3(np.eye(3), ball)
+        pairs = [((body.shape, at), obstacle) for body, at in zip(bodies, places, strict=True)]
+        pairs += [((bodies[a].shape, places[a]), (bodies[b].shape, places[b])) for a, b in links]
+        least = min(
+            coal.distance(
+                one[0], coal.Transform3s(one[1].rotation, one[1].translation),
+                two[0], coal.Transform3s(two[1].rotation, two[1].translation),
+                coal.DistanceRequest(), coal.DistanceResult(),
+            )
+            for one, two in pairs
+        )  # fmt: skip
+        assert values["clearance"] == pytest.approx(least, abs=1e-5)
+
+
+def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
+    region = over(("x", -0.5, 0.5, 5), ("y", -0.5, 0.5, 5))
+    names = [name for name in QUANTITIES if name not in ("clearance", "solid_angle")]
+    together = mapped(Survey(robot("five_bar"), region, tuple(names)))
+    for name in names:
+        np.testing.assert_array_equal(mapped(Survey(robot("five_bar"), region, (name,)))[name], together[name])
+
+
+def test_a_mechanism_of_another_process_says_the_same(robot):
+    survey = Survey(robot("five_bar"), SURVEYS["five_bar"], ("sigma_1", "velocity"))
+    again = Survey.of_document(survey.document())
+    assert isinstance(again.mechanism, cinegen.Mechanism)
+    one, two = mapped(survey), mapped(again)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, two[name])

@@ -1,0 +1,169 @@
+"""The commands `cinegen map` and `cinegen compare`: maps made, gone on with, told, drawn, varied, and refused."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sys
+
+import pytest
+
+from cinegen.cli import main
+from cinegen.cli.grid import quantity, region
+from cinegen.study.maps import open_map
+
+
+@pytest.fixture
+def typed(root, capsys, monkeypatch, tmp_path):
+    """`typed("map", "planar_3r", ...)`: what the command prints, in an empty folder; its errors where `err=True`."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(name, *options, code=0, err=False):
+        given = [root / f"robots/{options[0]}.raff", *options[1:]] if name == "map" else options
+        assert main([name, *map(str, given)]) == code
+        said = capsys.readouterr()
+        return said.err if err else said.out
+
+    return command
+
+
+def told(text):
+    """The numbers of the lines, by their first word."""
+    return {words[0]: words[1:] for words in (line.split() for line in text.splitlines() if line.startswith("  "))}
+
+
+def test_a_map_is_written_told_and_drawn(typed, tmp_path):
+    said = typed("map", "planar_3r", "--over", "xy", "--grid", 24, "-o", "arm.zarr", "--plot", "arm.png")
+    found = open_map("arm.zarr")
+    assert found.sizes["x"] == found.sizes["y"] == 24
+    numbers = told(said)
+    cell = found.x.attrs["cell_width"] * found.y.attrs["cell_width"]
+    assert float(numbers["reachable"][0]) == pytest.approx(int(found.reachable.sum()) * cell, rel=1e-3)
+    assert "m^2," in numbers["reachable"]
+    assert float(numbers["sigma_1"][1].rstrip(",")) == pytest.approx(float(found.sigma_1.min()), rel=0.01)
+    assert (tmp_path / "arm.png").stat().st_size > 10_000
+
+
+def test_the_same_command_again_computes_nothing_and_says_the_same(typed, tmp_path):
+    options = ("map", "five_bar", "--over", "x=-0.3..0.3:20,y=0.1..0.6:20", "-o", "a.zarr")
+    first = typed(*options)
+    digest = _digest(tmp_path / "a.zarr")
+    assert typed(*options) == first
+    assert _digest(tmp_path / "a.zarr") == digest
+
+
+def _digest(folder):
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return [(path.name, path.stat().st_mtime_ns, hashlib.sha256(path.read_bytes()).hexdigest()) for path in files]
+
+
+def test_the_answer_as_json_has_all_numbers_in_si(typed):
+    found = json.loads(typed("map", "delta4", "--over", "x=-500..500mm:8,y=-0.5..0.5:8", "--at", "z=-1800mm", "--json"))
+    assert found["over"]["x"] == [-0.5, 0.5, 8]
+    assert found["at"]["z"] == pytest.approx(-1.8)
+    assert found["reachable"] == found["cells"] == 64
+    assert found["extent"] == {"value": pytest.approx(1.0), "error": pytest.approx(0.0), "unit": "m^2"}
+    assert set(found["quantities"]) == {"sigma_1", "sigma_2"}
+    assert sum(found["settled"].values()) == 64
+
+
+def test_a_line_a_sphere_motors_and_a_scene(typed, root):
+    on_line = json.loads(typed("map", "planar_3r", "--line", "0,0,0..1.2,0,0:30", "--json", "-o", "1.zarr"))
+    assert on_line["extent"]["unit"] == "m"
+    around = json.loads(
+        typed("map", "delta4", "--over", "azimuth:6,elevation:4", "--at", "radius=0.2", "--centre=0,0,-1.8", "--json",
+              "-o", "2.zarr")
+    )  # fmt: skip
+    assert around["extent"]["value"] == pytest.approx(4.0 * math.pi * 0.04)
+    by_motors = json.loads(typed("map", "five_bar", "--over", "joint1:9,joint3=0..90deg:9", "--json", "-o", "3.zarr"))
+    assert by_motors["over"]["joint3"][1] == pytest.approx(math.pi / 2)
+    scene = root / "robots/scenes/rod.toml"
+    kept = json.loads(
+        typed("map", "planar_3r", "--over", "xy", "--grid", 6, "--scene", scene, "--json", "-o", "4.zarr")
+    )
+    assert "clearance" in kept["quantities"]
+
+
+def test_variants_get_a_table_and_files(typed, tmp_path):
+    said = typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=300..500:2", "--box",
+                 "x=0.2..0.4,y=0..0.2", "-o", "all", "--plot", "all.png")  # fmt: skip
+    assert "link2.d" in said
+    assert (tmp_path / "all/link2.d=300/robot.raff").is_file()
+    assert (tmp_path / "all/table.csv").is_file()
+    assert (tmp_path / "all.png").stat().st_size > 10_000
+    found = json.loads(typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=300..500:2", "--box",
+                             "x=0.2..0.4,y=0..0.2", "-o", "all", "--json"))  # fmt: skip
+    assert [row["link2.d"] for row in found["rows"]] == [300.0, 500.0]
+
+
+def test_two_maps_are_compared(typed, tmp_path):
+    for name, more in (("a", ()), ("b", ("--no-limits",))):
+        typed("map", "five_bar", "--over", "x=-0.4..0.4:16,y=-0.7..0.7:16", "-o", f"{name}.zarr", *more)
+    found = json.loads(typed("compare", "a.zarr", "b.zarr", "--json"))
+    assert found["extents"]["only second"]["value"] > 0.0
+    said = typed("compare", "a.zarr", "b.zarr", "--plot", "both.png")
+    assert "b alone" in said
+    assert (tmp_path / "both.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("planar_3r", "--over", "x=2..3:5,y=2..3:5"), "no cell of this region is reached"),
+        (("planar_3r", "--over", "xy", "--at", "z=-0.9"), "can't move along z"),
+        (("planar_3r", "--over", "x=1..0"), "lower end first"),
+        (("planar_3r", "--over", "x=0..1:none"), "is no number of cells"),
+        (("planar_3r", "--over", "x=0"), "write NAME=LOW..HIGH"),
+        (("planar_3r", "--over", "xq"), "did you mean 'x'"),
+        (("planar_3r", "--over", "x,joint1"), "can't be mixed"),
+        (("planar_3r", "--at", "rz"), "write NAME=VALUE"),
+        (("planar_3r", "--at", "rz=1furlong"), "is no number"),
+        (("planar_3r", "--line", "0,0,0"), "write X,Y,Z..X,Y,Z"),
+        (("planar_3r", "--centre", "0,0"), "a point is x,y,z"),
+        (("planar_3r", "-q", "sigma"), "no quantity 'sigma'"),
+        (("planar_3r", "-q", "clearance"), "--scene"),
+        (("planar_3r", "-q", "solutions"), "infinitely many"),
+        (("planar_3r", "--box", "x=0..1"), "--vary"),
+        (("planar_3r", "--vary", "link2.q=1..2:3"), "no parameter 'q'"),
+        (("planar_3r", "--scheduler", "tcp://127.0.0.1:9"), "127.0.0.1:9"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_in_words(typed, options, says):
+    assert says in typed("map", *options, code=1, err=True)
+
+
+def test_a_map_that_would_take_years_is_not_begun_by_accident(typed, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: False, raising=False)
+    said = typed("map", "delta4", "--over", "xyz", "--grid", 100_000, "-o", "all.zarr", code=1, err=True)
+    assert "1e+15 cells" in said
+    assert "years" in said
+    assert "PB" in said
+    assert "--yes" in said
+    assert not (tmp_path / "all.zarr").exists()
+
+
+def test_a_folder_of_something_else_stays_as_it_is(typed, tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine/file").write_text("mine")
+    assert "mine" in typed("map", "planar_3r", "--grid", 5, "-o", "mine", code=1, err=True)
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["file"]
+    typed("map", "planar_3r", "--grid", 5, "-o", "arm.zarr")
+    assert "something else" in typed("map", "planar_3r", "--grid", 6, "-o", "arm.zarr", code=1, err=True)
+    assert "no map" in typed("compare", "arm.zarr", "mine", code=1, err=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("-0.9", -0.9), ("-900mm", -0.9), ("1.5e1 cm", 0.15), ("180deg", math.pi), ("90°", math.pi / 2)]
+)
+def test_numbers_are_si_unless_a_unit_stands_behind(text, value):
+    assert quantity(text, "--at") == pytest.approx(value)
+
+
+def test_where_nobody_says_what_a_map_is_over_it_is_all_that_the_node_can_reach(robot):
+    flat = region(robot("planar_3r"), "", "", None, "free", None)
+    assert flat.names == ("x", "y")
+    assert flat.shape == (80, 80)
+    solid = region(robot("delta4"), "", "z=-1.8", None, "free", 10)
+    assert solid.names == ("x", "y")
+    assert solid.shape == (10, 10)
