@@ -126,7 +126,6 @@ def test_two_maps_are_compared(typed, tmp_path):
         (("planar_3r", "-q", "solutions"), "infinitely many"),
         (("planar_3r", "--box", "x=0..1"), "--vary"),
         (("planar_3r", "--vary", "link2.q=1..2:3"), "no parameter 'q'"),
-        (("planar_3r", "--scheduler", "tcp://127.0.0.1:9"), "127.0.0.1:9"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_in_words(typed, options, says):
