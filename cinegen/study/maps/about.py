@@ -20,7 +20,7 @@ from raff2urdf.errors import did_you_mean
 Array = NDArray[np.float64]
 
 _SPREAD = 400  # configurations that are looked at
-_MORE = 0.06  # of the range, to both sides: configurations are only some
+_MORE = 0.15  # of the range, to both sides: configurations are only some
 
 
 def about(mechanism: Mechanism, name: str, node: str | None = None) -> tuple[float, float]:
@@ -47,7 +47,8 @@ def about(mechanism: Mechanism, name: str, node: str | None = None) -> tuple[flo
         if high - low < 1e-9:
             raise MapError(f"{mechanism.name}: {node} can't move along {name}: it stays at {low:g}. Leave it out")
         more = _MORE * (high - low)
-        return (low - more, high + more) if name in POSE[:3] else (max(low - more, -math.pi), min(high + more, math.pi))
+        low, high = _rounded(low - more, high + more)
+        return (low, high) if name in POSE[:3] else (max(low, -math.pi), min(high, math.pi))
     if name in AROUND[:2]:
         return (-math.pi, math.pi) if name == AROUND[0] else (-0.5 * math.pi, 0.5 * math.pi)
     if name == AROUND[2]:
@@ -55,6 +56,13 @@ def about(mechanism: Mechanism, name: str, node: str | None = None) -> tuple[flo
         return 0.0, radius if math.isfinite(radius) else 4.0 * mechanism.length
     known = (*POSE, *AROUND, *mechanism.actuated)
     raise MapError(f"{mechanism.name}: no coordinate '{name}'{did_you_mean(name, known)}")
+
+
+def _rounded(low: float, high: float) -> tuple[float, float]:
+    """A range that is a little longer, in numbers that are easily read."""
+    digits = 1 - math.floor(math.log10(high - low))
+    step = 10.0**-digits
+    return round(math.floor(low / step) * step, max(digits, 0)), round(math.ceil(high / step) * step, max(digits, 0))
 
 
 def _of_motor(mechanism: Mechanism, name: str) -> tuple[float, float]:

@@ -1,0 +1,53 @@
+"""Ranges for who gives none: they hold what can be reached."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from cinegen.study.maps import MapError
+from cinegen.study.maps.about import about
+
+
+@pytest.mark.parametrize("name", ["delta4", "five_bar", "gough", "planar_3r", "rx90"])
+def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can_change(robot, name):
+    mechanism = robot(name)
+    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    places = [
+        mechanism.placement(q, mechanism.end).translation
+        for q in (mechanism.q_home, *mechanism.random_closed(60, seed=5))
+        if ((q >= low) & (q <= high)).all()
+    ]
+    assert len(places) > 1
+    for k, coordinate in enumerate("xyz"):
+        values = np.array(places)[:, k]
+        if np.ptp(values) < 1e-9:
+            with pytest.raises(MapError, match=f"can't move along {coordinate}"):
+                about(mechanism, coordinate)
+            continue
+        first, last = about(mechanism, coordinate)
+        assert first <= values.min()
+        assert values.max() <= last
+        assert f"{first:.4g}" == f"{first}".removesuffix(".0")  # easily read
+
+
+def test_motors_go_as_far_as_their_limits_or_half_a_turn(robot):
+    five_bar = robot("five_bar")
+    assert about(five_bar, "joint1") == pytest.approx((math.radians(60.0), math.radians(200.0)))
+
+
+def test_turns_are_at_most_half_a_turn_and_a_sphere_is_whole(robot):
+    gough = robot("gough")
+    for name in ("rx", "ry", "rz"):
+        low, high = about(gough, name)
+        assert -math.pi <= low < high <= math.pi
+    assert about(gough, "azimuth") == (-math.pi, math.pi)
+    assert about(gough, "elevation") == (-math.pi / 2, math.pi / 2)
+    home = pin.SE3(gough.placement(gough.q_home, gough.end)).translation
+    assert about(gough, "radius")[1] > np.linalg.norm(home)
+
+
+def test_what_there_is_not_is_said(robot):
+    with pytest.raises(MapError, match="no coordinate 'q'"):
+        about(robot("gough"), "q")
