@@ -16,9 +16,11 @@ from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
 from cinegen.study.maps.errors import MapError
+from cinegen.study.maps.quantities import QUANTITIES
 from cinegen.study.maps.region import Region
 from cinegen.study.singular.slice import POSE
 from raff2urdf.closure import rank
+from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
@@ -62,8 +64,6 @@ class Survey:
     folder: str = "."
 
     def __post_init__(self) -> None:
-        from cinegen.study.maps.quantities import checked  # which looks at surveys
-
         if not self.node:
             object.__setattr__(self, "node", self.mechanism.end)
         self.mechanism.frame_id(self.node)
@@ -74,7 +74,7 @@ class Survey:
             raise MapError(f"along {self.along}: give a direction, three numbers")
         object.__setattr__(self, "along", tuple(float(x) / length for x in self.along))
         self._check_independent()
-        object.__setattr__(self, "quantities", checked(self))
+        object.__setattr__(self, "quantities", _checked(self))
 
     def _check_independent(self) -> None:
         """Whether the coordinates can be given at all."""
@@ -211,3 +211,61 @@ class Survey:
 
 def _text(document: Any) -> str:
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+
+
+def _checked(survey: Survey) -> tuple[str, ...]:
+    """The names of a survey's quantities, each once, in the order of `QUANTITIES`.
+
+    Raises:
+        MapError: unknown; or it makes no sense there.
+    """
+    mechanism, wanted = survey.mechanism, set(survey.quantities)
+    for name in survey.quantities:
+        if name not in QUANTITIES:
+            raise MapError(f"no quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
+    if not mechanism.passive_rank:
+        wanted.discard("sigma_2")  # nothing is passive, nothing can be of type 2
+    if "clearance" in wanted and survey.scene is None:
+        raise MapError("clearance is that in a scene: say which (--scene)")
+    if "clearance" in wanted:
+        _read_scene(survey)
+    if "solid_angle" in wanted and (survey.of_motors or survey.rotation):
+        raise MapError("solid_angle asks which directions the node can have: leave its orientation free")
+    if "solutions" in wanted and survey.of_motors and mechanism.loops:
+        _check_motors(mechanism)
+    if "solutions" in wanted and not survey.of_motors:
+        free, held = mechanism.mobility, survey.rank if survey.rotation != 2 else survey.rank + 2
+        if free > held:
+            raise MapError(
+                f"{mechanism.name} has infinitely many solutions here: it can move in {free} ways, and the pose of "
+                f"{survey.node} takes {held} of them. Leave 'solutions' out, or give its orientation too"
+            )
+    return tuple(name for name in QUANTITIES if name in wanted)
+
+
+def _read_scene(survey: Survey) -> None:
+    """Whether it can be read.
+
+    Raises:
+        MapError: it can't.
+    """
+    from cinegen.avoid import AvoidError, scene_of
+
+    try:
+        scene_of(dict(survey.scene or {}), survey.folder, mechanism=survey.mechanism)
+    except AvoidError as error:
+        raise MapError(f"the scene can't be read: {error}") from None
+
+
+def _check_motors(mechanism: Mechanism) -> None:
+    """Whether motors determine it, so that its assembly modes can be counted.
+
+    Raises:
+        MapError: they don't.
+    """
+    from cinegen.study.modes.linkage import Linkage, ModesError
+
+    try:
+        Linkage(mechanism)
+    except ModesError as error:
+        raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None

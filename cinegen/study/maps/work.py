@@ -16,7 +16,7 @@ from cinegen.solve.sample import Evaluations, Sampler
 from cinegen.study.maps.by_motors import ByMotors
 from cinegen.study.maps.by_pose import ByPose
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.quantities import QUANTITIES, Cells
+from cinegen.study.maps.measured import Cells, measured
 from cinegen.study.maps.settled import How, Settled
 from cinegen.study.maps.store import Index, Store
 from cinegen.study.maps.survey import Survey
@@ -48,7 +48,7 @@ class Surveyor:
         reached = np.isin(settled.how, [int(how) for how in How if how.reached])
         found: dict[str, Values] = {}
         for name in self.survey.quantities:
-            values = np.asarray(QUANTITIES[name].of(cells), dtype=QUANTITIES[name].dtype)
+            values = measured(name, cells)
             if not reached.all() and name != "solutions":
                 values = np.where(reached, values, np.nan).astype(values.dtype)
             found[name] = values
