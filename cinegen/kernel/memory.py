@@ -29,8 +29,11 @@ SIZES = (
     "begun",  # whether there is a way to where motors are led
     "halved",  # how often a step on it was halved
     "whole",  # whether this step leads all the way
+    "alike",  # how many steps before this one led all the way by as much as this one, up to 2
 )
-NQ, NV, N, OFFSET, LOOPS, ROWS, RANK, MOTORS, CORRECTIONS, FACTORED, SINGULAR, BEGUN, HALVED, WHOLE = range(len(SIZES))
+NQ, NV, N, OFFSET, LOOPS, ROWS, RANK, MOTORS, CORRECTIONS, FACTORED, SINGULAR, BEGUN, HALVED, WHOLE, ALIKE = range(
+    len(SIZES)
+)
 
 ARRAYS = (
     "q",  # (nq,) where it is
@@ -60,7 +63,9 @@ ARRAYS = (
     "motor_columns",  # (motors,)
     "motor_places",  # (motors,) in q
     "goal",  # (motors,) where motors are led, m and rad
-    "way",  # (nv,) how all joints get there, as foreseen
+    "way",  # (nv,) how all joints get there, to first order
+    "bends",  # (3, nv) what this step and the two before were more than that
+    "way_before",  # (motors,) what motors did in the step before
     "sides",  # (rows, rows) scratch
     "w",  # (16, 3) scratch
 )
@@ -94,6 +99,8 @@ _FIRST = len(SIZES)
     MOTOR_PLACES,
     GOAL,
     WAY,
+    BENDS,
+    WAY_BEFORE,
     SIDES,
     W,
 ) = range(_FIRST, _FIRST + len(ARRAYS))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from cinegen.kernel import memory as m
+from cinegen.kernel.bend import bend, bend_on, keep_bend
 from cinegen.kernel.closing import factor_loops, loop_correction, loop_rows, move, squared_gap
 from cinegen.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
 from cinegen.kernel.thresholds import CLOSURE
@@ -58,11 +59,14 @@ def go_on(t: Table) -> int:
             t[m.FACTORED] = 0  # the factors are not of here
         if t[m.WHOLE] != 0:
             t[m.BEGUN] = 0
+            keep_bend(t)
             return ARRIVED
         t[m.HALVED] = max(t[m.HALVED] - 1, 0)
+        t[m.ALIKE] = 0
         _foresee(t)
     else:
         t[m.HALVED] += 1
+        t[m.ALIKE] = 0
         t[m.FACTORED] = 0
     if t[m.HALVED] <= _MOST_HALVED and _lead(t):
         return ONWARD
@@ -131,6 +135,8 @@ def _lead(t: Table) -> bool:
     settings[m.PART] = part
     for k in range(n):
         step[k] = part * way[k]
+    if t[m.WHOLE] != 0:
+        bend(t, step)
     for i in range(t[m.NQ]):
         trial[i] = q[i]
     move(t, step)
@@ -259,6 +265,7 @@ def _improve(t: Table) -> bool:
     cut = min(1.0, _LONGEST / max(longest, 1e-300))
     for k in range(n):
         step[k] *= cut
+    bend_on(t, step)
     move(t, step)
     return True
 

@@ -96,7 +96,7 @@ class ForwardKinematics:
         self._goal[:] = q[self._places]
         if self.mechanism.loops and self._model.nv > 0:
             self._here[:] = self._trial[:] = q
-            self._table[m.FACTORED] = self._table[m.BEGUN] = 0
+            self._table[m.FACTORED] = self._table[m.BEGUN] = self._table[m.ALIKE] = 0
             pin.computeJointJacobians(self._model, self._data, self._trial)
 
     def move(self, values: Mapping[str, float]) -> Array:

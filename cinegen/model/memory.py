@@ -39,6 +39,7 @@ def memory_of(system: ClosedLoops, rank: int, layout: tuple[str, ...] = m.LAYOUT
         memory.put(name, np.zeros(model.nq))
     for name in ("delta", "step", "held", "way"):
         memory.put(name, np.zeros(nv))
+    memory.put("bends", np.zeros((3, nv)))
     memory.put("f", np.zeros((max(rows, nv), nv)))
     memory.put("h", np.zeros((nv, nv)))
     for name in ("order", "left", "tau"):
@@ -66,6 +67,7 @@ def put_motors(memory: Memory, columns: Sequence[int], places: Sequence[int]) ->
     memory.table[m.MOTORS] = len(columns)
     memory.put("motor_columns", np.array(columns, dtype=float))
     memory.put("motor_places", np.array(places, dtype=float))
+    memory.put("way_before", np.zeros(len(columns)))
     memory.arrays["held"][[column - int(memory.table[m.OFFSET]) for column in columns]] = 1.0
     return memory.put("goal", np.zeros(len(columns)))
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from test_reach import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
 
 import cinegen
+from cinegen.solve.sample import Sampler
 
 
 def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
@@ -117,6 +118,39 @@ def test_one_at_a_time_or_all_at_once_is_the_same(seed: int) -> None:
         alone = cinegen.evaluate(mechanism, "platform", [value])
         np.testing.assert_allclose(alone.singular_values[0], together.singular_values[i], atol=1e-9)
         np.testing.assert_allclose(alone.placements[0], together.placements[i], atol=1e-9)
+
+
+@pytest.mark.parametrize("name", CLOSED)
+@given(st.integers(0, 10**6))
+@settings(deadline=None, max_examples=8)
+def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name: str, seed: int) -> None:
+    """What is foreseen from the steps before saves work, and makes no difference; nor do turns, stops and other
+    steps between."""
+    mechanism = mechanism_of(name)
+    first, last, third = around_home(mechanism, 3, seed, size=0.02)
+    line = np.linspace(first, last, 12)
+    values = np.vstack([line, line[:-1][::-1], [first, first], np.linspace(first, third, 3), line])
+    together = cinegen.evaluate(mechanism, end_of(mechanism), values)
+    alone = np.array([cinegen.evaluate(mechanism, end_of(mechanism), [value]).q[0] for value in line])
+    ways = (together.q[:12], together.q[11:23][::-1], together.q[-12:])
+    for way in ways:
+        np.testing.assert_allclose(way, alone, atol=1e-9)
+    assert together.closure.max() < 1e-10
+
+
+def test_along_a_line_a_cell_takes_two_evaluations_of_pinocchio() -> None:
+    mechanism = mechanism_of("delta4")
+    sampler, asked = Sampler(mechanism, "platform"), []
+    evaluate = sampler._evaluate
+
+    def counted(*arguments: object) -> None:
+        asked.append(1)
+        evaluate(*arguments)
+
+    sampler._evaluate = counted
+    home = motors(mechanism, mechanism.q_home)
+    sampler.led(np.linspace(home - 0.4, home + 0.4, 100))
+    assert len(asked) <= 2.2 * 100
 
 
 def test_nothing_gives_nothing_and_another_shape_is_refused() -> None:

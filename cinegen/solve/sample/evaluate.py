@@ -135,7 +135,7 @@ class Sampler(Solver):
                 measure_next(table, todo)
             return done
         trial[:] = self._q[:] = self.mechanism.q_home
-        table[m.FACTORED] = 0
+        table[m.FACTORED] = table[m.ALIKE] = 0
         evaluate(model, data, trial)
         while measure_closed(table, todo):
             if self._curved is not None:
