@@ -1,18 +1,11 @@
 """Draws the pictures of docs/avoidance.md again: `python docs/pictures/avoidance.py [NAME ...]`. Takes 20 s."""
 
-import io
-import sys
 from functools import partial
-from pathlib import Path
 
-from PIL import Image
+from figures import ROBOTS, write
 
 from cinegen.avoid import load_scene, plan, scene_of
 from cinegen.avoid.drawing import draw_plan, figure1, figure2, figure3, figure4
-
-PICTURES = Path(__file__).resolve().parent
-ROBOTS = PICTURES.parent.parent / "robots"
-LARGEST = 250_000  # bytes
 
 WALL = {
     "name": "wall",
@@ -50,17 +43,5 @@ FIGURES = {
 """What draws each of them: figures 1 to 10 of De Medio and Oriolo in their order, and one in space."""
 
 
-def picture(name):
-    """Draws one."""
-    drawn = io.BytesIO()
-    FIGURES[name]().savefig(drawn, format="png", dpi=110)
-    path = PICTURES / f"{name}.png"
-    with Image.open(drawn) as image:
-        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
-        few.save(path, optimize=True)
-    assert path.stat().st_size < LARGEST, path
-
-
 if __name__ == "__main__":
-    for wanted in sys.argv[1:] or FIGURES:
-        picture(wanted)
+    write(FIGURES)

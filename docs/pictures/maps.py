@@ -1,18 +1,13 @@
 """Draws the pictures of docs/maps.md again: `python docs/pictures/maps.py [NAME ...]`. Takes 20 s."""
 
-import io
-import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from PIL import Image
+from figures import ROBOTS, write
 
 import cinegen
 from cinegen.study.drawing.map import draw_map
 from cinegen.study.maps import GridAxis, Region, Survey, make_map
-
-PICTURES = Path(__file__).resolve().parent
-ROBOTS = PICTURES.parent.parent / "robots"
 
 
 def map_of(name, axes, quantity, **more):
@@ -35,15 +30,5 @@ FIGURES = {
 }
 
 
-def picture(name):
-    """Draws one."""
-    drawn = io.BytesIO()
-    FIGURES[name]().savefig(drawn, format="png", dpi=110)
-    with Image.open(drawn) as image:
-        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
-        few.save(PICTURES / f"{name}.png", optimize=True)
-
-
 if __name__ == "__main__":
-    for wanted in sys.argv[1:] or FIGURES:
-        picture(wanted)
+    write(FIGURES)

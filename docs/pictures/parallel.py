@@ -1,21 +1,14 @@
 """Draws the pictures of docs/parallel.md again: `python docs/pictures/parallel.py [NAME ...]`. Takes a minute."""
 
-import io
 import math
-import sys
-from pathlib import Path
 
-from PIL import Image
+from figures import ROBOTS, write
 
 import cinegen
 from cinegen.study.drawing import draw_modes
 from cinegen.study.drawing.loci import draw_loci
 from cinegen.study.singular.scan import scan
 from cinegen.study.singular.slice import Axis, Slice
-
-PICTURES = Path(__file__).resolve().parent
-ROBOTS = PICTURES.parent.parent / "robots"
-LARGEST = 250_000  # bytes
 
 
 def modes():
@@ -44,17 +37,5 @@ FIGURES = {
 """What draws each of them."""
 
 
-def picture(name):
-    """Draws one."""
-    drawn = io.BytesIO()
-    FIGURES[name]().savefig(drawn, format="png", dpi=110)
-    path = PICTURES / f"{name}.png"
-    with Image.open(drawn) as image:
-        few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
-        few.save(path, optimize=True)
-    assert path.stat().st_size < LARGEST, path
-
-
 if __name__ == "__main__":
-    for wanted in sys.argv[1:] or FIGURES:
-        picture(wanted)
+    write(FIGURES)

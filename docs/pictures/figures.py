@@ -1,0 +1,22 @@
+"""Writes figures as the small pictures that pages of this documentation show."""
+
+import io
+import sys
+from pathlib import Path
+
+from PIL import Image
+
+PICTURES = Path(__file__).resolve().parent
+ROBOTS = PICTURES.parent.parent / "robots"
+LARGEST = 250_000  # bytes
+
+
+def write(figures):
+    """Draws those that the command line names, or all: functions that make a matplotlib figure, by name."""
+    for name in sys.argv[1:] or figures:
+        drawn, path = io.BytesIO(), PICTURES / f"{name}.png"
+        figures[name]().savefig(drawn, format="png", dpi=110)
+        with Image.open(drawn) as image:
+            few = image.convert("RGB").quantize(160, Image.Quantize.MEDIANCUT, kmeans=3, dither=Image.Dither.NONE)
+            few.save(path, optimize=True)
+        assert path.stat().st_size < LARGEST, path
