@@ -315,7 +315,7 @@ def _number(value: float) -> str:
 def _where(survey: Survey) -> str:
     """Where the node is at home: people mistake units, and frames."""
     home = survey.home.translation
-    here = ", ".join(f"{name} = {value:.4g}" for name, value in zip("xyz", home, strict=True))
+    here = ", ".join(f"{name} = {round(value, 6) + 0.0:.4g}" for name, value in zip("xyz", home, strict=True))
     return f"At home {survey.node} is at {here} m; numbers are m and rad unless a unit stands behind (-900mm, 15deg)"
 
 

@@ -18,7 +18,6 @@ are left out they are as in the line before, and so is a robot that is left out.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 import os
@@ -31,6 +30,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
 from cinegen.sense import json_line
 
@@ -105,7 +105,7 @@ class Entry(NamedTuple):
         joints: names of all that move.
         actuated: names of those with a motor.
         nq: numbers of a configuration.
-        hash: of what it is built from, see `fingerprint`.
+        hash: of what it is built from, see `cinegen.model.fingerprint`.
         urdf: text of its tree.
         constraints: what that can't say.
         folder: where its meshes are looked for.
@@ -126,12 +126,6 @@ class Entry(NamedTuple):
 
 
 # --- written -----------------------------------------------------------------------------------------------------
-
-
-def fingerprint(urdf: str, constraints: Mapping[str, Any] | None) -> str:
-    """SHA-256 over a URDF's text and its constraints."""
-    beside = json.dumps(constraints, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(f"{urdf}\0{beside}".encode()).hexdigest()
 
 
 def header(mechanisms: Mapping[str, Mechanism], places: Mapping[str, Place]) -> bytes:

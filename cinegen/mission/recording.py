@@ -13,9 +13,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
-from cinegen.mission.line import Entry, LineError, MissionError, Motion, Place, Pull, fingerprint, parse_header
+from cinegen.mission.line import Entry, LineError, MissionError, Motion, Place, Pull, parse_header
 from cinegen.mission.line import parse_line as parse
 from cinegen.model import Mechanism
+from cinegen.model.fingerprint import fingerprint
 from cinegen.model.load import build
 
 Array = NDArray[np.float64]

@@ -19,6 +19,7 @@ from raff2urdf.readers.urdf import (
     links,
     middle,
     number,
+    parse,
     root_first,
     several,
     silent,
@@ -68,6 +69,19 @@ def simple(tree: Any, name: str) -> Constraints:
         "joints": entries,
         "loops": [],
     }
+
+
+def kinematics_of(urdf: str, name: str) -> str:
+    """A URDF's text (`name` is what errors call it) without all that no motion depends on, shapes above all.
+
+    Raises:
+        RaffError: no URDF.
+    """
+    tree = parse(urdf, name)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # whoever loads it is told
+        simple(tree, name)
+    return kinematics(tree)
 
 
 def kinematics(tree: Any) -> str:

@@ -22,8 +22,8 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
     Args:
         path: of the map, finished or not.
         quantity: that the cells are coloured by at first; the map's first unless given.
-        mechanism: the map's, as its file was loaded. A map knows what moves how, but not where meshes are: without this
-            the robot is a stick figure where its file names them relative to itself.
+        mechanism: the map's, as its file was loaded here: for its meshes, where the map was made on another machine.
+            Without it the robot is a stick figure where they aren't found.
 
     Raises:
         MapError: there is no map.
@@ -40,7 +40,7 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
         raise SetupError(f"{path}: no quantity '{quantity}'{did_you_mean(quantity, survey.quantities)}; {known}")
     if mechanism is None:
         mechanism = _drawable(survey.mechanism)
-    elif mechanism.source.urdf != survey.mechanism.source.urdf:
+    elif replace(survey, mechanism=mechanism).robot_hash != survey.robot_hash:
         raise SetupError(f"{path} is a map of another robot than {mechanism.name}, or of another version of it")
     if survey.scene is None:
         robot = " ".join(mechanism.name.replace("/", "-").split()) or "robot"  # as the page's scene can have it

@@ -11,7 +11,7 @@ from zarr.storage import LocalStore
 
 from cinegen.study.maps.chunk import is_sound
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.layout import LAST
+from cinegen.study.maps.layout import LAST, file_name, index_of
 
 if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest
@@ -38,12 +38,13 @@ class CheckedStore(LocalStore):
         return self._looked_at(key, super().get_sync(key, prototype=prototype, byte_range=byte_range))
 
     def _looked_at(self, key: str, found: Buffer | None) -> Buffer | None:
-        name, _, index = key.partition("/c/")
-        if not index or (found is not None and is_sound(found.to_bytes())):
+        name, _, file = key.rpartition("/")
+        index = index_of(file)
+        if index is None or (found is not None and is_sound(found.to_bytes())):
             return found
         if name == "configuration":  # which has one number more
-            index = index.rpartition("/")[0]
-        last = self.root / LAST / "c" / index
+            index = index[:-1]
+        last = self.root / LAST / file_name(index)
         if found is None and (name == LAST or not last.exists()):
             return None
         what = "is not there, though its piece is finished" if found is None else "is not as it was written"

@@ -69,11 +69,7 @@ def put(path: Path, data: bytes, beside: Path) -> None:
     fresh = beside / uuid.uuid4().hex
     try:
         _write(fresh, data)
-        try:
-            os.replace(fresh, path)
-        except FileNotFoundError:  # the first in its folder
-            path.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(fresh, path)
+        os.replace(fresh, path)
     except BaseException:
         fresh.unlink(missing_ok=True)
         raise

@@ -26,6 +26,7 @@ _COUNT = 3.0  # s between two times that processes of a cluster are counted: the
 _DEATHS = 20  # of processes, from which on something is wrong
 _SUSPICIOUS = 10  # of processes that worked on one task, likewise
 _SETTINGS = {
+    "distributed.admin.tick.interval": "1s",  # it looks at itself; 50 times a second it would disturb those who compute
     "distributed.comm.timeouts.connect": "20s",
     "distributed.scheduler.allowed-failures": _SUSPICIOUS,
     "distributed.scheduler.worker-ttl": None,  # by the wall clock, which may jump: processes are looked after here
@@ -126,6 +127,7 @@ class Processes:
             **os.environ,
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),  # they find what is found here
             "DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED": "False",
+            "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
             "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
         }  # fmt: skip
         return subprocess.Popen(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import lru_cache
@@ -15,6 +14,9 @@ if TYPE_CHECKING:
     import xarray
 
 
+_ATTRIBUTES = ("survey", "source", "folder")
+
+
 def survey_of(dataset: xarray.Dataset) -> Survey:
     """The survey that a map was made of; its robot is built from the texts in it, once.
 
@@ -24,10 +26,10 @@ def survey_of(dataset: xarray.Dataset) -> Survey:
     Raises:
         MapError: it is no map, or only a part of one.
     """
-    text = dataset.attrs.get("survey")
-    if text is None:
-        raise MapError("this dataset is no map: give what open_map or make_map returned")
-    survey = _survey(str(text), str(dataset.attrs.get("folder", ".")))
+    try:
+        survey = _survey(*(str(dataset.attrs[name]) for name in _ATTRIBUTES))
+    except KeyError:
+        raise MapError("this dataset is no map: give what open_map or make_map returned") from None
     shape = tuple(dataset.sizes.get(name, 0) for name in survey.region.names)
     if shape != survey.region.shape:
         raise MapError(
@@ -56,5 +58,5 @@ def held(dataset: xarray.Dataset, survey: Survey, cells: Mapping[str, int]) -> t
 
 
 @lru_cache(maxsize=4)
-def _survey(text: str, folder: str) -> Survey:
-    return Survey.of_document(json.loads(text), folder)
+def _survey(*attributes: str) -> Survey:
+    return Survey.of_attributes(dict(zip(_ATTRIBUTES, attributes, strict=True)))

@@ -18,6 +18,21 @@ KIND = "cinegen map"
 LAST = "settled"
 """The array that is written last of each piece: where its chunk is there, all of the piece is."""
 
+_KEYS: dict[str, Any] = {"name": "default", "separator": "."}
+_FIRST = "c."
+
+
+def file_name(index: Sequence[int]) -> str:
+    """Of a chunk, in its array's folder, which holds them all: to make a folder takes longer than to write a file."""
+    return _FIRST + ".".join(map(str, index))
+
+
+def index_of(name: str) -> tuple[int, ...] | None:
+    """Of the chunk whose file has this name; None where no chunk's has."""
+    numbers = name.removeprefix(_FIRST).split(".")
+    index = tuple(int(number) for number in numbers if number.isdecimal())
+    return index if name == file_name(index) else None
+
 
 @dataclass(frozen=True, eq=False)
 class Layout:
@@ -44,6 +59,7 @@ class Layout:
             and document["data_type"] == self.dtype
             and document["shape"] == [*shape, *self.more]
             and document["chunk_grid"]["configuration"]["chunk_shape"] == [*chunks, *self.more]
+            and document["chunk_key_encoding"]["configuration"]["separator"] == _KEYS["separator"]
             and tuple(codec["name"] for codec in document["codecs"]) == CODECS
         )
 
@@ -86,20 +102,19 @@ def lay_out(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
         "counted": f"{survey.counted[0]} translations, {survey.counted[1]} rotations of {survey.node}",
         "version": VERSION,
         "chunks": list(chunks),
-        "folder": survey.folder,
-        "survey": survey.text,
+        **survey.attributes,
     })  # fmt: skip
     for axis in region.axes:
         group.create_array(
             axis.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
-            compressors=compressors(), config={"write_empty_chunks": True},
+            chunk_key_encoding=_KEYS, compressors=compressors(), config={"write_empty_chunks": True},
             attributes={"units": _unit(survey, axis.name), "cell_width": axis.width},
         )  # fmt: skip
     for array in layouts(survey):
         group.create_array(
             array.name, shape=(*region.shape, *array.more), chunks=(*chunks, *array.more), dtype=array.dtype,
             fill_value=array.fill, dimension_names=(*region.names, *("joint",) * len(array.more)),
-            compressors=compressors(), attributes=array.attributes,
+            chunk_key_encoding=_KEYS, compressors=compressors(), attributes=array.attributes,
         )  # fmt: skip
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from cinegen.study.maps import work
 from cinegen.study.maps.cluster import connected, each
@@ -19,15 +19,12 @@ from cinegen.study.maps.survey import Survey
 if TYPE_CHECKING:
     import xarray
 
-__all__ = ["BY_MOTORS", "BY_POSE", "Say", "connected", "make_map", "open_map"]
-
 BY_POSE, BY_MOTORS = 6_000, 20_000
-"""Cells of a piece, and of a task: 0.1 to 1 s of work."""
+"""Cells of a piece, and of a task: 0.1 to 1 s of work ..."""
+_QUICK = 3  # ... but of a task so many times more where no loops are to be closed: it takes 2 ms to hand it out
 
-_MANY, _LARGEST = (
-    100_000,
-    200_000,
-)  # of more pieces than that each is larger, up to so many cells: there are fewer files
+_MANY = 100_000  # pieces: of more than that each is larger, so that there are fewer files ...
+_LARGEST = 200_000  # ... up to so many cells
 
 _READ = 2_000_000  # cells of a task that only reads
 _WORTH = 4  # tasks for each process, from which on processes are worth starting
@@ -71,11 +68,13 @@ def make_map(
     usual = BY_MOTORS if survey.of_motors else BY_POSE
     if min(workers or 1, most or 1) < 1 or 0 in (workers, most):
         raise MapError(f"workers ({workers}) and cells of a piece ({most}) must be 1 or more")
-    store = begin(where, survey, survey.region.chunks(most or piece_size(survey.region.size, usual)))
+    cut = survey.region.lines if survey.of_motors else survey.region.blocks
+    store = begin(where, survey, cut(most or piece_size(survey.region.size, usual)))
     if store.text != survey.text:
         raise MapError(f"{where} is a map of something else: {_difference(store.survey, survey)}. Give another -o")
     with _held(where):
-        _make(store, usual, workers, scheduler, say or (lambda *_: None))
+        quick = survey.of_motors and not survey.mechanism.loops
+        _make(store, _QUICK * usual if quick else usual, workers, scheduler, say or (lambda *_: None))
     return open_map(where)
 
 
@@ -175,4 +174,23 @@ def _difference(there: Survey, asked: Survey) -> str:
     one, other = there.document(), asked.document()
     if one["robot"] != other["robot"]:
         return f"of another robot, or of another version of it ({there.mechanism.name})"
-    return "; ".join(f"{key} is {one[key]}, not {other[key]}" for key in one if one[key] != other[key])
+    one, other = _flat(one), _flat(other)
+    return "; ".join(
+        f"{name} is {one.get(name, 'left out')}, not {other.get(name, 'left out')}"
+        for name in sorted({*one, *other})
+        if one.get(name) != other.get(name)
+    )
+
+
+def _flat(document: Mapping[str, Any]) -> dict[str, str]:
+    """The survey's words by name, those of its region among them."""
+    region = document["region"]
+    words = {axis["name"]: f"{axis['low']:g}..{axis['high']:g}:{axis['count']}" for axis in region["axes"]}
+    words |= {name: f"{value:g}" for name, value in region["at"].items()}
+    own = {name: value for name, value in region.items() if name not in ("axes", "at")}
+    others = {name: value for name, value in document.items() if name not in ("region", "robot")}
+    return words | {name: _words(value) for name, value in (own | others).items()}
+
+
+def _words(value: Any) -> str:
+    return ", ".join(map(_words, value)) if isinstance(value, (list, tuple)) else str(value)

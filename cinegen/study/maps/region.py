@@ -158,20 +158,32 @@ class Region:
 
     # --- chunks --------------------------------------------------------------------------------------------------
 
-    def chunks(self, most: int) -> tuple[int, ...]:
-        """Cells along each axis of a piece of at most so many cells, as long as it is wide."""
-        chunk = [1] * len(self.axes)
-        growing = set(range(len(chunk)))
+    def blocks(self, most: int) -> tuple[int, ...]:
+        """Cells along each axis of a piece of at most so many cells, as long as it is wide: what neighbours tell of
+        each other goes a short way."""
+        width = [1] * len(self.axes)
+        growing = set(range(len(width)))
         while growing:
-            k = min(growing, key=lambda k: (chunk[k], -k))
-            longer = min(2 * chunk[k], self.shape[k])
-            if longer == chunk[k] or math.prod(chunk) // chunk[k] * longer > most:
+            k = min(growing, key=lambda k: (width[k], -k))
+            wider = min(2 * width[k], self.shape[k])
+            if wider == width[k] or math.prod(width) // width[k] * wider > most:
                 growing.discard(k)
             else:
-                chunk[k] = longer
-        for k in sorted(range(len(chunk)), key=lambda k: -k):  # what is left goes to the last axes
-            chunk[k] = max(1, min(self.shape[k], chunk[k] * (most // math.prod(chunk)) or 1))
-        return tuple(_even(count, width) for count, width in zip(self.shape, chunk, strict=True))
+                width[k] = wider
+        for k in reversed(range(len(width))):  # what is left goes to the last axes
+            width[k] = max(1, min(self.shape[k], width[k] * (most // math.prod(width)) or 1))
+        return self._even(width)
+
+    def lines(self, most: int) -> tuple[int, ...]:
+        """The same for pieces of whole lines, as far as they fit: one cell after the other, with few turns."""
+        width = [1] * len(self.axes)
+        for k in reversed(range(len(width))):
+            width[k] = max(1, min(self.shape[k], most // math.prod(width)))
+        return self._even(width)
+
+    def _even(self, width: Sequence[int]) -> tuple[int, ...]:
+        """No wider, and as many, but alike."""
+        return tuple(-(-n // -(-n // wide)) for n, wide in zip(self.shape, width, strict=True))
 
     # --- coordinates ---------------------------------------------------------------------------------------------
 
@@ -326,11 +338,6 @@ def piece(index: Sequence[int], shape: Sequence[int], chunks: Sequence[int]) -> 
     return tuple(
         slice(i * width, min((i + 1) * width, count)) for i, count, width in zip(index, shape, chunks, strict=True)
     )
-
-
-def _even(count: int, width: int) -> int:
-    """A width up to this one that cuts so many cells into pieces alike."""
-    return -(-count // -(-count // width))
 
 
 def _rotation(axis: int, angles: Array) -> Array:

@@ -14,14 +14,16 @@ import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import product
+from operator import lt, mul
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cinegen.study.maps.chunk import is_sound, packed, put
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.layout import KIND, LAST, Layout, lay_out, layouts
+from cinegen.study.maps.layout import KIND, LAST, Layout, file_name, index_of, lay_out, layouts
 from cinegen.study.maps.lock import locked
 from cinegen.study.maps.region import piece
 from cinegen.study.maps.survey import Survey
@@ -43,12 +45,12 @@ class Store:
         MapError: there is something else, or it can't be read.
     """
 
-    def __init__(self, path: str | Path, folder: str = ".") -> None:
+    def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         attributes = _attributes(self.path)
         try:
             self.text = str(attributes["survey"])
-            self.survey = Survey.of_document(json.loads(self.text), str(attributes.get("folder", folder)))
+            self.survey = Survey.of_attributes(attributes)
             self.chunks = tuple(int(width) for width in attributes["chunks"])
         except MapError as error:
             raise MapError(f"{self.path}: {error}") from None
@@ -70,7 +72,7 @@ class Store:
             if not right:
                 raise MapError(f"{self.path} is damaged: {array.name} is not there, or is something else. {_ELSE}")
         for axis in region.axes:
-            if not is_sound(_read(self.path / axis.name / "c" / "0")):
+            if not is_sound(_read(self.path / axis.name / file_name((0,)))):
                 raise MapError(f"{self.path} is damaged: values of {axis.name} are not there, or broken. {_ELSE}")
 
     @cached_property
@@ -99,15 +101,22 @@ class Store:
 
     def look(self) -> Iterator[tuple[Index, bool]]:
         """All pieces, the last axis fastest, and whether each is written; one after the other, for there may be many.
-        Folders are listed: that is quicker than to ask for each file."""
-        *before, last = self._counts
-        for index in product(*map(range, before)):
-            try:
-                there = set(os.listdir(self.path / LAST / "c" / "/".join(map(str, index))))
-            except FileNotFoundError:
-                there = set()
-            for k in range(last):
-                yield (*index, k), str(k) in there
+        The folder is listed: that is quicker than to ask for each file."""
+        written = iter(self._written())
+        number = next(written, -1)
+        for k, index in enumerate(product(*map(range, self._counts))):
+            there = k == number
+            yield index, there
+            if there:
+                number = next(written, -1)
+
+    def _written(self) -> NDArray[np.int64]:
+        """Numbers of the pieces that are written, in order."""
+        counts = self._counts
+        strides = [math.prod(counts[axis + 1 :]) for axis in range(len(counts))]
+        found = (index_of(name) or () for name in os.listdir(self.path / LAST))
+        ours = (index for index in found if len(index) == len(counts) and all(map(lt, index, counts)))
+        return np.sort(np.fromiter((sum(map(mul, index, strides)) for index in ours), np.int64))
 
     @property
     def done(self) -> int:
@@ -157,7 +166,7 @@ class Store:
             raise unwritten(self.path, error) from None
 
     def _file(self, array: Layout, index: Index) -> Path:
-        return self.path / array.name / "c" / "/".join(map(str, (*index, *(0 for _ in array.more))))
+        return self.path / array.name / file_name((*index, *(0 for _ in array.more)))
 
 
 def begin(path: Path, survey: Survey, chunks: Sequence[int]) -> Store:

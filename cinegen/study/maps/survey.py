@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
 from collections.abc import Mapping
@@ -15,6 +14,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
+from cinegen.model.fingerprint import fingerprint
+from cinegen.model.urdf import kinematics_of
 from cinegen.study.maps.errors import MapError
 from cinegen.study.maps.quantities import QUANTITIES
 from cinegen.study.maps.region import Region
@@ -24,8 +25,10 @@ from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-VERSION = 1
-"""Of what stands in a map's file: changes when the same survey would give other numbers."""
+VERSION = 2
+"""Of what stands in a map's folder, and how: changes when the same survey would give other numbers."""
+
+_TAKEN = (*QUANTITIES, "configuration", "reachable", "settled", "joint")
 
 STARTS = 6
 """From how many configurations a pose is looked for that no neighbour leads to, unless said."""
@@ -73,8 +76,16 @@ class Survey:
         if not (len(self.along) == 3 and 0.0 < length < math.inf):
             raise MapError(f"along {self.along}: give a direction, three numbers")
         object.__setattr__(self, "along", tuple(float(x) / length for x in self.along))
+        self._check_names()
         self._check_independent()
         object.__setattr__(self, "quantities", _checked(self))
+
+    def _check_names(self) -> None:
+        """Whether motors can stand beside all else that a map holds."""
+        for name in self.region.names:
+            if name in _TAKEN or "/" in name:
+                why = "has a /" if "/" in name else "is that of something else in every map"
+                raise MapError(f"{self.mechanism.name}: no map over motor '{name}', whose name {why}: rename it")
 
     def _check_independent(self) -> None:
         """Whether the coordinates can be given at all."""
@@ -153,18 +164,26 @@ class Survey:
 
     @cached_property
     def robot(self) -> dict[str, Any]:
-        """The robot's texts: what `of_document` builds it from, on any machine."""
+        """What the map's numbers depend on of the robot: how it moves; where distances are asked for also its shapes,
+        which are files that lie somewhere else on another machine."""
+        moves = self._motion
+        return moves if self.scene is None else {**moves, "urdf": self.mechanism.source.urdf}
+
+    @cached_property
+    def _motion(self) -> dict[str, Any]:
         source = self.mechanism.source
-        constraints = None if source.constraints is None else dict(source.constraints)
-        return {"urdf": source.urdf, "constraints": constraints}
+        return {
+            "urdf": kinematics_of(source.urdf, source.name),
+            "constraints": None if source.constraints is None else dict(source.constraints),
+        }
 
     @cached_property
     def robot_hash(self) -> str:
-        """SHA-256 of the robot's texts."""
-        return hashlib.sha256(_text(self.robot).encode()).hexdigest()
+        """SHA-256 of how the robot moves, shapes left out: the same on any machine."""
+        return fingerprint(**self._motion)
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it; `of_document` reads it back."""
+        """As JSON has it."""
         return {
             "version": VERSION,
             "robot": self.robot,
@@ -183,20 +202,29 @@ class Survey:
         """The document, always the same way: two surveys are the same where their texts are."""
         return _text(self.document())
 
+    @property
+    def attributes(self) -> dict[str, str]:
+        """What is written into a map for `of_attributes`: the text, and where robot and scene are found here."""
+        source = self.mechanism.source
+        found = {"urdf": source.urdf, "constraints": source.constraints, "folder": source.folder, "name": source.name}
+        return {"survey": self.text, "source": _text(found), "folder": self.folder}
+
     @classmethod
-    def of_document(cls, document: Mapping[str, Any], folder: str = ".") -> Survey:
-        """What `document` has written.
+    def of_attributes(cls, attributes: Mapping[str, Any]) -> Survey:
+        """What `attributes` has written.
 
         Raises:
-            MapError: by another version.
+            KeyError, TypeError, ValueError: it is something else.
+            LoadError: the robot can't be built from it.
+            MapError: by another version; or robot and survey don't belong together.
         """
+        document = json.loads(attributes["survey"])
         if document.get("version") != VERSION:
             raise MapError(f"this map is of version {document.get('version')}, and {VERSION} is read here")
         from cinegen.model.load import build
 
-        robot = document["robot"]
-        return cls(
-            build(robot["urdf"], robot["constraints"], None),
+        survey = cls(
+            build(**json.loads(attributes["source"])),
             Region.of_document(document["region"]),
             tuple(document["quantities"]),
             document["node"],
@@ -205,8 +233,11 @@ class Survey:
             document["directions"],
             tuple(document["along"]),
             document["scene"],
-            folder,
+            attributes["folder"],
         )
+        if survey.text != attributes["survey"]:
+            raise MapError("what it says of its robot and of its making does not belong together")
+        return survey
 
 
 def _text(document: Any) -> str:

@@ -12,7 +12,7 @@ from cinegen.study.maps.work import Surveyor
 def mapped(survey: Survey, most: int = 10**6) -> dict[str, np.ndarray]:
     """By name (*shape, ...), in pieces of at most so many cells."""
     surveyor, region = Surveyor(survey), survey.region
-    chunks = region.chunks(most)
+    chunks = region.blocks(most)
     found: dict[str, np.ndarray] = {}
     for index in pieces(region.shape, chunks):
         cells = piece(index, region.shape, chunks)

@@ -50,7 +50,8 @@ def whole(survey, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def small_tasks(monkeypatch):
-    monkeypatch.setattr("cinegen.study.maps.make.BY_MOTORS", 2 * MOST)
+    monkeypatch.setattr("cinegen.study.maps.make.BY_MOTORS", MOST)
+    monkeypatch.setattr("cinegen.study.maps.make._QUICK", 2)
 
 
 def until(true):
@@ -132,14 +133,14 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
 
 def test_damaged_pieces_are_found_by_those_who_read(survey, whole, address, tmp_path):
     path = Path(shutil.copytree(whole, tmp_path / "map.zarr"))
-    (path / "margin/c/0/2/0").write_bytes(b"")
+    (path / "margin/c.0.2.0").write_bytes(b"")
     store.Store(path).forget((0, 0, 0))
     before = files(path)
     make_map(survey, path, scheduler=address)
     assert digest(path) == digest(whole)
     changed = {name for name, file in files(path).items() if before.get(name) != file}
-    assert changed == {f"{name}/c/{index}{more}" for index in ("0/0/0", "0/2/0")
-                       for name, more in (("sigma_1", ""), ("margin", ""), ("configuration", "/0"), ("reachable", ""),
+    assert changed == {f"{name}/c.{index}{more}" for index in ("0.0.0", "0.2.0")
+                       for name, more in (("sigma_1", ""), ("margin", ""), ("configuration", ".0"), ("reachable", ""),
                                           ("settled", ""))}  # fmt: skip
 
 
@@ -185,7 +186,7 @@ sys.path.insert(0, {str(HERE)!r})
 import cinegen
 from cinegen.study.maps import make, make_map
 from folders import of_motors
-make.BY_MOTORS = {2 * MOST}
+make.BY_MOTORS, make._QUICK = {MOST}, 2
 def say(done, size):
     print(done, flush=True)
     if done:

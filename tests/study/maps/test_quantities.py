@@ -2,18 +2,21 @@
 
 import itertools
 import math
+import re
 
 import coal
 import numpy as np
 import pinocchio as pin
 import pytest
+import trimesh
 from closed_forms import rx90
 from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
 import cinegen
+from cinegen.model.load import build
 from cinegen.study import singularity
-from cinegen.study.maps import QUANTITIES, Survey
+from cinegen.study.maps import QUANTITIES, MapError, Survey, make_map
 from cinegen.study.maps.by_pose import sphere
 
 SURVEYS = {
@@ -254,8 +257,60 @@ def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
 
 def test_a_mechanism_of_another_process_says_the_same(robot):
     survey = Survey(robot("five_bar"), SURVEYS["five_bar"], ("sigma_1", "velocity"))
-    again = Survey.of_document(survey.document())
+    again = Survey.of_attributes(survey.attributes)
     assert isinstance(again.mechanism, cinegen.Mechanism)
     one, two = mapped(survey), mapped(again)
     for name, values in one.items():
         np.testing.assert_array_equal(values, two[name])
+
+
+BALL = {"name": "ball", "kind": "sphere", "radius": 0.1, "point": [0.4, 0.0, 0.3]}
+
+
+def test_clearance_is_of_shapes_that_lie_in_files_beside_the_robot(tmp_path):
+    """What others describe names its meshes as seen from its folder: whoever makes the map finds them there."""
+    trimesh.creation.box((0.1, 0.1, 0.4)).export(tmp_path / "bar.stl")
+    link = '<collision><geometry><mesh filename="bar.stl"/></geometry></collision>'
+    (tmp_path / "arm.urdf").write_text(
+        f"""<robot name="arm"><link name="base"/><link name="tool">{link}</link>
+        <joint name="slide" type="prismatic"><parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    )
+    arm = cinegen.load(tmp_path / "arm.urdf")
+    scene = {"name": "ball", "goal": {"point": [0, 0, 0]}, "obstacle": [BALL]}
+    survey = Survey(arm, over(("x", -0.4, 0.2, 6)), ("clearance",), "tool", scene=scene)
+    found = make_map(survey, tmp_path / "arm.zarr", workers=1)
+    across, above = np.maximum(np.abs(found.x.values - 0.4) - 0.05, 0.0), 0.3 - 0.2
+    np.testing.assert_allclose(found.clearance, np.hypot(across, above) - 0.1, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["delta4", "rx90", "gough"])
+def test_a_robot_is_the_same_wherever_its_file_and_its_shapes_lie(root, robot, tmp_path, name):
+    """RAFF's graphics become files whose paths differ from machine to machine: no number of a map depends on them."""
+    source = robot(name).source
+    elsewhere = re.sub(r'filename="[^"]*/', 'filename="/elsewhere/', source.urdf)
+    assert (elsewhere != source.urdf) == (name != "gough")  # which has no graphics
+    moved = build(elsewhere, source.constraints, str(tmp_path), "another name")
+    one, two = (Survey(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot(name), moved))
+    assert one.text == two.text
+    assert one.robot_hash == two.robot_hash
+
+
+def test_a_robot_that_moves_in_another_way_is_another(robot):
+    source = robot("five_bar").source
+    longer = build(source.urdf.replace("0.25", "0.26"), source.constraints)
+    one, two = (Survey(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot("five_bar"), longer))
+    assert one.robot_hash != two.robot_hash
+
+
+@pytest.mark.parametrize("name", ["sigma_1", "settled", "joint", "left/elbow"])
+def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
+    arm = build(
+        f"""<robot name="arm"><link name="base"/><link name="tool"/><joint name="{name}" type="prismatic">
+        <parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>""",
+        None,
+    )
+    with pytest.raises(MapError, match=f"no map over motor '{name}', whose name .*: rename it"):
+        Survey(arm, over((name, -0.5, 0.5, 3)))
+    assert Survey(arm, over(("x", -0.5, 0.5, 3))).region.size == 3

@@ -18,10 +18,11 @@ def whole(region):
     return tuple(slice(0, count) for count in region.shape)
 
 
+@pytest.mark.parametrize("cut", [Region.blocks, Region.lines])
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=5), st.integers(1, 5000))
-def test_pieces_cover_each_cell_once_and_are_no_larger_than_asked(counts, most):
+def test_pieces_cover_each_cell_once_and_are_no_larger_than_asked(cut, counts, most):
     region = Region(tuple(GridAxis(name, 0.0, 1.0, n) for name, n in zip("abcde", counts, strict=False)))
-    chunks = region.chunks(most)
+    chunks = cut(region, most)
     assert math.prod(chunks) <= most
     covered = np.zeros(region.shape, dtype=int) if region.size <= 10**5 else None
     total = 0
