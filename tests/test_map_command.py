@@ -97,6 +97,16 @@ def test_variants_get_a_table_and_files(typed, tmp_path):
     assert [row["link2.d"] for row in found["rows"]] == [300.0, 500.0]
 
 
+def test_what_is_without_bound_is_said(typed):
+    """Along z a planar linkage bears any force."""
+    options = ("five_bar", "--over", "x=-0.2..0.2:6,y=0.3..0.5:6", "-q", "force")
+    said = "least without bound, median without bound, most without bound N"
+    assert said in typed("map", *options, "-o", "a.zarr")
+    found = json.loads(typed("map", *options, "-o", "a.zarr", "--json"))
+    assert found["quantities"]["force"] == {"unit": "N", "least": None, "median": None, "most": None}
+    assert "there is no cell in which both reach and it has a bound" in typed("compare", "a.zarr", "a.zarr")
+
+
 def test_two_maps_are_compared(typed, tmp_path):
     for name, more in (("a", ()), ("b", ("--no-limits",))):
         typed("map", "five_bar", "--over", "x=-0.4..0.4:16,y=-0.7..0.7:16", "-o", f"{name}.zarr", *more)

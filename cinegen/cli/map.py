@@ -58,7 +58,7 @@ def add(commands: Any) -> None:
     command.add_argument(
         "-q", "--quantity", action="append", default=[], metavar="NAMES",
         help="what is told of each cell: solutions, sigma_1, sigma_2, condition, manipulability, margin, velocity, "
-        "force, solid_angle, clearance, or all (sigma_1,sigma_2)",
+        "force, solid_angle, clearance; or all, but for solutions and solid_angle (sigma_1,sigma_2)",
     )  # fmt: skip
     command.add_argument("--along", metavar="X,Y,Z", help="direction of velocity and force, in the world (0,0,1)")
     command.add_argument("--scene", metavar="FILE", help="obstacles for the clearance, as cinegen plan reads them")
@@ -250,7 +250,7 @@ def bar() -> Iterator[Say]:
 
 
 def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
-    """What is found, as JSON has it: m, rad and sr."""
+    """What is found, as JSON has it: m, rad and sr; nothing (null) for what is without bound."""
     import numpy as np
 
     from cinegen.study.maps import How
@@ -272,12 +272,13 @@ def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
     told["extent"] = {"value": measured.value, "error": measured.error, "unit": measured.unit}
     for name in survey.quantities:
         values = found[name].values[found["reachable"].values].astype(float)
-        values = values[np.isfinite(values)]
+        values = values[~np.isnan(values)]
         if len(values):
+            three = {"least": values.min(), "median": np.median(values), "most": values.max()}
             told["quantities"][name] = {
                 "unit": found[name].attrs["units"],
-                "least": float(values.min()), "median": float(np.median(values)), "most": float(values.max()),
-            }  # fmt: skip
+                **{key: float(value) if np.isfinite(value) else None for key, value in three.items()},
+            }
     return told
 
 
@@ -308,8 +309,8 @@ def _settled(told: dict[str, Any]) -> str:
     return ", ".join(f"{count:,} {how}" for how, count in told["settled"].items())
 
 
-def _number(value: float) -> str:
-    return f"{value:.3g}" if math.isfinite(value) else "without bound"
+def _number(value: float | None) -> str:
+    return "without bound" if value is None else f"{value:.3g}"
 
 
 def _where(survey: Survey) -> str:

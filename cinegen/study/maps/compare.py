@@ -54,6 +54,14 @@ class Difference:
             return math.nan, math.nan, math.nan
         return float(known.min()), float(np.median(known)), float(known.max())
 
+    def __str__(self) -> str:
+        """In words."""
+        least, median, most = self.spread
+        if not math.isfinite(median):
+            return "there is no cell in which both reach and it has a bound"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"second less first: {least:+.3g} to {most:+.3g}, median {median:+.3g}{unit}"
+
     def as_dict(self) -> dict[str, Any]:
         """As JSON has it."""
         spread = dict(zip(("least", "median", "most"), self.spread, strict=True))
@@ -104,11 +112,7 @@ class Comparison:
         lines += [f"  {remark}" for remark in self.remarks]
         lines += [f"  {name:<{wide}}  {extent}" for name, extent in self.extents.items()]
         for name, difference in self.differences.items():
-            least, median, most = difference.spread
-            unit = "" if difference.unit == "1" else f" {difference.unit}"
-            lines.append(
-                f"  {name:<{wide}}  second less first: {least:+.3g} to {most:+.3g}, median {median:+.3g}{unit}"
-            )
+            lines.append(f"  {name:<{wide}}  {difference}")
         return "\n".join(lines)
 
     def as_dict(self) -> dict[str, Any]:
