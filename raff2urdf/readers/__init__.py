@@ -45,7 +45,7 @@ def read(path: Path, robot: str | None = None) -> Description:
 def _urdf(text: str, path: Path, robot: str | None) -> Description:
     from raff2urdf import constraints
     from raff2urdf.readers import robot_yaml
-    from raff2urdf.readers.urdf import names
+    from raff2urdf.readers.successive import names
 
     companion = path.with_suffix(".constraints.json")
     if companion.exists():

@@ -19,7 +19,7 @@ import numpy as np
 from lxml import etree
 
 from raff2urdf.errors import RaffError
-from raff2urdf.readers.urdf import joints, links, remove, three
+from raff2urdf.readers.urdf import joints, links, parse, remove, three
 
 Step = tuple[str, str, Sequence[float]]
 """What a joint's name gets behind it, the joint's type, and its axis."""
@@ -34,6 +34,18 @@ SLIDES: tuple[Step, ...] = (("TX", "prismatic", _X), ("TY", "prismatic", _Y), ("
 SPHERICAL: tuple[Step, ...] = tuple(TURNS.values())
 
 _FAR = "1e9"  # what a URDF says of a slide without limits
+
+
+def names(text: str, name: str) -> tuple[list[str], list[str]]:
+    """Names of the links of a URDF, and of its joints that move, once each is one number.
+
+    Raises:
+        RaffError: no URDF.
+    """
+    tree = parse(text, name)
+    known = [str(link.get("name")) for link in links(tree)]
+    replace_compound(tree, name, keep_root=True)
+    return known, [str(joint.get("name")) for joint in joints(tree) if joint.get("type") not in ("fixed", "floating")]
 
 
 def replace_compound(tree: Any, name: str, keep_root: bool) -> dict[str, list[str]]:

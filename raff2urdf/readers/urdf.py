@@ -88,20 +88,6 @@ def several(found: list[Any], name: str) -> str:
     return f"{name}:{found[0].sourceline}: joint '{found[0].get('name', '')}'{more}"
 
 
-def names(text: str, name: str) -> tuple[list[str], list[str]]:
-    """Names of the links of a URDF, and of its joints that move, once each is one number.
-
-    Raises:
-        RaffError: no URDF.
-    """
-    from raff2urdf.readers import successive
-
-    tree = parse(text, name)
-    known = [str(link.get("name")) for link in links(tree)]
-    successive.replace_compound(tree, name, keep_root=True)
-    return known, [str(joint.get("name")) for joint in joints(tree) if joint.get("type") not in ("fixed", "floating")]
-
-
 def remove(element: Any) -> None:
     """Takes an element out, and leaves as many lines behind as it had: errors tell of lines."""
     lines = etree.tostring(element, encoding="unicode", with_tail=False).count("\n")
