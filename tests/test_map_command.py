@@ -100,7 +100,9 @@ def test_variants_get_a_table_and_files(typed, tmp_path):
 def test_what_is_without_bound_is_said(typed):
     """Along z a planar linkage bears any force."""
     options = ("five_bar", "--over", "x=-0.2..0.2:6,y=0.3..0.5:6", "-q", "force")
-    said = "least without bound, median without bound, most without bound N"
+    assert " N, along 1, 0, 0" in typed("map", *options, "-o", "x.zarr")
+    options += ("--along", "0,0,1")
+    said = "least without bound, median without bound, most without bound N, along 0, 0, 1"
     assert said in typed("map", *options, "-o", "a.zarr")
     found = json.loads(typed("map", *options, "-o", "a.zarr", "--json"))
     assert found["quantities"]["force"] == {"unit": "N", "least": None, "median": None, "most": None}

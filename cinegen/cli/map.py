@@ -60,7 +60,9 @@ def add(commands: Any) -> None:
         help="what is told of each cell: solutions, sigma_1, sigma_2, condition, manipulability, margin, velocity, "
         "force, solid_angle, clearance; or all, but for solutions and solid_angle (sigma_1,sigma_2)",
     )  # fmt: skip
-    command.add_argument("--along", metavar="X,Y,Z", help="direction of velocity and force, in the world (0,0,1)")
+    command.add_argument(
+        "--along", metavar="X,Y,Z", help="direction of velocity and force, in the world (z, else x, y)"
+    )
     command.add_argument("--scene", metavar="FILE", help="obstacles for the clearance, as cinegen plan reads them")
     command.add_argument("--no-limits", action="store_true", help="let joints go beyond their limits")
     command.add_argument("--starts", type=int, metavar="N", help="starts of a search where no neighbour leads (6)")
@@ -160,7 +162,7 @@ def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
     return Survey(
         mechanism, where, tuple(name.strip() for name in quantities), options.node or "", not options.no_limits,
         STARTS if options.starts is None else options.starts,
-        along=(0.0, 0.0, 1.0) if options.along is None else point(options.along, "--along"),
+        along=() if options.along is None else point(options.along, "--along"),
         scene=scene, folder=folder,
     )  # fmt: skip
 
@@ -283,6 +285,8 @@ def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
 
 
 def _lines(name: str, survey: Survey, told: dict[str, Any]) -> list[str]:
+    from cinegen.study.maps.quantities import DIRECTED
+
     shape = " x ".join(map(str, survey.region.shape))
     what = f"{name}: {shape} cells over {', '.join(survey.region.names)}"
     if survey.region.at:
@@ -301,7 +305,8 @@ def _lines(name: str, survey: Survey, told: dict[str, Any]) -> list[str]:
     for quantity, values in told["quantities"].items():
         unit = "" if values["unit"] == "1" else f" {values['unit']}"
         three = ", ".join(f"{key} {_number(values[key])}" for key in ("least", "median", "most"))
-        lines.append(f"  {quantity:<15} {three}{unit}")
+        along = f", along {', '.join(f'{x:.3g}' for x in survey.along)}" if quantity in DIRECTED else ""
+        lines.append(f"  {quantity:<15} {three}{unit}{along}")
     return lines
 
 

@@ -37,3 +37,6 @@ QUANTITIES: dict[str, Quantity] = {
     "clearance": Quantity("m", "least distance to the scene's obstacles and between links"),
 }
 """By name. `reachable`, `settled` and `configuration` are in every map."""
+
+DIRECTED = frozenset({"velocity", "force"})
+"""Those that are meant along a direction."""

@@ -17,7 +17,7 @@ from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.urdf import kinematics_of
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.quantities import QUANTITIES
+from cinegen.study.maps.quantities import DIRECTED, QUANTITIES
 from cinegen.study.maps.region import Region
 from cinegen.study.singular.slice import POSE
 from raff2urdf.closure import rank
@@ -46,7 +46,8 @@ class Survey:
         limits: whether joints must keep to their position limits, where poses are looked for.
         starts: from how many configurations a pose is looked for, where no neighbour's leads there.
         directions: into how many directions a sphere is divided, for the dexterous solid angle.
-        along: (3,) in the world, along which speeds and forces are meant.
+        along: (3,) in the world, along which speeds and forces are meant; unless given the first of z, x and y along
+            which the node can move.
         scene: obstacles, as `cinegen.avoid.Scene.document` has them, for the clearance; none unless given.
         folder: where the scene's files are looked for.
 
@@ -62,7 +63,7 @@ class Survey:
     limits: bool = True
     starts: int = STARTS
     directions: int = 64
-    along: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    along: tuple[float, ...] = ()
     scene: Mapping[str, Any] | None = field(default=None, repr=False)
     folder: str = "."
 
@@ -72,6 +73,8 @@ class Survey:
         self.mechanism.frame_id(self.node)
         if self.starts < 0 or self.directions < 1:
             raise MapError(f"starts ({self.starts}) must be 0 or more, and directions ({self.directions}) 1 or more")
+        if not self.along:
+            object.__setattr__(self, "along", self._usual_direction())
         length = math.hypot(*self.along)
         if not (len(self.along) == 3 and 0.0 < length < math.inf):
             raise MapError(f"along {self.along}: give a direction, three numbers")
@@ -104,6 +107,10 @@ class Survey:
                 raise MapError(
                     f"{mechanism.name}: {self.node} can't move along {name}: it stays at {value:g}. Leave it out"
                 )
+
+    def _usual_direction(self) -> tuple[float, ...]:
+        axes = (2, 0, 1) if DIRECTED & set(self.quantities) else (2,)
+        return tuple(np.eye(3)[next((k for k in axes if self._moves(k)), 2)])
 
     def _moves(self, k: int) -> bool:
         """Whether a coordinate of the node's pose can change at all."""
