@@ -60,9 +60,7 @@ def add(commands: Any) -> None:
         help="what is told of each cell: solutions, sigma_1, sigma_2, condition, manipulability, margin, velocity, "
         "force, solid_angle, clearance; or all, but for solutions and solid_angle (sigma_1,sigma_2)",
     )  # fmt: skip
-    command.add_argument(
-        "--along", metavar="X,Y,Z", help="direction of velocity and force, in the world (z, else x, y)"
-    )
+    command.add_argument("--along", metavar="X,Y,Z", help="direction of velocity and force, in the world (z, or x, y)")
     command.add_argument("--scene", metavar="FILE", help="obstacles for the clearance, as cinegen plan reads them")
     command.add_argument("--no-limits", action="store_true", help="let joints go beyond their limits")
     command.add_argument("--starts", type=int, metavar="N", help="starts of a search where no neighbour leads (6)")
