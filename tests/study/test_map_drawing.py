@@ -276,6 +276,17 @@ def test_over_three_axes_there_are_slices_and_a_solid(made):
     assert str(extent(box)).replace("m^2", "m²") in words(figure)
 
 
+@pytest.mark.parametrize("thin", ["x", "y"])
+def test_a_sliver_of_space_has_a_picture_of_usual_size(made, thin):
+    """Were what is as long drawn as long, it would be a kilometre high."""
+    sides = {"x": 0.8, "y": 0.8, "z": 0.4, thin: 0.0004}
+    for names in ("xy", "xyz"):
+        axes = [(name, -0.5 * sides[name] - (1.8 if name == "z" else 0.0),
+                 0.5 * sides[name] - (1.8 if name == "z" else 0.0), 4) for name in names]  # fmt: skip
+        wide, tall = draw_map(made("delta4", *axes, at={} if len(names) == 3 else {"z": -1.8})).get_size_inches()
+        assert 0.2 < tall / wide < 1.5
+
+
 def test_over_more_axes_the_middle_is_shown_and_said(made):
     full = made("arm7", ("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 3), ("z", 0.2, 0.6, 3), ("rz", -1.0, 1.0, 3),
                 quantities=("sigma_1",))  # fmt: skip

@@ -29,7 +29,8 @@ ROBOT = "robot"
 """Group of what is drawn of it."""
 
 _TALLEST, _FLATTEST = 1.1, 0.35  # height of a picture's axes over their width
-_OBLONG = 0.8  # likewise, where they have different units
+_OBLONG = 0.8  # likewise, where they have different units, or one range is a sliver of the other
+_SLIVER = 8.0  # times
 _BESIDE, _ABOVE = 1.7, 1.55  # inches, for what is beside a picture, and above and below it
 _OVER = 4.0  # where it is drawn, over all else
 _GLASS = 0.2  # how much a plate covers
@@ -53,6 +54,7 @@ class Plane:
     Attributes:
         scales: what SI values are multiplied by, along each axis.
         units: mm or °.
+        alike: whether what is as long is drawn as long.
         round: whether it is all, or nearly all, of a sphere seen from its centre: that is drawn as Hammer's map, whose
             areas are true (E. Hammer, 1892).
     """
@@ -63,6 +65,9 @@ class Plane:
         spherical = survey.region.names == ("azimuth", "elevation")
         ranges = [axis.high - axis.low for axis in survey.region.axes]
         self.round = spherical and ranges[0] > math.pi and ranges[1] > 0.5 * math.pi
+        aspect = ranges[1] * self.scales[1] / (ranges[0] * self.scales[0])
+        self.alike = self.units[0] == self.units[1] and 1.0 / _SLIVER < aspect < _SLIVER
+        self._aspect = aspect if self.alike else _OBLONG
         if self.round:
             self.scales = (1.0, 1.0)  # matplotlib's maps of spheres want rad, and write degrees
 
@@ -73,8 +78,7 @@ class Plane:
 
     def tall(self, wide: float) -> float:
         """Height of axes that are so wide, in the same unit."""
-        ranges = [(axis.high - axis.low) * scale for axis, scale in zip(self.region.axes, self.scales, strict=True)]
-        return wide * (ranges[1] / ranges[0] if self.units[0] == self.units[1] else _OBLONG)
+        return wide * self._aspect
 
     def paper(self, width: float) -> tuple[float, float]:
         """Width and height, inches, of a picture with room for titles, a colour bar and a legend."""
@@ -104,7 +108,7 @@ class Plane:
         u, v = self._borders
         axes.set_xlim(u[0], u[-1])
         axes.set_ylim(v[0], v[-1])
-        if self.units[0] == self.units[1]:
+        if self.alike:
             axes.set_aspect("equal")
         for axis, name in ((axes.xaxis, self.units[0]), (axes.yaxis, self.units[1])):
             if name == "°":
