@@ -22,8 +22,8 @@ from statistics import median
 import cinegen
 from cinegen.solve.sample import evaluate
 from cinegen.study.maps import GridAxis, Region, Survey, make_map
-from cinegen.study.maps.by_motors import to_and_fro
 from cinegen.study.maps.cluster import connected, each
+from cinegen.study.maps.neighbours import to_and_fro
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"

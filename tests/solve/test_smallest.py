@@ -57,8 +57,8 @@ def test_a_sampler_that_is_asked_for_less_gives_the_same(robot, name, counted):
     home = [mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated]
     steps = np.random.default_rng(0).normal(size=(20, len(home))) * 0.01
     motors = home + np.cumsum(steps, axis=0)
-    whole = Sampler(mechanism, mechanism.end, *counted, ()).led(motors)
-    less = Sampler(mechanism, mechanism.end, *counted, (), whole=False).led(motors)
+    whole = Sampler(mechanism, mechanism.end, *counted, (), True).led(motors)
+    less = Sampler(mechanism, mechanism.end, *counted, (), True, whole=False).led(motors)
     assert np.isfinite(whole.q).any()
     for one in ("q", "closure", "second"):
         np.testing.assert_array_equal(getattr(whole, one), getattr(less, one))

@@ -83,8 +83,8 @@ class Sampler(Solver):
         node: base, link or frame.
         translation: how many translations of the node count for its singular values, 0 to 3, in its own axes (`Pull`).
         rotation: how many rotations.
-        balls: joints, by threes, that are written for a ball joint each; where given, the smallest singular value of
-            the passive joints is wanted, and these joints count as the balls that they are.
+        balls: joints, by threes, that are written for a ball joint each: they count as the balls that they are.
+        second: whether the smallest singular value of the passive joints is wanted.
         whole: whether all of `Evaluations` is wanted; else its placements and Jacobians stay empty, (count, 0, 0), and
             of singular values only the smallest is there, as the last: that is quicker.
 
@@ -98,7 +98,8 @@ class Sampler(Solver):
         node: str,
         translation: int = 3,
         rotation: int = 3,
-        balls: Sequence[Sequence[str]] | None = None,
+        balls: Sequence[Sequence[str]] = (),
+        second: bool = False,
         whole: bool = True,
     ) -> None:
         prepare_sample()
@@ -113,15 +114,16 @@ class Sampler(Solver):
         settings[m.TOLERANCE], settings[m.STRIDE], settings[m.ASTRAY] = _TOLERANCE, _STRIDE, CORRECTION
         self._anchor, self._work = np.zeros(mechanism.model.nq), np.zeros(work_size(n, n - mechanism.loop_rank))
         columns = mechanism.passive_columns
-        wanted = balls is not None and 0 < mechanism.passive_rank == len(columns)
+        wanted = second and 0 < mechanism.passive_rank == len(columns)
         self._passive = columns.astype(float) if wanted else np.zeros(0)
-        at = [[mechanism.v_index(name) for name in three] for three in balls or ()]
+        at = [[mechanism.v_index(name) for name in three] for three in balls]
         self._balls = np.array(at, dtype=float).reshape(-1, 3)
         self._whole, self._one = whole, np.zeros((4, 4))
         self._second_work = np.zeros((int(self._table[m.ROWS]) + 2) * max(len(self._passive), 1))
 
-    def led(self, values: Array) -> Evaluations:
-        """At values of the motors (count, motors), loops closed from one to the next as `evaluate` does, from home."""
+    def led(self, values: Array, start: Array | None = None) -> Evaluations:
+        """At values of the motors (count, motors), loops closed from one to the next as `evaluate` does, from home, or
+        from a configuration (nq,) whose loops are closed."""
         model, data = self._model, self._data
         done, todo = self._empty(len(values)), self._todo(values)
         table, evaluate, trial = self._table, self._evaluate, self._trial
@@ -134,7 +136,7 @@ class Sampler(Solver):
                 evaluate(model, data, q)
                 measure_next(table, todo)
             return done
-        trial[:] = self._q[:] = self.mechanism.q_home
+        trial[:] = self._q[:] = self.mechanism.q_home if start is None else start
         table[m.FACTORED] = table[m.ALIKE] = 0
         evaluate(model, data, trial)
         while measure_closed(table, todo):

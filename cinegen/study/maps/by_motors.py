@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.solve.sample import Evaluations, Sampler
+from cinegen.study.maps.neighbours import neighbours, to_and_fro
 from cinegen.study.maps.settled import How, Settled
 from cinegen.study.maps.survey import Survey
 
+Array = NDArray[np.float64]
+
+_FIELDS = tuple(Evaluations.__dataclass_fields__)
 _BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 
 
@@ -27,28 +33,66 @@ class ByMotors:
         self._passive = np.array([mechanism.q_index(name) for name in names], dtype=np.intp)
 
     def settle(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:
-        """All cells of a piece of the survey's region, to and fro, so that each is next to the one before."""
+        """All cells of a piece of the survey's region."""
         values = self.survey.region.motors(self.survey.mechanism, piece)
         if self.survey.mechanism.loops:
-            order = to_and_fro([len(range(*s.indices(s.stop))) for s in piece])
-            there = self._sampler.led(np.ascontiguousarray(values[order]))
-            back = np.empty_like(order)
-            back[order] = np.arange(len(order))
-            done = Evaluations(*(getattr(there, name)[back] for name in there.__dataclass_fields__))
+            shape = [len(range(*s.indices(s.stop))) for s in piece]
+            done = self._in_turn(values, shape)
+            how = self._judged(done)
+            if not (how == How.GIVEN).all():
+                self._look_again(values, neighbours(shape), done, how)
         else:
             done = self._sampler.led(values)
+            how = self._judged(done)
+        q = done.q
+        if not (how == How.GIVEN).all():
+            q = np.where((how == How.GIVEN)[:, None], q, np.nan)
+        return Settled(q, how, self._modes(values) if "solutions" in self.survey.quantities else None), done
+
+    def _in_turn(self, values: Array, shape: list[int]) -> Evaluations:
+        """To and fro, so that each cell is next to the one before."""
+        order = to_and_fro(shape)
+        there = self._sampler.led(np.ascontiguousarray(values[order]))
+        back = np.empty_like(order)
+        back[order] = np.arange(len(order))
+        return Evaluations(*(getattr(there, name)[back] for name in _FIELDS))
+
+    def _judged(self, done: Evaluations) -> NDArray[np.uint8]:
+        """(n,) how cells came to be, once passive joints are turned to where they may be."""
         done.q[:, self._passive] = self._turned(done.q[:, self._passive])
         how = np.where(np.isfinite(done.closure), How.GIVEN, How.OPEN).astype(np.uint8)
         if self.survey.limits:
             model = self.survey.mechanism.model
             low, high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
             how[((done.q < low) | (done.q > high)).any(axis=1)] = How.BEYOND
-        q = done.q
-        if not (how == How.GIVEN).all():
-            q = np.where((how == How.GIVEN)[:, None], q, np.nan)
-        return Settled(q, how, self._modes(values) if "solutions" in self.survey.quantities else None), done
+        return how
 
-    def _turned(self, angles: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _look_again(self, values: Array, near: NDArray[np.intp], done: Evaluations, how: NDArray[np.uint8]) -> None:
+        """Cells that the way from cell to cell has not led to, for it ends in dead ends: from each neighbour that is
+        given, and where there is none straight from home. Changes what is done, and how."""
+        home = self.survey.mechanism.q_home
+
+        def leads(start: Array, cell: int) -> bool:
+            found = self._sampler.led(values[cell : cell + 1], start)
+            now = self._judged(found)[0]
+            if now == How.GIVEN or (now, how[cell]) == (How.BEYOND, How.OPEN):
+                how[cell] = now
+                for name in _FIELDS:
+                    getattr(done, name)[cell] = getattr(found, name)[0]
+            return bool(now == How.GIVEN)
+
+        waiting = deque(np.flatnonzero(how == How.GIVEN).tolist())
+        left = np.flatnonzero(how != How.GIVEN).tolist()
+        for first in (None, *left):
+            if first is not None and how[first] != How.GIVEN and leads(home, first):
+                waiting.append(first)
+            while waiting:
+                here = waiting.popleft()
+                for cell in near[here].tolist():
+                    if cell >= 0 and how[cell] != How.GIVEN and leads(done.q[here], cell):
+                        waiting.append(cell)
+
+    def _turned(self, angles: Array) -> Array:
         """Angles (n, k) of passive joints, by whole turns to where limits let them be, else to within half a turn of
         home: how often a loop has gone round on its way makes no difference."""
         model, home = self.survey.mechanism.model, self.survey.mechanism.q_home[self._passive]
@@ -59,7 +103,7 @@ class ByMotors:
         allowed = (about_home >= low - _BEYOND) & (about_home <= high + _BEYOND)
         return np.where(allowed | (within > high + _BEYOND), about_home, within)
 
-    def _modes(self, values: NDArray[np.float64]) -> NDArray[np.int32]:
+    def _modes(self, values: Array) -> NDArray[np.int32]:
         """(n,) how many assembly modes there are, as `assembly_modes` counts them: joint limits make no difference."""
         from cinegen.study.modes import assembly_modes
 
@@ -67,13 +111,3 @@ class ByMotors:
         if not mechanism.loops:
             return np.ones(len(values), dtype=np.int32)
         return np.array([len(assembly_modes(mechanism, motors)) for motors in values], dtype=np.int32)
-
-
-def to_and_fro(shape: list[int]) -> NDArray[np.intp]:
-    """Numbers of a grid's cells, each next to the one before: every other line goes backwards."""
-    order = np.zeros((1,), dtype=np.intp)
-    for count in shape:
-        grown = order[:, None] * count + np.arange(count)
-        grown[1::2] = grown[1::2, ::-1]
-        order = grown.ravel()
-    return order

@@ -9,7 +9,7 @@ called out of reach only after a search, unless the lengths of the links rule it
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from cinegen.solve.inverse.seeker import Seeker
 from cinegen.solve.pull import Pull
+from cinegen.solve.sample import Evaluations, Sampler
+from cinegen.study.maps.neighbours import neighbours
 from cinegen.study.maps.settled import How, Settled
 from cinegen.study.maps.shells import Shells
 from cinegen.study.maps.survey import Survey
@@ -28,6 +30,8 @@ _GOAL = 1e-10  # rad or lengths that may be left
 _JUMP = 0.7  # rad or lengths: a neighbour's solution that is further away is on another branch
 _SAME = 1e-4  # rad or lengths: two solutions that are nearer are one
 _SURE = 0.2  # part of the way to the next solution: a neighbour's that is nearer is the one that this one leads to
+_MEET = 1e-4  # smallest singular value of type 1, where branches meet
+_WAVES = 4  # until none goes through such a cell
 _WAY = 12  # steps from home to the first cell
 _SPREAD, _SPREAD_CLOSED = 600, 400  # configurations that starts are taken from
 _TRIES = 300  # random starts of a piece, at least, where solutions are counted
@@ -39,10 +43,11 @@ class ByPose:
 
     Args:
         survey: over poses.
+        sampler: of its mechanism and node.
     """
 
-    def __init__(self, survey: Survey) -> None:
-        self.survey, self.mechanism = survey, survey.mechanism
+    def __init__(self, survey: Survey, sampler: Sampler) -> None:
+        self.survey, self.mechanism, self._sampler = survey, survey.mechanism, sampler
         self._seeker = self._seeker_of(survey.rotation)
         rng = np.random.default_rng(_SEED)
         closer = Seeker(self.mechanism, (), survey.limits)
@@ -66,14 +71,45 @@ class ByPose:
         turn = {0: (0.0, 0.0), 2: (0.5, 0.0), 3: (0.5, 0.5)}[self.survey.rotation]
         return 1.0 / self.mechanism.length, *turn
 
-    def settle(self, piece: tuple[slice, ...]) -> Settled:
+    def settle(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:
         """All cells of a piece of the survey's region."""
         points, rotations = self.survey.region.poses(self.survey.home, piece)
-        wave = _Wave(self, points, rotations, _neighbours([len(range(*s.indices(10**18))) for s in piece]))
-        wave.run()
+        near = neighbours([len(range(*s.indices(10**18))) for s in piece])
+        dead_ends: frozenset[int] = frozenset()
+        for _ in range(_WAVES):
+            wave = _Wave(self, points, rotations, near, dead_ends)
+            wave.run()
+            done = self._evaluated(wave.q)
+            singular = self._singular(done)
+            everywhere = 10 * len(singular) > np.isfinite(wave.q[:, 0]).sum()  # then nothing is told by it
+            if everywhere or not wave.came_from & singular:
+                break
+            dead_ends |= singular
         solutions = _Solutions(wave).count() if "solutions" in self.survey.quantities else None
         angle = self._solid_angles(wave.q, points) if self._axis is not None else None
-        return Settled(wave.q, wave.how, solutions, angle)
+        return Settled(wave.q, wave.how, solutions, angle), done
+
+    def _evaluated(self, configurations: Array) -> Evaluations:
+        """At each of these; not a number where there is no configuration."""
+        good = np.isfinite(configurations[:, 0])
+        done = self._sampler.at(configurations[good])
+        if good.all():
+            return done
+        spread = []
+        for name in done.__dataclass_fields__:
+            values = getattr(done, name)
+            full = np.full((len(good), *values.shape[1:]), np.nan)
+            full[good] = values
+            spread.append(full)
+        return Evaluations(*spread)
+
+    def _singular(self, done: Evaluations) -> frozenset[int]:
+        """Cells where two branches meet: whoever goes on from there may be on another than whoever came."""
+        if self.survey.freedoms > self.survey.rank:  # there is no telling branches apart
+            return frozenset()
+        width = done.singular_values.shape[1]
+        with np.errstate(invalid="ignore"):
+            return frozenset(np.flatnonzero(done.singular_values[:, min(self.survey.rank, width) - 1] < _MEET).tolist())
 
     # --- one cell ------------------------------------------------------------------------------------------------
 
@@ -157,8 +193,12 @@ def _turned_to(axis: Array) -> Array:
 class _Wave:
     """Goes through the cells of a piece."""
 
-    def __init__(self, of: ByPose, points: Array, rotations: Array, near: Ints) -> None:
+    def __init__(
+        self, of: ByPose, points: Array, rotations: Array, near: Ints, dead_ends: Collection[int] = ()
+    ) -> None:
         self.of, self.points, self.near = of, points, near
+        self._dead_ends = dead_ends  # cells that no others are come to from
+        self.came_from: set[int] = set()
         self.rotations = rotations
         self.q = np.full((len(points), of.mechanism.model.nq), np.nan)
         self.how = np.zeros(len(points), dtype=np.uint8)
@@ -187,13 +227,16 @@ class _Wave:
                 self.how[cell] = How.NOT_FOUND
             else:
                 self._begin(cell, found)
+        for cell in sorted(self._elsewhere):  # of those that had been looked for in vain before
+            if self.how[cell] == How.NOT_FOUND:
+                self._begin(cell, self._elsewhere[cell])
 
     def _begin(self, cell: int, q: Array | None) -> None:
         """A wave from a cell."""
         if q is None:
             return
         self.q[cell], self.how[cell] = q, How.SEARCH
-        waiting = deque([cell])
+        waiting = deque([cell] if cell not in self._dead_ends else [])
         while waiting:
             here = waiting.popleft()
             for near in self.near[here].tolist():
@@ -206,7 +249,9 @@ class _Wave:
                     self._elsewhere.setdefault(near, found)
                     continue
                 self.q[near], self.how[near] = found, How.NEIGHBOUR
-                waiting.append(near)
+                self.came_from.add(here)
+                if near not in self._dead_ends:
+                    waiting.append(near)
 
 
 class _Solutions:
@@ -281,17 +326,3 @@ def sphere(count: int) -> Array:
 def _feature(point: Array, rotation: Array, weights: tuple[float, float, float]) -> Array:
     place, axis, others = weights
     return np.concatenate([place * point, axis * rotation[:, 2], others * rotation[:, :2].ravel()])
-
-
-def _neighbours(shape: list[int]) -> Ints:
-    """(n, 2 axes) numbers of the cells next to each, the last axis fastest; -1 where there is none."""
-    number = np.arange(int(np.prod(shape))).reshape(shape)
-    found = []
-    for axis in range(len(shape)):
-        for step in (-1, 1):
-            moved = np.roll(number, -step, axis)
-            edge = [slice(None)] * len(shape)
-            edge[axis] = slice(0, 1) if step < 0 else slice(-1, None)
-            moved[tuple(edge)] = -1
-            found.append(moved.ravel())
-    return np.column_stack(found)

@@ -46,16 +46,16 @@ def fastest(jacobians: Array, along: Array, survey: Survey, limits: Array) -> Ar
     left = np.abs((matrices @ per_speed[:, :, None])[:, :, 0] - wanted).max(axis=1)
     with np.errstate(divide="ignore"):
         speeds = np.where(left < _OUTSIDE, (limits / np.abs(per_speed)).min(axis=1), 0.0)
+    spans, values, _ = np.linalg.svd(matrices, full_matrices=False)
+    inside = left < _OUTSIDE
+    regular = inside & (values[:, rank - 1] > _NEARLY * values[:, 0])
     if len(limits) > rank:
-        spans, values, _ = np.linalg.svd(matrices, full_matrices=False)
-        inside = left < _OUTSIDE
-        regular = inside & (values[:, rank - 1] > _NEARLY * values[:, 0])
         if math.comb(len(limits), rank - 1) > _FACETS:
             regular[:] = False
         axes = spans[regular, :, :rank].transpose(0, 2, 1)
         speeds[regular] = _to_facets(axes @ matrices[regular], (axes @ wanted[regular, :, None])[:, :, 0], limits)
-        for k in np.flatnonzero(inside & ~regular):
-            speeds[k] = _best(matrices[k], wanted[k], speeds[k], limits)
+    for k in np.flatnonzero(inside & ~regular):
+        speeds[k] = _best(matrices[k], wanted[k], speeds[k], limits)
     found[good] = speeds
     return found
 

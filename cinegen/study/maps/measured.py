@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 Values = NDArray[Any]
 
 _SLOWLY = 1.0  # rad/s or m/s, of motors whose speed nothing limits
+_SINGULAR = 1e12  # of a condition: what is beyond is rounding
 _WEAKLY = 1.0  # N m or N, of motors whose effort nothing limits
 
 
@@ -84,7 +85,8 @@ def _sigma_2(cells: Cells) -> Values:
 def _condition(cells: Cells) -> Values:
     values = cells.by_motors_values
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(values[:, 0] / values[:, -1])
+        found = np.asarray(values[:, 0] / values[:, -1])
+    return np.where(found > _SINGULAR, np.inf, found)
 
 
 def _manipulability(cells: Cells) -> Values:

@@ -33,6 +33,7 @@ ALONG = "way"
 ORIENTATIONS = ("free", "axis", "fixed")
 """Of a node, how much counts: nothing; the direction of its z; all."""
 
+_TURN = 1e-9  # rad, of a turn: rounding
 _MOST = 2**62
 """Cells that can be counted."""
 
@@ -120,6 +121,11 @@ class Region:
             raise MapError(
                 f"{', '.join(around)} is where the node is, seen from a centre: say {', '.join(missing)}, too"
             )
+        for axis in self.axes:
+            if axis.name == "elevation" and max(-axis.low, axis.high) > 0.5 * math.pi + _TURN:
+                raise MapError(f"elevation from {axis.low:g} to {axis.high:g}: it goes from -90 to 90 degrees")
+            if axis.name == "azimuth" and axis.high - axis.low > 2.0 * math.pi + _TURN:
+                raise MapError(f"azimuth from {axis.low:g} to {axis.high:g}: that is more than a turn")
         if ALONG in names and any(name in AROUND for name in names):
             raise MapError(f"{ALONG} says where the node is, and so does {placed[0]}: leave one out")
 
@@ -263,11 +269,11 @@ class Region:
     def sizes(self) -> tuple[Array, ...]:
         """For each axis (count,) factors whose product is what a cell measures: of places in m, m^2 or m^3, times rad
         for each turn; of motors in rad and m. Seen from a centre a cell is a part of a sphere."""
-        spherical = "elevation" in self.names
+        spherical = self._spherical
         found = []
         for axis in self.axes:
             borders = axis.borders
-            if axis.name == "elevation":
+            if axis.name == "elevation" and spherical:
                 sizes = np.diff(np.sin(borders))
             elif axis.name == "radius" and spherical:
                 sizes = np.diff(borders**3) / 3.0
@@ -280,12 +286,17 @@ class Region:
             )
         return tuple(found)
 
+    @property
+    def _spherical(self) -> bool:
+        """Whether cells are parts of a sphere."""
+        return "azimuth" in self.names and "elevation" in self.names
+
     def unit(self, mechanism: Mechanism) -> str:
         """Of what a cell measures."""
         long = [name in (*POSE[:3], ALONG, "radius") or (name in mechanism.joints and mechanism.slides(name))
                 for name in self.names]  # fmt: skip
         metres, radians = sum(long), len(long) - sum(long)
-        if "elevation" in self.names and "azimuth" in self.names:
+        if self._spherical:
             metres, radians = (3, radians - 2) if "radius" in self.names else (2, radians - 2)
         parts = [f"{name}^{n}" if n > 1 else name for name, n in (("m", metres), ("rad", radians)) if n > 0]
         return " ".join(parts)

@@ -134,15 +134,19 @@ class Shells:
         return out
 
 
-def farthest(mechanism: Mechanism, node: str) -> tuple[Array, float]:
-    """Centre (3,) and radius, m, of a ball that a node can't leave, joints within their limits; infinite where a slide
-    has no limits, or the base moves."""
+def bounds(mechanism: Mechanism, node: str, axis: int) -> tuple[float, float]:
+    """Between which values of x (0), y or z (2) a node certainly is, m, joints within their limits; infinite where
+    nothing is certain."""
     shells = Shells(mechanism, node)
-    if not len(shells.outer):
-        at = mechanism.placement(mechanism.q_home, node).translation
-        return np.asarray(at), math.inf if mechanism.floating else 0.0
-    smallest = int(np.argmin(shells.outer))
-    return shells.centres[smallest], float(shells.outer[smallest])
+    at, reach = shells.centres[:, axis], shells.outer
+    return float((at - reach).max(initial=-math.inf)), float((at + reach).min(initial=math.inf))
+
+
+def radius_about(mechanism: Mechanism, node: str, centre: Sequence[float]) -> float:
+    """Of a ball about a centre (3,), m, that a node certainly can't leave, likewise."""
+    shells = Shells(mechanism, node)
+    away = np.linalg.norm(shells.centres - np.asarray(centre), axis=1)
+    return float((away + shells.outer).min(initial=math.inf))
 
 
 def _links(mechanism: Mechanism, limits: bool) -> list[_Link]:

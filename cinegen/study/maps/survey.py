@@ -28,6 +28,8 @@ Array = NDArray[np.float64]
 VERSION = 2
 """Of what stands in a map's folder, and how: changes when the same survey would give other numbers."""
 
+_MOVES = 1e-9  # rad or lengths for each: less is rounding
+
 _TAKEN = (*QUANTITIES, "configuration", "reachable", "settled", "joint")
 
 STARTS = 6
@@ -105,7 +107,7 @@ class Survey:
             value = float(np.r_[home.translation, pin.rpy.matrixToRpy(home.rotation)][k])
             if name in region.names or not math.isclose(float(given or 0.0), value, abs_tol=1e-9):
                 raise MapError(
-                    f"{mechanism.name}: {self.node} can't move along {name}: it stays at {value:g}. Leave it out"
+                    f"{mechanism.name}: {self.node} can't move along {name}: it stays at {value + 0.0:g}. Leave it out"
                 )
 
     def _usual_direction(self) -> tuple[float, ...]:
@@ -114,17 +116,33 @@ class Survey:
 
     def _moves(self, k: int) -> bool:
         """Whether a coordinate of the node's pose can change at all."""
-        from cinegen.solve.resolve import free_motions
-
-        mechanism = self.mechanism
-        for q in mechanism.samples:
-            rows = mechanism.jacobian(q, self.node) * mechanism.scale
-            rotation = mechanism.placement(q, self.node).rotation
-            world = np.vstack([rotation @ rows[:3] / mechanism.length, rotation @ rows[3:]])
-            loops = mechanism.system.evaluate(q)[1]
-            if np.abs(world[k] @ free_motions(loops, mechanism.loop_rank)[0]).max(initial=0.0) > 1e-9:
+        for q, rows in self._moved:
+            at = self.mechanism.placement(q, self.node).rotation
+            changed = at @ rows[:3] if k < 3 else _rates(at) @ rows[3:]
+            if np.abs(changed[k % 3]).max(initial=0.0) > _MOVES:
                 return True
         return False
+
+    @cached_property
+    def _moved(self) -> list[tuple[Array, Array]]:
+        """Some configurations, the base at rest, and how the node moves there (6, freedoms), in its own axes, without
+        unit, by all motions that loops leave."""
+        from cinegen.solve.resolve import free_motions
+
+        mechanism, found = self.mechanism, []
+        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * mechanism.scale
+        resting = 6 if mechanism.floating else 0
+        for sample in mechanism.samples:
+            q = np.r_[mechanism.q_home[:7], sample[7:]] if mechanism.floating else sample
+            loops = mechanism.system.evaluate(q)[1][:, resting:]
+            motions = free_motions(loops, mechanism.loop_rank)[0]
+            found.append((q, (mechanism.jacobian(q, self.node) * units)[:, resting:] @ motions))
+        return found
+
+    @cached_property
+    def freedoms(self) -> int:
+        """How many ways the mechanism can move in, its base at rest."""
+        return self.mechanism.mobility - 6 * self.mechanism.floating
 
     @cached_property
     def of_motors(self) -> bool:
@@ -147,9 +165,8 @@ class Survey:
     def counted(self) -> tuple[int, int]:
         """How many translations and rotations of the node count for singular values: those that are given; of motors
         all that don't follow from others, as `cinegen.study.singularity` counts them."""
-        if not self.of_motors and self.rotation < 3:
-            return 3, 0
-        return (3, 3) if self._rank(6) > self._rank(3) else (3, 0)
+        turns = 3 if self.of_motors else self.rotation
+        return (3, turns) if turns and self._rank(3 + turns) > self._rank(3) else (3, 0)
 
     @cached_property
     def rank(self) -> int:
@@ -157,14 +174,9 @@ class Survey:
         return self._rank(sum(self.counted))
 
     def _rank(self, rows: int) -> int:
-        from cinegen.solve.resolve import free_motions
-
-        mechanism, found = self.mechanism, 0
-        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * mechanism.scale
-        for q in mechanism.samples:
-            loops = mechanism.system.evaluate(q)[1]
-            moved = (mechanism.jacobian(q, self.node) * units)[:rows] @ free_motions(loops, mechanism.loop_rank)[0]
-            found = max(found, rank(moved))
+        found = 0
+        for _, moved in self._moved:
+            found = max(found, rank(moved[:rows]))
         return found
 
     # --- words ---------------------------------------------------------------------------------------------------
@@ -247,6 +259,15 @@ class Survey:
         return survey
 
 
+def _rates(rotation: Array) -> Array:
+    """(3, 3) how fast roll, pitch and yaw change, by angular velocities in the axes that they lead to."""
+    roll, pitch, _ = pin.rpy.matrixToRpy(rotation)
+    sin, cos, tan = math.sin(roll), math.cos(roll), math.tan(pitch)
+    return np.array(
+        [[1.0, sin * tan, cos * tan], [0.0, cos, -sin], [0.0, sin / math.cos(pitch), cos / math.cos(pitch)]]
+    )
+
+
 def _text(document: Any) -> str:
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
@@ -272,7 +293,7 @@ def _checked(survey: Survey) -> tuple[str, ...]:
     if "solutions" in wanted and survey.of_motors and mechanism.loops:
         _check_motors(mechanism)
     if "solutions" in wanted and not survey.of_motors:
-        free, held = mechanism.mobility, survey.rank if survey.rotation != 2 else survey.rank + 2
+        free, held = survey.freedoms, survey.rank
         if free > held:
             raise MapError(
                 f"{mechanism.name} has infinitely many solutions here: it can move in {free} ways, and the pose of "

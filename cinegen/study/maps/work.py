@@ -20,6 +20,7 @@ from cinegen.study.maps.measured import Cells, measured
 from cinegen.study.maps.settled import How, Settled
 from cinegen.study.maps.store import Index, Store
 from cinegen.study.maps.survey import Survey
+from cinegen.study.singular.counted import balls as balls_of
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]
@@ -33,13 +34,10 @@ class Surveyor:
 
     def __init__(self, survey: Survey) -> None:
         self.survey = survey
-        balls = None
-        if "sigma_2" in survey.quantities:
-            from cinegen.study.singular.counted import balls as balls_of
-
-            balls = balls_of(survey.mechanism)
-        self._sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls, not _lean(survey))
-        self._by = ByMotors(survey, self._sampler) if survey.of_motors else ByPose(survey)
+        balls = balls_of(survey.mechanism) if survey.mechanism.loops else ()
+        second = "sigma_2" in survey.quantities
+        self._sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls, second, not _lean(survey))
+        self._by = (ByMotors if survey.of_motors else ByPose)(survey, self._sampler)
 
     def values(self, piece: tuple[slice, ...]) -> dict[str, Values]:
         """All that is to be known of a piece's cells: by name (n, ...), the last axis fastest."""
@@ -55,11 +53,7 @@ class Surveyor:
         return {**found, "configuration": settled.q, "reachable": reached, "settled": settled.how}
 
     def _settled(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:
-        if isinstance(self._by, ByMotors):
-            settled, done = self._by.settle(piece)
-        else:
-            settled = self._by.settle(piece)
-            done = _spread(self._sampler.at(settled.q[np.isfinite(settled.q[:, 0])]), settled.q)
+        settled, done = self._by.settle(piece)
         if "sigma_2" in self.survey.quantities:
             self._fill_second(settled.q, done.second)
         return settled, done
@@ -79,22 +73,8 @@ def _lean(survey: Survey) -> bool:
     """Whether the smallest singular values, or none, are all that is wanted of the sampler."""
     if not _LEAN.issuperset(survey.quantities):
         return False
-    rows = min(sum(survey.counted), survey.mechanism.mobility)
+    rows = min(sum(survey.counted), survey.freedoms)
     return "sigma_1" not in survey.quantities or survey.rank == rows
-
-
-def _spread(done: Evaluations, configurations: Array) -> Evaluations:
-    """Not a number where there is no configuration."""
-    good = np.isfinite(configurations[:, 0])
-    if good.all():
-        return done
-    spread = []
-    for name in done.__dataclass_fields__:
-        values = getattr(done, name)
-        full = np.full((len(good), *values.shape[1:]), np.nan)
-        full[good] = values
-        spread.append(full)
-    return Evaluations(*spread)
 
 
 # --- what is handed out --------------------------------------------------------------------------------------------

@@ -32,6 +32,8 @@ Edge = tuple[Node, Node]
 _SHORT = 2.0**-18  # of an edge: a branch's end is that near
 _STEPS = 90  # on the way there, at most
 _SINGULAR = 1e-4  # a singular value up to this is 0, where the place was found by bisection
+_ZERO = 1e-9  # of a matrix: a singular value that is 0 but for rounding
+_NUDGE, _SLANTED = 1e-5, 0.618  # of a step of the grid; and of that, the second axis' part
 _BEFORE = 0.999  # of the way to a border: what is singular nearer to it is the border
 _END = 0.1  # a singular value below this, where a branch ends, is why it ends
 
@@ -193,10 +195,19 @@ class Grid:
         for kind, rows, matrices in within:
             if not matrices.may_cross(one, other):
                 continue
-            for crossing in crossings(rows, self._way(one, other)):
+            start, end = (self._beside(node) if matrices.is_singular(node) else self.q[node] for node in (one, other))
+            for crossing in crossings(rows, self._way(one, other, start=start, end=end)):
                 point = Point(*self.place(one, other, crossing.x), crossing.q)
                 if self._is(rows, point):
                     yield kind, False, point
+
+    def _beside(self, node: Node) -> Array:
+        """(nq,) where a point of the grid is itself singular: a very little beside it, always to the same side, so that
+        all its edges agree on which side of the curve it is."""
+        i, k = node
+        u, v = self.u[i] + _NUDGE * (self.u[1] - self.u[0]), self.v[k] + _SLANTED * _NUDGE * (self.v[1] - self.v[0])
+        found = self.on.configuration(float(u), float(v), self.q[node])
+        return np.asarray(self.q[node] if found is None else found)
 
     def _is(self, rows: Rows, point: Point) -> bool:
         """Whether it is singular there, and there on the surface: where both types meet, nothing closes between."""
@@ -204,9 +215,11 @@ class Grid:
             return False
         return bool(rows.sigma(rows.of(point.q)[None])[0] <= _SINGULAR)
 
-    def _way(self, one: Node, other: Node, part: float = 1.0, end: Array | None = None) -> Callable[[float], Array]:
-        """From one point towards another, a part of the way, to a configuration that is the other's unless given."""
-        first, second = self.q[one], self.q[other] if end is None else end
+    def _way(
+        self, one: Node, other: Node, part: float = 1.0, start: Array | None = None, end: Array | None = None
+    ) -> Callable[[float], Array]:
+        """From one point towards another, a part of the way, between configurations that are theirs unless given."""
+        first, second = self.q[one] if start is None else start, self.q[other] if end is None else end
 
         def way(x: float) -> Array:
             if x in (0.0, 1.0):
@@ -227,7 +240,7 @@ class Grid:
         other, rows = (Kind.TYPE_1, self._first) if self.on.of_motors else (Kind.TYPE_2, self._second)
         if rows is None or part == 0.0:
             return
-        for crossing in crossings(rows, self._way(inside, outside, part, q)):
+        for crossing in crossings(rows, self._way(inside, outside, part, end=q)):
             point = Point(*self.place(inside, outside, part * crossing.x), crossing.q)
             if crossing.x < _BEFORE and self._is(rows, point):
                 yield other, False, point
@@ -268,6 +281,11 @@ class _Matrices:
         """As `crossing.may_cross`, which needs both again."""
         (a, first), (b, second) = self._at(one), self._at(other)
         return bool(first + second <= np.linalg.norm(b - a))
+
+    def is_singular(self, node: Node) -> bool:
+        """Whether the point itself is, but for rounding."""
+        matrix, sigma = self._at(node)
+        return bool(sigma <= _ZERO * np.linalg.norm(matrix))
 
     def _at(self, node: Node) -> tuple[Array, float]:
         if node not in self._known:

@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 _SURE = 0.7  # product of the cosines between singular vectors that belong together
 _DEPTH = 7  # times a way is halved until they do
 _HALVES = 30  # of a way, to where the sign changes
+_THERE = 1e-12  # of a matrix: a smaller singular value is 0, and its vectors say nothing
+_ASIDE = 0.47  # part of a way where it is halved: singularities of symmetric robots lie in the middle
 
 
 class Rows(NamedTuple):
@@ -98,7 +100,7 @@ def crossings(rows: Rows, way: Callable[[float], Array]) -> Iterator[Crossing]:
             return
         turn, sure = _turn(a, b, rows.rank)
         if depth and not sure:
-            middle = 0.5 * (x + y)
+            middle = x + _ASIDE * (y - x)
             c = matrix(middle)
             yield from brackets(x, a, middle, c, depth - 1)
             yield from brackets(middle, c, y, b, depth - 1)
@@ -109,6 +111,9 @@ def crossings(rows: Rows, way: Callable[[float], Array]) -> Iterator[Crossing]:
         for _ in range(_HALVES):
             middle = 0.5 * (low + high)
             there = matrix(middle)
+            if rows.sigma(there[None])[0] <= _THERE * np.linalg.norm(there):
+                low = middle
+                break
             if _turn(at_low, there, rows.rank)[0] < 0.0:
                 high = middle
             else:

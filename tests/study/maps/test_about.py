@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
+from mapped import mapped, over
 
-from cinegen.study.maps import MapError
+from cinegen.study.maps import MapError, Survey
 from cinegen.study.maps.about import about
 
 
@@ -51,3 +52,27 @@ def test_turns_are_at_most_half_a_turn_and_a_sphere_is_whole(robot):
 def test_what_there_is_not_is_said(robot):
     with pytest.raises(MapError, match="no coordinate 'q'"):
         about(robot("gough"), "q")
+
+
+@pytest.mark.parametrize("name", ["tssm", "sr400", "gough", "hybrid"])
+def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(robot, name):
+    """The outermost cells along an axis, of a coarse map over more than what can be reached."""
+    mechanism = robot(name)
+    axes = []
+    for coordinate in "xyz":
+        low, high = about(mechanism, coordinate)
+        axes.append((coordinate, low - 0.3 * (high - low), high + 0.3 * (high - low), 8))
+    reached = mapped(Survey(mechanism, over(*axes), ()))["reachable"]
+    outside = [
+        np.delete(reached, slice(2, 6), axis=axis).sum() for axis in range(3)
+    ]  # cells wholly outside: 0, 1, 6, 7
+    assert sum(outside) <= 0.06 * reached.sum()
+
+
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, -0.2, 0.4)])
+def test_a_radius_reaches_to_all_places_from_any_centre(robot, centre):
+    arm7 = robot("arm7")
+    places = [arm7.placement(q, arm7.end).translation for q in arm7.random_closed(100, seed=3)]
+    low, high = about(arm7, "radius", centre=centre)
+    assert low == 0.0
+    assert np.linalg.norm(np.array(places) - centre, axis=1).max() <= high

@@ -314,3 +314,61 @@ def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
     with pytest.raises(MapError, match=f"no map over motor '{name}', whose name .*: rename it"):
         Survey(arm, over((name, -0.5, 0.5, 3)))
     assert Survey(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
+
+
+@pytest.mark.parametrize("name", ["hybrid", "gough", "tssm"])
+def test_a_quantity_is_the_same_whatever_others_are_asked_for(robot, name):
+    """Ball joints that are written as three joints count as balls for all of them."""
+    mechanism = robot(name)
+    home = mechanism.placement(mechanism.q_home, mechanism.end).translation
+    size = 0.03 * mechanism.length
+    region = over(*((axis, at - size, at + size, 2) for axis, at in zip("xyz", home, strict=True)))
+    alone = mapped(Survey(mechanism, region, ("sigma_1",)))
+    both = mapped(Survey(mechanism, region, ("sigma_1", "sigma_2")))
+    np.testing.assert_allclose(alone["sigma_1"], both["sigma_1"], rtol=1e-6)
+
+
+def test_where_it_is_singular_speed_is_what_a_linear_programme_finds(robot):
+    """rx90 with its wrist straight: axes 4 and 6 are one, and share the work."""
+    rx90 = robot("rx90")
+    axes = (("joint1", -0.5, 0.5, 2), ("joint2", -0.4, 0.4, 2), ("joint3", 1.2, 1.6, 2))
+    survey = Survey(
+        rx90, over(*axes, at={"joint5": 0.0}), ("velocity", "condition"), along=(0.0, 1.0, 1.0), limits=False
+    )
+    found = mapped(survey)
+    limits = rx90.model.upperVelocityLimit
+    assert np.isinf(found["condition"]).all()
+    for q, speed in zip(found["configuration"].reshape(-1, 6), found["velocity"].ravel(), strict=True):
+        jacobian = rx90.jacobian(q, rx90.end)
+        wanted = np.r_[rx90.placement(q, rx90.end).rotation.T @ survey.along, np.zeros(3)]
+        best = linprog(
+            np.r_[np.zeros(6), -1.0], A_eq=np.c_[jacobian, -wanted], b_eq=np.zeros(6),
+            bounds=[*((-limit, limit) for limit in limits), (0.0, None)], method="highs",
+        )  # fmt: skip
+        assert speed == pytest.approx(-best.fun, rel=1e-5)
+
+
+def test_where_the_direction_of_z_is_held_it_counts(robot):
+    """Five rows: as with a tool that may spin about its axis, and nothing else."""
+    rx90 = robot("rx90")
+    at = rx90.placement(rx90.q_home, rx90.end).translation
+    region = over(("x", at[0] - 0.1, at[0] - 0.05, 2), at={"y": at[1], "z": at[2]}, orientation="axis")
+    survey = Survey(rx90, region, ("sigma_1", "velocity"), along=(1.0, 0.0, 0.0))
+    found = mapped(survey)
+    assert survey.counted == (3, 2)
+    units = np.repeat([1.0 / rx90.length, 1.0], 3)[:, None] * rx90.scale
+    for q, sigma, speed in zip(found["configuration"], found["sigma_1"], found["velocity"], strict=True):
+        jacobian = rx90.jacobian(q, rx90.end)
+        assert sigma == pytest.approx(np.linalg.svd((jacobian * units)[:5])[1][4], rel=1e-5)
+        wanted = np.r_[rx90.placement(q, rx90.end).rotation.T @ survey.along, 0.0, 0.0]
+        best = linprog(
+            np.r_[np.zeros(6), -1.0], A_eq=np.c_[jacobian[:5], -wanted], b_eq=np.zeros(5),
+            bounds=[*((-limit, limit) for limit in rx90.model.upperVelocityLimit), (0.0, None)], method="highs",
+        )  # fmt: skip
+        assert speed == pytest.approx(-best.fun, rel=1e-5)
+
+
+def test_solutions_without_end_are_refused_in_a_plane_too(robot):
+    """z of a planar arm's tool says nothing about its angle."""
+    with pytest.raises(MapError, match="infinitely many solutions"):
+        Survey(robot("planar_3r"), over(("x", 0.2, 0.6, 2), ("y", 0.2, 0.6, 2), orientation="axis"), ("solutions",))

@@ -104,3 +104,20 @@ def test_a_region_reads_back_from_its_document():
 def test_what_makes_no_sense_is_refused(make, says):
     with pytest.raises(MapError, match=says):
         make()
+
+
+@pytest.mark.parametrize(("axes", "at", "size"), [
+    ((("elevation", -0.5, 0.5, 7),), {"radius": 0.5, "azimuth": 0.0}, 1.0),
+    ((("elevation", -0.5, 0.5, 7), ("radius", 0.4, 0.6, 5)), {"azimuth": 0.0}, 0.2),
+    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5)), {"radius": 0.5}, 0.25 * math.sin(0.5)),
+    ((("azimuth", -0.5, 0.5, 7), ("elevation", 0.0, 0.5, 5), ("radius", 0.0, 0.6, 3)), {}, 0.072 * math.sin(0.5)),
+])  # fmt: skip
+def test_cells_measure_parts_of_a_sphere_where_both_angles_vary(axes, at, size):
+    region = Region(tuple(GridAxis(*axis) for axis in axes), at)
+    assert math.prod(float(sizes.sum()) for sizes in region.sizes) == pytest.approx(size)
+
+
+@pytest.mark.parametrize("axis", [("elevation", 0.0, 2.0, 4), ("azimuth", -5.0, 5.0, 4)])
+def test_more_than_a_sphere_is_refused(axis):
+    with pytest.raises(MapError, match=r"-90 to 90 degrees|more than a turn"):
+        Region((GridAxis(*axis),), {name: 0.5 for name in ("azimuth", "elevation", "radius") if name != axis[0]})

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.study.maps.shells import Shells, _about, _along, farthest
+from cinegen.study.maps.shells import Shells, _about, _along, bounds, radius_about
 
 VECTORS = st.tuples(*(st.floats(-2.0, 2.0) for _ in range(3))).map(np.array)
 AXES = VECTORS.filter(lambda v: np.linalg.norm(v) > 0.1).map(lambda v: v / np.linalg.norm(v))
@@ -61,11 +61,13 @@ def test_a_slide_before_a_turn(raff):
     shells = Shells(raff(CARRIAGE), "tool", True, 3)
     assert shells.outer[0] == pytest.approx(math.hypot(0.3, 0.7), abs=1e-8)
     assert shells.inner[0] == pytest.approx(math.hypot(0.3, 0.2), abs=1e-8)
-    centre, radius = farthest(raff(CARRIAGE), "tool")
-    np.testing.assert_allclose(centre, 0.0)
+    radius = radius_about(raff(CARRIAGE), "tool", (0.0, 0.0, 0.0))
     assert math.hypot(0.5, 0.7) <= radius <= math.hypot(0.3, 0.7) + 0.4 + 1e-8
+    assert radius_about(raff(CARRIAGE), "tool", (0.0, 1.0, 0.0)) == pytest.approx(1.0 + radius)
+    for axis in range(3):
+        assert bounds(raff(CARRIAGE), "tool", axis) == pytest.approx((-radius, radius))
 
 
 def test_the_base_stays_where_it_is(robot):
-    assert farthest(robot("rx90"), "base")[1] == 0.0
+    assert bounds(robot("rx90"), "base", 0) == (-math.inf, math.inf)
     assert not Shells(robot("rx90"), "base").exclude(np.ones((2, 3)), np.eye(3)[None]).any()
