@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 import math
 import sys
 
+import numpy as np
 import pytest
 
-from cinegen.cli import main
+from cinegen.cli import main, parser
 from cinegen.cli.grid import quantity, region
 from cinegen.study.maps import open_map
 
@@ -85,6 +87,43 @@ def test_a_line_a_sphere_motors_and_a_scene(typed, root):
     assert "clearance" in kept["quantities"]
 
 
+@pytest.mark.parametrize(("error", "says"), [(0.0, ""), (8.9e-16, ""), (0.002, " ± 0.002")])
+def test_an_error_that_is_only_rounding_is_not_told(typed, monkeypatch, error, says):
+    """All of a sphere within reach has no border, but sums of its cells may differ in their last bits."""
+    area = 4.0 * math.pi * 0.2**2
+    module = importlib.import_module("cinegen.study.maps.extent")
+    monkeypatch.setattr(module, "extent", lambda found: module.Extent(area, area - error, area, "m^2", 24))
+    sphere = ("--over", "azimuth:6,elevation:4", "--at", "radius=0.2", "--centre", "0,0,-1.8")
+    assert f"reachable       {area:.4g}{says} m^2, 100 %" in typed("map", "delta4", *sphere)
+
+
+@pytest.mark.parametrize("value", ["-0.5,0,-1.8..0.5,0,-1.8:20", "-.5,1", "-900mm", "-1e-3", "-3"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(f"map F --{name}" for name in ("line", "centre", "along", "at", "over", "box", "quantity", "output")),
+        "map F -q", "modes F --values", "modes F --at", "singular F --at", "plan F --plot", "drive F --stand",
+        "sensors F --sensor",
+    ],
+)  # fmt: skip
+def test_what_begins_with_a_negative_number_is_a_value(words, value):
+    *before, option = words.split()
+    joined = [f"{option}={value}"] if option.startswith("--") else [f"{option}{value}"]
+    apart, together = (parser().parse_args([*before, *given]) for given in ([option, value], joined))
+    assert vars(apart) == vars(together)
+
+
+def test_flags_take_no_numbers(typed, capsys):
+    with pytest.raises(SystemExit):
+        typed("map", "planar_3r", "--json", "-0.5,0")
+    assert "unrecognized arguments: -0.5,0" in capsys.readouterr().err
+
+
+def test_a_line_begins_where_it_is_said_to(typed):
+    on_line = json.loads(typed("map", "planar_3r", "--line", "-.3,0,0..0.3,0,0:6", "--json"))
+    assert on_line["over"]["way"] == [0.0, pytest.approx(0.6), 6]
+
+
 def test_variants_get_a_table_and_files(typed, tmp_path):
     said = typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=300..500:2", "--box",
                  "x=0.2..0.4,y=0..0.2", "-o", "all", "--plot", "all.png")  # fmt: skip
@@ -95,6 +134,13 @@ def test_variants_get_a_table_and_files(typed, tmp_path):
     found = json.loads(typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=300..500:2", "--box",
                              "x=0.2..0.4,y=0..0.2", "-o", "all", "--json"))  # fmt: skip
     assert [row["link2.d"] for row in found["rows"]] == [300.0, 500.0]
+
+
+def test_variants_of_which_there_is_no_picture_are_not_begun(typed, tmp_path):
+    three = (part for k in (2, 3, 4) for part in ("--vary", f"link{k}.d=300..500:2"))
+    said = typed("map", "planar_3r", "--grid", 4, *three, "-o", "all", "--plot", "all.png", code=1, err=True)
+    assert "here 3 do" in said
+    assert not (tmp_path / "all").exists()
 
 
 def test_what_is_without_bound_is_said(typed):
@@ -169,6 +215,18 @@ def test_a_folder_of_something_else_stays_as_it_is(typed, tmp_path):
 )
 def test_numbers_are_si_unless_a_unit_stands_behind(text, value):
     assert quantity(text, "--at") == pytest.approx(value)
+
+
+@pytest.mark.parametrize("centre", [None, "-3,0,0", "0,4,0"])
+def test_a_radius_goes_as_far_from_its_centre_as_the_node(robot, centre):
+    """Stretched out away from the centre, the arm is as far from it as the centre and all its links are long."""
+    arm = robot("planar_3r")
+    q = np.zeros(arm.model.nq)
+    links = np.linalg.norm(arm.placement(q, arm.end).translation)
+    away = 0.0 if centre is None else np.linalg.norm([float(x) for x in centre.split(",")])
+    radius = region(arm, "azimuth,elevation,radius", "", None, "free", 4, centre).axes[2]
+    assert radius.low == 0.0
+    assert radius.high >= away + links - 1e-9
 
 
 def test_where_nobody_says_what_a_map_is_over_it_is_all_that_the_node_can_reach(robot):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import sys
 import warnings
 from collections.abc import Sequence
@@ -15,12 +16,7 @@ from raff2urdf.errors import RaffError
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the command; returns its exit code: 0, or 1 where something is wrong."""
-    parser = argparse.ArgumentParser(prog="cinegen", description="Drive, study and show any mechanism.")
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    for command in (info, modes, singular, map, plan, drive, replay, export, close, sensors):
-        command.add(commands)
-    map.add_compare(commands)
-    options = parser.parse_args(arguments)
+    options = parser().parse_args(arguments)
     from cinegen.errors import CinegenError
 
     with warnings.catch_warnings():
@@ -36,6 +32,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
     return code
+
+
+def parser() -> argparse.ArgumentParser:
+    """All commands, with their options."""
+    found = _Parser(prog="cinegen", description="Drive, study and show any mechanism.")
+    commands = found.add_subparsers(required=True, metavar="COMMAND")
+    for command in (info, modes, singular, map, plan, drive, replay, export, close, sensors):
+        command.add(commands)
+    map.add_compare(commands)
+    return found
+
+
+class _Parser(argparse.ArgumentParser):
+    """What begins with a negative number is a value, not an option: -0.5,0,-1.8 or -900mm, not only -0.5."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
 
 
 def _show_warning(message: Warning | str, *_: Any, **__: Any) -> None:

@@ -67,8 +67,8 @@ def region(
         return straight(first, last, count or grid or COUNTS[1], at=held, orientation=turned)
     asked = _spread_out(mechanism, parts([over])) if over else _translations(mechanism, node, held)
     each = grid or COUNTS.get(len(asked), _FEW)
-    axes = tuple(_axis(mechanism, text, node, each) for text in asked)
     seen_from = None if centre is None else point(centre, "--centre")
+    axes = tuple(_axis(mechanism, text, node, each, seen_from or (0.0, 0.0, 0.0)) for text in asked)
     return Region(axes, held, turned, seen_from)
 
 
@@ -135,7 +135,9 @@ def _translations(mechanism: Mechanism, node: str | None, held: dict[str, float]
     return found
 
 
-def _axis(mechanism: Mechanism, text: str, node: str | None, count: int) -> GridAxis:
+def _axis(
+    mechanism: Mechanism, text: str, node: str | None, count: int, centre: tuple[float, float, float]
+) -> GridAxis:
     from cinegen.errors import CinegenError
     from cinegen.study.maps import GridAxis
     from cinegen.study.maps.about import about
@@ -144,7 +146,7 @@ def _axis(mechanism: Mechanism, text: str, node: str | None, count: int) -> Grid
     span, colon, cells = span.partition(":")
     if not equals:
         name, colon, cells = text.partition(":")
-        low, high = about(mechanism, name, node)
+        low, high = about(mechanism, name, node, centre)
     else:
         low, high = _range(text, span, "--over")
     if colon and not re.fullmatch(r"\d{1,18}", cells):

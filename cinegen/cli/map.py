@@ -27,6 +27,7 @@ _LONG = 600.0  # s, or
 _LARGE = 2e9  # bytes, that a map may take without being asked for twice
 _SURELY = 200_000  # cells that take neither
 _BROAD = 100  # columns of the terminal
+_ROUNDING = 1e-9  # of a sum of cells
 
 
 def add(commands: Any) -> None:
@@ -180,12 +181,14 @@ def _obstacles(mechanism: Mechanism, file: str | None) -> tuple[dict[str, Any] |
 def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
     """Maps of all variants, and their table."""
     from cinegen.cli.grid import ranges
-    from cinegen.study.drawing.sweep import draw_table
+    from cinegen.study.drawing.sweep import check_drawable, draw_table
     from cinegen.study.maps.sweep import Box, Variation, sweep
 
     if options.loop or options.view:
         _refuse(f"{'--loop' if options.loop else '--view'} and --vary don't go together: leave one out")
     variations = [Variation.parse(text) for text in options.vary]
+    if options.plot:
+        check_drawable(variations)
     folder = Path(options.output or f"{name}-sweep")
     if not options.yes and not folder.exists():
         _ask(survey, options, math.prod(len(variation.values) for variation in variations))
@@ -294,7 +297,8 @@ def _lines(name: str, survey: Survey, told: dict[str, Any]) -> list[str]:
         what += f"; of {survey.node}, orientation {turned}"
     share = 100.0 * told["reachable"] / told["cells"]
     measured = told["extent"]
-    size = f"{measured['value']:.4g} ± {measured['error']:.2g} {measured['unit']}"
+    error = f" ± {measured['error']:.2g}" if measured["error"] > _ROUNDING * measured["value"] else ""
+    size = f"{measured['value']:.4g}{error} {measured['unit']}"
     lines = [
         *textwrap.wrap(what, _BROAD, subsequent_indent="  "),
         f"  reachable       {size}, {share:.3g} % of the region",

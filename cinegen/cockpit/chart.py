@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -23,14 +24,32 @@ class Chart:
 
     def __init__(self, beside: MapBeside) -> None:
         self._beside, self._map = beside, ShownMap(beside.path)
-        self._map.cloud()
+        self._cloud = self._map.cloud()
 
     def told(self) -> dict[str, Any]:
-        """What there is to say of the map, and where each array begins in `block`, bytes."""
-        beside, cloud = self._beside, self._map.cloud()
-        arrays, at = {}, 0
-        for name, array in _arrays(cloud).items():
-            arrays[name] = {"at": at, "count": array.size, "whole": array.dtype.kind == "u"}
+        """What there is to say of the map as it is now, and where each array begins among all of `block`, bytes."""
+        self._cloud = self._map.cloud()
+        return self._said(self._cloud, _arrays(self._cloud))
+
+    def block(self) -> bytes:
+        """The map as it was when last told, in one, for it may grow meanwhile: how many bytes are said of it, four;
+        what is said, JSON; and all arrays one behind the other, four bytes a number. The lowest byte first."""
+        cloud = self._cloud
+        arrays = _arrays(cloud)
+        said = json.dumps(self._said(cloud, arrays)).encode()
+        said += b" " * (-len(said) % 4)  # browsers want numbers at whole multiples of four
+        return b"".join([len(said).to_bytes(4, "little"), said, *(array.tobytes() for array in arrays.values())])
+
+    def cell(self, number: int) -> dict[str, Any] | None:
+        """The configuration of a cell by its number in the map; None where there is none."""
+        q = self._map.configuration(number)
+        return None if q is None else {"robot": self._beside.robot, "node": self._beside.node, "q": numbers(q)}
+
+    def _said(self, cloud: Cloud, arrays: dict[str, NDArray[Any]]) -> dict[str, Any]:
+        beside = self._beside
+        places, at = {}, 0
+        for name, array in arrays.items():
+            places[name] = {"at": at, "count": array.size, "whole": array.dtype.kind == "u"}
             at += array.nbytes
         return {
             "robot": beside.robot,
@@ -51,17 +70,8 @@ class Chart:
             "shown": len(cloud.points),
             "done": cloud.done,
             "cells": cloud.cells,
-            "arrays": arrays,
+            "arrays": places,
         }  # fmt: skip
-
-    def block(self) -> bytes:
-        """All arrays one behind the other, four bytes a number, the lowest first."""
-        return b"".join(array.tobytes() for array in _arrays(self._map.cloud()).values())
-
-    def cell(self, number: int) -> dict[str, Any] | None:
-        """The configuration of a cell by its number in the map; None where there is none."""
-        q = self._map.configuration(number)
-        return None if q is None else {"robot": self._beside.robot, "node": self._beside.node, "q": numbers(q)}
 
 
 def _arrays(cloud: Cloud) -> dict[str, NDArray[Any]]:

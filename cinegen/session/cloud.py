@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,6 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from cinegen.study.maps.region import Region
     from cinegen.study.maps.survey import Survey
 
 Array = NDArray[np.float64]
@@ -162,22 +161,32 @@ class ShownMap:
             _thin(region.shape, every)
         while (reached := self._of("reachable", every)).sum() > self._most:
             _thin(region.shape, every)
-        shown = replace(region, axes=tuple(_wider(axis, one) for axis, one in zip(region.axes, every, strict=True)))
         places = [name in _PLACES for name in region.names]
+        widths = np.array([one * axis.width for axis, one in zip(region.axes, every, strict=True)])
+        first = [float(axis.middles(slice(one // 2, one // 2 + 1))[0])
+                 for axis, one in zip(region.axes, every, strict=True)]  # fmt: skip
         indices = np.argwhere(reached)
         own = indices * every + [one // 2 for one in every]
-        points = self._points(shown, reached, every, any(places))
+        at = first + indices * widths
+        if self.survey.of_motors:
+            points = self._led(self._of("configuration", every)[reached])
+        elif any(places):
+            points = region.poses_at(self.survey.home, at)[0]
+        else:
+            points = self._turned(at, first + np.argwhere(np.full(reached.shape, True)) * widths)
         values, quantities = self._quantities(reached, every)
         return Cloud(
             tuple(
-                AxisShown(axis.name, self._dataset[axis.name].attrs["units"], float(axis.middles()[0]), axis.width,
-                          axis.count, one, moves or self.survey.of_motors)
-                for axis, one, moves in zip(shown.axes, every, places, strict=True)
+                AxisShown(name, self._dataset[name].attrs["units"], low, float(width), count, one,
+                          moves or self.survey.of_motors)
+                for name, low, width, count, one, moves in zip(
+                    region.names, first, widths, reached.shape, every, places, strict=True
+                )
             ),
             np.ravel_multi_index(tuple(own.T), region.shape).astype(np.uint32),
             indices.astype(np.uint32),
             points,
-            self._edges(shown, reached.ravel(), places),
+            self._edges(at, widths, places),
             self._size(points),
             quantities,
             values,
@@ -189,17 +198,18 @@ class ShownMap:
         """Of those cells that are shown, from the middle of what each stands for."""
         return np.asarray(self._dataset[name][tuple(slice(one // 2, None, one) for one in every)].values)
 
-    def _points(self, shown: Region, reached: NDArray[np.bool_], every: list[int], placed: bool) -> Array:
-        survey, mask = self.survey, reached.ravel()
-        if survey.of_motors:
-            return self._led(self._of("configuration", every)[reached])
-        points, rotations = shown.poses(survey.home, _all(shown))
-        if placed:
-            return points[mask]
-        spread = rotations.var(axis=0).sum(axis=0)  # of x, y and z: that which moves most is what one sees
-        axis = int(2 - np.argmax(spread[::-1] > 0.5 * spread.max()))
-        turned = np.broadcast_to(rotations, (len(points), 3, 3))[:, :, axis]
-        return (points + _BALL * survey.mechanism.length * turned)[mask]
+    def _turned(self, at: Array, everywhere: Array) -> Array:
+        """(n, 3) m, on a ball about where the node is, at values (n, axes) of turns.
+
+        Args:
+            at: cells that are reached.
+            everywhere: likewise, all.
+        """
+        region, survey = self.survey.region, self.survey
+        spread = region.poses_at(survey.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
+        axis = int(2 - np.argmax(spread[::-1] > 0.5 * spread.max()))  # that which moves most is what one sees
+        points, rotations = region.poses_at(survey.home, at)
+        return points + _BALL * survey.mechanism.length * rotations[:, :, axis]
 
     def _led(self, configurations: Array) -> Array:
         """(n, 3) m, where the node is in configurations (n, nq)."""
@@ -210,18 +220,14 @@ class ShownMap:
             point[:] = pin.updateFramePlacement(model, data, frame).translation
         return points
 
-    def _edges(self, shown: Region, mask: NDArray[np.bool_], places: list[bool]) -> Array | None:
+    def _edges(self, at: Array, widths: Array, places: list[bool]) -> Array | None:
+        """(n, 2, 3) m, across cells whose middles are at (n, axes)."""
         if sum(places) != 2:
             return None
         edges = []
-        for k in np.flatnonzero(places):
-            ends = []
-            for half in (-0.5, 0.5):
-                axes = list(shown.axes)
-                shift = half * axes[k].width
-                axes[k] = replace(axes[k], low=axes[k].low + shift, high=axes[k].high + shift)
-                ends.append(replace(shown, axes=tuple(axes)).poses(self.survey.home, _all(shown))[0])
-            edges.append((ends[1] - ends[0])[mask])
+        for half in 0.5 * np.diag(widths)[places]:
+            before, behind = (self.survey.region.poses_at(self.survey.home, at + way * half)[0] for way in (-1.0, 1.0))
+            edges.append(behind - before)
         return np.stack(edges, axis=1)
 
     def _size(self, points: Array) -> float:
@@ -266,14 +272,3 @@ def _counts(shape: tuple[int, ...], every: list[int]) -> list[int]:
 def _thin(shape: tuple[int, ...], every: list[int]) -> None:
     """Half as many along the axis that has most."""
     every[int(np.argmax(_counts(shape, every)))] *= 2
-
-
-def _wider(axis: Any, every: int) -> Any:
-    """An axis of every so manieth cell, each as wide as what it stands for; its middles are those of the cells."""
-    count = len(range(every // 2, axis.count, every))
-    low = axis.low + (every // 2 + 0.5 - 0.5 * every) * axis.width
-    return replace(axis, low=low, high=low + count * every * axis.width, count=count)
-
-
-def _all(region: Region) -> tuple[slice, ...]:
-    return tuple(slice(0, count) for count in region.shape)

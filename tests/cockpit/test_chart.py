@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import numpy as np
 import pytest
 from browsers import Browser, becomes, get
 
 from cinegen.cockpit import Cockpit, show_map
+from cinegen.cockpit.chart import Chart
 from cinegen.session import ShownMap, on_map
 from cinegen.study.maps import GridAxis, Region, Survey, make_map
 
@@ -30,21 +32,26 @@ def cockpit(path):
         yield one
 
 
-def arrays(about, block):
-    """All arrays of the cells by name, as the page reads them."""
-    return {
-        name: np.frombuffer(block, "<u4" if one["whole"] else "<f4", one["count"], one["at"])
+def read(block):
+    """What is said of the map, and all arrays of its cells by name, as the page reads them."""
+    behind = 4 + int(np.frombuffer(block, "<u4", 1)[0])
+    assert behind % 4 == 0
+    about = json.loads(block[4:behind])
+    arrays = {
+        name: np.frombuffer(block, "<u4" if one["whole"] else "<f4", one["count"], behind + one["at"])
         for name, one in about["arrays"].items()
     }
+    assert len(block) == behind + sum(4 * one.size for one in arrays.values())
+    return about, arrays
 
 
 def test_the_page_gets_all_cells_as_numbers(cockpit, path):
     cloud = ShownMap(path).cloud()
-    about = json.loads(get(cockpit.url, "map/about.json")[1])
+    told = json.loads(get(cockpit.url, "map/about.json")[1])
     status, block = get(cockpit.url, "map/cells.bin")
     assert status == 200
-    found = arrays(about, block)
-    assert len(block) == sum(4 * one.size for one in found.values())
+    about, found = read(block)
+    assert about == told
     assert (about["robot"], about["node"], about["quantity"], about["surface"]) == (
         "linkage",
         "tool",
@@ -60,6 +67,27 @@ def test_the_page_gets_all_cells_as_numbers(cockpit, path):
     )
     assert found["value sigma_1"].tolist() == cloud.values["sigma_1"].tolist()
     assert [one["unit"] for one in about["quantities"]] == ["1", "1"]
+
+
+def test_of_a_map_that_grows_the_page_gets_what_belongs_together(path, tmp_path):
+    where = tmp_path / "growing.zarr"
+    shutil.copytree(path, where)
+    setup = on_map(where)
+    taken = [file for name in ("settled", "reachable") for file in (where / name).glob("c.*")]
+    kept = [file.rename(tmp_path / f"{file.parent.name} {file.name}") for file in taken]
+    chart = Chart(setup.map)
+    told = chart.told()
+    assert (told["done"], told["shown"]) == (0, 0)
+    for file, there in zip(taken, kept, strict=True):
+        there.rename(file)
+    about, found = read(chart.block())
+    assert about == told
+    assert found["numbers"].size == 0
+    told = chart.told()
+    about, found = read(chart.block())
+    assert about == told
+    assert about["done"] == 40
+    assert found["numbers"].tolist() == ShownMap(where).cloud().numbers.tolist()
 
 
 def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):

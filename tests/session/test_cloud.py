@@ -104,6 +104,21 @@ def test_cells_of_a_sphere_are_tiles_with_its_closed_form(made):
     assert np.einsum("nx,nx->n", cloud.edges[:, 0], cloud.edges[:, 1]) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_all_of_a_sphere_is_shown_with_every_second_cell(made):
+    region = Region(
+        (GridAxis("azimuth", -np.pi, np.pi, 8), GridAxis("elevation", -0.5 * np.pi, 0.5 * np.pi, 8)),
+        {"radius": 0.1}, centre=(0.0, 0.0, -1.8),
+    )  # fmt: skip
+    cloud = ShownMap(made("delta4", region)[0], 32).cloud()
+    assert len(cloud.points) == 32
+    assert np.linalg.norm(cloud.points - [0.0, 0.0, -1.8], axis=1) == pytest.approx(0.1)
+    around, up = np.linalg.norm(cloud.edges, axis=2).T
+    every = [axis.every for axis in cloud.axes]
+    elevation = cloud.axes[1].low + cloud.axes[1].step * cloud.indices[:, 1]
+    assert around == pytest.approx(0.2 * np.cos(elevation) * np.sin(every[0] * np.pi / 8.0))
+    assert up == pytest.approx(0.2 * np.sin(every[1] * np.pi / 16.0))
+
+
 def test_cells_of_motors_are_where_these_lead_the_end(made, robot):
     path, dataset = made("delta4", Region((GridAxis("joint1", -0.6, 0.6, 4), GridAxis("joint6", -0.6, 0.6, 3))))
     cloud = ShownMap(path).cloud()

@@ -68,12 +68,13 @@ export class Field extends Events {
 
   async #load() {
     try {
-      const [about, block] = await this.#read();
-      const first = this.about === null;
-      this.#take(about, block);
-      if (first) this.#begin(about);
-      this.#look();
-      this.tell("cells");
+      if (await this.#grown()) {
+        const first = this.about === null;
+        this.#take(await (await got("map/cells.bin")).arrayBuffer());
+        if (first) this.#begin(this.about);
+        this.#look();
+        this.tell("cells");
+      }
     } catch (error) {
       console.warn("map:", error);
     }
@@ -82,21 +83,22 @@ export class Field extends Events {
     }
   }
 
-  async #read() {
-    const about = await (await got("map/about.json")).json();
-    if (this.about !== null && about.done === this.about.done) return [about, null];
-    return [about, await (await got("map/cells.bin")).arrayBuffer()];
+  /** Whether there is more of the map than is known here. */
+  async #grown() {
+    const { done } = await (await got("map/about.json")).json();
+    return this.about?.done !== done;
   }
 
-  #take(about, block) {
-    if (block !== null) {
-      const all = Object.entries(about.arrays);
-      const [, last] = all.at(-1);
-      if (block.byteLength !== last.at + 4 * last.count) throw new Error("the map has grown meanwhile"); // once more
-      this.#numbers = new Map(
-        all.map(([name, { at, count, whole }]) => [name, new (whole ? Uint32Array : Float32Array)(block, at, count)]),
-      );
-    }
+  /** What is said of the map, and behind it the arrays that this is said of. */
+  #take(block) {
+    const size = new DataView(block).getUint32(0, true);
+    const about = JSON.parse(new TextDecoder().decode(new Uint8Array(block, 4, size)));
+    this.#numbers = new Map(
+      Object.entries(about.arrays).map(([name, { at, count, whole }]) => [
+        name,
+        new (whole ? Uint32Array : Float32Array)(block, 4 + size + at, count),
+      ]),
+    );
     this.about = about;
   }
 
