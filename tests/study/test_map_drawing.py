@@ -1,6 +1,8 @@
 """Maps as pictures: singular curves against closed forms, and what stands on the sheet."""
 
 import math
+import warnings
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -13,13 +15,16 @@ from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
 from matplotlib.text import Text
 
 from cinegen.study.drawing.comparison import BOTH, FIRST, SECOND, draw_comparison
+from cinegen.study.drawing.heading import printed
 from cinegen.study.drawing.loci import TYPE_1, TYPE_2
 from cinegen.study.drawing.map import draw_map
+from cinegen.study.drawing.panel import fitted
 from cinegen.study.drawing.plane import ROBOT
+from cinegen.study.drawing.shades import differing
 from cinegen.study.drawing.solid import net
 from cinegen.study.maps import GridAxis, MapError, Region, Survey, make_map
 from cinegen.study.maps.dataset import survey_of
-from cinegen.study.maps.extent import extent
+from cinegen.study.maps.extent import Extent, extent
 from cinegen.study.maps.loci import loci
 from cinegen.study.singular import Kind, singularity
 
@@ -57,8 +62,24 @@ def drawn(five_bar):
 
 
 def rendered(figure):
-    FigureCanvasAgg(figure).draw()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)  # that its layout does not fit
+        FigureCanvasAgg(figure).draw()
     return figure
+
+
+def cut_off(figure):
+    """What is written, but for numbers of solids, and sticks out of the sheet."""
+    solid = {text for axes in figure.axes if axes.name == "3d" for text in axes.findobj(Text)}
+    found = [text for text in set(figure.findobj(Text)) - solid if text.get_text() and text.get_visible()]
+    page = figure.bbox.padded(1.0)
+    return [text.get_text() for text in found if page.count_contains(text.get_window_extent().corners()) < 4]
+
+
+def running_together(axis):
+    """Neighbouring numbers of an axis that overlap."""
+    boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
+    return sum(one.overlaps(other) for one, other in pairwise(boxes))
 
 
 def points_of(curves, kind):
@@ -190,7 +211,7 @@ def test_its_words_say_what_it_is(drawn, five_bar):
                  str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: motion lost",
                  "type 2: motion gained", "robot at home", "out of reach"):  # fmt: skip
         assert part in said
-    assert draw_map(five_bar, name="a linkage", curves=False).axes[0].get_title("left") == "a linkage: reach of tool"
+    assert draw_map(five_bar, name="a linkage", curves=False).get_suptitle() == "a linkage: reach of tool"
 
 
 def test_what_is_left_out_is_not_there(five_bar):
@@ -235,6 +256,53 @@ def test_a_map_that_reaches_nothing_is_drawn_all_the_same(made):
     assert "out of reach" in said
 
 
+def test_a_robot_out_of_the_picture_is_not_in_the_legend(made):
+    away = made("planar_3r", ("x", 0.2, 0.3, 3), ("y", -0.8, -0.7, 3))
+    figure = rendered(draw_map(away, curves=False))
+    assert "robot at home" not in words(figure)
+    assert not [artist for artist in figure.axes[0].get_children() if artist.get_gid() == ROBOT]
+
+
+@pytest.mark.parametrize("sides", [(2.0, 0.4), (0.1, 0.2), (0.1, 0.7)])
+def test_a_long_name_takes_nothing_from_the_picture(made, sides):
+    """And neither it nor any other word sticks out of the sheet."""
+    axes = [(name, -0.5 * side, 0.5 * side, 4) for name, side in zip("xy", sides, strict=True)]
+    region = made("planar_3r", *axes, at={"rz": 0.0}, quantities=("solutions", "sigma_1"))
+    short, long = (rendered(draw_map(region, "settled", curves=False, name=name)) for name in ("arm", "a_name" * 20))
+    sizes = [figure.axes[0].get_window_extent().size for figure in (short, long)]
+    np.testing.assert_allclose(*sizes, rtol=0.02)
+    assert sizes[0].max() > 0.45 * min(short.bbox.size)
+    counts = rendered(draw_map(region, "solutions", curves=False))
+    assert cut_off(short) == cut_off(long) == cut_off(counts) == []
+
+
+@given(st.text("Wiaou_ ", min_size=1, max_size=80), st.floats(0.5, 6.0), st.floats(6.0, 12.0))
+@settings(max_examples=60, deadline=None)
+def test_words_are_put_in_lines_that_fit(said, room, points):
+    from matplotlib.figure import Figure
+
+    lines = fitted(said, room, points)
+    assert "".join(lines.split()) == "".join(said.split())
+    figure = Figure(dpi=150)
+    FigureCanvasAgg(figure)
+    assert figure.text(0.0, 0.0, lines, fontsize=points).get_window_extent().width <= 1.02 * 150.0 * room + 2.0
+
+
+@given(st.floats(-1e4, 1e4), st.floats(-5.0, 3.0))
+@settings(max_examples=60, deadline=None)
+def test_ticks_have_as_many_digits_as_tell_them_apart(middle, magnitude):
+    look = replace(differing("", "1", "force", np.ones(3)), ticks=middle + 10.0**magnitude * np.arange(5))
+    assert len({look.number(tick) for tick in look.ticks}) == 5
+    assert differing("", "1", "force", np.ones(3)).number(0.5) == "0.5"
+
+
+def test_an_error_that_is_rounding_is_not_written():
+    ball = Extent(4.524, 4.524 - 8.9e-16, 4.524 + 8.9e-16, "m^2", 12)
+    assert printed(ball) == "4.524 m²"
+    assert printed(replace(ball, low=4.4)) == "4.52 ± 0.12 m²"
+    assert printed(Extent(0.0, 0.0, 0.5, "m^2", 0)) == "0.00 ± 0.50 m²"
+
+
 # --- other numbers of axes ---------------------------------------------------------------------------------------
 
 
@@ -253,12 +321,79 @@ def test_over_a_line_it_is_a_curve(made):
     assert axes.get_xlabel() == "x (mm)"
 
 
+@pytest.mark.parametrize("quantity", ["force", "solutions"])
+def test_long_words_beside_a_line_are_whole(made, quantity):
+    line = made("planar_3r", ("x", 0.2, 0.8, 7), at={"y": 0.0, "rz": 0.0}, quantities=("force", "solutions"))
+    figure = rendered(draw_map(line, quantity, name="a_name" * 20))
+    assert cut_off(figure) == []
+    label = figure.axes[0].yaxis.label.get_window_extent()
+    assert label.y1 < min(box.get_window_extent().y0 for box in figure.findobj(Text) if "a_name" in box.get_text())
+
+
+def test_a_single_cell_in_a_line_is_seen(made):
+    line = made("planar_3r", ("x", 0.0, 1.2, 3), at={"y": 0.0, "rz": 0.0})
+    assert list(line.reachable.values) == [False, True, False]
+    for figure in (draw_map(line), draw_comparison(line, line)):
+        dots = [artist for artist in figure.axes[0].lines if artist.get_marker() == "."]
+        assert [list(dot.get_xdata()) for dot in dots] == [pytest.approx([600.0])]
+
+
 def test_directions_seen_from_a_centre_are_on_a_map_of_the_sphere(made):
     sphere = made("rx90", ("azimuth", -math.pi, math.pi, 12), ("elevation", -math.pi / 2, math.pi / 2, 6),
                   at={"radius": 0.5}, centre=(0.0, 0.0, 0.42))  # fmt: skip
     figure = rendered(draw_map(sphere, curves=False))
     assert figure.axes[0].name == "hammer"
-    assert "radius 500 mm" in words(figure)
+    assert "radius 500 mm; seen from x 0 mm, y 0 mm, z 420 mm" in words(figure)
+    two = rendered(draw_comparison(sphere, sphere))
+    assert [axes.name for axes in two.axes[:2]] == ["hammer", "hammer"]
+
+
+@pytest.mark.parametrize("low", [-180.0, 0.0, -90.0, 37.0])
+def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(made, low):
+    azimuths = ("azimuth", math.radians(low), math.radians(low + 360.0), 12)
+    sphere = made("rx90", azimuths, ("elevation", -math.pi / 2, math.pi / 2, 6), at={"radius": 0.6},
+                  centre=(0.2, 0.2, 0.0))  # fmt: skip
+    axes = rendered(draw_map(sphere, curves=False)).axes[0]
+    (mesh,) = [mesh for mesh in axes.collections if type(mesh).__name__ == "QuadMesh" and mesh.get_array().count() > 1]
+    borders = mesh.get_coordinates()[0, :, 0]
+    np.testing.assert_allclose(borders[[0, -1]], [-math.pi, math.pi])
+    shown = [float(label.get_text()[:-1].replace("−", "-")) for label in axes.get_xticklabels()]
+    assert len(shown) >= 5
+    for place, degrees in zip(axes.get_xticks(), shown, strict=True):
+        turned = math.radians(degrees) - place - math.radians(low) - math.pi
+        assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_whole_ball_is_drawn(made):
+    ball = made("rx90", ("azimuth", -math.pi, math.pi, 6), ("elevation", -math.pi / 2, math.pi / 2, 4),
+                ("radius", 0.0, 1.0, 4), quantities=("sigma_1",))  # fmt: skip
+    figure = rendered(draw_map(ball, curves=False))
+    assert [axes.name for axes in figure.axes].count("hammer") > 1
+    assert cut_off(figure) == []
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+def test_a_solid_is_within_its_axes(made, layers):
+    """Whose limits are those of its cells and a little room, and as thick as these are."""
+    slab = made("rx90", ("x", -1.0, 1.0, 8), ("y", -1.0, 1.0, 8), ("z", 0.2, 0.2 + 0.1 * layers, layers),
+                quantities=("sigma_1",))  # fmt: skip
+    figure = rendered(draw_map(slab, curves=False))
+    (solid,) = [axes for axes in figure.axes if axes.name == "3d"]
+    limits = np.array([solid.get_xlim(), solid.get_ylim(), solid.get_zlim()])
+    assert limits[2] == pytest.approx([200.0, 200.0 + 100.0 * layers], abs=0.05 * 100.0 * layers)
+    body = np.column_stack([solid.xy_dataLim.get_points(), solid.zz_dataLim.intervalx]).T
+    assert (body[:, 0] >= limits[:, 0]).all()
+    assert (body[:, 1] <= limits[:, 1]).all()
+    assert solid._box_aspect[2] < 0.2 * solid._box_aspect[:2].max()
+    assert [running_together(axis) for axis in (solid.xaxis, solid.yaxis, solid.zaxis)] == [0, 0, 0]
+
+
+def test_numbers_of_slices_of_angles_stay_apart(made):
+    turns = made("rx90", *((f"joint{k}", -2.5, 2.5, 6) for k in (1, 2, 3)), quantities=("sigma_1",))
+    figure = rendered(draw_map(turns, curves=False))
+    slices = [axes for axes in figure.axes if axes.get_title().startswith("joint3 ")]
+    assert len(slices) > 2
+    assert not any(running_together(axis) for axes in slices for axis in (axes.xaxis, axes.yaxis))
 
 
 def test_over_three_axes_there_are_slices_and_a_solid(made):
@@ -351,6 +486,21 @@ def test_two_maps_show_what_each_reaches_alone(made, wrist):
     assert "alone" in said
     with pytest.raises(MapError, match="both maps don't tell 'force'"):
         draw_comparison(wrist, other, "force")
+
+
+@pytest.mark.parametrize("letters", [19, 49])
+def test_long_names_of_two_maps_take_nothing_from_their_picture(made, wrist, letters, monkeypatch):
+    from cinegen.study.drawing import comparison
+
+    def drawn_as(*names):
+        monkeypatch.setattr(comparison, "compare", lambda one, other: replace(measured, names=names))
+        return rendered(draw_comparison(wrist, wrist))
+
+    measured = comparison.compare(wrist, wrist)
+    short, long = drawn_as("a", "b"), drawn_as("a" * letters, "b" * letters)
+    sizes = [[axes.get_window_extent().size for axes in figure.axes[:2]] for figure in (short, long)]
+    np.testing.assert_allclose(*sizes, rtol=0.02)
+    assert cut_off(long) == []
 
 
 def test_two_lines_show_it_too(made):

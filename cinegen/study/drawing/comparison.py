@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cinegen.study.drawing.heading import printed, value
 from cinegen.study.drawing.modes import DrawingError
-from cinegen.study.drawing.panel import bar, legend, spans, title
+from cinegen.study.drawing.panel import LABEL, bar, curve, finish, fitted, sheet, spans
 from cinegen.study.drawing.plane import Plane
 from cinegen.study.drawing.shades import OUT, differing, pretty
 from cinegen.study.drawing.stick import INK
@@ -34,7 +34,7 @@ FIRST, SECOND, BOTH = "#0072b2", "#e69f00", "#b7c3cf"
 """What the first map reaches alone, the second alone (Okabe and Ito's blue and orange), and both."""
 
 _PALE = 0.6  # of these colours behind a curve
-_MORE = 0.8  # inches, of a title with more lines
+_BESIDE, _UNDER = 1.2, 0.8  # inches, of what is beside and below axes
 
 
 def draw_comparison(
@@ -87,59 +87,56 @@ def _words(found: Comparison) -> str:
 
 
 def _over_one(found: Comparison, survey: Survey, name: str | None, size: float) -> Figure:
-    from matplotlib.figure import Figure
-
     (axis,) = found.region.axes
     scale, unit = readable(survey.mechanism, axis.name)
-    figure = Figure(figsize=(0.6 * size, 0.36 * size), layout="constrained", dpi=150)
-    axes = figure.add_subplot()
+    wide, tall = 0.6 * size, 0.3 * size
+    figure, body = sheet(wide, tall, " and ".join(found.names), _words(found))
+    axes = body.add_subplot()
     for cells, colour, label in _classes(found):
         for first, last in spans(cells):
             axes.axvspan(*(axis.borders[[first, last]] * scale), color=colour, alpha=_PALE, linewidth=0.0, label=label)
     if name is not None:
         difference = found.differences[name]
-        axes.plot(axis.middles() * scale, difference.values, color=INK, linewidth=1.6)
+        curve(axes, axis, scale, difference.values, color=INK, linewidth=1.6)
         axes.axhline(0.0, color=INK, linewidth=0.5)
-        axes.set_ylabel(differing(difference.words, difference.unit, name, difference.values).words)
+        words = differing(difference.words, difference.unit, name, difference.values).words
+        axes.set_ylabel(fitted(words, tall - _UNDER, LABEL), fontsize=LABEL)
     axes.set_xlabel(f"{axis.name} ({unit})")
     axes.set_xlim(axis.low * scale, axis.high * scale)
-    title(axes, " and ".join(found.names), _words(found))
-    legend(figure)
+    finish(figure)
     return figure
 
 
 def _over_two(found: Comparison, survey: Survey, name: str | None, size: float) -> Figure:
-    from matplotlib.figure import Figure
-
     region, cut = found.region, found.region.axes[2:]
     at = {axis.name: float(axis.middles()[axis.count // 2]) for axis in cut}
     middle: Any = (slice(None), slice(None), *(axis.count // 2 for axis in cut))
     here = replace(survey, region=replace(region, axes=region.axes[:2], at={**region.at, **at}))
     plane, panels = Plane(here), 1 if name is None else 2
     wide, tall = plane.paper(size / 2.0)
-    figure = Figure(figsize=(wide * panels, tall + _MORE), layout="constrained", dpi=150)
-    axes = figure.add_subplot(1, panels, 1, projection=plane.projection)
+    words = _words(found)
+    if at:
+        words += f" in all; at {', '.join(value(here, axis, number) for axis, number in at.items())}"
+    if name is not None:
+        words += f"\n{pretty(name)}, {found.names[1]} less {found.names[0]}: {_spread(found.differences[name])}"
+    figure, body = sheet(wide * panels, tall, " and ".join(found.names), words)
+    axes = body.add_subplot(1, panels, 1, projection=plane.projection)
     for cells, colour, label in _classes(found):
         plane.fill(axes, cells[middle], colour, label)
     plane.dress(axes)
-    slice_of = ", ".join(value(here, axis, number) for axis, number in at.items())
-    title(axes, " and ".join(found.names), _words(found) + (f" in all; at {slice_of}" if slice_of else ""))
     if name is not None:
         difference = found.differences[name]
         values = difference.values[middle]
         look = differing(difference.words, difference.unit, name, values)
-        beside = figure.add_subplot(1, panels, 2, projection=plane.projection, sharex=axes, sharey=axes)
+        beside = body.add_subplot(1, panels, 2, projection=plane.projection, **plane.sharing(axes))
         plane.fill(beside, np.isnan(values), OUT)
         mesh = plane.shade(beside, values, look)
         plane.levels(beside, values, look)
         plane.dress(beside)
-        title(
-            beside,
-            f"{pretty(name)}, where both reach",
-            f"{found.names[1]} less {found.names[0]}: {_spread(difference)}",
-        )
-        bar(figure, mesh, beside, look)
-    legend(figure)
+        for panel, said in ((axes, "what is reached"), (beside, f"{pretty(name)}, where both reach")):
+            panel.set_title(fitted(said, wide - _BESIDE, LABEL), fontsize=LABEL, color=INK)
+        bar(body, mesh, beside, look, tall - _UNDER)
+    finish(figure)
     return figure
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import textwrap
+from dataclasses import replace
 
 from cinegen.study.drawing.words import quiet, readable
 from cinegen.study.maps.extent import Extent
+from cinegen.study.maps.region import AROUND
 from cinegen.study.maps.survey import Survey
 from cinegen.study.singular.slice import POSE
 
 _POWERS = {"^2": "²", "^3": "³", "^4": "⁴", "^5": "⁵", "^6": "⁶"}
+_ROUNDING = 1e-9
 _TURNED = {0: "any orientation", 2: "direction of its z given", 3: "orientation given"}
 
 
@@ -19,14 +21,18 @@ def heading(survey: Survey, name: str | None = None) -> str:
     return f"{robot}: over {', '.join(survey.region.names)}" if survey.of_motors else f"{robot}: reach of {survey.node}"
 
 
-def given(survey: Survey, words: str, width: int = 92) -> str:
-    """What is held, and more, in lines of at most so many letters."""
-    parts = [value(survey, name, number) for name, number in survey.region.at.items()]
+def given(survey: Survey, words: str) -> str:
+    """What is held, and more."""
+    region = survey.region
+    parts = [value(survey, name, number) for name, number in region.at.items()]
+    if any(name in AROUND for name in (*region.names, *region.at)):
+        centre = (value(survey, name, number) for name, number in zip("xyz", region.centre or (0.0,) * 3, strict=True))
+        parts.append(f"seen from {', '.join(centre)}")
     if not survey.of_motors and not (survey.rotation == 3 and any(name in POSE[3:] for name in survey.region.at)):
         parts.append(_TURNED[survey.rotation])
     if not survey.limits:
         parts.append("joint limits left out")
-    return textwrap.fill("; ".join([*parts, words]), width)
+    return "; ".join([*parts, words])
 
 
 def value(survey: Survey, name: str, si: float) -> str:
@@ -42,8 +48,9 @@ def size_words(survey: Survey, extent: Extent) -> str:
 
 
 def printed(extent: Extent) -> str:
-    """An extent and its error, in letters for paper."""
-    words = str(extent)
+    """An extent and its error, unless that is rounding, in letters for paper."""
+    exact = extent.error <= _ROUNDING * extent.value
+    words = str(replace(extent, low=extent.value, high=extent.value) if exact else extent)
     for typed, letter in _POWERS.items():
         words = words.replace(typed, letter)
     return words

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cinegen.study.drawing.heading import given, heading, size_words, value
 from cinegen.study.drawing.loci import TYPE_1
 from cinegen.study.drawing.modes import DrawingError
-from cinegen.study.drawing.panel import bar, legend, out_of_reach, panel, spans, title
+from cinegen.study.drawing.panel import LABEL, bar, curve, finish, fitted, out_of_reach, panel, sheet, spans
 from cinegen.study.drawing.plane import Plane
 from cinegen.study.drawing.shades import OUT, chosen, shades, values_of
 from cinegen.study.drawing.solid import paint_solid
@@ -32,8 +32,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 _SLICES = 6
-_RIGHT = 0.5  # of the width, for the slices
-_LOW, _ABOVE = 0.4, 1.2  # of the width; inches: what a picture of three axes needs in height
+_RIGHT, _GAP = 0.5, 0.06  # of the width: for the slices, and between them and the solid
+_LINE = 0.48  # height of a picture of one axis over its width
+_LOW, _UNDER = 0.35, 0.8  # of the width; inches: what a picture of three axes needs in height, and what is below axes
 
 
 def draw_map(
@@ -86,10 +87,9 @@ def draw_map(
 
 
 def _of_one(dataset: xarray.Dataset, survey: Survey, shown: str, name: str | None, size: float, words: str) -> Figure:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(size, 0.55 * size), layout="constrained", dpi=150)
-    axes = figure.add_subplot()
+    tall = _LINE * size
+    figure, body = sheet(size, tall, heading(survey, name), given(survey, words))
+    axes = body.add_subplot()
     (axis,) = survey.region.axes
     scale, unit = readable(survey.mechanism, axis.name)
     values = values_of(dataset, shown)
@@ -97,17 +97,16 @@ def _of_one(dataset: xarray.Dataset, survey: Survey, shown: str, name: str | Non
     for first, last in spans(out_of_reach(dataset)):
         axes.axvspan(*(axis.borders[[first, last]] * scale), color=OUT, linewidth=0.0, label="out of reach")
     style: dict[str, Any] = {"drawstyle": "steps-mid"} if look.labels else {}
-    axes.plot(axis.middles() * scale, values, color=TYPE_1, linewidth=1.6, **style)
+    curve(axes, axis, scale, values, color=TYPE_1, linewidth=1.6, **style)
     if look.labels:
         axes.set_yticks(np.unique(values[np.isfinite(values)]), look.labels)
     elif look.logarithmic:
         axes.set_yscale("log")
     axes.set_xlabel(f"{axis.name} ({unit})")
-    axes.set_ylabel(look.words)
+    axes.set_ylabel(fitted(look.words, tall - _UNDER, LABEL), fontsize=LABEL)
     axes.set_xlim(axis.low * scale, axis.high * scale)
     axes.spines[["top", "right"]].set_visible(False)
-    title(axes, heading(survey, name), given(survey, words))
-    legend(figure)
+    finish(figure)
     return figure
 
 
@@ -118,12 +117,11 @@ def _of_two(
     dataset: xarray.Dataset, survey: Survey, shown: str, lines: bool, robot: bool, name: str | None, size: float,
     words: str,
 ) -> Figure:  # fmt: skip
-    from matplotlib.figure import Figure
-
     dataset = dataset.transpose(*survey.region.names, ...)
     plane = Plane(survey)
-    figure = Figure(figsize=plane.paper(size), layout="constrained", dpi=150)
-    axes = figure.add_subplot(projection=plane.projection)
+    wide, tall = plane.paper(size)
+    figure, body = sheet(wide, tall, heading(survey, name), given(survey, words))
+    axes = body.add_subplot(projection=plane.projection)
     values = values_of(dataset, shown)
     look = shades(dataset, shown, values)
     mesh = panel(plane, axes, dataset, values, look)
@@ -133,9 +131,8 @@ def _of_two(
     if robot:
         plane.robot(axes)
     plane.dress(axes)
-    bar(figure, mesh, axes, look)
-    title(axes, heading(survey, name), given(survey, words))
-    legend(figure)
+    bar(body, mesh, axes, look, tall - _UNDER)
+    finish(figure)
     return figure
 
 
@@ -146,8 +143,6 @@ def _of_three(
     dataset: xarray.Dataset, survey: Survey, shown: str, lines: bool, name: str | None, size: float, words: str
 ) -> Figure:
     """The border of what is reached on the left, slices along the last axis on the right."""
-    from matplotlib.figure import Figure
-
     dataset = dataset.transpose(*survey.region.names, ...)
     across = survey.region.axes[2]
     values = values_of(dataset, shown)
@@ -156,27 +151,24 @@ def _of_three(
     rows = 1 if len(numbers) < 3 else 2
     columns = -(-len(numbers) // rows)
     planes = [held(dataset, survey, {across.name: number}) for number in numbers]
-    tall = max(Plane(planes[0][1]).tall(size * _RIGHT / columns) * rows + _ABOVE, _LOW * size)
-    figure = Figure(figsize=(size, tall), layout="constrained", dpi=150)
-    figure.suptitle(heading(survey, name), x=0.01, ha="left", fontsize=11.0, fontweight="bold", color=INK)
-    body: Any = figure.subfigures()
-    body.suptitle(given(survey, words, round(15 * size)), x=0.01, ha="left", fontsize=8.5, color=INK)
-    left, right = body.subfigures(1, 2, width_ratios=(1.0, 1.5))
+    tall = max(Plane(planes[0][1]).tall(size * _RIGHT / columns) * rows + _UNDER, _LOW * size)
+    figure, body = sheet(size, tall, heading(survey, name), given(survey, words))
+    left, right = body.subfigures(1, 2, wspace=_GAP, width_ratios=(1.0, 1.5))
     paint_solid(left.add_subplot(projection="3d"), survey, dataset["reachable"].values, values, look)
     mesh: Any = None
-    first: Axes | None = None
+    shared: dict[str, Axes] = {}
     for k, (number, (part, there)) in enumerate(zip(numbers, planes, strict=True)):
         plane = Plane(there)
-        axes = right.add_subplot(rows, columns, k + 1, projection=plane.projection, sharex=first, sharey=first)
-        first = first or axes
+        axes = right.add_subplot(rows, columns, k + 1, projection=plane.projection, **shared)
+        shared = plane.sharing(axes)
         mesh = panel(plane, axes, part, values[:, :, number], look)
         if lines and min(there.region.shape) > 1:
             plane.curves(axes, loci(part, there), 1.2)
         plane.dress(axes, quiet=True)
         axes.label_outer()
         axes.set_title(value(there, across.name, there.region.at[across.name]), fontsize="small", color=INK)
-    bar(right, mesh, right.axes, look)
-    legend(figure)
+    bar(right, mesh, right.axes, look, tall - _UNDER)
+    finish(figure)
     return figure
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from cinegen.study.drawing.skeleton import Skeleton
 from cinegen.study.drawing.stick import INK, Pen, paint
 from cinegen.study.drawing.view import View
 from cinegen.study.drawing.words import readable
+from cinegen.study.maps.region import Region
 from cinegen.study.maps.survey import Survey
 from cinegen.study.singular.contour import Curve
 from cinegen.study.singular.singularity import Kind
@@ -22,6 +23,7 @@ from cinegen.study.singular.singularity import Kind
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.collections import QuadMesh
+    from matplotlib.path import Path
 
 Array = NDArray[np.float64]
 
@@ -31,7 +33,8 @@ ROBOT = "robot"
 _TALLEST, _FLATTEST = 1.1, 0.35  # height of a picture's axes over their width
 _OBLONG = 0.8  # likewise, where they have different units, or one range is a sliver of the other
 _SLIVER = 8.0  # times
-_BESIDE, _ABOVE = 1.7, 1.55  # inches, for what is beside a picture, and above and below it
+_BESIDE, _BELOW = 1.7, 0.95  # inches, for what is beside a picture, and below it
+_NARROWEST = 3.2  # inches, that words in a colour bar need
 _OVER = 4.0  # where it is drawn, over all else
 _GLASS = 0.2  # how much a plate covers
 _CASING = 1.5  # points: white around lines
@@ -43,6 +46,7 @@ _COARSE = 16  # cells along an axis: of fewer there are no lines either
 _LIGHT = 0.62  # brightness that ink is better seen on
 _LETTERS = 6.5  # points, of levels
 _SIDES = ("x", "y", "z")
+_ALMOST = 1e-9
 
 
 class Plane:
@@ -56,20 +60,21 @@ class Plane:
         units: mm or °.
         alike: whether what is as long is drawn as long.
         round: whether it is all, or nearly all, of a sphere seen from its centre: that is drawn as Hammer's map, whose
-            areas are true (E. Hammer, 1892).
+            areas are true (E. Hammer, 1892), with the middle of the azimuths in its middle.
     """
 
     def __init__(self, survey: Survey) -> None:
         self.survey, self.region = survey, survey.region
         self.scales, self.units = zip(*(readable(survey.mechanism, name) for name in survey.region.names), strict=True)
-        spherical = survey.region.names == ("azimuth", "elevation")
         ranges = [axis.high - axis.low for axis in survey.region.axes]
-        self.round = spherical and ranges[0] > math.pi and ranges[1] > 0.5 * math.pi
+        self.round = _is_round(survey.region)
         aspect = ranges[1] * self.scales[1] / (ranges[0] * self.scales[0])
         self.alike = self.units[0] == self.units[1] and 1.0 / _SLIVER < aspect < _SLIVER
         self._aspect = aspect if self.alike else _OBLONG
-        if self.round:
-            self.scales = (1.0, 1.0)  # matplotlib's maps of spheres want rad, and write degrees
+        self._middle = np.zeros(2)
+        if self.round:  # matplotlib's maps of spheres want rad, azimuths from -pi to pi, and write degrees
+            self.scales = (1.0, 1.0)
+            self._middle[0] = 0.5 * (survey.region.axes[0].low + survey.region.axes[0].high)
 
     @property
     def projection(self) -> str:
@@ -81,11 +86,15 @@ class Plane:
         return wide * self._aspect
 
     def paper(self, width: float) -> tuple[float, float]:
-        """Width and height, inches, of a picture with room for titles, a colour bar and a legend."""
+        """Width and height, inches, of a picture with room for a colour bar and a legend."""
         wide = width - _BESIDE
         tall = self.tall(wide)
         fits = min(1.0, _TALLEST * wide / tall)
-        return fits * wide + _BESIDE, max(fits * tall, _FLATTEST * wide) + _ABOVE
+        return max(fits * wide + _BESIDE, _NARROWEST), max(fits * tall, _FLATTEST * wide) + _BELOW
+
+    def sharing(self, axes: Axes) -> dict[str, Axes]:
+        """What makes other axes of the same region go with these; those of a sphere have limits that are fixed."""
+        return {} if self.round else {"sharex": axes, "sharey": axes}
 
     def dress(self, axes: Axes, quiet: bool = False) -> None:
         """Names, units and limits of axes.
@@ -101,8 +110,8 @@ class Plane:
         axes.tick_params(labelsize="x-small" if quiet else "small", color=INK)
         if self.round:
             axes.grid(color=INK, linewidth=0.3, alpha=0.35)
-            axes.set_longitude_grid(60.0)  # type: ignore[attr-defined]
             axes.set_latitude_grid(30.0)  # type: ignore[attr-defined]
+            _meridians(axes, math.degrees(self._middle[0]), 120 if quiet else 60)
             axes.tick_params(labelsize="x-small")
             return
         u, v = self._borders
@@ -146,7 +155,7 @@ class Plane:
         jumps = _jumps(shown)
         if jumps.sum() > _ROUGH * np.isfinite(shown).sum():
             return
-        u, v = (axis.middles() * scale for axis, scale in zip(self.region.axes, self.scales, strict=True))
+        u, v = self._drawn([axis.middles() for axis in self.region.axes])
         inks = [_contrasting(shades, level) for level in shades.levels]
         lines = axes.contour(
             u, v, np.ma.masked_invalid(np.where(jumps, np.nan, values)).T, levels=shades.levels, colors=inks,
@@ -157,7 +166,11 @@ class Plane:
 
     @property
     def _borders(self) -> tuple[Array, Array]:
-        u, v = (axis.borders * scale for axis, scale in zip(self.region.axes, self.scales, strict=True))
+        return self._drawn([axis.borders for axis in self.region.axes])
+
+    def _drawn(self, values: Iterable[Array]) -> tuple[Array, Array]:
+        """Where values along both axes are in the picture."""
+        u, v = (one * scale - middle for one, scale, middle in zip(values, self.scales, self._middle, strict=True))
         return u, v
 
     # --- lines ---------------------------------------------------------------------------------------------------
@@ -175,14 +188,14 @@ class Plane:
             if len(curve.points) == 1:
                 style = {"linestyle": "none", "marker": ".", "markersize": 2.0 * wide}
             (line,) = axes.plot(
-                *(curve.points * self.scales).T, color=colours.get(curve.kind, _LIMIT), linewidth=wide, zorder=3.0,
+                *self._drawn(curve.points.T), color=colours.get(curve.kind, _LIMIT), linewidth=wide, zorder=3.0,
                 label=names.get(curve.kind, "border, not singular"), solid_joinstyle="round", **style,
             )  # fmt: skip
             if singular:
                 line.set_path_effects([Stroke(linewidth=wide + _CASING, foreground="white"), Normal()])
 
     def robot(self, axes: Axes, pen: Pen | None = None) -> bool:
-        """The robot at home, where the axes are two of x, y and z; whether it was drawn."""
+        """The robot at home, where the axes are two of x, y and z and show any of it; whether it was drawn."""
         from matplotlib.lines import Line2D
         from matplotlib.patheffects import Normal, Stroke
 
@@ -193,7 +206,12 @@ class Plane:
         pen = pen or Pen(1.5, 0.8, 3.2)
         there = set(axes.get_children())
         paint(axes, Skeleton(self.survey.mechanism, self.survey.node).at(self.survey.mechanism.q_home), view, pen)
-        for artist in set(axes.get_children()) - there:
+        painted = set(axes.get_children()) - there
+        if not any(self._shows(artist.get_path()) for artist in painted):  # type: ignore[attr-defined]
+            for artist in painted:
+                artist.remove()
+            return False
+        for artist in painted:
             artist.set_gid(ROBOT)
             artist.set_zorder(_OVER + artist.get_zorder())
             if isinstance(artist, Line2D):
@@ -203,6 +221,24 @@ class Plane:
                 artist.set_alpha(_GLASS)
         axes.plot([], [], color=INK, marker="o", markerfacecolor="white", markersize=4, label="robot at home")
         return True
+
+    def _shows(self, path: Path) -> bool:
+        """Whether any of a line or a plate is within the picture."""
+        from matplotlib.transforms import Bbox
+
+        u, v = self._borders
+        box = Bbox([[u[0], v[0]], [u[-1], v[-1]]])
+        return bool(box.count_contains(path.vertices)) or path.intersects_bbox(box, filled=True)
+
+
+def _is_round(region: Region) -> bool:
+    """Whether a region is more than half of a sphere either way, and no part of it twice."""
+    if region.names != ("azimuth", "elevation"):
+        return False
+    azimuth, elevation = region.axes
+    turns, tilts = azimuth.high - azimuth.low, elevation.high - elevation.low
+    once = turns < 2.0 * math.pi + _ALMOST and max(-elevation.low, elevation.high) < 0.5 * math.pi + _ALMOST
+    return once and turns > math.pi and tilts > 0.5 * math.pi
 
 
 def _jumps(shown: Array) -> NDArray[np.bool_]:
@@ -228,4 +264,14 @@ def _contrasting(shades: Shades, level: float) -> str:
 def _in_degrees(axis: Any) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    axis.set_major_locator(MaxNLocator(nbins=8, steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
+    axis.set_major_locator(MaxNLocator(nbins="auto", steps=[1, 1.5, 3, 4.5, 6, 9, 10]))
+
+
+def _meridians(axes: Any, middle: float, step: int) -> None:
+    """Of a map of a sphere, each so many degrees, where its middle is at so many."""
+    from matplotlib.ticker import FixedFormatter, FixedLocator
+
+    first, last = math.floor((middle - 180.0) / step + _ALMOST) + 1, math.ceil((middle + 180.0) / step - _ALMOST)
+    shown = range(step * first, step * last, step)
+    axes.xaxis.set_major_locator(FixedLocator([math.radians(degrees - middle) for degrees in shown]))
+    axes.xaxis.set_major_formatter(FixedFormatter([f"{degrees}°".replace("-", "−") for degrees in shown]))

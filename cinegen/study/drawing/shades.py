@@ -35,6 +35,7 @@ _KINDS = {
     How.OPEN: "#d9cbb8", How.NOT_FOUND: "#d3d7dc", How.TOO_FAR: OUT, How.BEYOND: "#c4b3cf",
 }  # fmt: skip
 _ALMOST = 1e-9
+_DIGITS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +70,9 @@ class Shades:
         return isinstance(self.norm, LogNorm)
 
     def number(self, value: float) -> str:
-        """A level's, short."""
-        return f"{value:.3g}".replace("-", "−")
+        """A level's, short, in as many digits as tell all ticks apart."""
+        apart = (n for n in range(_DIGITS, 17) if len({f"{tick:.{n}g}" for tick in self.ticks}) == len(self.ticks))
+        return f"{value:.{next(apart, 17)}g}".replace("-", "−")
 
 
 def chosen(dataset: xarray.Dataset, name: str | None) -> str:
@@ -180,7 +182,7 @@ def _continuous(name: str, words: str, known: Array) -> Shades:
         ticks = _steps(least, most)
         return Shades(name, words, colours, LogNorm(least, most), ticks, ticks, extend=extend)
     low = least if least > _FAR * most else min(least, 0.0)
-    if most <= low:
+    if most - low <= _ALMOST * abs(most):
         most = low + max(abs(low), 1.0) * 1e-3
     ticks = _straight(low, most)
     return Shades(name, words, colours, Normalize(low, most), ticks[(ticks > low) & (ticks < most)], ticks,

@@ -32,6 +32,9 @@ _SKIN = (0.80, 0.86, 0.92)
 _LIGHT = np.array([-0.25, -0.75, 0.61])  # from where it comes
 _DARK = 0.4  # of the brightness, of what is turned away from it
 _EYE = (24.0, -52.0)  # degrees: elevation, azimuth
+_ROOM = 0.04  # of the size, around it
+_FLATTEST = 0.1  # of the largest side: a thinner body is drawn as thick as that
+_TICKS = 4  # along the largest side
 
 
 class Net(NamedTuple):
@@ -108,6 +111,7 @@ def paint_solid(axes: Any, survey: Survey, reached: Bools, values: Array, look: 
         values: of the quantity in them, which the cut shows.
         look: of the quantity.
     """
+    from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     region, strides = survey.region, [-(-count // _MOST) for count in reached.shape]
@@ -117,13 +121,18 @@ def paint_solid(axes: Any, survey: Survey, reached: Bools, values: Array, look: 
     _dress(axes, names, units)
     if not reached.any():
         return
-    middles = _places(survey, np.argwhere(reached) * strides) * scales
-    low, high = middles.min(axis=0), middles.max(axis=0)
+
+    def places(cells: Array) -> Array:
+        within = np.clip(cells * strides + 0.5 * (np.array(strides) - 1.0), -0.5, np.array(region.shape) - 0.5)
+        return _places(survey, within) * scales
+
+    borders, middles = places(net(reached, 0).points), places(np.argwhere(reached).astype(float))
+    low, high = borders.min(axis=0), borders.max(axis=0)
     centre = 0.5 * (low + high)
     quarter = np.zeros_like(reached)
     quarter[reached] = (middles[:, 0] > centre[0]) & (middles[:, 1] < centre[1])
     surface = net(reached & ~quarter)
-    points = _places(survey, surface.points * strides + 0.5 * (np.array(strides) - 1.0)) * scales
+    points = places(surface.points)
     kept = ~_on_seam(region, surface.outside, reached.shape)
     corners, inside, outside = points[surface.quads[kept]], surface.inside[kept], surface.outside[kept]
     colours = _lit(corners)
@@ -131,11 +140,13 @@ def paint_solid(axes: Any, survey: Survey, reached: Bools, values: Array, look: 
     shown = values[tuple(inside[cut].T)]
     colours[cut] = look.colours(look.norm(np.ma.masked_invalid(shown)))
     axes.add_collection3d(Poly3DCollection(corners, facecolors=colours, edgecolors=colours, linewidths=0.3))
-    for set_limits, one, other in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), low, high, strict=True):
-        room = 0.04 * (other - one) or 1.0
-        set_limits(one - room, other + room)
     sizes = high - low if len(set(units)) == 1 else np.ones(3)
-    axes.set_box_aspect(np.maximum(sizes, 0.1 * sizes.max()), zoom=0.92)
+    sizes = np.maximum(sizes / sizes.max(), _FLATTEST)
+    axes.set_box_aspect(sizes, zoom=0.84)
+    for axis, one, other, size in zip((axes.xaxis, axes.yaxis, axes.zaxis), low, high, sizes, strict=True):
+        room = _ROOM * (other - one)
+        axis._set_lim(one - room, other + room, auto=False)
+        axis.set_major_locator(MaxNLocator(max(1, round(_TICKS * size))))
 
 
 def _coordinates(survey: Survey) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
@@ -181,13 +192,10 @@ def _lit(corners: Array) -> Array:
 
 
 def _dress(axes: Any, names: tuple[str, ...], units: tuple[str, ...]) -> None:
-    from matplotlib.ticker import MaxNLocator
-
     for axis, name, unit in zip((axes.xaxis, axes.yaxis, axes.zaxis), names, units, strict=True):
         axis.set_label_text(f"{name} ({unit})", fontsize="small")
         axis.pane.set_facecolor("white")
         axis.pane.set_edgecolor("#c9ced4")
-        axis.set_major_locator(MaxNLocator(4))
         axis._axinfo["grid"].update(color="#e3e6ea", linewidth=0.5)
     axes.tick_params(labelsize="x-small", color=INK)
     axes.view_init(*_EYE)

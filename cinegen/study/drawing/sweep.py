@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cinegen.study.drawing.modes import DrawingError
 from cinegen.study.drawing.stick import FAINT, INK
-from cinegen.study.maps.sweep import Row, Table
+from cinegen.study.maps.sweep import Row, Table, Variation
 from raff2urdf.writer import number
 
 if TYPE_CHECKING:
@@ -20,6 +20,15 @@ Array = NDArray[np.float64]
 
 REACH, WORST, MEAN, GOOD = "#0072b2", "#d55e00", "#56b4e9", "#009e73"
 """Okabe and Ito's blue, vermillion, sky blue and bluish green."""
+
+
+def check_drawable(variations: Sequence[Variation]) -> None:
+    """Whether there is a picture of what varies so, to be known before all of it is computed.
+
+    Raises:
+        DrawingError: neither one parameter varies nor two.
+    """
+    _check(sum(variation.count > 1 for variation in variations))
 
 
 def draw_table(table: Table, size: float = 7.0) -> Figure:
@@ -36,14 +45,18 @@ def draw_table(table: Table, size: float = 7.0) -> Figure:
     from matplotlib.figure import Figure
 
     varied = [heading for heading in table.headings if len({row.values[heading] for row in table.rows}) > 1]
-    if len(varied) not in (1, 2):
-        raise DrawingError(f"a picture is of one parameter that varies, or of two; here {len(varied)} do")
+    _check(len(varied))
     flat = len(varied) == 2
     figure = Figure(figsize=(1.5 * size, 0.75 * size) if flat else (size, size), layout="constrained", dpi=150)
     (_surfaces if flat else _lines)(figure, table, varied)
     failing = ", crossed out what fails in the wanted box" if flat else ""
     figure.suptitle(f"Variants of {table.robot}{failing}", fontsize="medium", color=INK)
     return figure
+
+
+def _check(varied: int) -> None:
+    if varied not in (1, 2):
+        raise DrawingError(f"a picture is of one parameter that varies, or of two; here {varied} do")
 
 
 def _lines(figure: Any, table: Table, varied: list[str]) -> None:
