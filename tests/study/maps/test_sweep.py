@@ -14,11 +14,13 @@ from hypothesis import strategies as st
 import cinegen
 import raff2urdf
 from cinegen.study.drawing import DrawingError
-from cinegen.study.drawing.sweep import draw_table
+from cinegen.study.drawing.sweep import check_drawable, draw_table
 from cinegen.study.maps import GridAxis, MapError, Region, Survey, make_map, open_map
 from cinegen.study.maps.sweep import Box, Parameter, Variation, sweep, variants
+from cinegen.study.maps.sweep.dexterity import dexterity
+from cinegen.study.maps.sweep.field import Field
 from cinegen.study.maps.sweep.parameter import KLEINFINGER
-from cinegen.study.maps.sweep.regular import regularity
+from cinegen.study.maps.sweep.regular import Regularity, regularity
 from cinegen.study.singular.singularity import Kind
 
 ARM = """RAFF Arm
@@ -200,6 +202,13 @@ def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
     assert table.rows[0].dexterity.reached == pytest.approx(0.5, abs=0.2)
 
 
+def test_of_a_box_that_is_out_of_reach_nothing_is_known(arm, tmp_path):
+    box = Box({"x": (0.6, 0.7), "y": (0.6, 0.7)})
+    (row,) = sweep(arm, parse("tool.d=250"), square(0.7, 14), tmp_path / "out", box=box, workers=1).rows
+    assert (row.dexterity.reached, row.whole, row.good, row.singular) == (0.0, False, False, "-")
+    assert row.as_dict()["sigma_1_worst"] is None
+
+
 def test_cells_of_a_box_are_those_that_it_touches():
     region = Region((GridAxis("x", -1.0, 1.0, 20), GridAxis("y", 0.0, 0.3, 3)))
     assert Box().cells(region) == (slice(0, 20), slice(0, 3))
@@ -212,6 +221,72 @@ def test_cells_of_a_box_are_those_that_it_touches():
         Box({"x": (1.0, 0.0)})
 
 
+@given(st.data())
+def test_points_of_a_box_are_all_over_it_and_on_its_borders(data):
+    axes, ranges = [], {}
+    for name in ("x", "y"):
+        low, count = data.draw(st.floats(-1.0, 1.0)), data.draw(st.integers(1, 7))
+        axes.append(GridAxis(name, low, low + 1.0, count))
+        first, last = sorted((data.draw(st.floats(0.0, 1.0)), data.draw(st.floats(0.0, 1.0))))
+        if last - first > 1e-3:
+            ranges[name] = (low + first, low + last)
+    region = Region(tuple(axes))
+    lattice = Box(ranges).lattice(region)
+    assert len(lattice.values) == lattice.size == math.prod(lattice.shape)
+    for k, axis in enumerate(axes):
+        values = np.unique(lattice.values[:, k])
+        assert [values[0], values[-1]] == list(ranges.get(axis.name, (axis.low, axis.high)))
+        assert (np.diff(values) > 0.0).all()
+        assert np.diff(values).max() <= axis.width * (1.0 + 1e-9)
+    area = math.prod(high - low for low, high in (ranges.get(axis.name, (axis.low, axis.high)) for axis in axes))
+    assert lattice.sizes.sum() == pytest.approx(area, rel=1e-6)
+    whole = ~lattice.cut
+    np.testing.assert_array_equal(lattice.values[lattice.middles][whole], region.values(lattice.cells)[whole])
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """A survey of the planar arm in few cells, and the configurations of its map."""
+    folder = tmp_path_factory.mktemp("coarse")
+    (folder / "arm.raff").write_text(ARM.format(limits="-180 180"), encoding="utf-8")
+    region = Region((GridAxis("x", 0.2, 0.7, 5), GridAxis("y", -0.4, 0.4, 6)))
+    survey = Survey(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
+    return survey, make_map(survey, folder / "map.zarr", workers=1).configuration.values
+
+
+@given(st.floats(0.2, 0.65), st.floats(-0.4, 0.35), st.floats(0.01, 0.3), st.floats(0.01, 0.3))
+def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high):
+    survey, q = coarse
+    box = Box({"x": (x, min(x + wide, 0.7)), "y": (y, min(y + high, 0.4))})
+    lattice = box.lattice(survey.region)
+    far = math.hypot(box.ranges["x"][1], max(map(abs, box.ranges["y"])))
+    if abs(far - 0.65) < 1e-3:  # just stretched
+        return
+    touched = q[lattice.cells]
+    field = Field(survey, lattice, touched)
+    if far > 0.65:
+        assert not field.reached.all()
+    elif np.isfinite(touched).all():
+        assert field.reached.all()
+        assert regularity(field)
+    numbers = dexterity(field)
+    assert numbers.whole == field.reached.all()
+    assert not numbers.whole or numbers.reached == 1.0
+
+
+def test_an_arm_that_is_too_short_for_a_corner_is_not_good(root, tmp_path):
+    """Of a five-bar: the far corner is 559 mm from a motor, beyond the middle of the last cell."""
+    region = Region((GridAxis("x", -0.42, 0.42, 20), GridAxis("y", 0.0, 0.72, 20)))
+    box = Box({"x": (-0.1, 0.1), "y": (0.4, 0.5)})
+    five_bar = root / "robots" / "five_bar.raff"
+    table = sweep(five_bar, parse("link5.d+tool.d=304..314:3"), region, tmp_path / "out", box=box, workers=1)
+    long = [0.25 + row.values["link5.d+tool.d"] / 1000 >= math.hypot(0.25, 0.5) for row in table.rows]
+    assert long == [False, False, True]
+    assert [row.whole for row in table.rows] == [row.good for row in table.rows] == long
+    assert [row.as_dict()["whole"] for row in table.rows] == long
+    assert [" 100 %" in line and "< 100 %" not in line for line in table.text().splitlines()[1:]] == long
+
+
 # --- singularities between samples ------------------------------------------------------------------------------------
 
 
@@ -219,6 +294,11 @@ def five_bar_map(robot, tmp_path, region, **more):
     survey = Survey(robot("five_bar"), region, **more)
     dataset = make_map(survey, tmp_path / "map.zarr", workers=1)
     return survey, dataset
+
+
+def of_box(survey, box, configurations) -> Regularity:
+    lattice = box.lattice(survey.region)
+    return regularity(Field(survey, lattice, configurations[lattice.cells]))
 
 
 def between_bars(q):
@@ -237,10 +317,13 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
         cells = (slice(3 * i, 3 * i + 4), slice(3 * k, 3 * k + 4))
         if not np.isfinite(q[cells]).all():
             continue
-        found = regularity(survey, cells, q[cells])
+        borders = (axis.borders[part.start : part.stop + 1] for axis, part in zip(region.axes, cells, strict=True))
+        box = Box({name: (at[0], at[-1]) for name, at in zip("xy", borders, strict=True)})
+        field = Field(survey, box.lattice(region), q[cells])
+        found = regularity(field)
         if not found.joined or found.first:
             continue
-        signs = np.sign(between_bars(q[cells]))
+        signs = np.sign(between_bars(field.q[field.reached]))
         assert found.second == (signs.min() < signs.max())
         sure += 1 + 100 * found.second
     assert sure > 120  # both were among them
@@ -256,10 +339,58 @@ def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_
         q = dataset.configuration.values
         bent = np.sin(q[..., [1, 3]])  # at the elbows
         assert stretched == bool((bent.min(axis=(0, 1)) * bent.max(axis=(0, 1)) < 0.0).any())
-        found = regularity(survey, (slice(0, 3), slice(0, 15)), q)
+        found = of_box(survey, Box(), q)
         assert found.first == stretched
         assert found.kind is (Kind.TYPE_1 if stretched else Kind.NONE)
         assert bool(found) == (not stretched)
+
+
+@pytest.mark.parametrize("low", [-0.95, -0.91, -0.5, -0.09, -0.05, -1e-6, 0.0, 1e-2, -1.01])
+def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(arm, tmp_path, low):
+    region = Region((GridAxis("joint1", -1.0, 1.0, 2), GridAxis("joint2", low, low + 1.0, 5)))
+    survey = Survey(cinegen.load(arm), region, ("sigma_1",))
+    q = make_map(survey, tmp_path / "map.zarr", workers=1).configuration.values
+    found = of_box(survey, Box(), q)
+    assert found.first == (low <= 0.0 <= low + 1.0)
+    assert bool(found) != found.first
+    inside = Box({"joint2": (low + 0.03, low + 0.97)})
+    assert of_box(survey, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
+
+
+def bent_the_other_way(mechanism, q):
+    """A five-bar's configuration with the elbow of its left arm on the other side."""
+    motor, elbow, tool = (mechanism.placement(q, name).translation[:2] for name in ("link1", "link2", "tool"))
+    along = (tool - motor) / np.linalg.norm(tool - motor)
+    other = motor + 2.0 * along * (along @ (elbow - motor)) - (elbow - motor)
+    inner, outer = (
+        np.arctan2(*(new)[::-1]) - np.arctan2(*(old)[::-1])
+        for new, old in ((other - motor, elbow - motor), (tool - other, tool - elbow))
+    )
+    changed = q.copy()
+    for name, by in (("joint1", inner), ("joint2", outer - inner), ("joint5", outer)):
+        changed[mechanism.q_index(name)] += by
+    return changed
+
+
+def test_numbers_are_those_of_the_branch_that_is_judged(robot, tmp_path):
+    """A map may hold several branches: what is led from its first cell counts, not what it holds elsewhere."""
+    region = Region((GridAxis("x", -0.1, 0.1, 6), GridAxis("y", 0.4, 0.5, 4)))
+    survey, dataset = five_bar_map(robot, tmp_path, region, limits=False)
+    mechanism, q = survey.mechanism, dataset.configuration.values
+    other = np.array([bent_the_other_way(mechanism, one) for one in q.reshape(-1, q.shape[-1])]).reshape(q.shape)
+    lattice, right = Box().lattice(region), np.arange(6)[:, None, None] >= 3
+    found = []
+    for held in (q, np.where(right, other, q), other, np.where(right, q, other)):
+        field = Field(survey, lattice, held)
+        assert regularity(field)
+        numbers = dexterity(field)
+        second = [field.passive.sigma(field.passive.of(one)[None])[0] for one in field.q]
+        first = [field.end.sigma(field.end.of(one)[None])[0] for one in field.q]
+        assert (numbers.sigma_1.worst, numbers.sigma_2) == pytest.approx((min(first), min(second)), rel=1e-4)
+        found.append([numbers.sigma_2, numbers.conditioning.worst, numbers.conditioning.mean, numbers.sigma_1.mean])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-4)
+    np.testing.assert_allclose(found[3], found[2], rtol=1e-4)
+    assert found[0] != pytest.approx(found[2], rel=0.01)
 
 
 def test_configurations_on_two_branches_are_led_on_to_one(arm, tmp_path):
@@ -267,11 +398,10 @@ def test_configurations_on_two_branches_are_led_on_to_one(arm, tmp_path):
     region = Region((GridAxis("x", 0.3, 0.5, 6), GridAxis("y", 0.0, 0.2, 5)))
     survey = Survey(cinegen.load(arm), region, ("sigma_1",))
     q = make_map(survey, tmp_path / "map.zarr", workers=1).configuration.values
-    cells = (slice(0, 6), slice(0, 5))
     x, y = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
     mirrored = np.stack([2.0 * np.arctan2(y, x) - q[..., 0], -q[..., 1]], axis=-1)
     for given_ in (q, mirrored, np.where(np.arange(6)[:, None, None] < 3, q, mirrored)):
-        assert regularity(survey, cells, given_)
+        assert of_box(survey, Box(), given_)
 
 
 def test_a_box_through_which_a_limit_goes_is_reached_but_not_on_one_branch(arm, tmp_path):
@@ -418,3 +548,21 @@ def test_the_picture_shows_what_the_table_says(arm, tmp_path):
     np.testing.assert_allclose(np.asarray(image).T.ravel(), [row.extent.value for row in two.rows])
     with pytest.raises(DrawingError, match="here 0 do"):
         draw_table(replace(one, rows=one.rows[:1]))
+
+
+@pytest.mark.parametrize(
+    ("texts", "drawn"),
+    [
+        (["link2.d=1..2:2"], True),
+        (["link2.d=1..2:2", "tool.d=1..2:2"], True),
+        (["link2.d=1..2:2", "tool.d=3", "tool.r=4"], True),
+        (["link2.d=1"], False),
+        (["link2.d=1..2:2", "tool.d=1..2:2", "tool.r=1..2:2"], False),
+    ],
+)
+def test_whether_there_is_a_picture_is_known_before_maps_are_made(texts, drawn):
+    if drawn:
+        check_drawable(parse(*texts))
+    else:
+        with pytest.raises(DrawingError, match=r"of one parameter that varies, or of two; here \d do"):
+            check_drawable(parse(*texts))

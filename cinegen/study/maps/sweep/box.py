@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from cinegen.study.maps.errors import MapError
 from cinegen.study.maps.region import GridAxis, Region
+from cinegen.study.maps.sweep.lattice import Lattice
 from raff2urdf.errors import did_you_mean
 
 _EDGE = 1e-9  # of a cell's width: a box that ends on a border does not touch the next cell
@@ -42,8 +43,19 @@ class Box:
                 raise MapError(f"wanted box: the maps have no axis '{name}'{did_you_mean(name, region.names)}")
         return tuple(self._touched(axis) for axis in region.axes)
 
+    def lattice(self, region: Region) -> Lattice:
+        """Points all over it, on its borders too.
+
+        Raises:
+            MapError: as of `cells`.
+        """
+        return Lattice(region, self.cells(region), tuple(self._range(axis) for axis in region.axes))
+
+    def _range(self, axis: GridAxis) -> tuple[float, float]:
+        return self.ranges.get(axis.name, (axis.low, axis.high))
+
     def _touched(self, axis: GridAxis) -> slice:
-        low, high = self.ranges.get(axis.name, (axis.low, axis.high))
+        low, high = self._range(axis)
         first, last = ((end - axis.low) / axis.width for end in (low, high))
         if first < -_EDGE or last > axis.count + _EDGE:
             raise MapError(

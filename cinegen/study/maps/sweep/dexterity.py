@@ -8,27 +8,26 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import reduce
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.study.maps.region import Region
-
-if TYPE_CHECKING:
-    import xarray
+from cinegen.solve.sample import Sampler
+from cinegen.study.maps.measured import Cells, measured
+from cinegen.study.maps.settled import How, Settled
+from cinegen.study.maps.sweep.field import Field
+from cinegen.study.singular.counted import balls
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Spread:
-    """Of a quantity over cells; not a number where there are none.
+    """Of a quantity over a box; not a number where nothing of it is reached.
 
     Attributes:
-        worst: the least.
-        mean: by what cells measure.
+        worst: the least, at the cells' middles and on the box's borders.
+        mean: of the cells' middles, by what cells measure.
     """
 
     worst: float
@@ -37,46 +36,47 @@ class Spread:
 
 @dataclass(frozen=True)
 class Dexterity:
-    """Inside a box, over its cells that are reached.
+    """Inside a box, of the configurations that are led all over it.
 
     Attributes:
-        reached: which part of the box they are, 0 to 1.
+        reached: which part of the box is, 0 to 1, by the middles of cells.
+        whole: whether all of it is, its borders too.
         sigma_1: the smallest singular value of type 1, without unit.
         conditioning: 1/condition of how motors move the node: 1 at best, 0 where it is singular.
         sigma_2: the least singular value of type 2; infinite where nothing is passive.
     """
 
     reached: float
+    whole: bool
     sigma_1: Spread
     conditioning: Spread
     sigma_2: float
 
-    @property
-    def whole(self) -> bool:
-        """Whether each cell is reached."""
-        return self.reached == 1.0
 
-
-def dexterity(dataset: xarray.Dataset, region: Region, cells: tuple[slice, ...]) -> Dexterity:
-    """Of a finished map.
-
-    Args:
-        dataset: the map, with sigma_1 and condition, and with sigma_2 where something is passive.
-        region: of the map.
-        cells: of the box, for each axis.
-    """
-    part = dataset.isel(dict(zip(region.names, cells, strict=True)))
-    sizes = reduce(np.multiply.outer, [one[cut] for one, cut in zip(region.sizes, cells, strict=True)])
-    reached = part["reachable"].values
+def dexterity(field: Field) -> Dexterity:
+    """Of what was led all over a box."""
+    reached, sizes = field.reached, np.zeros(field.lattice.size)
+    inner = field.lattice.middles
+    sizes[inner] = field.lattice.sizes
+    cells, q = _cells(field), field.q[reached]
     with np.errstate(divide="ignore"):
-        conditioning = 1.0 / part["condition"].values.astype(float)
-    second = part["sigma_2"].values[reached] if "sigma_2" in part else np.zeros(0)
+        conditioning = 1.0 / measured("condition", cells).astype(float)
+    rows = field.passive
+    second = [rows.sigma(rows.of(one)[None])[0] for one in q] if rows is not None else []
     return Dexterity(
-        1.0 if reached.all() else float(sizes[reached].sum() / sizes.sum()),
-        _spread(part["sigma_1"].values.astype(float)[reached], sizes[reached]),
-        _spread(np.nan_to_num(conditioning, nan=0.0)[reached], sizes[reached]),
-        float(second.min()) if len(second) else math.inf,
+        1.0 if reached[inner].all() else float(sizes[reached].sum() / sizes.sum()),
+        bool(reached.all()),
+        _spread(measured("sigma_1", cells).astype(float), sizes[reached]),
+        _spread(np.nan_to_num(conditioning, nan=0.0), sizes[reached]),
+        float(min(second, default=math.inf)),
     )
+
+
+def _cells(field: Field) -> Cells:
+    """The points that are reached, as a map's cells are measured."""
+    survey, q = field.survey, field.q[field.reached]
+    sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls(survey.mechanism))
+    return Cells(survey, Settled(q, np.full(len(q), How.NEIGHBOUR, np.uint8)), sampler.at(q))
 
 
 def _spread(values: Array, sizes: Array) -> Spread:

@@ -16,6 +16,7 @@ from cinegen.study.maps.region import Region
 from cinegen.study.maps.survey import Survey
 from cinegen.study.maps.sweep.box import Box
 from cinegen.study.maps.sweep.dexterity import dexterity
+from cinegen.study.maps.sweep.field import Field
 from cinegen.study.maps.sweep.regular import regularity
 from cinegen.study.maps.sweep.table import Row
 
@@ -89,16 +90,16 @@ def studied(
         except MapError as error:
             return Row(name, values, remark=_words(str(error)))
     dataset = make_map(survey, folder / "map.zarr", workers=1, scheduler=scheduler, say=say)
-    cells = plan.box.cells(plan.region)
-    inside = dexterity(dataset, plan.region, cells)
-    configurations = dataset["configuration"].isel(dict(zip(plan.region.names, cells, strict=True))).values
+    lattice = plan.box.lattice(plan.region)
+    touched = dataset["configuration"].isel(dict(zip(plan.region.names, lattice.cells, strict=True)))
+    field = Field(survey, lattice, touched.values)
     return Row(
         name,
         values,
         extent(dataset),
         survey.mechanism.length,
-        inside,
-        regularity(survey, cells, configurations) if inside.reached else None,
+        dexterity(field),
+        regularity(field) if field.parts else None,
         "; ".join(_words(str(warning.message)) for warning in warned),
     )
 

@@ -76,6 +76,7 @@ class Row:
         return {
             **self.values,
             **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+            "whole": self.whole,
             "type_1": regular.first if regular is not None else None,
             "type_2": regular.second if regular is not None else None,
             "one_branch": regular.joined if regular is not None else None,
@@ -149,11 +150,17 @@ class Table:
         return [
             *values,
             str(row.extent),
-            f"{math.floor(1000.0 * known.reached) / 10.0:g} %",
+            _percent(known),
             *(_short(value) for one in (known.sigma_1, known.conditioning) for value in (one.worst, one.mean)),
             _short(known.sigma_2),
             row.singular,
         ]
+
+
+def _percent(known: Dexterity) -> str:
+    """What is reached, rounded down: 100 % is all of it."""
+    tenths = math.floor(1000.0 * known.reached)
+    return "< 100 %" if tenths == 1000 and not known.whole else f"{tenths / 10.0:g} %"
 
 
 def _short(value: float) -> str:

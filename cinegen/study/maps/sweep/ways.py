@@ -1,4 +1,4 @@
-"""`Ways`: how a mechanism goes from one cell's middle straight to another's."""
+"""`Ways`: how a mechanism goes straight from one point of a region to another."""
 
 from __future__ import annotations
 
@@ -20,29 +20,32 @@ JUMP = 0.7
 
 _GOAL = 1e-10  # rad or lengths that may be left
 _SAME = 1e-4  # rad or lengths
+_BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 _STEPS = (1, 4, 16)  # a way is gone in as few as will do
 
 
 class Ways:
-    """Between cells of a part of a survey's region.
+    """Between points of a survey's region.
 
     Args:
         survey: which.
-        cells: of the part; a cell is named by its number, the last axis fastest.
+        values: (n, axes) coordinates of the points, m or rad; a point is named by its number.
     """
 
-    def __init__(self, survey: Survey, cells: tuple[slice, ...]) -> None:
+    def __init__(self, survey: Survey, values: Array) -> None:
         mechanism = self._mechanism = survey.mechanism
         self._turning = np.zeros(mechanism.model.nv, dtype=bool)
         for name in mechanism.joints:
             if not mechanism.slides(name):
                 limited = survey.limits and np.isfinite(mechanism.model.lowerPositionLimit[mechanism.q_index(name)])
                 self._turning[mechanism.v_index(name)] = not limited
+        model, most = mechanism.model, _BEYOND if survey.limits else np.inf
+        self._low, self._high = model.lowerPositionLimit - most, model.upperPositionLimit + most
         if survey.of_motors:
-            self._motors = survey.region.motors(survey.mechanism, cells)
+            self._motors = survey.region.motors_at(mechanism, values)
             self._at = self._closed
         else:
-            self._points, self._rotations = survey.region.poses(survey.home, cells)
+            self._points, self._rotations = survey.region.poses_at(survey.home, values)
             pull = Pull(survey.node, pin.SE3.Identity(), 3, survey.rotation)
             self._seeker = Seeker(survey.mechanism, (pull,), survey.limits)
             self._at = self._posed
@@ -60,11 +63,11 @@ class Ways:
         return bool(np.abs(gaps).max(initial=0.0) <= _SAME)
 
     def onward(self, q: Array, one: int, other: int, regular: Callable[[Array, Array], bool]) -> Array | None:
-        """The configuration (nq,) at another cell, led there from q at one; None where the branch ends before.
+        """The configuration (nq,) at another point, led there from q at one; None where the branch ends before.
 
         Args:
             q: (nq,).
-            one: the cell of q.
+            one: the point of q.
             other: to which.
             regular: whether a step between two configurations stays on its branch.
         """
@@ -80,7 +83,7 @@ class Ways:
         return None
 
     def between(self, one: int, q: Array, other: int, end: Array) -> Callable[[float], Array]:
-        """From q (nq,) at one cell to the end (nq,) at another: the configuration at a part of the way, 0 to 1."""
+        """From q (nq,) at one point to the end (nq,) at another: the configuration at a part of the way, 0 to 1."""
 
         def way(x: float) -> Array:
             if x in (0.0, 1.0):
@@ -94,10 +97,10 @@ class Ways:
     # --- one place -----------------------------------------------------------------------------------------------
 
     def _posed(self, one: int, other: int, x: float, guess: Array) -> Array | None:
-        a, b = (self._rotations[cell if len(self._rotations) > 1 else 0] for cell in (one, other))
+        a, b = (self._rotations[point if len(self._rotations) > 1 else 0] for point in (one, other))
         rotation = a if a is b or x == 0.0 else b if x == 1.0 else a @ pin.exp3(x * pin.log3(a.T @ b))
-        point = self._points[one] + x * (self._points[other] - self._points[one])
-        self._seeker.pulls[0].target = pin.SE3(rotation, point)
+        place = self._points[one] + x * (self._points[other] - self._points[one])
+        self._seeker.pulls[0].target = pin.SE3(rotation, place)
         return self._seeker.best if self._seeker.seek(guess, _GOAL) else None
 
     def _closed(self, one: int, other: int, x: float, guess: Array) -> Array | None:
@@ -105,6 +108,7 @@ class Ways:
         values = self._motors[one] + x * (self._motors[other] - self._motors[one])
         try:
             q = mechanism.configuration(dict(zip(mechanism.actuated, values, strict=True)), guess)
-            return np.asarray(mechanism.close(q, mechanism.actuated))
+            found = np.asarray(mechanism.close(q, mechanism.actuated))
         except ClosureError:
             return None
+        return found if ((found >= self._low) & (found <= self._high)).all() else None
