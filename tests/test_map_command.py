@@ -155,6 +155,20 @@ def test_what_is_without_bound_is_said(typed):
     assert "there is no cell in which both reach and it has a bound" in typed("compare", "a.zarr", "a.zarr")
 
 
+def test_all_is_all_but_what_takes_long_unless_that_is_named(typed):
+    said = told(typed("map", "five_bar", "--over", "x=-0.1..0.1:3,y=0.4..0.5:3", "-q", "all,solutions"))
+    assert {"solutions", "sigma_1", "sigma_2", "condition", "margin", "velocity", "force"} <= set(said)
+    assert "solid_angle" not in said
+
+
+def test_ctrl_c_is_no_traceback(typed, monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("cinegen.study.maps.make_map", stopped)
+    assert "what was finished stays, and the same command goes on" in typed("map", "five_bar", code=130, err=True)
+
+
 def test_two_maps_are_compared(typed, tmp_path):
     for name, more in (("a", ()), ("b", ("--no-limits",))):
         typed("map", "five_bar", "--over", "x=-0.4..0.4:16,y=-0.7..0.7:16", "-o", f"{name}.zarr", *more)
@@ -181,6 +195,9 @@ def test_two_maps_are_compared(typed, tmp_path):
         (("planar_3r", "--centre", "0,0"), "a point is x,y,z"),
         (("planar_3r", "-q", "sigma"), "no quantity 'sigma'"),
         (("planar_3r", "-q", "clearance"), "--scene"),
+        (("planar_3r", "-q", "all,nonsense"), "no quantity 'nonsense'"),
+        (("planar_3r", "--at", "rz=1deg,rz=2deg"), "rz is given twice"),
+        (("planar_3r", "--json", "--view"), "leave one out"),
         (("planar_3r", "-q", "solutions"), "infinitely many"),
         (("planar_3r", "--box", "x=0..1"), "--vary"),
         (("planar_3r", "--vary", "link2.q=1..2:3"), "no parameter 'q'"),

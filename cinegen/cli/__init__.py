@@ -28,6 +28,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except (RaffError, CinegenError) as error:
             print(f"cinegen: {error}", file=sys.stderr)
             return 1
+        except KeyboardInterrupt:
+            print("cinegen: stopped", file=sys.stderr)
+            return 130  # as shells have it
         except BrokenPipeError:  # whoever reads has seen enough: `cinegen info x.raff | head -1`
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1

@@ -78,9 +78,13 @@ def ranges(text: str, option: str) -> dict[str, tuple[float, float]]:
     Raises:
         CinegenError: something else.
     """
+    from cinegen.errors import CinegenError
+
     found = {}
     for part in parts([text]):
         name, _, span = part.partition("=")
+        if name in found:
+            raise CinegenError(f"{option}: {name} is given twice")
         found[name] = _range(part, span, option)
     return found
 
@@ -102,11 +106,13 @@ def _range(text: str, span: str, option: str) -> tuple[float, float]:
 def _named(text: str) -> list[tuple[str, str]]:
     from cinegen.errors import CinegenError
 
-    found = []
+    found: list[tuple[str, str]] = []
     for part in parts([text]):
         name, equals, value = part.partition("=")
         if not equals:
             raise CinegenError(f"--at: '{part}': write NAME=VALUE, m or rad, such as z=-0.9, z=-900mm or rz=15deg")
+        if name in dict(found):
+            raise CinegenError(f"--at: {name} is given twice")
         found.append((name, value))
     return found
 

@@ -103,6 +103,8 @@ def run(options: argparse.Namespace) -> int:
     """Makes it, and says what is found."""
     from cinegen.study.maps import make_map
 
+    if options.json and options.view:
+        _refuse("--json is for programs and --view for people: leave one out")
     (name, (mechanism, _)), *others = mechanisms_and_files(options).items()
     if others:
         _refuse(f"{options.files[0]} holds {1 + len(others)} robots: say which (--robot NAME)")
@@ -114,8 +116,12 @@ def run(options: argparse.Namespace) -> int:
     path = Path(options.output or f"{name}-map.zarr")
     if not options.yes and not path.exists():
         _ask(survey, options)
-    with bar() as say:
-        found = make_map(survey, path, workers=options.workers, scheduler=options.scheduler, say=say)
+    try:
+        with bar() as say:
+            found = make_map(survey, path, workers=options.workers, scheduler=options.scheduler, say=say)
+    except KeyboardInterrupt:
+        print(f"{path}: what was finished stays, and the same command goes on", file=sys.stderr)
+        raise
     told = summary(found, survey)
     if not told["reachable"]:
         _refuse(f"{name}: no cell of this region is reached ({_settled(told)}). {_where(survey)}")
@@ -154,8 +160,9 @@ def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
     quantities = [name for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
     scene, folder = _obstacles(mechanism, options.scene)
     if "all" in quantities:
-        quantities = [name for name in QUANTITIES if name not in ("solutions", "solid_angle")]
-        quantities = [name for name in quantities if scene is not None or name != "clearance"]
+        slow = {"solutions", "solid_angle"} | ({"clearance"} if scene is None else set())
+        quantities = [name for name in quantities if name != "all"]
+        quantities += [name for name in QUANTITIES if name not in (slow | set(quantities))]
     elif scene is not None and "clearance" not in quantities:
         quantities.append("clearance")
     return Survey(
@@ -222,7 +229,11 @@ def _ask(survey: Survey, options: argparse.Namespace, maps: int = 1) -> None:
     if not sys.stdin.isatty():
         _refuse(f"{words}. Give --yes to begin all the same, or a coarser --grid")
     print(words, file=sys.stderr)
-    if input("Begin? [y/N] ").strip().lower() not in ("y", "yes"):
+    try:
+        said = input("Begin? [y/N] ")
+    except EOFError:
+        said = ""
+    if said.strip().lower() not in ("y", "yes"):
         _refuse("not begun; nothing is written")
 
 

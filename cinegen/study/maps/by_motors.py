@@ -14,6 +14,7 @@ from cinegen.study.maps.survey import Survey
 
 Array = NDArray[np.float64]
 
+_GIVEN, _OPEN, _BEYOND_LIMITS = int(How.GIVEN), int(How.OPEN), int(How.BEYOND)  # numpy is slow to compare others
 _FIELDS = tuple(Evaluations.__dataclass_fields__)
 _BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 
@@ -39,14 +40,14 @@ class ByMotors:
             shape = [len(range(*s.indices(s.stop))) for s in piece]
             done = self._in_turn(values, shape)
             how = self._judged(done)
-            if not (how == How.GIVEN).all():
+            if not (how == _GIVEN).all():
                 self._look_again(values, neighbours(shape), done, how)
         else:
             done = self._sampler.led(values)
             how = self._judged(done)
         q = done.q
-        if not (how == How.GIVEN).all():
-            q = np.where((how == How.GIVEN)[:, None], q, np.nan)
+        if not (how == _GIVEN).all():
+            q = np.where((how == _GIVEN)[:, None], q, np.nan)
         return Settled(q, how, self._modes(values) if "solutions" in self.survey.quantities else None), done
 
     def _in_turn(self, values: Array, shape: list[int]) -> Evaluations:
@@ -60,11 +61,11 @@ class ByMotors:
     def _judged(self, done: Evaluations) -> NDArray[np.uint8]:
         """(n,) how cells came to be, once passive joints are turned to where they may be."""
         done.q[:, self._passive] = self._turned(done.q[:, self._passive])
-        how = np.where(np.isfinite(done.closure), How.GIVEN, How.OPEN).astype(np.uint8)
+        how = np.where(np.isfinite(done.closure), _GIVEN, _OPEN).astype(np.uint8)
         if self.survey.limits:
             model = self.survey.mechanism.model
             low, high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
-            how[((done.q < low) | (done.q > high)).any(axis=1)] = How.BEYOND
+            how[((done.q < low) | (done.q > high)).any(axis=1)] = _BEYOND_LIMITS
         return how
 
     def _look_again(self, values: Array, near: NDArray[np.intp], done: Evaluations, how: NDArray[np.uint8]) -> None:
@@ -75,21 +76,21 @@ class ByMotors:
         def leads(start: Array, cell: int) -> bool:
             found = self._sampler.led(values[cell : cell + 1], start)
             now = self._judged(found)[0]
-            if now == How.GIVEN or (now, how[cell]) == (How.BEYOND, How.OPEN):
+            if now == _GIVEN or (now, how[cell]) == (_BEYOND_LIMITS, _OPEN):
                 how[cell] = now
                 for name in _FIELDS:
                     getattr(done, name)[cell] = getattr(found, name)[0]
-            return bool(now == How.GIVEN)
+            return bool(now == _GIVEN)
 
-        waiting = deque(np.flatnonzero(how == How.GIVEN).tolist())
-        left = np.flatnonzero(how != How.GIVEN).tolist()
+        waiting = deque(np.flatnonzero(how == _GIVEN).tolist())
+        left = np.flatnonzero(how != _GIVEN).tolist()
         for first in (None, *left):
-            if first is not None and how[first] != How.GIVEN and leads(home, first):
+            if first is not None and how[first] != _GIVEN and leads(home, first):
                 waiting.append(first)
             while waiting:
                 here = waiting.popleft()
                 for cell in near[here].tolist():
-                    if cell >= 0 and how[cell] != How.GIVEN and leads(done.q[here], cell):
+                    if cell >= 0 and how[cell] != _GIVEN and leads(done.q[here], cell):
                         waiting.append(cell)
 
     def _turned(self, angles: Array) -> Array:

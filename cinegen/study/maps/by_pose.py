@@ -26,6 +26,9 @@ from cinegen.study.maps.survey import Survey
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
+_NOT_YET, _TOO_FAR, _NOT_FOUND = int(How.NOT_YET), int(How.TOO_FAR), int(How.NOT_FOUND)
+_SEARCH, _NEIGHBOUR = int(How.SEARCH), int(How.NEIGHBOUR)  # numpy is slow to compare others
+
 _GOAL = 1e-10  # rad or lengths that may be left
 _JUMP = 0.7  # rad or lengths: a neighbour's solution that is further away is on another branch
 _SAME = 1e-4  # rad or lengths: two solutions that are nearer are one
@@ -209,14 +212,14 @@ class _Wave:
 
     def run(self) -> None:
         """Settles all cells."""
-        self.how[self.of.shells.exclude(self.points, self.rotations)] = How.TOO_FAR
-        left = np.flatnonzero(self.how == How.NOT_YET)
+        self.how[self.of.shells.exclude(self.points, self.rotations)] = _TOO_FAR
+        left = np.flatnonzero(self.how == _NOT_YET)
         if len(left) == 0:
             return
         first = int(left[np.argmin(((self.points[left] - self.of.survey.home.translation) ** 2).sum(axis=1))])
         self._begin(first, self.of.from_home(self.target(first)))
         for cell in left.tolist():
-            if self.how[cell] != How.NOT_YET:
+            if self.how[cell] != _NOT_YET:
                 continue
             found = self._elsewhere.get(cell)
             if found is None:
@@ -224,23 +227,23 @@ class _Wave:
                 tries = (self.of.seek(start, target) for start in self.of.starts(target))
                 found = next((q for q in tries if q is not None), None)
             if found is None:
-                self.how[cell] = How.NOT_FOUND
+                self.how[cell] = _NOT_FOUND
             else:
                 self._begin(cell, found)
         for cell in sorted(self._elsewhere):  # of those that had been looked for in vain before
-            if self.how[cell] == How.NOT_FOUND:
+            if self.how[cell] == _NOT_FOUND:
                 self._begin(cell, self._elsewhere[cell])
 
     def _begin(self, cell: int, q: Array | None) -> None:
         """A wave from a cell."""
         if q is None:
             return
-        self.q[cell], self.how[cell] = q, How.SEARCH
+        self.q[cell], self.how[cell] = q, _SEARCH
         waiting = deque([cell] if cell not in self._dead_ends else [])
         while waiting:
             here = waiting.popleft()
             for near in self.near[here].tolist():
-                if near < 0 or self.how[near] not in (How.NOT_YET, How.NOT_FOUND):
+                if near < 0 or self.how[near] not in (_NOT_YET, _NOT_FOUND):
                     continue
                 found = self.of.seek(self.q[here], self.target(near))
                 if found is None:
@@ -248,7 +251,7 @@ class _Wave:
                 if self.of.away(self.q[here], found) > _JUMP:
                     self._elsewhere.setdefault(near, found)
                     continue
-                self.q[near], self.how[near] = found, How.NEIGHBOUR
+                self.q[near], self.how[near] = found, _NEIGHBOUR
                 self.came_from.add(here)
                 if near not in self._dead_ends:
                     waiting.append(near)

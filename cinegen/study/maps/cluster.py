@@ -139,7 +139,7 @@ class Processes:
         """Replaces those that die."""
         while not self._ends.wait(_LOOK):
             for k, process in enumerate(self._running):
-                if process.poll() is not None and self._deaths < _DEATHS:
+                if process.poll() is not None:
                     self._deaths += 1
                     _end(process)
                     self._running[k] = self._start()

@@ -52,15 +52,18 @@ class Layout:
     attributes: dict[str, Any]
     more: tuple[int, ...] = ()
 
-    def fits(self, document: dict[str, Any], shape: Sequence[int], chunks: Sequence[int]) -> bool:
+    def fits(self, document: dict[str, Any], names: Sequence[str], shape: Sequence[int], chunks: Sequence[int]) -> bool:
         """Whether zarr's document of an array says the same."""
         return (
             document.get("node_type") == "array"
+            and document["zarr_format"] == 3
+            and document["dimension_names"] == [*names, *("joint",) * len(self.more)]
             and document["data_type"] == self.dtype
             and document["shape"] == [*shape, *self.more]
             and document["chunk_grid"]["configuration"]["chunk_shape"] == [*chunks, *self.more]
             and document["chunk_key_encoding"]["configuration"]["separator"] == _KEYS["separator"]
             and tuple(codec["name"] for codec in document["codecs"]) == CODECS
+            and document["codecs"][0].get("configuration", {}).get("endian", "little") == "little"
         )
 
 
@@ -81,6 +84,14 @@ def layouts(survey: Survey) -> tuple[Layout, ...]:
         "flag_values": [int(how) for how in How], "flag_meanings": " ".join(how.name.lower() for how in How),
     }  # fmt: skip
     return (*found, Layout(LAST, "uint8", 0, words))
+
+
+def coordinates(survey: Survey) -> tuple[Layout, ...]:
+    """Of the axes."""
+    return tuple(
+        Layout(axis.name, "float64", 0.0, {"units": _unit(survey, axis.name), "cell_width": axis.width})
+        for axis in survey.region.axes
+    )
 
 
 def lay_out(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
@@ -104,11 +115,11 @@ def lay_out(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
         "chunks": list(chunks),
         **survey.attributes,
     })  # fmt: skip
-    for axis in region.axes:
+    for axis, array in zip(region.axes, coordinates(survey), strict=True):
         group.create_array(
-            axis.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
+            array.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
             chunk_key_encoding=_KEYS, compressors=compressors(), config={"write_empty_chunks": True},
-            attributes={"units": _unit(survey, axis.name), "cell_width": axis.width},
+            attributes=array.attributes,
         )  # fmt: skip
     for array in layouts(survey):
         group.create_array(

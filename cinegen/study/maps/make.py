@@ -89,9 +89,13 @@ def open_map(path: str | Path) -> xarray.Dataset:
     from cinegen.study.maps.checked import CheckedStore
 
     store = Store(Path(path).absolute())
-    dataset: xarray.Dataset = xarray.open_zarr(
-        CheckedStore(store.path, read_only=True), consolidated=False, chunks=None
-    )
+    try:
+        dataset: xarray.Dataset = xarray.open_zarr(
+            CheckedStore(store.path, read_only=True), consolidated=False, chunks=None
+        )
+    except (ValueError, TypeError, KeyError, AttributeError, OSError) as error:
+        why = f"{store.path} is damaged: zarr can't read it ({error})"
+        raise MapError(f"{why}. Give another path, or delete it") from None
     dataset.encoding["source"] = str(store.path)
     return dataset
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from cinegen.study.maps.chunk import is_sound, packed, put
 from cinegen.study.maps.errors import MapError
-from cinegen.study.maps.layout import KIND, LAST, Layout, file_name, index_of, lay_out, layouts
+from cinegen.study.maps.layout import KIND, LAST, Layout, coordinates, file_name, index_of, lay_out, layouts
 from cinegen.study.maps.lock import locked
 from cinegen.study.maps.region import piece
 from cinegen.study.maps.survey import Survey
@@ -63,11 +63,16 @@ class Store:
         region = self.survey.region
         if len(self.chunks) != len(region.shape) or min(self.chunks) < 1:
             raise MapError(f"{self.path} is damaged: pieces of {self.chunks} cells. {_ELSE}")
-        for array in self.layouts:
+        forms: list[tuple[Layout, tuple[str, ...], Index, Index]] = [
+            (array, region.names, region.shape, self.chunks) for array in self.layouts
+        ]
+        for array, axis in zip(coordinates(self.survey), region.axes, strict=True):
+            forms.append((array, (axis.name,), (axis.count,), (axis.count,)))
+        for array, names, shape, chunks in forms:
             document = _document(self.path / array.name)
             try:
-                right = array.fits(document, region.shape, self.chunks)
-            except (KeyError, TypeError):
+                right = array.fits(document, names, shape, chunks)
+            except (KeyError, TypeError, AttributeError, IndexError):
                 right = False
             if not right:
                 raise MapError(f"{self.path} is damaged: {array.name} is not there, or is something else. {_ELSE}")
@@ -196,7 +201,8 @@ def sweep(path: Path) -> None:
 
 def beside(path: Path) -> Path:
     """Where what is not whole yet of a map stands."""
-    return path.with_name(f".{path.name}.new")
+    whole = path.resolve()  # of a link what it leads to: both must be on one file system
+    return whole.with_name(f".{whole.name}.new")
 
 
 def unwritten(path: Path, error: OSError) -> MapError:

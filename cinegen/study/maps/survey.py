@@ -25,9 +25,10 @@ from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-VERSION = 2
+VERSION = 3
 """Of what stands in a map's folder, and how: changes when the same survey would give other numbers."""
 
+_UNIT = 1e-12  # by which a unit vector may be longer or shorter
 _MOVES = 1e-9  # rad or lengths for each: less is rounding
 
 _TAKEN = (*QUANTITIES, "configuration", "reachable", "settled", "joint")
@@ -80,7 +81,8 @@ class Survey:
         length = math.hypot(*self.along)
         if not (len(self.along) == 3 and 0.0 < length < math.inf):
             raise MapError(f"along {self.along}: give a direction, three numbers")
-        object.__setattr__(self, "along", tuple(float(x) / length for x in self.along))
+        if abs(length - 1.0) > _UNIT:  # else it is one, and stays as it is to the last bit
+            object.__setattr__(self, "along", tuple(float(x) / length for x in self.along))
         self._check_names()
         self._check_independent()
         object.__setattr__(self, "quantities", _checked(self))

@@ -288,6 +288,12 @@ WRONG = {
         lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(chunks=[1])),
         "pieces of",
     ),
+    "a coordinate's description is gone": (lambda p: (p / "joint1/zarr.json").unlink(), "joint1 is not there"),
+    "a coordinate's description is empty": (lambda p: (p / "joint1/zarr.json").write_bytes(b""), "joint1 is not there"),
+    "numbers are said to be the other way round": (
+        lambda p: (p / "sigma_1/zarr.json").write_text((p / "sigma_1/zarr.json").read_text().replace("little", "big")),
+        "sigma_1 is not there, or is something else",
+    ),
     "a coordinate is cut": (lambda p: cut(p / "joint1/c.0"), "values of joint1 are not there, or broken"),
     "it is another's group": (
         lambda p: edit(p / "zarr.json", lambda d: d.update(attributes={})),
@@ -295,7 +301,7 @@ WRONG = {
     ),
     "it is of another version": (
         lambda p: edit(p / "zarr.json", lambda d: _version(d["attributes"])),
-        "version 0, and 2 is read here",
+        "version 0, and 3 is read here",
     ),
 }
 

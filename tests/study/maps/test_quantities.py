@@ -1,5 +1,6 @@
 """What maps tell of cells: against the study of single configurations, numpy, linear programmes and closed forms."""
 
+import functools
 import itertools
 import math
 import re
@@ -10,6 +11,8 @@ import pinocchio as pin
 import pytest
 import trimesh
 from closed_forms import rx90
+from hypothesis import given
+from hypothesis import strategies as st
 from mapped import mapped, middles, over
 from scipy.optimize import linprog
 
@@ -303,14 +306,19 @@ def test_a_robot_that_moves_in_another_way_is_another(robot):
     assert one.robot_hash != two.robot_hash
 
 
-@pytest.mark.parametrize("name", ["sigma_1", "settled", "joint", "left/elbow"])
-def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
-    arm = build(
+@functools.cache
+def _slide(name):
+    return build(
         f"""<robot name="arm"><link name="base"/><link name="tool"/><joint name="{name}" type="prismatic">
         <parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
         <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>""",
         None,
     )
+
+
+@pytest.mark.parametrize("name", ["sigma_1", "settled", "joint", "left/elbow"])
+def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
+    arm = _slide(name)
     with pytest.raises(MapError, match=f"no map over motor '{name}', whose name .*: rename it"):
         Survey(arm, over((name, -0.5, 0.5, 3)))
     assert Survey(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
@@ -372,3 +380,11 @@ def test_solutions_without_end_are_refused_in_a_plane_too(robot):
     """z of a planar arm's tool says nothing about its angle."""
     with pytest.raises(MapError, match="infinitely many solutions"):
         Survey(robot("planar_3r"), over(("x", 0.2, 0.6, 2), ("y", 0.2, 0.6, 2), orientation="axis"), ("solutions",))
+
+
+@given(st.tuples(*(st.floats(-3.0, 3.0),) * 3).filter(lambda along: math.hypot(*along) > 0.01))
+def test_what_is_written_of_a_survey_is_read_back_to_the_last_bit(along):
+    one = Survey(_slide("slide"), over(("x", -0.5, 0.5, 3)), ("velocity",), along=along)
+    again = Survey.of_attributes(one.attributes)
+    assert again.text == one.text
+    assert Survey(again.mechanism, again.region, again.quantities, along=again.along).text == one.text
