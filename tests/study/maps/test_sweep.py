@@ -478,6 +478,13 @@ def test_a_sweep_goes_on_and_its_variants_can_be_loaded(arm, tmp_path):
     assert all(row.whole for row in other.rows)
 
 
+@pytest.mark.parametrize("over", [("tool.d=1..2:2", "frame20.d=3..4:2"), ("tool.d+-frame20.d=1..2:2",)])
+def test_one_node_under_two_names_is_varied_once(arm, over):
+    document = raff2urdf.load(arm)
+    with pytest.raises(MapError, match=r"tool\.d is varied twice"):
+        variants(document, parse(*over))
+
+
 def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
     out, over = tmp_path / "out", parse("link2.d=300..400:2")
     sweep(arm, over, square(0.7, 6), out, workers=1)

@@ -69,6 +69,14 @@ class Parameter:
             return replace(robot, base=changed)
         return replace(robot, parts=tuple(changed if one is part else one for one in robot.parts))
 
+    def whose(self, robot: Robot) -> str:
+        """The name of its node: a frame that has one goes by its number, too.
+
+        Raises:
+            MapError: the robot has no such node.
+        """
+        return self._part(robot).node
+
     def _part(self, robot: Robot) -> Base | Link | Frame:
         parts: dict[str, Base | Link | Frame] = {f"{_kind(part)}{part.number}": part for part in robot.parts}
         parts |= {part.node: part for part in (robot.base, *robot.parts)}

@@ -55,7 +55,7 @@ def variants(document: Document, variations: Sequence[Variation], robot: str | N
     if not variations:
         raise MapError("a sweep varies at least one parameter: say which, such as link2.d=100..200:5")
     chosen = document.robot(robot)
-    named = Counter((p.node, p.name) for variation in variations for p in variation.parameters)
+    named = Counter((p.whose(chosen), p.name) for variation in variations for p in variation.parameters)
     for (node, name), times in named.items():
         if times > 1:
             raise MapError(f"{node}.{name} is varied twice: join parameters that vary together by '+'")
