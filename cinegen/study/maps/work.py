@@ -21,6 +21,7 @@ from cinegen.study.maps.settled import How, Settled
 from cinegen.study.maps.store import Index, Store
 from cinegen.study.maps.survey import Survey
 from cinegen.study.singular.counted import balls as balls_of
+from cinegen.study.singular.crossing import of_passive_joints
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]
@@ -60,12 +61,11 @@ class Surveyor:
 
     def _fill_second(self, configurations: Array, second: Array) -> None:
         """Where the quick way could not tell: axes of a ball joint in a plane, dependent columns."""
-        rows = None
-        for k in np.flatnonzero(np.isfinite(configurations[:, 0]) & ~np.isfinite(second)):
-            if rows is None:
-                from cinegen.study.singular.crossing import of_passive_joints
-
-                rows = of_passive_joints(self.survey.mechanism)
+        left = np.flatnonzero(np.isfinite(configurations[:, 0]) & ~np.isfinite(second))
+        if not len(left):
+            return
+        rows = of_passive_joints(self.survey.mechanism)
+        for k in left:
             second[k] = rows.sigma(rows.of(configurations[k])[None])[0]
 
 

@@ -339,6 +339,18 @@ def test_other_things_at_the_path_are_left_as_they_are(survey, tmp_path):
     assert digest(tmp_path) == before
 
 
+def test_a_map_behind_a_link_is_gone_on_with_where_it_is(survey, copied, whole, tmp_path):
+    """It may be on another disk, and only within one a file is put in its place whole."""
+    link = tmp_path / "elsewhere" / "link.zarr"
+    link.parent.mkdir()
+    link.symlink_to(copied)
+    assert store.beside(link).parent == copied.parent
+    store.Store(copied).forget((0, 0, 0))
+    again(survey, link)
+    assert digest(copied) == digest(whole)
+    assert os.listdir(link.parent) == ["link.zarr"]
+
+
 def test_a_map_of_something_else_is_not_overwritten(robot, copied):
     before = digest(copied)
     with pytest.raises(MapError, match=r"map of something else: quantities is .*margin, not sigma_1"):

@@ -42,7 +42,7 @@ class Field:
         self.end = Rows(of_node(mechanism, survey.node, sum(survey.counted)), survey.rank)
         self.passive = of_passive_joints(mechanism) if mechanism.passive_rank else None
         self._barrier = self.passive if survey.of_motors else self.end  # what branches meet at
-        self.redundant = not survey.of_motors and mechanism.mobility > survey.rank
+        self.redundant = not survey.of_motors and survey.freedoms > survey.rank
         self._given, self._open = self._known(configurations.reshape(-1, configurations.shape[-1]))
         self.q, self.parts = np.full_like(self._given, np.nan), 0
         self._lead()
