@@ -64,15 +64,17 @@ def of_end(mechanism: Mechanism) -> Rows:
 
 def of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Array]:
     """At q (nq,) how the motions that all loops allow move a node (count, nv), without unit: along its own three axes,
-    and with 6 also about them."""
+    and with 6 also about them; a base that floats rests."""
     model, system, frame = mechanism.model, mechanism.own_system(), mechanism.frame_id(node)
     units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:count, None] * mechanism.scale
+    resting = 6 if mechanism.floating else 0
 
     def moved(q: Array) -> Array:
         loops = system.evaluate(q)[1]
         pin.updateFramePlacement(model, system.data, frame)
         jacobian = pin.getFrameJacobian(model, system.data, frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
         rows = np.asarray(jacobian[:count] * units)
+        rows[:, :resting] = 0.0
         if not mechanism.loop_rank:
             return rows
         motions = free_motions(loops, mechanism.loop_rank)[0]

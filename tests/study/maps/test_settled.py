@@ -10,6 +10,7 @@ from cinegen.study.maps import MapError, Survey
 from cinegen.study.maps.loci import loci
 from cinegen.study.maps.make import make_map
 from cinegen.study.singular import Kind
+from cinegen.study.singular.crossing import of_node
 
 FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link name="a"/><link name="tool"/>
   <joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>
@@ -66,7 +67,7 @@ def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_p
     np.testing.assert_allclose(curve.points[:, names.index("joint2")], 0.0, atol=1e-6)
 
 
-def test_a_base_that_floats_rests(robot):
+def test_a_base_that_floats_rests(tmp_path):
     flying = build(FLOATING, None)
     assert flying.floating
     of_motors = mapped(Survey(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), node="tool"))
@@ -75,6 +76,10 @@ def test_a_base_that_floats_rests(robot):
     found = mapped(Survey(flying, region, ("solutions", "sigma_1"), node="tool"))
     within = np.abs(region.axes[0].middles()) <= 1.0
     np.testing.assert_array_equal(found["solutions"], np.repeat(within[:, None], 3, axis=1).astype(int))
+    survey = Survey(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), ("sigma_1",), node="tool")
+    assert loci(make_map(survey, tmp_path / "map.zarr", workers=1), survey) == ()
+    rows = of_node(flying, "tool", 6)(flying.q_home)
+    assert np.linalg.matrix_rank(rows) == 2
     with pytest.raises(MapError, match="can't move along y"):
         Survey(flying, over(("y", -1.0, 1.0, 3)), node="tool")
 
