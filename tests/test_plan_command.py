@@ -85,7 +85,11 @@ def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
 @pytest.mark.parametrize(
     ("values", "verdict", "advice"),
     [
-        ({"obstacle": [{"kind": "disc", "radius": 0.1}]}, "start in collision: 'mobile' is in 'disc 1'", "Start some"),
+        (
+            {"obstacle": [{"kind": "disc", "radius": 0.1}]},
+            "start in collision: 'mobile' is 200 mm deep in 'disc 1'",
+            "Start some",
+        ),
         (
             {"obstacle": [{"kind": "disc", "radius": 0.1, "point": [1.205, 0]}]},
             "goal in collision: 'mobile' is 5 mm from 'disc 1', nearer than the safety distance of 10 mm",

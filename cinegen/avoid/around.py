@@ -21,9 +21,10 @@ def surroundings(scene: Scene) -> tuple[Clearance, NDArray[np.int64]]:
     scene, or a number behind these for two links of the robot."""
     own = scene.bodies
     bodies, links = links_of(scene.mechanism) if own is None else (own, ())
+    checked = scene.without_allowed(bodies, links)
     obstacles = [body for obstacle in scene.obstacles for body in obstacle.bodies]
     owner = [i for i, obstacle in enumerate(scene.obstacles) for _ in obstacle.bodies]
-    clearance = Clearance(scene.mechanism, bodies, obstacles, links)
+    clearance = Clearance(scene.mechanism, bodies, obstacles, checked)
     around, links_met = [], dict[tuple[int, int], int]()
     for first, second in clearance.pairs.tolist():
         if second >= len(bodies):

@@ -1,4 +1,4 @@
-"""A convex solid on a joint of a robot, or in the world: what distances are measured between."""
+"""A solid on a joint of a robot, or in the world: what distances are measured between."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A convex solid, fixed on a joint.
+    """A solid, fixed on a joint.
 
     Attributes:
         name: what reports call it.
         joint: Pinocchio's number of the joint that it moves with; 0 is the world.
         placement: of the shape, in the frame of that joint.
-        shape: as coal measures it, in m. Convex: a ball, a box, a capsule, a hull ...
+        shape: as coal measures it, in m. Clearance takes convex ones: a ball, a box, a capsule, a hull ...
     """
 
     name: str
     joint: int
     placement: pin.SE3
-    shape: coal.ShapeBase
+    shape: coal.CollisionGeometry
 
     @cached_property
     def centre(self) -> Array:
@@ -40,9 +40,9 @@ class Body:
         return _ball(self.shape)[1]
 
 
-def _ball(shape: coal.ShapeBase) -> tuple[Array, float]:
+def _ball(shape: coal.CollisionGeometry) -> tuple[Array, float]:
     """A ball that holds a shape: its centre (3,) in the shape's frame, and its radius."""
-    middle, swept = np.zeros(3), float(shape.getSweptSphereRadius())
+    middle, swept = np.zeros(3), float(shape.getSweptSphereRadius()) if isinstance(shape, coal.ShapeBase) else 0.0
     match shape:
         case coal.Halfspace() | coal.Plane():
             return np.array(shape.n) * shape.d, np.inf

@@ -122,6 +122,8 @@ def _told(found: Plan) -> list[str]:
         ]
     lines.append(f"  clearance  {_clearance(found)}")
     if found.attempts:
+        lines += textwrap.wrap(f"  meshes     {_meshes(found)}", _BROAD, subsequent_indent=" " * 13)
+    if found.attempts:
         rows = [(one.verdict.value, str(len(one.path) - 1), one.words) for one in found.attempts]
         widths = [max(map(len, column)) for column in list(zip(*rows, strict=True))[:2]]
         verdict, steps = max(widths[0], len("verdict")), max(widths[1], len("steps"))
@@ -168,6 +170,13 @@ def _clearance(found: Plan) -> str:
     return f"{_mm(found.clearance)} {where}; {kept}"
 
 
+def _meshes(found: Plan) -> str:
+    """What the check of the path against the meshes covered."""
+    left_out = [f"{one}-{other}" for one, other in (*found.mesh_check.unchecked, *found.scene.allowed_collisions)]
+    words = f"no contact on this path, checked every {_mm(found.mesh_check.step)} of motion"
+    return f"{words}; not checked: {', '.join(left_out)}" if left_out else words
+
+
 def _advice(found: Plan, options: argparse.Namespace) -> list[str]:
     """What may be tried where the goal is not reached."""
     from cinegen.avoid import Verdict
@@ -180,6 +189,10 @@ def _advice(found: Plan, options: argparse.Namespace) -> list[str]:
         case Verdict.GOAL_IN_COLLISION:
             words = "Every posture at the goal that was found is too near to something: move the goal or the obstacle, "
             words += "leave more of the goal open, or make the distance to be kept (safety) smaller."
+        case Verdict.IN_COLLISION:
+            words = (
+                "The convex solids around the links are kept clear, but the meshes touch: try another start or goal."
+            )
         case Verdict.OUT_OF_REACH:
             words = "Bring the goal nearer, or leave more of it open: its orientation, or z."
         case Verdict.TIME_LIMIT:
@@ -243,6 +256,11 @@ def _document(found: Plan, options: argparse.Namespace) -> dict[str, Any]:
         "goal": scene.document()["goal"],
         "safety": scene.safety,
         "clearance": _finite(found.clearance),
+        "mesh_check": {
+            "step": found.mesh_check.step,
+            "unchecked": [list(pair) for pair in found.mesh_check.unchecked],
+            "allowed": [list(pair) for pair in found.scene.allowed_collisions],
+        },
         "length": _length(found),
         "motion": found.motion,
         "attempts": [

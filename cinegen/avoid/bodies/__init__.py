@@ -3,6 +3,6 @@
 from cinegen.avoid.bodies.geometry import geometry_model
 from cinegen.avoid.bodies.links import bodies_of
 from cinegen.avoid.bodies.neighbours import neighbours
-from cinegen.avoid.bodies.pairs import pairs_of
+from cinegen.avoid.bodies.pairs import pairs_of, sorted_pairs
 
-__all__ = ["bodies_of", "geometry_model", "neighbours", "pairs_of"]
+__all__ = ["bodies_of", "geometry_model", "neighbours", "pairs_of", "sorted_pairs"]

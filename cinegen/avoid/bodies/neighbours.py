@@ -4,7 +4,7 @@ turn about one point."""
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,14 +26,28 @@ def neighbours(mechanism: Mechanism) -> frozenset[tuple[int, int]]:
 
     Bodies are neighbours where one joint carries the other, where a loop was cut between them, and where they share a
     point: two or three joints that turn about one point are a universal joint or a ball joint, and the links on its two
-    sides meet there as they would at one joint.
+    sides meet there as they would at one joint. A rigid loop joins two parts of one link: the neighbours of either part
+    are neighbours of both.
     """
     model = mechanism.model
     found = {(int(model.parents[j]), j) for j in range(1, model.njoints)}
     found |= {_ordered(first, second) for first, _, second, _ in mechanism.system.anchors}
     for hinge in _hinges(mechanism):
         found.update(combinations(sorted(hinge), 2))
+    parts = _parts_of_links(mechanism)
+    found = {_ordered(i, j) for pair in found for i, j in product(*(parts[joint] for joint in pair))}
     return frozenset((i, j) for i, j in found if i != j)
+
+
+def _parts_of_links(mechanism: Mechanism) -> list[set[int]]:
+    """Return for each joint the joints that carry parts of the same link: itself, and those joined by rigid loops."""
+    parts = [{joint} for joint in range(mechanism.model.njoints)]
+    for loop, (first, _, second, _) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
+        if loop.kind == LoopKind.RIGID:
+            joined = parts[first] | parts[second]
+            for joint in joined:
+                parts[joint] = joined
+    return parts
 
 
 def _hinges(mechanism: Mechanism) -> list[Hinge]:

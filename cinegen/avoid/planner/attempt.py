@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.keep import Keep
+from cinegen.avoid.mesh_check import MeshCheck
 from cinegen.avoid.planner.verdict import Verdict
 from cinegen.solve import Solver
 from cinegen.solve.objectives import Objective
@@ -30,7 +31,7 @@ class Attempt:
 
     Attributes:
         words: what led it.
-        verdict: REACHED, STUCK, CIRCLED, JOINT_LIMIT or STEP_LIMIT.
+        verdict: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT or STEP_LIMIT.
         path: (steps + 1, nq) where it went, the start first.
         held_by: pairs of bodies that held the last step back, by name, nearest first.
         reason: the end, in words.
@@ -90,6 +91,21 @@ def attempt(
         if since == _PATIENCE:
             return ended(Verdict.CIRCLED, f"moved on for {_PATIENCE} steps and came no nearer to the goal")
     return ended(Verdict.REACHED, "")
+
+
+def checked(made: Attempt, check: MeshCheck) -> Attempt:
+    """Check the path of an attempt against the meshes.
+
+    Returns:
+        the attempt as it is where nothing touches on its path; else one that is IN_COLLISION, its path cut off before
+        the contact.
+    """
+    contact = check.first_contact(made.path)
+    if contact is None:
+        return made
+    where = "at the start" if contact.index < 0 else f"between steps {contact.index} and {contact.index + 1}"
+    reason = f"the check against the meshes found contact {where}: {contact.reason}"
+    return replace(made, verdict=Verdict.IN_COLLISION, path=made.path[: max(contact.index, 0) + 1], reason=reason)
 
 
 def _held_by(clearance: Clearance, keep: Keep, q: Array) -> tuple[tuple[str, str], ...]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from cinegen.avoid.clearance import Clearance
+from cinegen.avoid.mesh_check import MeshCheck
 from cinegen.avoid.planner.postures import Postures, postures
 from cinegen.avoid.planner.verdict import Verdict
 from cinegen.avoid.scene import Scene
@@ -18,22 +19,29 @@ class Refusal(NamedTuple):
     reason: str
 
 
-def free_goals(scene: Scene, clearance: Clearance, say: Callable[[str], None]) -> Postures | Refusal:
+def free_goals(scene: Scene, clearance: Clearance, check: MeshCheck, say: Callable[[str], None]) -> Postures | Refusal:
     """Postures at the goal of which at least one is free, if the start is free too.
 
     Args:
         scene: what is where.
         clearance: of its robot.
+        check: of its meshes.
         say: told in words what is being done.
     """
     distances = clearance.distances(scene.start)
     if len(distances) and distances.min() < scene.safety:
         pair = int(distances.argmin())
         return Refusal(Verdict.START_IN_COLLISION, _too_near(clearance, scene, pair, float(distances[pair])))
+    if touching := check.contact(scene.start):
+        return Refusal(Verdict.START_IN_COLLISION, touching)
     say("looking for postures at the goal")
     found = postures(scene, clearance)
-    if found.free:
-        return found
+    contacts = [check.contact(q) for q in found.free]
+    free = tuple(q for q, touching in zip(found.free, contacts, strict=True) if not touching)
+    if free:
+        return found._replace(free=free)
+    if contacts:
+        return Refusal(Verdict.GOAL_IN_COLLISION, contacts[0])
     if found.blocked:
         _, pair, distance = max(found.blocked, key=lambda one: one[2])
         return Refusal(Verdict.GOAL_IN_COLLISION, _too_near(clearance, scene, pair, distance))
@@ -43,6 +51,11 @@ def free_goals(scene: Scene, clearance: Clearance, say: Callable[[str], None]) -
 def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:
     one, other = clearance.names(pair)
     if distance <= 0.0:
-        return f"'{one}' is in '{other}'"
-    kept = f"the safety distance of {1e3 * scene.safety:.3g} mm"
-    return f"'{one}' is {1e3 * distance:.3g} mm from '{other}', nearer than {kept}"
+        reason = f"'{one}' is {-1e3 * distance:.3g} mm deep in '{other}'"
+    else:
+        kept = f"the safety distance of {1e3 * scene.safety:.3g} mm"
+        reason = f"'{one}' is {1e3 * distance:.3g} mm from '{other}', nearer than {kept}"
+    links = len(clearance.bodies) - sum(len(obstacle.bodies) for obstacle in scene.obstacles)
+    if clearance.pairs[pair].max() >= links:
+        return reason
+    return f'{reason}, as convex solids; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'

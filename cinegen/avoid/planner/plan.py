@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from cinegen.avoid.around import surroundings
 from cinegen.avoid.clearance import Clearance
 from cinegen.avoid.keep import least_along
+from cinegen.avoid.mesh_check import MeshCheck
 from cinegen.avoid.planar import plane_of
-from cinegen.avoid.planner.attempt import Attempt, attempt
+from cinegen.avoid.planner.attempt import Attempt, attempt, checked
 from cinegen.avoid.planner.attraction import Attraction, PostureAttraction, TaskAttraction
 from cinegen.avoid.planner.descent import Descent, Potential
 from cinegen.avoid.planner.ends import Refusal, free_goals
@@ -48,6 +49,7 @@ class Plan:
             sense. Loops are closed at each; between two of them joints go straight.
         attempts: all that were made, in order; the last one is what `path` is of.
         reason: the verdict, in words.
+        mesh_check: that the path passed: REACHED is only said where the meshes themselves touch nowhere on it.
         field: that was followed; None: `rrt_connect` follows none.
     """
 
@@ -57,6 +59,7 @@ class Plan:
     attempts: tuple[Attempt, ...]
     reason: str
     _clearance: Clearance
+    mesh_check: MeshCheck
     field: Field | None = Field.VORTEX
 
     def __bool__(self) -> bool:
@@ -123,12 +126,13 @@ def plan(
     """
     field = Field(field)
     clearance, around = surroundings(scene)
+    check = MeshCheck(scene)
     say = say or _nobody
 
     def without(verdict: Verdict, reason: str) -> Plan:
-        return Plan(scene, verdict, scene.start[None].copy(), (), reason, clearance, field)
+        return Plan(scene, verdict, scene.start[None].copy(), (), reason, clearance, check, field)
 
-    goals = free_goals(scene, clearance, say)
+    goals = free_goals(scene, clearance, check, say)
     if isinstance(goals, Refusal):
         return without(goals.verdict, goals.reason)
     made: list[Attempt] = []
@@ -144,11 +148,16 @@ def plan(
             )
         )  # fmt: skip
         if made[-1].verdict is Verdict.REACHED:
+            say(f"attempt {len(made)}: checking its path against the meshes")
+            made[-1] = checked(made[-1], check)
+        if made[-1].verdict is Verdict.REACHED:
             break
+    else:
+        made[-1] = checked(made[-1], check)
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
     reason = "" if last.verdict is Verdict.REACHED else reason
-    return Plan(scene, last.verdict, last.path, tuple(made), reason, clearance, field)
+    return Plan(scene, last.verdict, last.path, tuple(made), reason, clearance, check, field)
 
 
 def _leads(

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from cinegen.avoid.around import surroundings
 from cinegen.avoid.errors import AvoidError
-from cinegen.avoid.planner.attempt import Attempt
+from cinegen.avoid.mesh_check import MeshCheck
+from cinegen.avoid.planner.attempt import Attempt, checked
 from cinegen.avoid.planner.edge import edge
 from cinegen.avoid.planner.ends import Refusal, free_goals
 from cinegen.avoid.planner.plan import Plan
@@ -49,8 +50,8 @@ def rrt_connect(
         say: told in words what is being done.
 
     Returns:
-        REACHED, or TIME_LIMIT; or without looking what `plan` says too: START_IN_COLLISION, GOAL_IN_COLLISION,
-        OUT_OF_REACH. Where there is no way, `path` is the start alone.
+        REACHED, IN_COLLISION where the meshes touch on the path, or TIME_LIMIT; or without looking what `plan` says
+        too: START_IN_COLLISION, GOAL_IN_COLLISION, OUT_OF_REACH. Where there is no way, `path` is the start alone.
 
     Raises:
         AvoidError: OMPL is not installed; or there is no such time, or no such seed.
@@ -64,16 +65,17 @@ def rrt_connect(
     if seed < 0:
         raise AvoidError(f"a seed must not be below 0, as {seed} is")
     clearance, _ = surroundings(scene)
+    check = MeshCheck(scene)
     say = say or _nobody
 
     def made(verdict: Verdict, way: Array, reason: str) -> Plan:
-        attempts = (Attempt(_WORDS, verdict, way, (), reason),)
-        return Plan(scene, verdict, way, attempts, reason, clearance, None)
+        found = checked(Attempt(_WORDS, verdict, way, (), reason), check)
+        return Plan(scene, found.verdict, found.path, (found,), found.reason, clearance, check, None)
 
     nowhere = scene.start[None].copy()
-    found = free_goals(scene, clearance, say)
+    found = free_goals(scene, clearance, check, say)
     if isinstance(found, Refusal):
-        return Plan(scene, found.verdict, nowhere, (), found.reason, clearance, None)
+        return Plan(scene, found.verdict, nowhere, (), found.reason, clearance, check, None)
     mechanism = scene.mechanism
     if mechanism.model.nv == 0:
         return made(Verdict.REACHED, nowhere, "")

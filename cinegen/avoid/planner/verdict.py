@@ -9,6 +9,7 @@ class Verdict(Enum):
     """What became of a plan, or of one attempt."""
 
     REACHED = "reached"
+    IN_COLLISION = "in collision"
     STUCK = "stuck"
     CIRCLED = "circled"
     START_IN_COLLISION = "start in collision"

@@ -69,13 +69,14 @@ def _scene(table: Table, name: str, path: Path | None, folder: Path, given: Mech
     if "goal" not in table:
         raise table.wrong("goal", "is missing: write where the robot is to go, as goal = { point = [x, y, z] }")
     begin, end = table.inner("start") if "start" in table else Table({}, f"{table.where}: start"), table.inner("goal")
-    table.know("node", "robot", "mobile")
+    table.know("node", "robot", "mobile", "allowed_collisions")
     table.finish()  # before the robot is loaded, which may take its time
 
     mechanism, written, radius = robot(table, folder, given)
     node = table.text("node") if "node" in table else mechanism.end
     if node not in mechanism.nodes:
         raise table.wrong("node", f"'{node}' is none of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
+    allowed = _allowed(table, mechanism)
     q = start(begin, mechanism, radius is not None)
     aim = goal(end, mechanism.placement(q, node))
     q.flags.writeable = False
@@ -95,6 +96,7 @@ def _scene(table: Table, name: str, path: Path | None, folder: Path, given: Mech
         safety=safety,
         influence=influence,
         up=up,
+        allowed_collisions=allowed,
     )
 
 
@@ -105,6 +107,20 @@ def _safety(table: Table) -> float:
     if safety < 0.0:
         raise table.wrong("safety", f"must not be below 0, as {safety:g} is")
     return safety
+
+
+def _allowed(table: Table, mechanism: Mechanism) -> tuple[tuple[str, str], ...]:
+    """Read the pairs of nodes that are not checked against each other."""
+    found = []
+    for one, other in table.names("allowed_collisions", 2) if "allowed_collisions" in table else ():
+        for name in (one, other):
+            if name not in mechanism.nodes:
+                near = did_you_mean(name, mechanism.nodes)
+                raise table.wrong("allowed_collisions", f"'{name}' is no node of {mechanism.name}{near}")
+        if one == other:
+            raise table.wrong("allowed_collisions", f"names '{one}' twice in one pair: name two nodes")
+        found.append((one, other))
+    return tuple(found)
 
 
 def _obstacles(table: Table, folder: Path) -> tuple[Obstacle, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
@@ -44,6 +44,7 @@ class Scene:
         safety: distance that is to be kept from obstacles.
         influence: distance from which on fields act (the paper's r of influence); None: the planner's choice.
         up: (3,) a unit vector, which way is up, for ways over obstacles and below them; None: along z.
+        allowed_collisions: pairs of the robot's nodes that are not checked against each other.
     """
 
     name: str
@@ -61,11 +62,22 @@ class Scene:
     safety: float
     influence: float | None
     up: Array | None
+    allowed_collisions: tuple[tuple[str, str], ...] = ()
 
     @cached_property
     def bodies(self) -> tuple[Body, ...] | None:
         """What a mobile robot fills; None for others, whose links say it."""
         return None if self.mobile is None else (body(self.mobile),)
+
+    def without_allowed(self, bodies: Sequence[Body], pairs: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+        """Return the pairs of the robot's bodies that are to be checked.
+
+        Args:
+            bodies: of the robot.
+            pairs: indices into `bodies`.
+        """
+        allowed = {frozenset(pair) for pair in self.allowed_collisions}
+        return [(i, k) for i, k in pairs if frozenset((bodies[i].name, bodies[k].name)) not in allowed]
 
     def document(self) -> dict[str, Any]:
         """What reads back as this scene from the same folder (`scene_of`); JSON and TOML can hold it."""
@@ -79,6 +91,8 @@ class Scene:
             found["influence"] = self.influence
         if self.up is not None:
             found["up"] = self.up.tolist()
+        if self.allowed_collisions:
+            found["allowed_collisions"] = [list(pair) for pair in self.allowed_collisions]
         found["start"] = said_start(self.mechanism, self.start, self.mobile is not None)
         found["goal"] = said_goal(Goal(self.goal, self.translation, self.rotation))
         found["obstacle"] = [obstacle.document() for obstacle in self.obstacles]

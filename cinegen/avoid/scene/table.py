@@ -136,6 +136,16 @@ class Table:
         self.read[key] = found
         return [np.array(point) for point in found]
 
+    def names(self, key: str, length: int) -> list[list[str]]:
+        """A list of lists, each of so many texts."""
+        value = self._value(key)
+        rows = value if _is_list(value) else [value]
+        if not all(_is_list(row) and len(row) == length and all(isinstance(name, str) for name in row) for row in rows):
+            raise self.wrong(key, f"must be a list of lists of {length} names each, not {_shown(value)}")
+        found = [list(row) for row in rows]
+        self.read[key] = found
+        return found
+
     def inner(self, key: str) -> Table:
         """A table in this one."""
         found = Table(self._value(key), f"{self.where}: {key}")
