@@ -12,8 +12,7 @@ from raff2urdf.check import check_sizes
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
 from raff2urdf.document import Document, JointType, LoopKind, Robot
 from raff2urdf.errors import ClosureError, Problem, RaffError, did_you_mean
-from raff2urdf.tree import Cluster, characteristic_length, clusters, home, placements
-from raff2urdf.urdf import limits
+from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
 
 Array = NDArray[np.float64]
 

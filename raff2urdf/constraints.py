@@ -18,8 +18,7 @@ from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.json_lines import line_of
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.xml_file import read_text
-from raff2urdf.tree import home
-from raff2urdf.urdf import BASE_JOINT, limits, velocity
+from raff2urdf.tree import BASE_JOINT, home, limits, velocity
 
 FORMAT, VERSION = "raff2urdf constraints", 1
 

@@ -17,7 +17,8 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import write_all
 from raff2urdf.formats import Described, files
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.urdf import dumps, limits, tree
+from raff2urdf.tree import limits
+from raff2urdf.urdf import dumps, tree
 
 
 @dataclass(frozen=True, slots=True)

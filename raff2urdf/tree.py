@@ -17,6 +17,9 @@ from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.loops import ROWS, gap
 from raff2urdf.placement import inverse
 
+BASE_JOINT = "joint0"
+"""The joint that places the base in the world, where it does not simply stand at its origin."""
+
 _POINT = 1e-15  # m: a robot no larger than this is a point
 
 Array = NDArray[np.float64]
@@ -41,6 +44,23 @@ def home(document: Document, link: Link) -> float:
     """The joint variable as written: theta (rad) of a revolute, r (m) of a prismatic joint."""
     parameters = kleinfinger(document, link)
     return parameters.r if link.type is JointType.PRISMATIC else parameters.theta
+
+
+def limits(document: Document, link: Link) -> tuple[float, float]:
+    """A joint's limits in rad or m; infinite where the file gives none."""
+    if link.limits is None:
+        return -math.inf, math.inf
+    low, high = link.limits
+    if link.type is JointType.PRISMATIC:
+        return document.metres(low), document.metres(high)
+    return math.radians(low), math.radians(high)
+
+
+def velocity(document: Document, link: Link) -> float:
+    """A joint's greatest speed in rad/s or m/s; infinite where the file gives none."""
+    if link.velocity is None:
+        return math.inf
+    return document.metres(link.velocity) if link.type is JointType.PRISMATIC else math.radians(link.velocity)
 
 
 def placements(document: Document, robot: Robot, q: Mapping[str, float] | None = None) -> dict[int, Array]:

@@ -20,10 +20,7 @@ from raff2urdf.graphics.skeleton import Skeleton
 from raff2urdf.kleinfinger import transform
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.tree import kleinfinger
-
-BASE_JOINT = "joint0"
-"""The joint that places the base in the world, where it does not simply stand at its origin."""
+from raff2urdf.tree import BASE_JOINT, kleinfinger, limits, velocity
 
 _WORLD = "world"
 
@@ -112,23 +109,6 @@ def _joint(document: Document, robot: Robot, part: Link | Frame) -> yourdfpy.Joi
         else:
             joint.limit.lower, joint.limit.upper = (min(max(x, -UNLIMITED), UNLIMITED) for x in (low, high))
     return joint
-
-
-def limits(document: Document, link: Link) -> tuple[float, float]:
-    """A joint's limits in rad or m; infinite where the file gives none."""
-    if link.limits is None:
-        return -math.inf, math.inf
-    low, high = link.limits
-    if link.type is JointType.PRISMATIC:
-        return document.metres(low), document.metres(high)
-    return math.radians(low), math.radians(high)
-
-
-def velocity(document: Document, link: Link) -> float:
-    """A joint's greatest speed in rad/s or m/s; infinite where the file gives none."""
-    if link.velocity is None:
-        return math.inf
-    return document.metres(link.velocity) if link.type is JointType.PRISMATIC else math.radians(link.velocity)
 
 
 class _Exact(yourdfpy.URDF):  # type: ignore[misc]

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from cinegen.solve.damping import damping
 from cinegen.solve.kernel.thresholds import RESTING
@@ -100,6 +99,8 @@ def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Arr
     target = np.zeros(len(wanted) + 1)
     target[-1] = 1.0
     try:
+        from scipy.optimize import nnls  # slow to import, and no tick comes here
+
         multipliers, _ = nnls(np.vstack([sides.T, least]), target)
     except RuntimeError:  # too many iterations: no step is a safe one
         return np.zeros_like(wanted), tuple(sorted({int(j) for j in owner[least > 0.0]}))

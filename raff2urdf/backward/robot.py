@@ -39,7 +39,7 @@ from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse, of_origin
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import ends, joints, limits, links, middle, origin, root_first, three, velocity
-from raff2urdf.urdf import BASE_JOINT
+from raff2urdf.tree import BASE_JOINT
 
 Array = NDArray[np.float64]
 

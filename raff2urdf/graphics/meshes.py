@@ -14,12 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yourdfpy
 
 from raff2urdf.document import Base, Frame, Link, Robot
 from raff2urdf.errors import RaffError
 
-if TYPE_CHECKING:  # these take their time, and are only needed where there are graphics
+if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
+    import yourdfpy
+
     from raff2urdf.graphics.surface import Colour, Surface
 
 SHOWN = (".stl", ".obj", ".dae")  # what URDF viewers, Pinocchio and browsers read
@@ -40,6 +41,8 @@ class Drawing:
             out: the folder that the URDF will stand in; the file is named as seen from there. Absolutely, if None.
             scale: metres in the file's unit of length.
         """
+        import yourdfpy
+
         path = self.path.resolve()
         name = str(path) if out is None else Path(os.path.relpath(path, out.resolve())).as_posix()
         mesh = yourdfpy.Mesh(filename=name, scale=np.full(3, scale))
@@ -181,6 +184,8 @@ def _is_empty(path: Path) -> bool:
 
 def _material(colour: Colour | None) -> yourdfpy.Material | None:
     """Named by its colour, so that the same name never means two."""
+    import yourdfpy
+
     if colour is None:
         return None
     red, green, blue, opacity = colour

@@ -27,8 +27,7 @@ from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.simulators.bodies import FIXED, SLIDES, TURNS, WORLD, Bodies, axis, greatest, limits, unlike
 from raff2urdf.simulators.inertia import Inertia, Inertias, sum_of
 from raff2urdf.simulators.mujoco_meshes import with_readable_meshes
-from raff2urdf.tree import characteristic_length
-from raff2urdf.urdf import BASE_JOINT
+from raff2urdf.tree import BASE_JOINT, characteristic_length
 from raff2urdf.xml_text import comment, numeral, numerals, text_of
 
 Array = NDArray[np.float64]

@@ -29,7 +29,7 @@ from raff2urdf.formats import Described
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.simulators.bodies import FIXED, SLIDES, WORLD, Bodies, axis, greatest, limits, unlike
 from raff2urdf.simulators.inertia import Inertia, Inertias, sum_of
-from raff2urdf.urdf import BASE_JOINT
+from raff2urdf.tree import BASE_JOINT
 from raff2urdf.xml_text import comment, numeral, numerals, text_of
 
 Array = NDArray[np.float64]

@@ -19,7 +19,8 @@ from raff2urdf.readers import visuals
 from raff2urdf.readers.sdf.model import COUPLING, LOOPS, ONE, TWO, Joint, Model
 from raff2urdf.readers.sdf.poses import WORLD, pose
 from raff2urdf.readers.urdf import UNLIMITED, numbers
-from raff2urdf.urdf import BASE_JOINT, dumps
+from raff2urdf.tree import BASE_JOINT
+from raff2urdf.urdf import dumps
 
 Array = NDArray[np.float64]
 
