@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import logging
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -13,6 +14,8 @@ from numba import njit, types
 from numba.extending import intrinsic
 from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
+
+from cinegen.kernel.whole_program import whole_program
 
 Array = NDArray[np.float64]
 Table = NDArray[np.int64]
@@ -29,12 +32,18 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
+_ENTRIES: list[str] = []
+_HELPERS: list[Any] = []
+
+
 def compiled(function: Function) -> Function:
     """Compiles at the first call, for other kernels to call; runs without Python's lock and allocates nothing.
 
     A division by zero gives infinity, as numpy's does: no kernel raises. Multiplication and addition may be fused.
     """
-    return cast(Function, njit(**_OPTIONS)(function))
+    dispatcher = njit(**_OPTIONS)(function)
+    _HELPERS.append(dispatcher)
+    return cast(Function, dispatcher)
 
 
 def entry(function: Function) -> Function:
@@ -42,12 +51,28 @@ def entry(function: Function) -> Function:
     try:
         dispatcher = njit(cache=True, **_OPTIONS)(function)
     except RuntimeError:  # nowhere to write
-        return compiled(function)
+        dispatcher = njit(**_OPTIONS)(function)
+    _ENTRIES.append(function.__qualname__)
+    compile_entry = dispatcher.compile
+
+    def compile_with_helpers(signature: Any) -> Any:
+        with together():
+            return compile_entry(signature)
+
+    dispatcher.compile = compile_with_helpers
     # What is kept is inlined from other files too: it is out of date when any of them has changed.
     kept = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if kept is not None and hasattr(kept, "_source_stamp"):
         kept._source_stamp = _stamp(Path(function.__code__.co_filename))
     return cast(Function, dispatcher)
+
+
+def together() -> AbstractContextManager[None]:
+    """Return a context in which entries are prepared that share helpers: these are then compiled only once.
+
+    No kernel may be called in it.
+    """
+    return whole_program(_ENTRIES, _HELPERS)
 
 
 def _stamp(own: Path) -> str:

@@ -57,5 +57,5 @@ def tick(t: Table) -> int:
 
 
 def prepare_tick() -> None:
-    """Compiles it, or loads it from disk: half a minute, or a quarter of a second."""
+    """Compiles it, or loads it from disk: 15 to 30 seconds, or a quarter of one."""
     prepare(tick, TABLE)

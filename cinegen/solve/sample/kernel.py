@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from cinegen.kernel.closing import factor_loops, loop_rows
-from cinegen.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, vector
+from cinegen.kernel.compiled import TABLE, Array, Table, compiled, entry, matrix, prepare, together, vector
 from cinegen.kernel.null_space import free_motions
 from cinegen.kernel.placement import compose
 from cinegen.kernel.smallest import smallest_singular_value
@@ -399,6 +399,7 @@ def _factor(b: Array, low: Array, n: int, width: int) -> None:
 
 def prepare_sample() -> None:
     """Compiles these kernels, or loads them from disk."""
-    prepare(measure_next, TABLE, TABLE)
-    prepare(measure_given, TABLE, TABLE)
-    prepare(measure_closed, TABLE, TABLE)
+    with together():
+        prepare(measure_next, TABLE, TABLE)
+        prepare(measure_given, TABLE, TABLE)
+        prepare(measure_closed, TABLE, TABLE)

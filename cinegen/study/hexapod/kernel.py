@@ -16,7 +16,7 @@ import numpy as np
 from numba import complex128, float64, int64, typeof
 from numpy.typing import NDArray
 
-from cinegen.kernel.compiled import Array, Table, compiled, entry, prepare
+from cinegen.kernel.compiled import Array, Table, compiled, entry, prepare, together
 
 Complex = NDArray[np.complex128]
 
@@ -70,8 +70,9 @@ def prepare_paths() -> None:
     """Compiles these kernels, or loads them from disk."""
     solutions, numbers, scratch = complex128[:, ::1], int64[::1], typeof(work())
     ends = complex128, complex128, solutions, numbers, numbers
-    prepare(follow, complex128[:, :, ::1], *ends, float64, float64, int64, scratch)
-    prepare(polish, complex128[:, ::1], solutions, float64[::1], scratch)
+    with together():
+        prepare(follow, complex128[:, :, ::1], *ends, float64, float64, int64, scratch)
+        prepare(polish, complex128[:, ::1], solutions, float64[::1], scratch)
 
 
 @entry

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from cinegen.errors import CinegenError
-from cinegen.kernel.compiled import prepare
+from cinegen.kernel.compiled import prepare, together
 from cinegen.model import Mechanism
 from cinegen.study.modes.bodies import Bodies
 from cinegen.study.modes.kernel import (
@@ -216,10 +216,11 @@ class Linkage:
         """Compiles what is not yet compiled, and says so."""
         tables, path, scratch = typeof(self.tables), typeof(self.at(self._home)), typeof(self.scratch)
         given, numbers = complex128[:, ::1], int64[::1]
-        prepare(track, tables, path, given, numbers, float64[:, ::1], scratch)
-        prepare(settle, tables, path, given, numbers, scratch)
-        prepare(measure, tables, path, given, complex128[:, :, ::1], scratch)
-        prepare(residuals, tables, path, complex128[::1], scratch)
+        with together():
+            prepare(track, tables, path, given, numbers, float64[:, ::1], scratch)
+            prepare(settle, tables, path, given, numbers, scratch)
+            prepare(measure, tables, path, given, complex128[:, :, ::1], scratch)
+            prepare(residuals, tables, path, complex128[::1], scratch)
 
     @property
     def _home(self) -> Array:

@@ -10,7 +10,7 @@ from numba import typeof
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
-from cinegen.kernel.compiled import prepare
+from cinegen.kernel.compiled import prepare, together
 from cinegen.study.hexapod import Approach
 from cinegen.study.hexapod.legs import nearest
 from cinegen.study.triangle import resultant
@@ -243,9 +243,10 @@ class TSSM:
         room, lengths, circles = k.scratch(), np.empty((1, 6)), np.empty((1, 3, c.CIRCLES_WIDTH))
         found, counts = np.empty((1, 2, k.MODES)), np.empty((1, k.COUNTS_WIDTH), dtype=np.int64)
         begun = [typeof(item) for item in (self._robot, lengths, room, circles, circles, found)]
-        prepare(self._eliminate, *begun, typeof(counts))
         placements, times = np.empty((1, k.MODES, 4, 4)), np.empty((1, k.MODES), dtype=np.int64)
-        prepare(k.find_placements, *begun, typeof(placements), typeof(times), typeof(counts))
+        with together():
+            prepare(self._eliminate, *begun, typeof(counts))
+            prepare(k.find_placements, *begun, typeof(placements), typeof(times), typeof(counts))
 
     def _solve(self, lengths: Array, room: k.Scratch) -> tuple[Array, Counts, Counts, Array]:
         """Placements, how many roots each is, counts, circles: for each of the lengths (m, 6)."""
