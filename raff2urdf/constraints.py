@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -15,7 +15,7 @@ import numpy as np
 from raff2urdf.analysis import Analysis
 from raff2urdf.document import Document, JointType, LoopKind, Robot
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.json_lines import line_of
+from raff2urdf.json_lines import line_of, repeated_key
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.tree import BASE_JOINT, home, limits, velocity
@@ -23,6 +23,9 @@ from raff2urdf.tree import BASE_JOINT, home, limits, velocity
 FORMAT, VERSION = "raff2urdf constraints", 1
 
 Constraints = dict[str, Any]
+
+Steps = list[str | int]
+"""Keys and indices that lead to a value."""
 
 IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
@@ -83,28 +86,35 @@ def dumps(values: Constraints) -> str:
     return json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def loads(text: str, name: str = "<constraints>", known: Known | None = None) -> Constraints:
+def loads(
+    text: str, name: str = "<constraints>", known: Known | None = None, types: Mapping[str, str] | None = None
+) -> Constraints:
     """Reads and checks what `dumps` writes.
 
     Args:
         text: of the file.
         name: what errors call it.
         known: links and joints that it may name; any unless said.
+        types: of the URDF's joints, revolute or prismatic, by name.
 
     Raises:
-        RaffError: no JSON, or not what the schema wants; names what there is not. With the line.
+        RaffError: no JSON, or not what the schema wants; names what there is not; contradicts itself or the URDF. With
+            the line.
     """
     import jsonschema
 
     try:
-        values = json.loads(text, parse_constant=_no_constant, parse_float=_finite)
+        values = json.loads(text, parse_int=_integer)
     except json.JSONDecodeError as error:
         raise RaffError(f"{name}:{error.lineno}: this is no JSON: {error.msg}") from None
-    except _NoNumberError as error:
-        line = text.count("\n", 0, text.find(str(error))) + 1
-        raise RaffError(f"{name}:{line}: this is no JSON: {error} is not a number") from None
     except (ValueError, RecursionError) as error:
         raise RaffError(f"{name}:1: this is no JSON: {error}") from None
+    repeated = repeated_key(text)
+    if repeated is not None:
+        path, (first, second) = repeated
+        raise RaffError(f"{name}:{second}: at {_shown(path)}: this key is on line {first} already: remove one of them")
+    for path, why in _unreadable(values):
+        raise RaffError(f"{name}:{line_of(text, path)}: at {_shown(path)}: {why}")
     worst = jsonschema.exceptions.best_match(_validator().iter_errors(values))
     if worst is not None:
         where = f"{name}:{line_of(text, worst.absolute_path)}"
@@ -116,6 +126,8 @@ def loads(text: str, name: str = "<constraints>", known: Known | None = None) ->
         if at not in names:
             near = did_you_mean(at, names)
             raise RaffError(f"{name}:{line_of(text, path)}: {what} '{at}'{near}")
+    for path, why in _contradictions(values, types or {}):
+        raise RaffError(f"{name}:{line_of(text, path)}: at {_shown(path)}: {why}")
     for i, loop in enumerate(values["loops"]):
         for end in ("first", "second"):
             wrong = _no_placement(loop[end]["placement"])
@@ -127,6 +139,14 @@ def loads(text: str, name: str = "<constraints>", known: Known | None = None) ->
         if joint not in said:
             raise RaffError(f"{name}:{line_of(text, ['joints'])}: joint '{joint}' of the URDF is left out")
     return dict(values)
+
+
+def opened(values: Constraints) -> Constraints:
+    """Return the constraints of the tree that is left with all loops open: every joint is actuated."""
+    kept = {key: value for key, value in values.items() if key not in ("mobility", "loop_rows", "loop_rank")}
+    if "joints" in values:
+        kept["joints"] = [{key: joint[key] for key in joint if key != "actuated"} for joint in values["joints"]]
+    return {**kept, "loops": []}
 
 
 Known = tuple[Sequence[str], Sequence[str]]
@@ -148,6 +168,50 @@ def _named(values: Constraints, known: Known | None) -> Iterator[tuple[str, list
             yield "the URDF has no joint", ["joints", i, "name"], known[1]
 
 
+def _unreadable(values: Any) -> Iterator[tuple[Steps, str]]:
+    """Yield the path to each number that is not finite and each text that can't be encoded, and the error."""
+    left: list[tuple[Steps, Any]] = [([], values)]
+    while left:
+        path, value = left.pop()
+        if isinstance(value, dict | list):
+            members = list(value.items() if isinstance(value, dict) else enumerate(value))
+            left += [([*path, key], member) for key, member in reversed(members)]
+        elif isinstance(value, float) and not math.isfinite(value):
+            yield path, "this is not a finite number (none beyond 1.8e308)"
+        elif isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
+            yield path, "this text holds half a character (a lone surrogate)"
+
+
+def _contradictions(values: Constraints, types: Mapping[str, str]) -> Iterator[tuple[Steps, str]]:
+    """Yield the path to each value that contradicts another, or the URDF, and the error."""
+    for key, word in (("joints", "name"), ("loops", "name"), ("sensors", "number")):
+        first: dict[str, int] = {}
+        for i, entry in enumerate(values.get(key, [])):
+            j = first.setdefault(entry[word], i)
+            if j != i:
+                yield [key, i, word], f"'{entry[word]}' is listed twice, in {_shown([key, j])} too: remove one of them"
+    for i, joint in enumerate(values["joints"]):
+        if not abs(joint["home"]) <= LARGEST:
+            yield ["joints", i, "home"], f"joint '{joint['name']}': its home {joint['home']:g} is beyond {LARGEST:g}"
+        low, high = joint.get("limits") or (0.0, 0.0)
+        if low > high:
+            said = f"its lower limit of {low:g} is above its upper one of {high:g}"
+            yield ["joints", i, "limits"], f"joint '{joint['name']}': {said}"
+        actual = types.get(joint["name"], joint.get("type"))
+        if joint.get("type", actual) != actual:
+            said = f"its type is {joint['type']} here and {actual} in the URDF: correct one of them"
+            yield ["joints", i, "type"], f"joint '{joint['name']}': {said}"
+    for i, loop in enumerate(values["loops"]):
+        node = loop["first"]["node"]
+        if node == loop["second"]["node"]:
+            yield ["loops", i, "second", "node"], f"loop '{loop['name']}' joins '{node}' with itself"
+
+
+def _shown(path: Steps) -> str:
+    """Return a path as JSONPath writes it: $.joints[0].name."""
+    return "$" + "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+
+
 def _no_placement(rows: list[list[float]]) -> str:
     """Why a matrix places nothing; empty where it does."""
     matrix = np.array(rows, dtype=float)
@@ -160,13 +224,13 @@ def _no_placement(rows: list[list[float]]) -> str:
     return "" if straight and np.linalg.det(turn) > 0.0 else "its placement must begin with a rotation, (3, 3)"
 
 
-def load(path: Path, known: Known | None = None) -> Constraints:
+def load(path: Path, known: Known | None = None, types: Mapping[str, str] | None = None) -> Constraints:
     """Reads and checks a `<name>.constraints.json`; see `loads`.
 
     Raises:
         RaffError: unreadable, no JSON, not what the schema wants, or names what there is not.
     """
-    return loads(read_text(path), str(path), known)
+    return loads(read_text(path), str(path), known, types)
 
 
 def loop_kind(entry: Constraints) -> LoopKind:
@@ -182,14 +246,7 @@ def _validator() -> Any:
     return jsonschema.Draft202012Validator(json.loads(schema))
 
 
-def _finite(word: str) -> float:
+def _integer(word: str) -> int | float:
+    """Return an integer, or an infinity where it is beyond all doubles."""
     value = float(word)
-    return value if math.isfinite(value) else _no_constant(word)
-
-
-def _no_constant(word: str) -> float:
-    raise _NoNumberError(word)
-
-
-class _NoNumberError(ValueError):
-    """A word that JSON does not know, or a number beyond all doubles."""
+    return int(word) if math.isfinite(value) else value

@@ -274,3 +274,88 @@ def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> No
         assert str(value) in within or "placement" in within
     with pytest.raises(RaffError, match=r"some\.json:\d+: joint 'joint1' of the URDF is left out"):
         constraints.loads(constraints.dumps({**values, "joints": values["joints"][1:]}), "some.json", known)
+
+
+# --- what contradicts itself, or the URDF ------------------------------------------------------------------------
+
+
+def refused(text: str, says: str, **given: Any) -> None:
+    with pytest.raises(RaffError) as caught:
+        constraints.loads(text, "some.json", **given)
+    assert str(caught.value).startswith("some.json:")
+    assert says in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "path"),
+    [('"loops": []', "$.loops"), ('"mobility": 5', "$.mobility"), ('"robot": "x"', "$.robot")],
+)
+def test_a_key_that_is_there_twice_is_refused_by_both_lines(
+    values: constraints.Constraints, key: str, path: str
+) -> None:
+    text = constraints.dumps(values)
+    word = key.partition(":")[0]
+    lines = text.splitlines()
+    first = next(i for i, line in enumerate(lines, 1) if line.startswith(f" {word}"))
+    wrong = text.rstrip("}\n") + f",\n {key}\n}}\n"
+    with pytest.raises(RaffError) as caught:
+        constraints.loads(wrong, "some.json")
+    line = len(wrong.splitlines()) - 1
+    assert str(caught.value) == f"some.json:{line}: at {path}: this key is on line {first} already: remove one of them"
+
+
+def test_a_key_that_is_twice_in_an_entry_is_refused(values: constraints.Constraints) -> None:
+    text = json.dumps(values).replace('"node": "link3"', '"node": "base", "node": "link3"', 1)
+    refused(text, "some.json:1: at $.loops[0].second.node: this key is on line 1 already")
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400", "9" * 400, "-" + "9" * 5000])
+@pytest.mark.parametrize(
+    "path", ["joints/0/home", "joints/0/limits/1", "joints/2/velocity", "mobility", "loops/0/first/placement/0/3"]
+)
+def test_a_number_beyond_all_doubles_is_refused_at_its_place(
+    values: constraints.Constraints, number: str, path: str
+) -> None:
+    text = constraints.dumps(changed(values, path, "HERE")).replace('"HERE"', number)
+    where = "".join(f"[{step}]" if step.isdigit() else f".{step}" for step in path.split("/"))
+    line = text[: text.index(number)].count("\n") + 1
+    refused(text, f"some.json:{line}: at ${where}: this is not a finite number")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "says"),
+    [
+        (
+            "joints/0/limits",
+            [0.5, -0.5],
+            "$.joints[0].limits: joint 'joint1': its lower limit of 0.5 is above its upper",
+        ),
+        ("joints/1/name", "joint1", "$.joints[1].name: 'joint1' is listed twice, in $.joints[0] too"),
+        ("joints/1/home", 1e300, "$.joints[1].home: joint 'joint2': its home 1e+300 is beyond 1e+13"),
+        ("joints/1/home", 10**300, "$.joints[1].home: joint 'joint2': its home 1e+300 is beyond 1e+13"),
+        ("loops/0/second/node", "coupler", "$.loops[0].second.node: loop 'coupler-link3' joins 'coupler' with itself"),
+        ("sensors/1/number", 1, "$.sensors[1].number: '1' is listed twice, in $.sensors[0] too"),
+        ("robot", "\ud800", "$.robot: this text holds half a character"),
+    ],
+)
+def test_a_value_that_makes_no_sense_is_refused_at_its_place(
+    values: constraints.Constraints, path: str, value: Any, says: str
+) -> None:
+    refused(constraints.dumps(changed(values, path, value)), says)
+
+
+def test_a_loop_that_is_listed_twice_is_refused(values: constraints.Constraints) -> None:
+    refused(
+        constraints.dumps(changed(values, "loops", 2 * values["loops"])), "$.loops[1].name: 'coupler-link3' is listed"
+    )
+
+
+def test_limits_that_meet_are_allowed(values: constraints.Constraints) -> None:
+    constraints.loads(constraints.dumps(changed(values, "joints/0/limits", [0.5, 0.5])))
+
+
+def test_a_joint_is_of_the_urdfs_type(values: constraints.Constraints) -> None:
+    types = {joint["name"]: joint["type"] for joint in values["joints"]}
+    assert constraints.loads(constraints.dumps(values), types=types) == values
+    said = "$.joints[2].type: joint 'joint3': its type is prismatic here and revolute in the URDF"
+    refused(constraints.dumps(values), said, types={**types, "joint3": "revolute"})
