@@ -115,6 +115,7 @@ def reverse(
     graphics: bool = True,
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
+    ignore_loops: bool = False,
 ) -> Reversal:
     """Describes a robot in RAFF that others have described in URDF, SDF or MJCF.
 
@@ -129,13 +130,17 @@ def reverse(
         graphics: whether meshes and shapes are carried over.
         robot: which model, of an SDF that holds several.
         loops: other kinds of closure (rigid, prismatic, revolute, ball) for some loops, by name.
+        ignore_loops: leave all loops open, those too that a URDF declares in elements that are not read.
 
     Returns:
         the document, with how its joints, zeros and nodes correspond to the URDF's.
 
     Raises:
-        RaffError: the file is wrong, or holds what RAFF can't say; a mesh is missing; `out` can't be written.
+        RaffError: the file is wrong, holds what RAFF can't say, or declares loops that are not read; a mesh is missing;
+            `out` can't be written.
     """
     from raff2urdf.backward.file import reverse_file
 
-    return reverse_file(Path(path), None if out is None else Path(out), units, free_mimic, graphics, robot, loops)
+    return reverse_file(
+        Path(path), None if out is None else Path(out), units, free_mimic, graphics, robot, loops, ignore_loops
+    )

@@ -37,6 +37,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "--loop", action="append", default=[], metavar="NAME=KIND",
         help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
     )  # fmt: skip
+    parser.add_argument(
+        "--ignore-loops", action="store_true",
+        help="leave all loops open: the tree only, without loops and couplings that can't be read",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="say what was written as JSON")
     options = parser.parse_args(arguments)
     with warnings.catch_warnings():
@@ -50,8 +54,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
             loops = dict(pair(text) for text in options.loop)
             found = reverse_file(
-                path, out, options.units, options.free_mimic, not options.no_graphics, options.robot, loops
-            )
+                path, out, options.units, options.free_mimic, not options.no_graphics, options.robot, loops,
+                options.ignore_loops,
+            )  # fmt: skip
         except RaffError as error:
             print(error, file=sys.stderr)
             return 1

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import dumps
 from raff2urdf.formats import Described
 from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.readers.declared_loops import note
+from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.xml_text import numerals, text_of
 
 TYPES: Mapping[str, str] = {"rigid": "link", "prismatic": "prismatic", "revolute": "revolute", "ball": "spherical"}
@@ -27,8 +29,23 @@ def files(described: Described) -> dict[str, bytes]:
     text = described.urdf
     if described.constraint_elements:
         text = with_constraints(text, described.constraints)
-    stem = described.stem
-    return {f"{stem}.urdf": text.encode(), f"{stem}.constraints.json": dumps(dict(described.constraints)).encode()}
+    beside = f"{described.stem}{ENDING}"
+    if described.constraints["loops"]:
+        text = with_note(text, beside, len(described.constraints["loops"]))
+    return {f"{described.stem}.urdf": text.encode(), beside: dumps(dict(described.constraints)).encode()}
+
+
+def with_note(urdf: str, file: str, loops: int) -> str:
+    """Return the text of a URDF with a comment that names the file with its loops.
+
+    Args:
+        urdf: its text.
+        file: name of the file.
+        loops: how many are in it.
+    """
+    root = etree.fromstring(urdf.encode(), etree.XMLParser(remove_blank_text=True))
+    root.insert(0, note(file, loops))
+    return text_of(root)
 
 
 def with_constraints(urdf: str, constraints: Mapping[str, Any]) -> str:

@@ -126,8 +126,8 @@ def _scene(options: argparse.Namespace) -> Setup:
     from cinegen.session import in_scene
 
     return in_scene(
-        load_scene(options.scene), options.sensor, _followed(options, "still"), options.node, options.rate,
-        options.record,
+        load_scene(options.scene, options.ignore_loops), options.sensor, _followed(options, "still"), options.node,
+        options.rate, options.record,
     )  # fmt: skip
 
 

@@ -26,6 +26,15 @@ def of_files(parser: argparse.ArgumentParser, count: str | int = "+") -> None:
         "--loop", action="append", default=[], metavar="NAME=KIND",
         help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
     )  # fmt: skip
+    ignoring_loops(parser)
+
+
+def ignoring_loops(parser: argparse.ArgumentParser) -> None:
+    """Add the option that leaves loops open to a command that loads robots."""
+    parser.add_argument(
+        "--ignore-loops", action="store_true",
+        help="leave all loops open: the tree only, without loops and couplings that can't be read",
+    )  # fmt: skip
 
 
 def seconds(text: str) -> float:
@@ -60,7 +69,7 @@ def mechanisms_and_files(options: argparse.Namespace) -> dict[str, tuple[Mechani
         path = Path(file)
         wanted = robots(path) if options.robot is None else [options.robot]
         for robot in wanted:
-            mechanism = load(path, robot, loops)
+            mechanism = load(path, robot, loops, options.ignore_loops)
             name = path.stem if len(wanted) == 1 else f"{path.stem}.{mechanism.name}"
             while name in found:
                 name += "'"

@@ -158,7 +158,7 @@ def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
         options.line,
     )  # fmt: skip
     quantities = [name for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
-    scene, folder = _obstacles(mechanism, options.scene)
+    scene, folder = _obstacles(mechanism, options.scene, options.ignore_loops)
     if "all" in quantities:
         slow = {"solutions", "solid_angle"} | ({"clearance"} if scene is None else set())
         quantities = [name for name in quantities if name != "all"]
@@ -173,13 +173,13 @@ def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
     )  # fmt: skip
 
 
-def _obstacles(mechanism: Mechanism, file: str | None) -> tuple[dict[str, Any] | None, str]:
+def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tuple[dict[str, Any] | None, str]:
     """A scene's obstacles, around this robot."""
     if file is None:
         return None, "."
     from cinegen.avoid import load_scene
 
-    scene = load_scene(file)
+    scene = load_scene(file, ignore_loops)
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation.tolist()
     obstacles = [obstacle.document() for obstacle in scene.obstacles]
     return {"name": scene.name, "goal": {"point": home}, "obstacle": obstacles}, str(Path(file).absolute().parent)
@@ -191,8 +191,9 @@ def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
     from cinegen.study.drawing.sweep import check_drawable, draw_table
     from cinegen.study.maps.sweep import Box, Variation, sweep
 
-    if options.loop or options.view:
-        _refuse(f"{'--loop' if options.loop else '--view'} and --vary don't go together: leave one out")
+    apart = {"--loop": options.loop, "--ignore-loops": options.ignore_loops, "--view": options.view}
+    for option in (option for option, given in apart.items() if given):
+        _refuse(f"{option} and --vary don't go together: leave one out")
     variations = [Variation.parse(text) for text in options.vary]
     if options.plot:
         check_drawable(variations)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.drive import of_page, show
-from cinegen.cli.files import count, progress, write_figure
+from cinegen.cli.files import count, ignoring_loops, progress, write_figure
 
 if TYPE_CHECKING:
     import numpy as np
@@ -44,6 +44,7 @@ def add(commands: Any) -> None:
         "--planner", default="vortex", choices=["vortex", "rrtconnect"],
         help="rrtconnect: samples postures, for --seconds at most (10); finds ways that no field does (%(default)s)",
     )  # fmt: skip
+    ignoring_loops(plan)
     plan.add_argument("-o", "--output", metavar="FILE.jsonl", help="record the way, for `cinegen replay` and `export`")
     plan.add_argument("--plot", metavar="FILE", help="draw the way: .png, .svg or .pdf")
     shown = plan.add_mutually_exclusive_group()
@@ -62,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
         raise CinegenError(f"--field {options.field}: --planner {options.planner} follows no field; leave one out")
     if options.output and Path(options.output).is_file():
         raise CinegenError(f"{options.output}: is there already; name another file, or remove it first")
-    scene = load_scene(options.scene)
+    scene = load_scene(options.scene, options.ignore_loops)
     if not options.json:
         print("\n".join(_given(scene)), flush=True)
     with progress() as say:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from cinegen.cli.files import say_at_once, seconds
+from cinegen.cli.files import ignoring_loops, say_at_once, seconds
 
 
 def add(commands: Any) -> None:
@@ -17,6 +17,7 @@ def add(commands: Any) -> None:
         "sensor. With --monitor, shows what one says until Ctrl-C.",
     )  # fmt: skip
     sensors.add_argument("files", nargs="*", metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
+    ignoring_loops(sensors)
     sensors.add_argument(
         "--sensor", action="append", default=[], metavar="N=URL", help="another port for the files' sensor N"
     )
@@ -34,5 +35,5 @@ def run(options: argparse.Namespace) -> int:
         rewrite = sys.stdout.isatty() and not options.json
         report.monitor(options.monitor, say_at_once, options.seconds, options.json, rewrite)
         return 0
-    print(report.listing(options.files, options.sensor, options.json))
+    print(report.listing(options.files, options.sensor, options.json, options.ignore_loops))
     return 0

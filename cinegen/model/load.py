@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +23,10 @@ from raff2urdf import constraints as beside
 from raff2urdf import readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
+from raff2urdf.json_lines import line_of
+from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.readers.xml_file import read_text
 from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
@@ -31,7 +35,12 @@ _MOST = 400
 """Joints that may move: for so many, Pinocchio wants 3.5 GB of memory."""
 
 
-def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | None = None) -> Mechanism:
+def load(
+    path: str | Path,
+    robot: str | None = None,
+    loops: Mapping[str, str] | None = None,
+    ignore_loops: bool = False,
+) -> Mechanism:
     """Loads a mechanism and closes its loops.
 
     Args:
@@ -40,16 +49,23 @@ def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | 
             it.
         robot: which robot of a file that holds several; the first unless said.
         loops: other kinds of closure (rigid, prismatic, revolute, ball) for some loops, by name.
+        ignore_loops: leave all loops open, those too that a URDF declares in elements that are not read. Every joint is
+            actuated then, and one warning lists what was left out.
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
         ClosureError: the loops can't be closed; says which stay open, by how much, and what would close them.
-        LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why.
+        LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why. A URDF declares loops or couplings that
+            are not read, and `ignore_loops` is false.
         UnknownNameError: no such loop.
     """
     path = Path(path)
+    if loops and ignore_loops:
+        raise LoadError(
+            f"{path}: a kind is asked for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
+        )
     if path.suffix.lower() in readers.ENDINGS:
-        return _load_xml(path, robot, loops)
+        return _load_xml(path, robot, loops, ignore_loops)
     from raff2urdf.conversion import translate
     from raff2urdf.reader import parse as parse_raff
     from raff2urdf.reader import read
@@ -60,6 +76,12 @@ def load(path: str | Path, robot: str | None = None, loops: Mapping[str, str] | 
     for name in loops or {}:
         if name not in chosen.loop_names:
             raise UnknownNameError("loop", name, chosen.loop_names)
+    if ignore_loops and chosen.loops:
+        listed = ", ".join(f"loop '{name}'" for name in chosen.loop_names)
+        message = f"{path}: left out, as asked; every joint moves on its own: {listed}"
+        warnings.warn(message, CinegenWarning, stacklevel=2)
+        made = translate(document, replace(chosen, loops=()), path.parent)
+        return build(made.urdf, beside.opened(made.constraints))
     try:
         made = translate(document, chosen, path.parent, loops=loops)
     except raff2urdf.ClosureError as error:
@@ -78,10 +100,10 @@ def robots(path: str | Path) -> list[str | None]:
     return [robot.name for robot in raff2urdf.load(path).robots] or [None]
 
 
-def _load_xml(path: Path, robot: str | None, loops: Mapping[str, str] | None) -> Mechanism:
+def _load_xml(path: Path, robot: str | None, loops: Mapping[str, str] | None, ignore_loops: bool) -> Mechanism:
     """What others have described: a URDF with what stands beside it, an SDF or an MJCF."""
     try:
-        urdf, constraints = readers.read(path, robot)
+        urdf, constraints = readers.read(path, robot, ignore_loops)
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
@@ -89,7 +111,28 @@ def _load_xml(path: Path, robot: str | None, loops: Mapping[str, str] | None) ->
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(closure).name.lower()
-    return build(urdf, constraints, str(path.parent), str(path))
+    mechanism = build(urdf, constraints, str(path.parent), str(path))
+    if constraints and not loops:
+        _check_stated(mechanism, constraints, constraints_of(path))
+    return mechanism
+
+
+def _check_stated(mechanism: Mechanism, constraints: beside.Constraints, file: Path) -> None:
+    """Compare the degrees of freedom that a constraints file states with those of the mechanism.
+
+    Raises:
+        LoadError: they differ.
+    """
+    computed = {
+        "loop_rows": sum(loop.rows for loop in mechanism.loops),
+        "loop_rank": mechanism.loop_rank,
+        "mobility": mechanism.mobility,
+    }
+    for key, value in computed.items():
+        if constraints.get(key, value) != value:
+            where = f"{file}:{line_of(read_text(file), [key])}: at $.{key}"
+            why = f"{constraints[key]} is stated, but the URDF with these loops has {value}"
+            raise LoadError(f"{where}: {why}: correct the number, or restore the joints and loops it was counted for")
 
 
 def build(

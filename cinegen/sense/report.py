@@ -28,20 +28,21 @@ _CLEAR = "\r\033[K"  # goes to the beginning of the terminal's line and empties 
 # --- what there is ---------------------------------------------------------------------------------------------------
 
 
-def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False) -> str:
+def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False, ignore_loops: bool = False) -> str:
     """The sensors that files name, and what could be one here.
 
     Args:
         files: as for `cinegen.load`.
         ports: that stand in place of the files', as texts such as `1=/dev/ttyUSB0`.
         as_json: for programs, else for people.
+        ignore_loops: as for `cinegen.load`.
 
     Raises:
         raff2urdf.RaffError: a file is wrong.
         CinegenError: a file is wrong, or a port is of a sensor that no file names.
     """
     given = overrides(ports)
-    found = {file: named(file, given) for file in files}
+    found = {file: named(file, given, ignore_loops) for file in files}
     known = {sensor["number"] for sensors in found.values() for sensor in sensors}
     for number in given:
         if number not in known:
@@ -51,18 +52,19 @@ def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False) -
     return _listed(found, here())
 
 
-def named(path: str | Path, ports: Mapping[int, str]) -> list[dict[str, Any]]:
+def named(path: str | Path, ports: Mapping[int, str], ignore_loops: bool = False) -> list[dict[str, Any]]:
     """The sensors that a file names, with the nodes that may follow them.
 
     Args:
         path: as for `cinegen.load`.
         ports: that stand in place of the file's, by the sensor's number.
+        ignore_loops: as for `cinegen.load`.
 
     Raises:
         raff2urdf.RaffError: the file is wrong.
         CinegenError: the file is wrong.
     """
-    mechanisms = [load(path, robot) for robot in robots(path)]
+    mechanisms = [load(path, robot, ignore_loops=ignore_loops) for robot in robots(path)]
     found: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():

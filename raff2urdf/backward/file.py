@@ -26,9 +26,10 @@ def reverse_file(
     graphics: bool = True,
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
+    ignore_loops: bool = False,
 ) -> Reversal:
     """See `raff2urdf.reverse`."""
-    text, beside = readers.read(path, robot)
+    text, beside = readers.read(path, robot, ignore_loops)
     for name, kind in (loops or {}).items():
         entries = {entry["name"]: entry for entry in (beside or {}).get("loops", [])}
         if name not in entries:

@@ -36,16 +36,19 @@ SPHERICAL: tuple[Step, ...] = tuple(TURNS.values())
 _FAR = "1e9"  # what a URDF says of a slide without limits
 
 
-def names(text: str, name: str) -> tuple[list[str], list[str]]:
-    """Names of the links of a URDF, and of its joints that move, once each is one number.
+def moving(text: str, name: str) -> dict[str, str]:
+    """Types of the joints of a URDF that move, once each is one number: revolute or prismatic, by name.
 
     Raises:
         RaffError: no URDF.
     """
     tree = parse(text, name)
-    known = [str(link.get("name")) for link in links(tree)]
     replace_compound(tree, name, keep_root=True)
-    return known, [str(joint.get("name")) for joint in joints(tree) if joint.get("type") not in ("fixed", "floating")]
+    return {
+        str(joint.get("name")): "prismatic" if joint.get("type") == "prismatic" else "revolute"
+        for joint in joints(tree)
+        if joint.get("type") not in ("fixed", "floating")
+    }
 
 
 def replace_compound(tree: Any, name: str, keep_root: bool) -> dict[str, list[str]]:

@@ -18,6 +18,9 @@ LARGEST = 1e13
 
 SIZE = f" (none beyond {LARGEST:g})"
 
+IGNORE = "--ignore-loops (in Python ignore_loops=True)"
+"""The option that leaves all loops open."""
+
 KINDS = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar", "spherical")
 """Types of a joint. `spherical` is none of URDF's own, but some write it."""
 
@@ -39,7 +42,7 @@ def parse(text: str, name: str) -> Any:
     try:
         _check(tree, name)
     except RaffError as error:
-        raise RaffError(f"{error}{_unmade(tree, name)}") from None
+        raise RaffError(f"{error}{unmade(tree, name)}") from None
     return tree
 
 
@@ -57,7 +60,7 @@ def _check(tree: Any, name: str) -> None:
     _check_tree(tree, name)
 
 
-def _unmade(tree: Any, name: str) -> str:
+def unmade(tree: Any, name: str) -> str:
     """What to say of a file that is wrong, if it is xacro: no URDF yet."""
     for element in tree.iter("*"):
         prefix = element.prefix or str(element.tag).partition(":")[0]
@@ -229,7 +232,7 @@ def _check_tree(tree: Any, name: str) -> None:
             raise RaffError(
                 f"{said} holds link '{child}', which joint '{other.get('name')}' on line {other.sourceline} holds "
                 f"already: a URDF can't close loops. Let the joint end at a link of its own, and close the loop in a "
-                f"file beside it (.constraints.json)"
+                f"file beside it (.constraints.json), or leave this joint out with {IGNORE}"
             )
         father[child] = joint
     roots = [link for link in known if link not in father]

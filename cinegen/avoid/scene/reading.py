@@ -24,11 +24,12 @@ SAFETY = 0.01
 """m: distance that is kept from obstacles unless the scene says another."""
 
 
-def load_scene(path: str | Path) -> Scene:
+def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
     """Reads a scene's file.
 
     Args:
         path: of a .toml or .json.
+        ignore_loops: as for `cinegen.load`, for the scene's robot.
 
     Raises:
         SceneError: the file can't be read, or something in it is wrong: says where.
@@ -41,7 +42,7 @@ def load_scene(path: str | Path) -> Scene:
         text = read_text(path)
     except RaffError as error:
         raise SceneError(str(error)) from None
-    return _scene(Table(parse(text, path), str(path)), path.stem, path, path.parent, None)
+    return _scene(Table(parse(text, path), str(path)), path.stem, path, path.parent, None, ignore_loops)
 
 
 def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:
@@ -58,7 +59,9 @@ def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mec
     return _scene(Table(values, "scene"), "scene", None, Path(folder), mechanism)
 
 
-def _scene(table: Table, name: str, path: Path | None, folder: Path, given: Mechanism | None) -> Scene:
+def _scene(
+    table: Table, name: str, path: Path | None, folder: Path, given: Mechanism | None, ignore_loops: bool = False
+) -> Scene:
     name = table.text("name") if "name" in table else name
     safety = _safety(table)
     influence = table.size("influence") if "influence" in table else None
@@ -72,7 +75,7 @@ def _scene(table: Table, name: str, path: Path | None, folder: Path, given: Mech
     table.know("node", "robot", "mobile", "allowed_collisions")
     table.finish()  # before the robot is loaded, which may take its time
 
-    mechanism, written, radius = robot(table, folder, given)
+    mechanism, written, radius = robot(table, folder, given, ignore_loops)
     node = table.text("node") if "node" in table else mechanism.end
     if node not in mechanism.nodes:
         raise table.wrong("node", f"'{node}' is none of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")

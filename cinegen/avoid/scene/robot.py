@@ -21,7 +21,7 @@ class Robot(NamedTuple):
     radius: float | None
 
 
-def robot(table: Table, folder: Path, mechanism: Mechanism | None) -> Robot:
+def robot(table: Table, folder: Path, mechanism: Mechanism | None, ignore_loops: bool = False) -> Robot:
     """Reads one.
 
     Its keys: `robot`, a file that `cinegen.load` reads, or of a file with several a table with its `file` and a `name`;
@@ -31,6 +31,7 @@ def robot(table: Table, folder: Path, mechanism: Mechanism | None) -> Robot:
         table: of the scene.
         folder: where the file is looked for.
         mechanism: the robot, if it has been loaded: what is written is then kept, and not read.
+        ignore_loops: as for `cinegen.load`.
 
     Raises:
         SceneError: there is no robot, or more than one, or it can't be loaded.
@@ -50,17 +51,17 @@ def robot(table: Table, folder: Path, mechanism: Mechanism | None) -> Robot:
         return Robot(mechanism, None, None)
     if not table.is_table("robot"):
         written: str | Mapping[str, Any] = table.text("robot")
-        return Robot(mechanism or _load(table, "robot", folder, None), written, None)
+        return Robot(mechanism or _load(table, "robot", folder, None, ignore_loops), written, None)
     inner = table.inner("robot")
     inner.text("file")
     name = inner.text("name") if "name" in inner else None
     inner.finish()
-    return Robot(mechanism or _load(inner, "file", folder, name), inner.read, None)
+    return Robot(mechanism or _load(inner, "file", folder, name, ignore_loops), inner.read, None)
 
 
-def _load(table: Table, key: str, folder: Path, name: str | None) -> Mechanism:
+def _load(table: Table, key: str, folder: Path, name: str | None, ignore_loops: bool) -> Mechanism:
     path = table.file(key, folder)
     try:
-        return load(path, robot=name)
+        return load(path, robot=name, ignore_loops=ignore_loops)
     except (CinegenError, RaffError, OSError) as error:
         raise table.wrong(key, f"can't be loaded: {error}") from None

@@ -1,0 +1,106 @@
+"""Find a sidecar file that declares the loops of a URDF but is not read, because of its name or a broken link."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Collection
+from pathlib import Path
+from typing import NamedTuple
+
+from raff2urdf.readers.urdf import IGNORE
+
+ENDING = ".constraints.json"
+_LARGEST = 16_000_000  # bytes of a file that is searched
+
+
+class Misplaced(NamedTuple):
+    """A file that is not read though it declares loops of a URDF.
+
+    Attributes:
+        file: its name.
+        why: it is not read, and the remedy.
+    """
+
+    file: str
+    why: str
+
+    def refusal(self, urdf: Path) -> str:
+        """Return the error for a URDF: place, cause and remedy."""
+        return f"{urdf}: its loops would be lost: {self.file} {self.why}, or leave the loops open with {IGNORE}"
+
+
+def constraints_of(urdf: Path) -> Path:
+    """Return the path of a URDF's constraints file, which need not exist."""
+    return urdf.with_suffix(ENDING)
+
+
+def misplaced(urdf: Path, robot: str, links: Collection[str], moving: Collection[str]) -> Misplaced | None:
+    """Return the file in the folder of a URDF that should be its sidecar file but is not; None without any.
+
+    Args:
+        urdf: its path; it has no sidecar file.
+        robot: its name.
+        links: names of its links.
+        moving: names of its joints that move.
+    """
+    own = constraints_of(urdf)
+    try:
+        there = sorted(os.listdir(urdf.parent))
+    except OSError:
+        return None
+    for name in there:
+        path, lower, why = urdf.with_name(name), name.lower(), ""
+        if lower == own.name.lower():
+            why = _broken(path) or (f"differs only in case: rename it to {own.name}" if name != own.name else "")
+        elif lower in (f"{urdf.stem}.yaml".lower(), f"{urdf.stem}.yml".lower(), "robot.yaml", "robot.yml"):
+            why = _broken(path)
+            if not why and b"closed_loop" in _content(path):
+                stem = "robot" if lower.startswith("robot.") else urdf.stem
+                why = f"is not read under this name: rename it to {stem}.yaml"
+        elif name == "loop_closures.yaml":
+            words = re.findall(r"[^\s,:\[\]{}\"']+", _content(path).decode(errors="replace"))
+            if len({*words} & {*links, *moving}) > 1:
+                why = f"is of a format that is not read: declare its loops in {own.name} or robot.yaml"
+        elif _is_candidate(name, urdf, there) and _fits(path, robot, links, moving):
+            why = f"fits this URDF and no other one here: rename it to {own.name}"
+        if why:
+            return Misplaced(name, why)
+    return None
+
+
+def _broken(path: Path) -> str:
+    if path.exists() or not path.is_symlink():
+        return ""
+    return f"is a link to {os.readlink(path)}, which does not exist: restore that file"
+
+
+def _is_candidate(name: str, urdf: Path, there: Collection[str]) -> bool:
+    """Return whether a file may be constraints, by its name, and belongs to no other URDF in the folder."""
+    lower = name.lower()
+    if not lower.endswith(".json") or not (re.search("constraint|loop", lower) or lower == f"{urdf.stem}.json".lower()):
+        return False
+    stem = lower.removesuffix(ENDING)
+    others = {other.lower() for other in there} - {urdf.name.lower()}
+    return f"{stem}.urdf" not in others and f"{stem}.xml" not in others
+
+
+def _fits(path: Path, robot: str, links: Collection[str], moving: Collection[str]) -> bool:
+    """Return whether a file holds constraints that a URDF can have: its joints, and loops between its links."""
+    try:
+        values = json.loads(_content(path))
+        joints = {joint["name"] for joint in values["joints"]}
+        ends = {loop[end]["node"] for loop in values["loops"] for end in ("first", "second")}
+        same = joints == set(moving) or values["robot"] == robot
+        return bool(ends and same and joints <= set(moving) and ends <= set(links))
+    except (ValueError, KeyError, TypeError, RecursionError):
+        return False
+
+
+def _content(path: Path) -> bytes:
+    """Return the bytes of a file; none where it can't be read or is too large to be a sidecar."""
+    try:
+        return path.read_bytes() if path.is_file() and path.stat().st_size <= _LARGEST else b""
+    except OSError:
+        return b""
