@@ -15,6 +15,7 @@ from lxml import etree
 
 import raff2urdf
 from cinegen.model.urdf import simple
+from raff2urdf import readers
 from raff2urdf.backward.robot import reverse
 from raff2urdf.conversion import translate
 from raff2urdf.readers.urdf import joints, parse
@@ -113,3 +114,15 @@ def test_written_again_it_is_the_same(name):
     assert third.document == second.document
     assert set(second.offsets.values()) == {0.0}
     assert len(second.document.robot().links) == len(found.document.robot().links)
+
+
+@pytest.mark.parametrize("name", [name for name in EVERY if name != "ur_description/urdf/ur3.urdf"])
+def test_no_robot_is_suspected_of_a_loop(name, recwarn):
+    """Only the PR2 has loops, in its grippers, as Gazebo before SDF read them: it loads as a tree, with a warning."""
+    readers.read(SHARE / name)
+    warned = [str(warning.message) for warning in recwarn]
+    if name == "pr2_description/urdf/pr2.urdf":
+        (message,) = warned
+        assert "<joint:hinge> 'r_gripper_r_parallel_tip_joint' in <gazebo>" in message
+    else:
+        assert not warned
