@@ -87,6 +87,21 @@ def test_a_line_a_sphere_motors_and_a_scene(typed, root):
     assert "clearance" in kept["quantities"]
 
 
+@pytest.mark.parametrize(("allowed", "least"), [([], (-1.0, 1.0)), (["base", "link2", "link3"], (5.0, 20.0))])
+def test_collisions_that_a_scene_allows_do_not_count_as_clearance(typed, root, tmp_path, allowed, least):
+    """A box 10 m away; nearer are only the arm's own links."""
+    pairs = [[one, other] for i, one in enumerate(allowed) for other in allowed[i + 1 :]]
+    pairs += [["link1", "link3"]] * bool(pairs)
+    goal = {"point": [1, 0], "angle": 0.0}
+    box = {"kind": "box", "size": [0.1, 0.1], "point": [10.0, 0.0]}
+    values = {"robot": str(root / "robots/planar_3r.raff"), "goal": goal, "obstacle": [box]}
+    values["allowed_collisions"] = pairs
+    (tmp_path / "scene.json").write_text(json.dumps(values))
+    typed("map", "planar_3r", "--over", "joint2:5,joint3:5", "--scene", tmp_path / "scene.json", "-o", "map.zarr")
+    found = float(open_map("map.zarr").clearance.min())
+    assert least[0] <= found <= least[1]
+
+
 @pytest.mark.parametrize(("error", "says"), [(0.0, ""), (8.9e-16, ""), (0.002, " ± 0.002")])
 def test_an_error_that_is_only_rounding_is_not_told(typed, monkeypatch, error, says):
     """All of a sphere within reach has no border, but sums of its cells may differ in their last bits."""

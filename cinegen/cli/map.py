@@ -181,8 +181,11 @@ def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tu
 
     scene = load_scene(file, ignore_loops)
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation.tolist()
-    obstacles = [obstacle.document() for obstacle in scene.obstacles]
-    return {"name": scene.name, "goal": {"point": home}, "obstacle": obstacles}, str(Path(file).absolute().parent)
+    values: dict[str, Any] = {"name": scene.name, "goal": {"point": home}}
+    if scene.allowed_collisions:
+        values["allowed_collisions"] = [list(pair) for pair in scene.allowed_collisions]
+    values["obstacle"] = [obstacle.document() for obstacle in scene.obstacles]
+    return values, str(Path(file).absolute().parent)
 
 
 def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
