@@ -8,7 +8,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from itertools import islice
 from tempfile import TemporaryFile
 from typing import IO, TYPE_CHECKING, Any, TypeVar
@@ -32,17 +32,9 @@ _SETTINGS = {
     "distributed.scheduler.worker-ttl": None,  # by the wall clock, which may jump: processes are looked after here
     "distributed.worker.memory.terminate": False,
 }
-_START = """
-import os, sys, threading
-def end_with_who_started_this():
-    sys.stdin.read()
-    os._exit(1)
-threading.Thread(target=end_with_who_started_this, daemon=True).start()
-from distributed.cli.dask_worker import main
-main()
-"""
+_START = "from cinegen.study.maps.local_cluster import serve_worker; serve_worker()"
 _OPTIONS = ("--no-nanny", "--no-dashboard", "--nthreads", "1", "--nworkers", "1", "--memory-limit", "0",
-            "--death-timeout", str(_COME))  # fmt: skip
+            "--worker-class", "cinegen.study.maps.local_cluster.Worker", "--death-timeout", str(_COME))  # fmt: skip
 
 Task = TypeVar("Task")
 
@@ -52,24 +44,26 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
     """A Dask client: of a scheduler at an address, or else of so many processes on this machine.
 
     These are started as programs of their own, so that this works from any script, notebook or test: nothing of it is
-    imported again there. They end with this process, however it ends; one that dies is replaced.
+    imported again there. They end with this process, however it ends; one that dies is replaced. Scheduler and workers
+    listen on 127.0.0.1 only, serve no HTTP, and accept connections from this process and from each other only.
+    A client of a given scheduler listens nowhere.
 
     Raises:
         MapError: nobody answers there; or processes can't be started.
     """
     import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client, SpecCluster
     from distributed.utils import silence_logging_cmgr
 
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(_SETTINGS))
         stack.enter_context(silence_logging_cmgr("CRITICAL"))
         if scheduler is None:
-            address = stack.enter_context(
-                LocalCluster(
-                    n_workers=0, protocol="tcp://", host="127.0.0.1", dashboard_address=":0", silence_logs=False
-                )
-            ).scheduler_address
+            from cinegen.study.maps.local_cluster import HOST, SCHEME, Scheduler
+
+            options = {"host": HOST, "port": 0, "protocol": SCHEME, "dashboard": False}
+            cluster = SpecCluster(scheduler={"cls": Scheduler, "options": options}, silence_logs=False)
+            address = stack.enter_context(cluster).scheduler_address
             processes = stack.enter_context(Processes(address, workers))
             client = stack.enter_context(Client(address))
             processes.wait_for(client)
@@ -123,6 +117,8 @@ class Processes:
             time.sleep(0.02)
 
     def _start(self) -> subprocess.Popen[bytes]:
+        from cinegen.study.maps.local_cluster import HOST, SCHEME, secret_line
+
         environment = {
             **os.environ,
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),  # they find what is found here
@@ -130,10 +126,16 @@ class Processes:
             "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
             "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1",
         }  # fmt: skip
-        return subprocess.Popen(
-            [sys.executable, "-c", _START, self._address, *_OPTIONS], env=environment, stdin=subprocess.PIPE,
+        where = "--host", HOST, "--protocol", SCHEME
+        process = subprocess.Popen(
+            [sys.executable, "-c", _START, self._address, *where, *_OPTIONS], env=environment, stdin=subprocess.PIPE,
             stdout=self._said, stderr=self._said, start_new_session=True,  # Ctrl-C is for who started them
         )  # fmt: skip
+        with suppress(BrokenPipeError):  # it has ended already: `_keep` starts another
+            if process.stdin is not None:
+                process.stdin.write(secret_line())
+                process.stdin.flush()
+        return process
 
     def _keep(self) -> None:
         """Replaces those that die."""

@@ -1,0 +1,182 @@
+"""No command listens beyond this machine unless `--host` asks for it, and no stranger runs code in its processes."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+
+import psutil
+import pytest
+from distributed import Client
+
+from cinegen.study.maps import cluster
+
+PATIENCE = 120.0  # s, on a busy machine
+LOOPBACK = ("127.", "::1")
+PAGE = ("--seconds", "1.5", "--no-browser", "--port", "8500")
+MAP = ("robots/delta4.raff", "--over", "x=-1..1:30,y=-1..1:30,z=-2..-1:10", "--yes")
+VARY = ("robots/five_bar.raff", "--over", "x=-0.2..0.2:30,y=0.3..0.5:30", "--vary", "link2.d=110..130:3", "--yes")
+
+
+def sockets(pid):
+    """(process, address, port) of each socket of a process tree that anybody may connect or send to."""
+    found = set()
+    try:
+        processes = [psutil.Process(pid), *psutil.Process(pid).children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return found
+    for process in processes:
+        try:
+            for one in process.net_connections("inet"):
+                if one.laddr and (one.status == psutil.CONN_LISTEN or one.type == socket.SOCK_DGRAM):
+                    found.add((process.pid, one.laddr.ip, one.laddr.port))
+        except (psutil.NoSuchProcess, psutil.ZombieProcess):
+            continue
+    return found
+
+
+@pytest.fixture
+def watched(root, tmp_path):
+    """`watched("drive", "robots/delta4.raff", ...)`: all sockets that a command, which must succeed, listened on."""
+
+    def run(*arguments):
+        words = [str(root / word) if word.startswith("robots/") else word for word in arguments]
+        log, found, end = tmp_path / "log", set(), time.monotonic() + PATIENCE
+        with log.open("wb") as out:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "cinegen", *words], cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=out,
+                stderr=out,
+            )  # fmt: skip
+        try:
+            while process.poll() is None:
+                assert time.monotonic() < end, log.read_text()
+                found |= sockets(process.pid)
+                time.sleep(0.02)
+        finally:
+            process.kill()
+        assert process.returncode == 0, log.read_text()
+        return found
+
+    return run
+
+
+def beyond(found):
+    """Those sockets that other machines reach."""
+    return {(address, port) for _, address, port in found if not address.startswith(LOOPBACK)}
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("drive", "robots/five_bar.raff", *PAGE),
+        ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", *PAGE),
+        ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
+        ("modes", "robots/four_bar.raff", "--view", *PAGE),
+        ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
+        ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
+        ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "1"),
+    ],
+    ids=lambda words: " ".join(words[:2]),
+)
+def test_pages_and_sensors_listen_on_this_machine_only(watched, arguments):
+    found = watched(*arguments)
+    assert found
+    assert not beyond(found)
+
+
+def test_a_replay_listens_on_this_machine_only(watched):
+    watched("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE)
+    found = watched("replay", "run.jsonl", *PAGE)
+    assert found
+    assert not beyond(found)
+
+
+def test_a_page_for_other_machines_is_seen_here(watched):
+    assert beyond(watched("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE))
+
+
+@pytest.mark.parametrize("arguments", [MAP, VARY], ids=["map", "vary"])
+def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched, arguments):
+    found = watched("map", *arguments, "--workers", "2")
+    assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
+    assert len(found) == 3  # one socket each: another one would be an HTTP server's
+    assert not beyond(found)
+
+
+def test_who_makes_a_map_on_a_cluster_listens_nowhere(watched):
+    with Cluster() as address:
+        assert not watched("map", *MAP, "--scheduler", address)
+
+
+class Cluster:
+    """A scheduler and a worker as a user starts them; its address."""
+
+    def __enter__(self):
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            port = free.getsockname()[1]
+        address = f"tcp://127.0.0.1:{port}"
+        commands = (
+            ["scheduler", "--host", "127.0.0.1", "--port", str(port), "--no-dashboard"],
+            ["worker", address, "--host", "127.0.0.1", "--nworkers", "1", "--no-dashboard", "--no-nanny"],
+        )
+        self._running = [
+            subprocess.Popen(
+                [sys.executable, "-m", "distributed.cli.dask_" + name, *options], stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            )
+            for name, *options in commands
+        ]  # fmt: skip
+        return address
+
+    def __exit__(self, *_):
+        for process in self._running:
+            process.terminate()
+        for process in self._running:
+            process.wait()
+
+
+STRANGER = """
+import asyncio, os, sys
+from distributed.core import rpc
+from distributed.protocol.pickle import dumps
+import cinegen.study.maps.local_cluster  # registers its scheme
+
+async def ask(address, name):
+    there = rpc(address, timeout=5)
+    try:
+        print((await getattr(there, name)(function=dumps(os.getpid)))["result"], flush=True)
+    except Exception as error:
+        print("refused:", error, flush=True)
+    finally:
+        await there.close_rpc()
+
+for address, name in zip(sys.argv[1::2], sys.argv[2::2]):
+    asyncio.run(ask(address, name))
+"""
+
+
+def of_a_stranger(root, *asked):
+    """What a process that knows nothing but addresses is answered when it wants functions run there."""
+    command = [sys.executable, "-c", STRANGER, *asked]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=PATIENCE, check=True)
+    return done.stdout.splitlines()
+
+
+def test_another_process_of_this_machine_can_run_nothing_in_those_that_make_a_map(root):
+    with cluster.connected(None, 1) as client:
+        (worker,) = client.scheduler_info(n_workers=-1)["workers"]
+        places = ((client.scheduler.address.partition("://")[2], "run_function"), (worker.partition("://")[2], "run"))
+        asked = [word for at, name in places for scheme in ("tcp", "cinegen") for word in (f"{scheme}://{at}", name)]
+        answers = of_a_stranger(root, *asked)
+        assert client.submit(pow, 2, 3).result() == 8  # while this process may
+    assert len(answers) == 4
+    assert all(answer.startswith("refused: ") for answer in answers), answers
+
+
+def test_that_stranger_runs_functions_where_nothing_keeps_it_from_that(root):
+    with Cluster() as address:
+        Client(address, timeout=PATIENCE).close()  # waits until it answers
+        (answer,) = of_a_stranger(root, address, "run_function")
+    assert answer.isdecimal()
