@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from collections.abc import Callable, Iterable, Mapping
+from ipaddress import ip_address
 from pathlib import Path as File
 from typing import NamedTuple
 
@@ -135,6 +136,16 @@ def why_missing(url: str, number: int | None = None) -> str:
 
 def _named(url: str, number: int | None) -> str:
     return f"'{url}'" if number is None else f"sensor {number}, '{url}'"
+
+
+def listens_for_others(url: str) -> bool:
+    """Return whether a sensor's URL opens a port that other machines reach."""
+    found = re.match(r"tcp://(\[[^\]]*\]|[^:/]*)", url, re.IGNORECASE)
+    host = found[1].strip("[]") if found is not None else ""
+    try:
+        return bool(host) and not ip_address(host).is_loopback
+    except ValueError:  # a name
+        return host.lower() != "localhost"
 
 
 def overrides(texts: Iterable[str]) -> dict[int, str]:

@@ -17,7 +17,7 @@ from cinegen.avoid.scene import Scene
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import Recording
 from cinegen.model import Mechanism
-from cinegen.sense.kinds import overrides, why_missing
+from cinegen.sense.kinds import listens_for_others, overrides, why_missing
 
 RATE = 1000.0
 """Ticks a second."""
@@ -269,6 +269,11 @@ def arrange(
                     continue
                 used.add(number)
                 url = numbered.get(number, entry["port"])
+                if number not in numbered and listens_for_others(url):
+                    raise SetupError(
+                        f"{name}: the file's sensor {number}, '{url}', would let other machines drive the robot. "
+                        f"If that is wanted, give --sensor {number}={url}; else --sensor {number}=tcp://127.0.0.1:7070"
+                    )
                 devices.setdefault(label, _device(label, url, number, entry["translation"], entry["rotation"]))
                 choices_of.setdefault(held, []).append(label)
                 if number in numbered:

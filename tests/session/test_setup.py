@@ -89,3 +89,16 @@ def test_another_port_is_chosen_from_the_beginning(robot):
 def test_a_port_that_is_not_there_is_warned_of(robot):
     with pytest.warns(cinegen.CinegenWarning, match="ttyd2' is|/dev/ttyd2 is a name from IRIX"):
         arrange({"delta": robot("delta4")})
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "[::]", "192.168.1.7", "robot.example"])
+def test_a_file_can_not_open_a_port_to_other_machines_but_the_command_line_can(raff, host):
+    url = f"tcp://{host}:7070"
+    text = """robot r { base { } link 1 { parameters { d 100 } type 2 pred 0 } frame 2 { parameters { d 100 } pred 1 }
+      constraint { frame 2 sensor ( 0 1 ) } } sensor 1 { port "%s" }"""
+    with pytest.raises(SetupError, match="would let other machines drive the robot"):
+        arrange({"r": raff(text % url)})
+    asked = arrange({"r": raff(text % url)}, sensors=[f"1={url}"])
+    assert [device.url for device in asked.devices if device.name == "1"] == [url]
+    for own in ("tcp://127.0.0.1:7070", "tcp://[::1]:7070", "tcp://localhost:7070", "tcp://:7070"):
+        assert arrange({"r": raff(text % own)}).devices
