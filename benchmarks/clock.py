@@ -107,7 +107,7 @@ def main() -> None:
     parser.add_argument("--work", type=float, metavar="US", help="us that a stand-in for the solver computes")
     parser.add_argument("--period", type=float, default=0.001, help="s")
     parser.add_argument("--spin", type=float, help="s")
-    parser.add_argument("--priority", type=int, default=40)
+    parser.add_argument("--priority", type=int, default=0, help="of SCHED_FIFO, 1 to 99; 0: ordinary scheduling")
     arguments = parser.parse_args()
     mechanism = cinegen.load(ROBOTS / f"{arguments.robot}.raff")
     way = fitted(mechanism, mechanism.end)

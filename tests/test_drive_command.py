@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import re
 import socket
 import subprocess
 import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,6 +118,61 @@ def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
     first, last = (delta.placement(recording.q["delta4"][k], "platform").translation for k in (0, -1))
     assert last[2] < first[2] - 0.05
     assert np.abs((last - first)[:2]).max() < 1e-4
+
+
+def _policies(pid):
+    """The scheduling policies of all threads of a process tree."""
+    found, waiting = set(), [pid]
+    while waiting:
+        with contextlib.suppress(OSError):
+            threads = list(Path(f"/proc/{waiting.pop()}/task").iterdir())
+            found |= {os.sched_getscheduler(int(thread.name)) & ~os.SCHED_RESET_ON_FORK for thread in threads}
+            waiting += [int(child) for thread in threads for child in (thread / "children").read_text().split()]
+    return found
+
+
+def _may_be_real_time():
+    try:
+        before = os.sched_getscheduler(0), os.sched_getparam(0)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(40))
+        os.sched_setscheduler(0, *before)
+    except PermissionError:
+        return False
+    return True
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are looked for in /proc")
+def test_real_time_priority_is_for_those_who_ask(root, tmp_path):
+    command = [
+        sys.executable,
+        "-m",
+        "cinegen",
+        "drive",
+        root / "robots/five_bar.raff",
+        "--no-browser",
+        "--seconds",
+        "1",
+    ]
+    said, seen = {}, {}
+    for options in ((), ("--realtime",)):
+        with subprocess.Popen(
+            [*command, "--port", "8460", *options], cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, text=True,
+        ) as process:  # fmt: skip
+            seen[options] = set()
+            while process.poll() is None:
+                seen[options] |= _policies(process.pid)
+                time.sleep(0.01)
+            said[options] = process.stdout.read()
+        assert process.returncode == 0, said[options]
+    assert seen[()] == {os.SCHED_OTHER}
+    assert "scheduling" not in said[()]
+    if _may_be_real_time():
+        assert seen["--realtime",] == {os.SCHED_OTHER, os.SCHED_FIFO}
+        assert "real-time scheduling: SCHED_FIFO 40" in said["--realtime",]
+    else:
+        assert seen["--realtime",] == {os.SCHED_OTHER}
+        assert "warning: --realtime: ordinary scheduling (no real time: operation not permitted)" in said["--realtime",]
 
 
 def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):

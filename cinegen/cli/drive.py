@@ -8,6 +8,7 @@ import math
 import os
 import sys
 import webbrowser
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from cinegen.cockpit import Cockpit
     from cinegen.session import Setup
 
+_REALTIME = 40  # priority of SCHED_FIFO, above ordinary programs and below most kernel threads (50)
 _UNATTENDED = 10.0  # s: how long a robot moves where nobody can press Ctrl-C
 
 
@@ -63,6 +65,11 @@ def of_page(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument("--token", metavar="TEXT", help="the token that browsers must know; else one is made up")
     parser.add_argument("--no-browser", action="store_true", help="only print the page's address")
+    parser.add_argument(
+        "--realtime", action="store_true",
+        help=f"run the session in the real-time class SCHED_FIFO, priority {_REALTIME}, where the system permits it: "
+        "more punctual on a busy machine, but other programs must wait for it",
+    )  # fmt: skip
     parser.add_argument(
         "--video", metavar="FILE.mp4", help="a film of --seconds, as fast as it can be drawn; a folder for its frames"
     )
@@ -149,6 +156,8 @@ def show(setup: Setup, options: argparse.Namespace, stem: str, snapshot: str | N
     from cinegen.cockpit import Cockpit
     from cinegen.session import SessionError
 
+    if options.realtime:
+        setup = replace(setup, priority=_REALTIME)
     if options.video:
         return _film(setup, options)
     time = options.seconds
@@ -193,10 +202,23 @@ def _tell(cockpit: Cockpit, options: argparse.Namespace, time: float | None) -> 
         if sensor.name in scripts:
             print(f"{scripts[sensor.name]}: {sensor.status.words}")
     print(f"page: {cockpit.url}", "- Ctrl-C ends" if time is None else f"- for {time:g} s", flush=True)
+    if options.realtime:
+        _tell_scheduling(cockpit.loop.report().scheduling)
     if cockpit.server.token is not None and not options.token:
         print("      whoever has this address can drive; the line is not encrypted", flush=True)
     if not options.no_browser and _has_screen():
         webbrowser.open(cockpit.server.local_url)
+
+
+def _tell_scheduling(found: str) -> None:
+    if found.startswith("SCHED_FIFO"):
+        print(f"real-time scheduling: {found}", flush=True)
+    else:
+        print(
+            f"warning: --realtime: {found}. To permit it, run `ulimit -r {_REALTIME}` as root before, or set rtprio in "
+            "/etc/security/limits.conf",
+            file=sys.stderr,
+        )
 
 
 def _film(setup: Setup, options: argparse.Namespace) -> int:

@@ -72,7 +72,7 @@ class Loop:
 
     def __init__(self, setup: Setup, own_process: bool = True) -> None:
         self.setup = setup
-        self._clock = Clock(1.0 / setup.rate)
+        self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
         if own_process:
             inbox, outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
             self._clock.spawn(_there, setup, inbox)

@@ -136,6 +136,7 @@ class Setup:
         stops: moments of the recording (s) that one can go to, each with its name; it is held at the first.
         surroundings: what one of the robots keeps clear of.
         map: that is shown beside one of them.
+        priority: of the real-time class SCHED_FIFO that the session asks for, 1 to 99; 0: ordinary scheduling.
     """
 
     robots: Mapping[str, Mechanism]
@@ -149,6 +150,7 @@ class Setup:
     stops: tuple[tuple[float, str], ...] = ()
     surroundings: Surroundings | None = None
     map: MapBeside | None = None
+    priority: int = 0
 
     def __post_init__(self) -> None:
         if not self.robots:

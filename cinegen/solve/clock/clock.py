@@ -55,9 +55,9 @@ class Clock:
         spin: s before a deadline that the loop wakes, to wait for it busily. What wakes it late by no more than this
             does not show in its periods. It costs that part of a core, and of the interpreter lock where other
             threads run. Unless given a fifth of the period, 0.2 ms at most.
-        priority: of the real-time class SCHED_FIFO, 1 to 99, where the system permits it; 0 leaves the scheduling as
-            it is. `Report.scheduling` says what became of it. Ticks that take all the time keep other programs from
-            their core then.
+        priority: of the real-time class SCHED_FIFO, 1 to 99, where the system permits it; 0, the default, leaves the
+            scheduling as it is. `Report.scheduling` says what became of it. Real-time ticks keep all other programs
+            from their core while they run; several such loops can make a machine unusable.
         cores: on which of the machine's cores the loop may run; any if empty.
 
     Raises:
@@ -65,7 +65,7 @@ class Clock:
     """
 
     def __init__(
-        self, period: float = 0.001, *, spin: float | None = None, priority: int = 40, cores: Iterable[int] = ()
+        self, period: float = 0.001, *, spin: float | None = None, priority: int = 0, cores: Iterable[int] = ()
     ) -> None:
         if not (math.isfinite(period) and period > 0.0):
             raise ClockError(f"a clock's period must be a positive time in seconds, not {period}")
