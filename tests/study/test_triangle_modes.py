@@ -5,6 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -193,6 +194,64 @@ def test_two_legs_in_a_line_hold_the_platform_still(rng):
     assert near.min() <= 1e-5
     assert modes.coincident[near.argmin()] > 1
     assert 2 <= modes.multiple <= modes.real
+
+
+# --- curves ---------------------------------------------------------------------------------------------------------
+
+
+def on_line(rng, base, legs):
+    """A point of the line through the base points of two legs."""
+    return base[legs[0]] + rng.uniform(-1.0, 1.0) * (base[legs[1]] - base[legs[0]])
+
+
+def about(line, points, angle):
+    """Points turned about the line through two points."""
+    axis = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    return (points - line[0]) @ pin.exp3(angle * axis).T + line[0]
+
+
+def two_points_on_the_third_axis(rng, base, heads):
+    """The platform turns about the line through base points 5 and 6, on which two of its points are."""
+    heads[0], heads[1] = on_line(rng, base, (4, 5)), on_line(rng, base, (4, 5))
+    return about(base[4:], heads, 0.3)
+
+
+def one_point_on_both_axes(rng, base, heads):
+    """Point 1 stays where the lines of the other two pairs meet; each of the other points goes round one of these."""
+    base[4] += on_line(rng, base, (0, 1)) - on_line(rng, base, (4, 5))
+    rows = np.column_stack([base[1] - base[0], base[4] - base[5]])
+    heads[1] = base[0] + np.linalg.lstsq(rows, base[4] - base[0], rcond=None)[0][0] * (base[1] - base[0])
+    away, moved = 1e-3, heads.copy()
+    moved[0] = about(base[:2], heads[:1], away)[0]
+    side = np.linalg.norm(heads[0] - heads[2])
+    for _ in range(60):  # Newton's method, for the angle of the third point
+        gaps = [
+            np.linalg.norm(moved[0] - about(base[4:], heads[2:], away + step)[0]) - side for step in (0.0, 1e-7)
+        ]  # fmt: skip
+        away -= gaps[0] * 1e-7 / (gaps[1] - gaps[0])
+    moved[2] = about(base[4:], heads[2:], away)[0]
+    return moved
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5])
+@pytest.mark.parametrize("where", [two_points_on_the_third_axis, one_point_on_both_axes])
+@pytest.mark.parametrize("seed", range(6))
+def test_a_curve_on_which_an_angle_stays_is_not_excluded(seed, where, height):
+    """The determinant need not vanish for it: the other angles vary, the eliminated one does not."""
+    rng = np.random.default_rng(seed)
+    base, heads = rng.uniform(-1.0, 1.0, (6, 3)) * [1.0, 1.0, height], rng.uniform(-1.0, 1.0, (3, 3))
+    if where is one_point_on_both_axes:
+        base[[0, 1, 4, 5], 2] = 0.0  # so that their lines meet
+    moved = where(rng, base, heads)
+    legs = [0, 0, 1, 1, 2, 2]
+    for one, two in ((0, 1), (0, 2), (1, 2)):  # a placement of the same platform
+        assert np.linalg.norm(moved[one] - moved[two]) == pytest.approx(np.linalg.norm(heads[one] - heads[two]))
+    lengths = np.linalg.norm(heads[legs] - base, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(moved[legs] - base, axis=1), lengths, atol=1e-9)
+    assert np.abs(moved - heads).max() > 1e-5
+    modes = TSSM(base, heads, legs).modes(lengths)
+    assert not modes.complete
+    assert "a curve" in modes.method
 
 
 # --- none -----------------------------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ from cinegen.kernel.compiled import prepare, together
 from cinegen.study.hexapod import Approach
 from cinegen.study.hexapod.legs import nearest
 from cinegen.study.triangle import resultant
+from cinegen.study.triangle.curves import may_move
 from cinegen.study.triangle.kernel import circles as c
 from cinegen.study.triangle.kernel import modes as k
 
@@ -47,7 +48,7 @@ class Modes:
         infinite: solutions at infinity.
         multiple: how many of the real ones are in modes that are not alone.
         lost: of the 16, those of which nothing is known.
-        complete: whether these are all modes: nothing was lost.
+        complete: whether these are all modes: nothing was lost, and no curve of configurations is possible.
         method: how they were found, or what hinders, in words.
         angles: (16 or fewer, 3) complex: p12, p34, p56 of every distinct finite solution, of two that are mirror
             images one, the real ones among them.
@@ -132,7 +133,11 @@ class TSSM:
         n, real, complex_, infinite, lost, outcome = counts[0].tolist()
         found, often = placements[0, :n].copy(), times[0, :n]
         coincident = _together(found @ np.vstack([self.platform.T, np.ones(3)]), often, float(asked.max()))
-        complete = lost == 0
+        moves = outcome == k.SOLVED and may_move(circles[0], self.sides)
+        complete = lost == 0 and not moves
+        method = self._method(asked, counts[0])
+        if moves:
+            method += "; platform points are on others' axes, so that a curve of configurations is not excluded"
         return Modes(
             found,
             coincident,
@@ -142,7 +147,7 @@ class TSSM:
             int(often[coincident > 1].sum()),
             lost,
             complete,
-            self._method(asked, counts[0]),
+            method,
             _angles(room, circles[0]) if outcome == k.SOLVED else np.empty((0, 3), dtype=complex),
             self._closest(asked) if complete and n == 0 else None,
         )
