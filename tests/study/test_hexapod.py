@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cinegen.study.hexapod import Hexapod, HexapodError, kernel
+from cinegen.study.hexapod.paths import Kind
 
 # P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
 # Kinematics: Analysis and Control, 1998
@@ -327,6 +328,18 @@ def test_where_legs_let_the_platform_move_this_is_a_curve():
     assert "a curve of configurations" in found.method
     assert_account(found)
     assert_modes(base, base, np.full(6, 2.0), found)
+
+
+def test_curves_are_not_excluded_where_solutions_went_to_infinity():
+    """A count of fewer isolated solutions than there are for general lengths leaves room for a curve."""
+    base, platform = points(np.random.default_rng(7), "")
+    hexapod = Hexapod(base, platform)
+    ends, curve = hexapod._ends(np.full(6, 2.0))
+    assert hexapod._account(np.full(6, 2.0), ends, curve).complete
+    ends.kind[:2] = Kind.INFINITE
+    found = hexapod._account(np.full(6, 2.0), ends, curve)
+    assert not found.complete
+    assert "curves of configurations are not excluded" in found.method
 
 
 # --- what can't be ---------------------------------------------------------------------------------------------------

@@ -64,7 +64,9 @@ class Modes:
         infinite: paths that ended at infinity.
         multiple: paths that ended in points where solutions meet, real or not.
         lost: paths that could not be followed to an end.
-        complete: whether these are all modes: no path was lost, and none ended on a curve of configurations.
+        complete: whether these are all modes: no path was lost, none ended on a curve of configurations, and none that
+            ends at finite points for general lengths went to infinity for these. Then as many solutions as there are
+            for general lengths are at isolated points, and there can be no curve besides.
         method: how they were found, in words.
         closest: what comes nearest, where there is no mode.
     """
@@ -186,6 +188,8 @@ class Hexapod:
         remarks = ["a curve of configurations: the platform moves while its legs rest"] if curve else []
         if (int(regular.sum()) - count) % 2:  # what is not real is conjugate to another
             remarks.append("a real solution could not be told from a complex one")
+        if ends.count(Kind.INFINITE):
+            remarks.append("solutions went to infinity at these lengths: curves of configurations are not excluded")
         closest = None
         if not len(kept) and not lost:
             here, misses = self._closest(asked, ends.x[regular | multiple])
