@@ -28,7 +28,7 @@ CALLS = 30
 def main() -> None:
     names = sys.argv[1:] or NAMES
     assembly_modes(cinegen.load(ROBOTS / "hybrid.raff"), effort=1e-3)  # compiles
-    print(f"{'':<18} {'first, s':>9} {'then, ms':>9} {'modes':>7}  why these are all")
+    print(f"{'':<18} {'first, s':>9} {'then, ms':>9} {'modes':>7}  how they were found")
     for name in names:
         measure(*name.split())
 

@@ -26,7 +26,7 @@ def typed(root, capsys):
     def command(name, *options, code=0):
         assert main(["modes", str(root / f"robots/{name}.raff"), *map(str, options)]) == code
         said = capsys.readouterr()
-        return said.err if code else said.out
+        return said.err if code and said.err else said.out
 
     return command
 
@@ -156,12 +156,26 @@ def test_where_solutions_meet_it_says_so(typed):
 
 
 def test_where_there_is_no_mode_it_says_what_stays_open(typed):
-    said = typed("gough", "--lengths", 100, 2000, 100, 2000, 100, 2000)
+    asked = "--lengths", 100, 2000, 100, 2000, 100, 2000
+    said = typed("gough", *asked, code=1)
     assert "no assembly mode" in said
     assert "There is none." in said
     assert "The nearest" in said
     assert rows(said) == []
-    assert json.loads(typed("gough", "--lengths", 100, 2000, 100, 2000, 100, 2000, "--json"))["modes"] == []
+    assert json.loads(typed("gough", *asked, "--json", code=1))["modes"] == []
+    assert typed("gough", *asked, "--view", code=1) == said
+
+
+def test_what_is_not_proved_is_not_called_all(typed):
+    path = "../tests/robots/data/peaucellier"
+    said = " ".join(typed(path).split())
+    assert "4 assembly modes" in said
+    assert "These are all" not in said
+    assert "There may be more. Monodromy: 4 complex solutions" in said
+    assert "the last 6 monodromy loops found no more; trace test satisfied to " in said
+    assert said.endswith("not excluded: solutions on curves that nothing met, and branches of free motion.")
+    found = json.loads(typed(path, "--json"))
+    assert (found["complete"], found["trace_test"]) == (False, True)
 
 
 @pytest.mark.parametrize(

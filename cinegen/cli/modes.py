@@ -34,10 +34,11 @@ _TEMPO = 0.5  # modes a second
 def add(commands: Any) -> None:
     """Adds the command."""
     modes = commands.add_parser(
-        "modes", help="all assembly modes: every way to assemble a closed mechanism, its motors held",
-        description="Lists every configuration of a closed mechanism for given values of its motors (the direct "
-        "kinematics of a parallel robot), and says whether these are all. Motors are at home, unless --lengths or --at "
-        "says where. Lengths in mm, angles in degrees; as JSON, m and rad.",
+        "modes", help="assembly modes: the ways to assemble a closed mechanism, its motors held",
+        description="Lists the configurations of a closed mechanism for given values of its motors (the direct "
+        "kinematics of a parallel robot), and says whether it is proved that these are all. Motors are at home, unless "
+        "--lengths or --at says where. Lengths in mm, angles in degrees; as JSON, m and rad. Exit code 1 where none is "
+        "found.",
     )  # fmt: skip
     # argparse takes "-10" for a value; so it does "-10,5,800" then.
     modes._negative_number_matcher = re.compile(r"-\.?\d")
@@ -77,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
         raise CinegenError(f"{options.files[0]} holds several robots: name one by --robot ({names})")
     from cinegen.study.modes import assembly_modes
 
-    reports = []
+    reports, every = [], True
     for name, mechanism in found.items():
         mechanism.frame_id(options.node or mechanism.end)  # refuses what there is not before it takes time
         values, asked = _motors(mechanism, options)
@@ -88,13 +89,14 @@ def run(options: argparse.Namespace) -> int:
         else:
             print(("\n" if reports else "") + "\n".join(_told(name, modes, options.node, asked)))
             reports.append({})
+        every = every and len(modes) > 0
         if options.plot:
             _draw(name, modes, options)
-        if options.view:
+        if options.view and len(modes):
             return _walk(name, modes, options)
     if options.json:
         print(json.dumps(reports if len(reports) > 1 else reports[0], indent=1, ensure_ascii=False))
-    return 0
+    return 0 if every else 1
 
 
 # --- where the motors are ----------------------------------------------------------------------------------------

@@ -43,6 +43,14 @@ def sound(modes: AssemblyModes, nodes: Sequence[str] | None = None, count: int |
     return seen
 
 
+def traced(modes: AssemblyModes) -> None:
+    """Asserts that the trace test found nothing missing, and that this is not called a proof."""
+    assert modes.trace_test, modes
+    assert not modes.complete
+    assert "trace test satisfied to" in modes.method
+    assert "not excluded" in modes.method
+
+
 def alike(these: Sequence[np.ndarray], those: Sequence[np.ndarray], tolerance: float = 1e-7) -> None:
     """Asserts that two sets are the same."""
     assert len(these) == len(those)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from assembled import alike, apart, home, nothing_beside, places, sound
+from assembled import alike, apart, home, nothing_beside, places, sound, traced
 from linkages import (
     Z,
     about_a_point,
@@ -92,7 +92,10 @@ def test_a_four_bar_has_the_same_two_modes_wherever_and_however_it_is_cut(built,
     seen = sound(modes, ["tool"], len(expected))
     local = np.linalg.inv(there) @ np.append(p[2], [0.0, 1.0])
     alike([(s[0] @ local)[:2] for s in seen], expected, 1e-9)
-    assert modes.complete
+    if how == "ball":  # no plane, no family
+        traced(modes)
+    else:
+        assert modes.complete
 
 
 def test_a_parallelogram_is_also_an_antiparallelogram(built):
@@ -102,7 +105,10 @@ def test_a_parallelogram_is_also_an_antiparallelogram(built):
         modes = assembly_modes(m, home(m) + 0.4, method)
         turns = [places(m, q, ["tool"])[0, :3, :3] - places(m, m.q_home, ["tool"])[0, :3, :3] for q in modes]
         sound(modes, count=2)
-        assert modes.complete
+        if method == "monodromy":
+            traced(modes)
+        else:
+            assert modes.complete
         assert np.abs(turns[0]).max() < 1e-12 < 1e-2 < np.abs(turns[1]).max()
 
 
@@ -122,7 +128,10 @@ def test_a_slider_crank_is_a_circle_and_a_line(built, driven):
         mean, rest = crank @ along, rod**2 - crank @ crank
         expected = [p[3] + (mean + sign * np.sqrt(mean**2 + rest)) * along for sign in (1.0, -1.0)]
     sound(modes, count=2)
-    assert modes.complete
+    if driven == "slide":
+        assert modes.complete
+    else:
+        traced(modes)
     nothing_beside(modes, ["tool"], 20)
     if driven == "crank":
         slider = next(f"link{j[5:]}" for j in m.joints if m.slides(j))
@@ -187,8 +196,8 @@ def test_a_deltas_modes_are_where_three_spheres_meet(built, seed, linear):
     seen = sound(modes, ["tool"], 2)
     alike([s[0, :3, 3] - start[:3, 3] + heads[0] for s in seen], expected, 1e-9)
     assert all(np.abs(s[0, :3, :3] - start[:3, :3]).max() < 1e-9 for s in seen)
-    assert modes.complete
-    assert "2 modes, proved" in modes.method
+    assert not modes.complete
+    assert "2 modes, proved; modes in which it has turned are not among them" in modes.method
 
 
 # --- three legs in a plane, or about a point ----------------------------------------------------------------------
@@ -401,4 +410,4 @@ def test_a_tripod_is_a_platform_on_three_pairs_of_rods(built):
     seen = sound(modes, ["tool"])
     alike([s[0] @ np.linalg.inv(start) for s in seen], list(TSSM(base, heads).modes(lengths).placements))
     assert modes.paths.real + modes.paths.complex == 16
-    assert modes.complete
+    traced(modes)

@@ -53,10 +53,12 @@ class Found:
     Attributes:
         configurations: closed, (nq,) each.
         coincident: of each how many solutions meet in it.
-        complete: whether these are all.
-        words: how they were found, and why they are all, or what is missing.
+        complete: whether it is proved that these are all.
+        words: how they were found, and why they are all, or what is missing or not excluded.
         paths: what became of all solutions.
         closest: where there are none, what comes nearest.
+        trace_test: whether nothing is missing on the curves of configurations that were met; None where no trace test
+            was needed.
     """
 
     configurations: tuple[Array, ...]
@@ -65,6 +67,7 @@ class Found:
     words: str
     paths: Paths
     closest: Approach | None = None
+    trace_test: bool | None = None
 
 
 def closed(linkage: Linkage, q: Array) -> Array | None:

@@ -57,12 +57,13 @@ class Homotopy:
             multiple=led.count(SINGULAR),
             lost=missing,
         )
-        complete, words = self._verdict(fibre, paths, curve)
+        complete, trace_test, words = self._verdict(fibre, paths, curve)
         closest = None if modes else self._closest(led, motors)
         if closest is not None and closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points
-            return Found((closest.q,), (1,), False, words, paths)
+            return Found((closest.q,), (1,), False, words, paths, None, None if trace_test is None else False)
         configurations = tuple(mode.q for mode in modes)
-        return Found(configurations, tuple(mode.times for mode in modes), complete, words, paths, closest)
+        times = tuple(mode.times for mode in modes)
+        return Found(configurations, times, complete, words, paths, closest, trace_test)
 
     def _known(self, say: Callable[[str], None] | None, effort: float) -> Fibre:
         """The fibre, found once; again where more may be done than when it was given up."""
@@ -119,8 +120,12 @@ class Homotopy:
 
     # --- words ---------------------------------------------------------------------------------------------------
 
-    def _verdict(self, fibre: Fibre, paths: Paths, curve: bool) -> tuple[bool, str]:
-        """Whether these are all modes, and why."""
+    def _verdict(self, fibre: Fibre, paths: Paths, curve: bool) -> tuple[bool, bool | None, str]:
+        """Return whether it is proved that these are all modes, what the trace test says, and a message.
+
+        A family's bound proves it where as many solutions end at isolated points. With solutions at infinity it does
+        so for two bodies only, where the solutions are those of a quadratic equation.
+        """
         count, family = len(fibre.solutions), self._family
         followed = paths.lost == 0 and not curve
         beside = [f"; {paths.lost} of {count} paths were lost"] if paths.lost else []
@@ -130,23 +135,28 @@ class Homotopy:
             beside.append("; there are other configurations too, in which its motors don't determine it")
         rest = "".join(beside)
         if family is not None and count >= family.bound:
-            if family.everywhere:
-                return followed, f"{family.words}: {count} complex solutions, as many as there can be{rest}"
-            return (
-                followed,
-                f"{family.words}: {count} modes, proved; modes in which it has turned are not among them{rest}",
-            )
+            if not family.everywhere:
+                words = f"{count} modes, proved; modes in which it has turned are not among them"
+                return False, None, f"{family.words}: {words}{rest}"
+            if paths.infinite and family.name != "dyad":
+                rest += f"; {paths.infinite} are at infinity, and curves of configurations are not excluded"
+                followed = False
+            words = f"{count} complex solutions, as many as there can be"
+            return followed and not fibre.loose, None, f"{family.words}: {words}{rest}"
         if not self._linkage.passive:
-            return True, "there is nothing but motors to move"
+            return True, None, "there is nothing but motors to move"
         if not self._linkage.leading.any():
-            return False, f"no motor moves its loops: {count} solutions, from {fibre.hits} random starts{rest}"
+            return False, None, f"no motor moves its loops: {count} solutions, from {fibre.hits} random starts{rest}"
         apart = f" in {fibre.parts} sets that no closed path has joined" if fibre.parts > 1 else ""
-        found = f"monodromy: {count} complex solutions{apart}"
+        done = [f"monodromy: {count} complex solutions{apart}"]
+        if fibre.quiet:
+            done.append(f"the last {fibre.quiet} monodromy loops found no more")
         if fibre.complete:
-            words = f"complete with probability one by the trace test (degree {fibre.degree})"
-            return followed, f"{found}, {words}{rest}"
-        why = "it was given up after the work that effort allows" if fibre.spent else "the trace test did not close"
-        return False, f"{found}; that there are no others is not known: {why}{rest}"
+            done.append(f"trace test satisfied to {fibre.deviation:.0e} (degree {fibre.degree})")
+        else:
+            done.append("given up after the work that effort allows" if fibre.spent else "the trace test did not close")
+        done.append("not excluded: solutions on curves that nothing met, and branches of free motion")
+        return False, fibre.complete and followed, "; ".join(done) + rest
 
     def _closest(self, led: Ends, motors: Array) -> Approach:
         linkage = self._linkage

@@ -35,10 +35,13 @@ class AssemblyModes(Sequence[Array]):
         actuated: (motors,) the values, in `mechanism.actuated` order, rad and m.
         configurations: the modes, each closed to 1e-12.
         coincident: of each mode how many solutions meet in it: 1, unless the motors' values are singular.
-        complete: whether these are all.
-        method: how they were found, and why they are all, or what is missing: a sentence.
+        complete: whether it is proved that these are all: by elimination, or by as many solutions as a theorem allows.
+        method: how they were found, and why they are all, or what is missing or not excluded: a sentence.
         paths: what became of all solutions.
         closest: where there is no mode, what comes nearest.
+        trace_test: whether nothing is missing on the curves of configurations that were met from home and from random
+            starts: the trace test closed, and no path was lost. That excludes neither other curves nor branches on
+            which the mechanism moves freely. None where no trace test was needed.
     """
 
     mechanism: Mechanism
@@ -49,6 +52,7 @@ class AssemblyModes(Sequence[Array]):
     method: str
     paths: Paths
     closest: Approach | None = None
+    trace_test: bool | None = None
 
     @overload
     def __getitem__(self, index: int) -> Array: ...
@@ -81,6 +85,7 @@ class AssemblyModes(Sequence[Array]):
             "robot": self.mechanism.name,
             "actuated": dict(zip(self.mechanism.actuated, map(float, self.actuated), strict=True)),
             "complete": self.complete,
+            "trace_test": self.trace_test,
             "method": self.method,
             "paths": {name: getattr(self.paths, name) for name in Paths.__dataclass_fields__},
             "end": self.mechanism.end,
@@ -192,7 +197,7 @@ class _Solver:
         order = np.argsort(far, kind="stable")
         return AssemblyModes(
             mechanism, values, tuple(found.configurations[k] for k in order), tuple(found.coincident[k] for k in order),
-            found.complete, found.words, found.paths, found.closest,
+            found.complete, found.words, found.paths, found.closest, found.trace_test,
         )  # fmt: skip
 
     def _features(self, q: Array) -> NDArray[np.complex128]:
@@ -228,5 +233,5 @@ def _matching(linkage: Linkage, found: Found, asked: Array) -> Found:
         closest = Approach(found.configurations[best], float(np.abs(off[best]).max()), said)
     return Found(
         tuple(found.configurations[k] for k in kept), tuple(found.coincident[k] for k in kept),
-        found.complete, words, found.paths, closest,
+        found.complete, words, found.paths, closest, found.trace_test,
     )  # fmt: skip

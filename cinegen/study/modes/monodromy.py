@@ -1,11 +1,12 @@
-"""All complex assembly modes of a linkage at one general value of its motors, by monodromy; and whether they are all.
+"""Complex assembly modes of a linkage at one general value of its motors, by monodromy, and the trace test of them.
 
 Solutions that are led along a closed path of complex motor values come back permuted, and so one finds others (T. Duff,
 C. Hill, A. Jensen, K. Lee, A. Leykin, J. Sommars, "Solving polynomial systems via homotopy continuation and monodromy",
 IMA J. Numerical Analysis 39, 2019). Equations are real: what comes to the conjugate values is, conjugated, a solution
 too, so half of a closed path does. Newton's method from random starts finds most of them sooner, and what no path leads
-to from home, as another mode of operation; what it does not find, it knows nothing of. That nothing is missing is said
-by the trace test, of all curves that were met.
+to from home, as another mode of operation; what it does not find, it knows nothing of. The trace test shows that
+nothing is missing on the curves that were met. Neither excludes solutions on other curves, nor branches on which the
+mechanism moves while its motors are held.
 """
 
 from __future__ import annotations
@@ -41,6 +42,8 @@ class Fibre:
         solutions: (count, k + 1).
         complete: whether the trace test says that there are no others on the curves that were found.
         degree: of these curves: how many points the trace test led; 0 where it was not done.
+        deviation: of the trace from an affine function, relative; NaN where the test was not done or did not close.
+        quiet: how many monodromy loops in succession found nothing new at the end.
         parts: in how many sets they are that no closed path has joined: of as many curves, or of fewer.
         hits: how many random starts came to a solution.
         loose: how many came to where motors don't determine the mechanism.
@@ -51,6 +54,8 @@ class Fibre:
     solutions: Complex
     complete: bool
     degree: int
+    deviation: float
+    quiet: int
     parts: int
     hits: int
     loose: int
@@ -77,7 +82,7 @@ class Monodromy:
         self._home = linkage.motor_values(linkage.mechanism.q_home)
         self._most = linkage.work + effort * _BUDGET
         self._full = False
-        self._hits = self._loose = 0
+        self._hits = self._loose = self._quiet = 0
         self._joined: dict[int, int] = {}  # a solution, and one on the same curve
         self.motors = self._general()
 
@@ -98,8 +103,9 @@ class Monodromy:
         if not self._enough(found) and self.linkage.leading.any():
             traced = self._traced(found)
         return Fibre(
-            self.motors, found.array, traced.complete, traced.degree, parts, self._hits, self._loose, self._spent()
-        )
+            self.motors, found.array, traced.complete, traced.degree, traced.deviation, self._quiet, parts, self._hits,
+            self._loose, self._spent(),
+        )  # fmt: skip
 
     def _enough(self, found: Distinct) -> bool:
         return self.bound is not None and len(found) >= self.bound
@@ -128,9 +134,9 @@ class Monodromy:
 
     def _follow_paths(self, found: Distinct) -> None:
         """Goes round until nothing new comes of it."""
-        quiet = 0
-        while len(found) and quiet < self._patience(len(found)) and not (self._enough(found) or self._spent()):
-            quiet = 0 if self._go_round(found) else quiet + 1
+        self._quiet = 0
+        while len(found) and self._quiet < self._patience(len(found)) and not (self._enough(found) or self._spent()):
+            self._quiet = 0 if self._go_round(found) else self._quiet + 1
             self._say(f"{len(found)} modes found by closed paths")
 
     def _go_round(self, found: Distinct) -> int:

@@ -10,6 +10,7 @@ solutions there, or go to infinity.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -36,11 +37,13 @@ class Traced(NamedTuple):
         complete: whether no point is missing.
         degree: how many points were found.
         solutions: (count, k + 1) all of them that come to t = 0, where motors are at `Trace.motors`.
+        deviation: of the trace from an affine function, relative to the sum of all |t|; NaN where it is not affine.
     """
 
     complete: bool
     degree: int
     solutions: Complex
+    deviation: float = math.nan
 
 
 class Trace:
@@ -83,9 +86,10 @@ class Trace:
             there = self._lead(there.arrived, away, first.conj(), (line, self._line))
             quiet = 0 if points.add(there.arrived.conj()) else quiet + 1
             self._say(f"trace test: {len(points)} points of the curve")
-            if quiet and self._is_affine(points.array, first):
+            deviation = self._deviation(points.array, first) if quiet else math.nan
+            if not math.isnan(deviation):
                 found = self._at_zero(points.array, first)
-                return Traced(found is not None, len(points), solutions if found is None else found)
+                return Traced(found is not None, len(points), solutions if found is None else found, deviation)
         return Traced(False, len(points), solutions)
 
     def _plane(self) -> Complex:
@@ -105,23 +109,26 @@ class Trace:
         path = Path(np.array([self._line, self._line]), np.array([self._linkage.fibre] * 2), True, ACCURACY)
         return np.asarray(np.c_[self._linkage.features(solutions, path), solutions[:, -1:]])
 
-    def _is_affine(self, points: Complex, plane: Complex) -> bool:
-        """Whether the sum of t over all points is an affine function of gamma."""
+    def _deviation(self, points: Complex, plane: Complex) -> float:
+        """Return how far the sum of t over all points is from an affine function of gamma, relative to the sum of all
+        |t|; NaN where a point that is missing could explain it.
+        """
         t = [points[:, -1]]
         for step in _STEPS:
             moved = plane.copy()
             moved[-1] += step
             led = self._lead(points, plane, moved)
             if not (led.ends == ARRIVED).all():
-                return False
+                return math.nan
             t.append(led.solutions[:, -1])
         bends = t[1] - t[0] - 0.5 * (t[2] - t[0]), t[1] - t[0] - _STEPS[0] / _STEPS[2] * (t[3] - t[0])
-        floor = _ROUNDING * float(np.abs(t).sum(axis=1).max())
+        scale = float(np.abs(t).sum(axis=1).max())
+        floor = _ROUNDING * scale
         for bend in bends:
             bent = np.abs(bend)[np.abs(bend) > floor]
             if abs(bend.sum()) > max(_HIDDEN * bent.min(initial=np.inf) if len(bent) else 0.0, floor):
-                return False
-        return True
+                return math.nan
+        return max(abs(complex(bend.sum())) for bend in bends) / scale
 
     def _at_zero(self, points: Complex, plane: Complex) -> Complex | None:
         """What of all points comes to t = 0; None where some could be led neither there nor to infinity."""
