@@ -234,6 +234,19 @@ def test_a_branch_of_free_motion_that_nothing_met_is_not_excluded(root):
     assert apart(places(m, q), [places(m, mode) for mode in modes]) > 0.1  # m: there are others indeed
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_platform_that_turns_about_a_line_has_a_mode_though_no_root_tells(built, seed):
+    """Two of the points in which its rods meet are on the line through the feet of the third pair."""
+    r = rng(seed)
+    feet, heads = r.uniform(-1.0, 1.0, (6, 3)), r.uniform(-1.0, 1.0, (3, 3))
+    heads[:, 2] += 1.0
+    heads[:2] = feet[4] + r.uniform(-1.0, 1.0, (2, 1)) * (feet[5] - feet[4])
+    modes = assembly_modes(built(hexapod(rng(1), "UpS", feet, heads[[0, 0, 1, 1, 2, 2]], cut="ball")))
+    assert len(modes) > 0
+    assert max(map(modes.mechanism.closure, modes)) < 1e-12
+    assert not modes.complete
+
+
 def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_a_curve(built):
     m = built(three_legs(rng(1), "RpR"))
     linkage = Linkage(m)

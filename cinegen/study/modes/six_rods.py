@@ -13,6 +13,7 @@ from cinegen.study.modes.families import Family, Groups, Legs
 from cinegen.study.modes.found import Approach, Found, Paths, closed, nearest
 from cinegen.study.modes.linkage import Array, Linkage, ModesError
 from cinegen.study.modes.reach import is_out_of_reach
+from raff2urdf.closure import CLOSED
 
 _ONE = 1e-9  # characteristic lengths: points that are one
 _SMALL = 1e-9  # ... and what a rod may miss
@@ -93,6 +94,8 @@ class SixRods:
             lost=missing,
         )
         complete = found.complete and lost == 0
+        if closest is not None and closest.gap <= CLOSED:  # on a curve of configurations, of which no root tells
+            return Found((closest.q,), (1,), False, f"{words}; one was found by descent", paths)
         return Found(tuple(configurations), tuple(coincident), complete, words, paths, closest)
 
     def _solver(self, legs: Legs) -> _Solver:
