@@ -54,6 +54,16 @@ class Cells:
         return _singular_values(self.by_motors)[:, : self.survey.rank]
 
     @cached_property
+    def determined(self) -> Array:
+        """(n, 6, motors) the node's velocity by the motors', in its own axes; NaN where they don't determine it."""
+        mechanism, model = self.survey.mechanism, self.survey.mechanism.model
+        chain = model.supports[model.frames[mechanism.frame_id(self.survey.node)].parentJoint]
+        moving = {model.names[joint] for joint in chain if joint > int(mechanism.floating)}
+        if not mechanism.loops and not moving <= set(mechanism.actuated):  # of loops the Jacobians say it themselves
+            return np.full_like(self.evaluations.jacobians, np.nan)
+        return self.evaluations.jacobians
+
+    @cached_property
     def along(self) -> Array:
         """(n, 3) the survey's direction, in the node's own axes."""
         return np.asarray(self.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(self.survey.along))
@@ -119,13 +129,13 @@ def _moving(survey: Survey) -> NDArray[np.bool_]:
 def _velocity(cells: Cells) -> Values:
     from cinegen.study.maps.capability import fastest
 
-    return fastest(cells.evaluations.jacobians, cells.along, cells.survey, _limits(cells.survey, "speed"))
+    return fastest(cells.determined, cells.along, _limits(cells.survey, "speed"))
 
 
 def _force(cells: Cells) -> Values:
     from cinegen.study.maps.capability import strongest
 
-    return strongest(cells.evaluations.jacobians, cells.along, _limits(cells.survey, "effort"))
+    return strongest(cells.determined, cells.along, _limits(cells.survey, "effort"))
 
 
 def _limits(survey: Survey, of: str) -> Array:

@@ -31,7 +31,7 @@ QUANTITIES: dict[str, Quantity] = {
     "condition": Quantity("1", "condition of how motors move the node, 1 at best"),
     "manipulability": Quantity("1", "Yoshikawa's: the volume that unit velocities of the motors span"),
     "margin": Quantity("1", "joint-limit margin: 1 in the middle of all ranges, 0 at a limit"),
-    "velocity": Quantity("m s-1", "largest speed of the node along the direction"),
+    "velocity": Quantity("m s-1", "largest component of the node's velocity along the direction"),
     "force": Quantity("N", "largest force of the node along the direction"),
     "solid_angle": Quantity("sr", "directions that the node's z can have here (dexterous solid angle)"),
     "clearance": Quantity("m", "least distance to the scene's obstacles and between links"),

@@ -25,7 +25,7 @@ from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-VERSION = 3
+VERSION = 4
 """Of what stands in a map's folder, and how: changes when the same survey would give other numbers."""
 
 _UNIT = 1e-12  # by which a unit vector may be longer or shorter

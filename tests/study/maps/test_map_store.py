@@ -301,7 +301,7 @@ WRONG = {
     ),
     "it is of another version": (
         lambda p: edit(p / "zarr.json", lambda d: _version(d["attributes"])),
-        "version 0, and 3 is read here",
+        "version 0, and 4 is read here",
     ),
 }
 

@@ -102,7 +102,7 @@ sensor 1 { port "/dev/null" translation 3 rotation 3 }
 
 
 def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_them(raff):
-    """|l1 l2 sin q2|; and speeds by the inverse of the Jacobian, written down."""
+    """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
     arm = raff(TWO_BARS)
     region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
     survey = Survey(arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0))
@@ -113,8 +113,7 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
                       [0.5 * math.cos(one) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
         assert values["manipulability"] == pytest.approx(abs(0.15 * math.sin(q[1])) / arm.length**2, rel=1e-5)
         assert values["sigma_1"] == pytest.approx(np.linalg.svd(j / arm.length)[1][-1], rel=1e-5)
-        each = np.abs(np.linalg.solve(j, [0.6, 0.8]))
-        assert values["velocity"] == pytest.approx((speeds / each).min(), rel=1e-5)
+        assert values["velocity"] == pytest.approx(np.abs(j.T @ [0.6, 0.8]) @ speeds, rel=1e-5)
         assert values["force"] == pytest.approx(1.0 / np.abs(j.T @ [0.6, 0.8]).max(), rel=1e-5)
         assert values["margin"] == 1.0  # no limits
 
@@ -137,41 +136,102 @@ def test_five_bar_is_singular_where_a_leg_is_stretched_and_where_its_outer_bars_
 # --- capability ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", [name for name in SURVEYS if name != "sr400"])
+def limits_of(mechanism, given):
+    """(nv,) what motors are allowed, 1 where nothing is said; without bound for joints that have no motor."""
+    columns = [mechanism.v_index(name) for name in mechanism.actuated]
+    found = np.full(mechanism.model.nv, np.inf)
+    found[columns] = np.where((given[columns] > 0.0) & (given[columns] < 1e8), given[columns], 1.0)
+    return found
+
+
+def greatest_speed(mechanism, q, node, along):
+    """m/s: of all joint velocities that keep the loops closed and motors within their limits."""
+    limits = limits_of(mechanism, mechanism.model.upperVelocityLimit)
+    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.loops else np.zeros((0, len(limits)))
+    own = mechanism.placement(q, node).rotation.T @ along
+    best = linprog(
+        -own @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
+        method="highs",
+    )  # fmt: skip
+    return -best.fun
+
+
+def greatest_force(mechanism, q, node, along):
+    """N: of all efforts of motors and loops that balance it; joints without a motor bear nothing."""
+    limits = limits_of(mechanism, mechanism.model.upperEffortLimit)
+    limits[np.isinf(limits)] = 0.0
+    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.loops else np.zeros((0, len(limits)))
+    pushed = mechanism.jacobian(q, node)[:3].T @ (mechanism.placement(q, node).rotation.T @ along)
+    bounds = [(0.0, None), *zip(-limits, limits, strict=True), *[(None, None)] * len(rows)]
+    best = linprog(
+        np.r_[-1.0, np.zeros(len(limits) + len(rows))], A_eq=np.c_[pushed, -np.eye(len(limits)), rows.T],
+        b_eq=np.zeros(len(limits)), bounds=bounds, method="highs",
+    )  # fmt: skip
+    return -best.fun
+
+
+@pytest.mark.parametrize("name", SURVEYS)
 def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
+    """In all joints' velocities and all loops' forces, not in what motors do."""
     along = (0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0)
     mechanism = robot(name)
     survey = Survey(mechanism, SURVEYS[name], ("velocity", "force"), along=along)
-    columns = [mechanism.v_index(n) for n in mechanism.actuated]
-    given = mechanism.model.upperVelocityLimit[columns]
-    limits = np.where(np.isfinite(given) & (given > 0.0), given, 1.0)
-    rows = sum(survey.counted)
     for q, values in cells(survey):
-        jacobian = by_motors(survey, q)
-        own = mechanism.placement(q, survey.node).rotation.T @ along
-        wanted = np.r_[own, np.zeros(rows - 3)]
-        best = linprog(
-            np.r_[np.zeros(len(limits)), -1.0], A_eq=np.c_[jacobian[:rows], -wanted], b_eq=np.zeros(rows),
-            bounds=[*((-limit, limit) for limit in limits), (0.0, None)],
-        )  # fmt: skip
-        assert values["velocity"] == pytest.approx(-best.fun, rel=1e-4, abs=1e-7)
-        assert values["force"] == pytest.approx(1.0 / np.abs(jacobian[:3].T @ own).max(), rel=1e-4)
+        assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, survey.node, along), rel=1e-4)
+        assert values["force"] == pytest.approx(greatest_force(mechanism, q, survey.node, along), rel=1e-4)
 
 
-def test_no_motors_at_random_are_faster_and_some_come_near(robot):
-    """Of the redundant arm: among speeds at the corners of what limits allow, none has more along the direction."""
+BAR = "parameters { theta 40 } type 2 pred 0 limits { 5 85 } velocity 30"
+FOOT = "parameters { gamma 90 alpha 90 r 306.418 } type 1 pred 0 velocity 50"
+SCISSOR = """
+robot scissor {
+  base { }
+  link 1 { %s } // a bar of 400 mm, in the plane x, y
+  link 2 { %s } // the other one's foot, along x
+  link 3 { parameters { alpha -90 theta 50 } type 2 pred 2 }
+  frame 4 { parameters { d 200 } pred 1 }
+  frame 5 { parameters { d 200 } pred 3 }
+  constraint { frame 4 frame 5 type 2 } // they are pinned at their middles
+  frame 6 { name "corner" parameters { d 400 } pred 1 } // of the table, above the foot: it moves sideways too
+}
+"""
+
+
+@pytest.mark.parametrize(("motor", "low", "high"), [("joint1", 0.2, 1.3), ("joint2", 0.1, 0.38)])
+def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low, high):
+    lift = raff(SCISSOR % ((BAR + " actuated 1", FOOT) if motor == "joint1" else (BAR, FOOT + " actuated 1")))
+    assert lift.actuated == (motor,)
+    speed = lift.model.upperVelocityLimit[lift.v_index(motor)]
+    survey = Survey(lift, over((motor, low, high, 6)), ("velocity", "force"), along=(0.0, 1.0, 0.0))
+    for q, values in cells(survey):
+        heights = []
+        for step in (1e-6, -1e-6):
+            moved = q.copy()
+            moved[lift.q_index(motor)] += step
+            heights.append(lift.placement(lift.close(moved, [motor]), "corner").translation[1])
+        rate = abs(heights[0] - heights[1]) / 2e-6
+        assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
+        assert values["velocity"] > 0.005
+        assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
+
+
+def test_no_motors_at_random_are_faster_and_some_are_as_fast(robot):
+    """Of the redundant arm: speeds are greatest at the corners of what limits allow."""
     survey = Survey(robot("planar_3r"), SURVEYS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
     limits = robot("planar_3r").model.upperVelocityLimit
     for q, values in cells(survey):
-        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(survey, q)[:3])[:2]
-        fastest = 0.0
-        for k, rest in itertools.product(range(3), itertools.product((-1.0, 1.0), repeat=2)):
-            speeds = np.insert(np.array(rest), k, 0.0) * limits  # two at their limits, the third makes vy vanish
-            if abs(jacobian[1, k]) > 1e-12:
-                speeds[k] = -(jacobian[1] @ speeds) / jacobian[1, k]
-                if abs(speeds[k]) <= limits[k]:
-                    fastest = max(fastest, jacobian[0] @ speeds)
-        assert values["velocity"] == pytest.approx(fastest, rel=1e-5)
+        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(survey, q)[:3])[0]
+        corners = [jacobian @ (np.array(signs) * limits) for signs in itertools.product((-1.0, 1.0), repeat=3)]
+        assert values["velocity"] == pytest.approx(max(corners), rel=1e-5)
+
+
+def test_what_motors_do_not_determine_has_no_speed_and_no_force(raff):
+    """The second bar swings as it likes."""
+    arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
+    assert arm.actuated == ("joint1",)
+    found = mapped(Survey(arm, over(("joint1", 0.0, 1.0, 3)), ("velocity", "force")))
+    assert np.isnan(found["velocity"]).all()
+    assert np.isnan(found["force"]).all()
 
 
 def test_an_arm_that_is_stretched_can_t_move_outward(robot):
@@ -337,23 +397,16 @@ def test_a_quantity_is_the_same_whatever_others_are_asked_for(robot, name):
 
 
 def test_where_it_is_singular_speed_is_what_a_linear_programme_finds(robot):
-    """rx90 with its wrist straight: axes 4 and 6 are one, and share the work."""
+    """rx90 with its wrist straight: axes 4 and 6 are one."""
     rx90 = robot("rx90")
     axes = (("joint1", -0.5, 0.5, 2), ("joint2", -0.4, 0.4, 2), ("joint3", 1.2, 1.6, 2))
     survey = Survey(
         rx90, over(*axes, at={"joint5": 0.0}), ("velocity", "condition"), along=(0.0, 1.0, 1.0), limits=False
     )
     found = mapped(survey)
-    limits = rx90.model.upperVelocityLimit
     assert np.isinf(found["condition"]).all()
     for q, speed in zip(found["configuration"].reshape(-1, 6), found["velocity"].ravel(), strict=True):
-        jacobian = rx90.jacobian(q, rx90.end)
-        wanted = np.r_[rx90.placement(q, rx90.end).rotation.T @ survey.along, np.zeros(3)]
-        best = linprog(
-            np.r_[np.zeros(6), -1.0], A_eq=np.c_[jacobian, -wanted], b_eq=np.zeros(6),
-            bounds=[*((-limit, limit) for limit in limits), (0.0, None)], method="highs",
-        )  # fmt: skip
-        assert speed == pytest.approx(-best.fun, rel=1e-5)
+        assert speed == pytest.approx(greatest_speed(rx90, q, rx90.end, survey.along), rel=1e-5)
 
 
 def test_where_the_direction_of_z_is_held_it_counts(robot):
@@ -361,19 +414,13 @@ def test_where_the_direction_of_z_is_held_it_counts(robot):
     rx90 = robot("rx90")
     at = rx90.placement(rx90.q_home, rx90.end).translation
     region = over(("x", at[0] - 0.1, at[0] - 0.05, 2), at={"y": at[1], "z": at[2]}, orientation="axis")
-    survey = Survey(rx90, region, ("sigma_1", "velocity"), along=(1.0, 0.0, 0.0))
+    survey = Survey(rx90, region, ("sigma_1",))
     found = mapped(survey)
     assert survey.counted == (3, 2)
     units = np.repeat([1.0 / rx90.length, 1.0], 3)[:, None] * rx90.scale
-    for q, sigma, speed in zip(found["configuration"], found["sigma_1"], found["velocity"], strict=True):
+    for q, sigma in zip(found["configuration"], found["sigma_1"], strict=True):
         jacobian = rx90.jacobian(q, rx90.end)
         assert sigma == pytest.approx(np.linalg.svd((jacobian * units)[:5])[1][4], rel=1e-5)
-        wanted = np.r_[rx90.placement(q, rx90.end).rotation.T @ survey.along, 0.0, 0.0]
-        best = linprog(
-            np.r_[np.zeros(6), -1.0], A_eq=np.c_[jacobian[:5], -wanted], b_eq=np.zeros(5),
-            bounds=[*((-limit, limit) for limit in rx90.model.upperVelocityLimit), (0.0, None)], method="highs",
-        )  # fmt: skip
-        assert speed == pytest.approx(-best.fun, rel=1e-5)
 
 
 def test_solutions_without_end_are_refused_in_a_plane_too(robot):
