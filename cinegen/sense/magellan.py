@@ -68,17 +68,20 @@ class Magellan:
 
     def _decode(self, line: bytes) -> Event | None:
         first = line[:1]
-        if self._whole and first == b"v" and len(line) > 5:
-            return _model(line)
+        answer = self._whole and first == b"v" and len(line) > 5
         motion = _motion(line)
         if motion is not None:
             return motion
+        model = _model(line) if answer else None
+        if model is not None:
+            return model
         pressed = self._keys(line)
         if pressed is not None:
             return pressed
         if self._whole and first == b"e" and 2 <= len(line) <= 4:
             return _fault(line)
-        if not (self._whole and first in (b"m", b"c", b"p", b"q", b"n", b"z", b"b", b"f", b"l") and len(line) <= 4):
+        echo = self._whole and first in (b"m", b"c", b"p", b"q", b"n", b"z", b"b", b"f", b"l") and len(line) <= 4
+        if not (answer or echo):
             self.damaged += 1
         return None
 
