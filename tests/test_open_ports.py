@@ -131,9 +131,8 @@ class Cluster:
         return address
 
     def __exit__(self, *_):
-        for process in self._running:
-            process.terminate()
-        for process in self._running:
+        for process in reversed(self._running):  # a worker without a scheduler may wait for ever
+            process.kill()
             process.wait()
 
 
