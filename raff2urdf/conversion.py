@@ -162,7 +162,7 @@ def convert_file(
     try:
         write_all(contents)
     except OSError as error:
-        raise RaffError(f"{out}: can't be written: {error.strerror or error}") from None
+        raise RaffError(f"{out}: can't be written: {error.filename}: {error.strerror}") from None
     return conversions
 
 

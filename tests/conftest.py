@@ -7,6 +7,8 @@ nobody says, so that all tests together stay within minutes.
 from __future__ import annotations
 
 import os
+import stat
+import threading
 from functools import cache
 from pathlib import Path
 
@@ -64,3 +66,41 @@ def raff(tmp_path):
         return cinegen.load(path, **options)
 
     return load
+
+
+DEVICES = {"null": (1, 3), "full": (1, 7)}
+
+
+@pytest.fixture
+def device(tmp_path):
+    """`device("full")`: a node of its own of a character device. What replaces a node would break the machine's."""
+
+    def make(name: str) -> Path:
+        path = tmp_path / f"device {name}"
+        try:
+            os.mknod(path, stat.S_IFCHR | 0o666, os.makedev(*DEVICES[name]))
+            path.open("wb").close()
+        except PermissionError:
+            pytest.skip("only root may make a device node here")
+        return path
+
+    return make
+
+
+@pytest.fixture
+def fifo(tmp_path):
+    """`path, read = fifo()`: a FIFO with a reader; `read()` is what came through, when the writer has closed it."""
+
+    def make():
+        path, got = tmp_path / "fifo", []
+        os.mkfifo(path)
+        thread = threading.Thread(target=lambda: got.append(path.read_bytes()), daemon=True)
+        thread.start()
+
+        def read() -> bytes:
+            thread.join(20)
+            return b"".join(got)
+
+        return path, read
+
+    return make

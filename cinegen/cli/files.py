@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import io
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from raff2urdf.files import write_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -91,8 +94,8 @@ def read(file: str) -> str:
         raise CinegenError(f"{file}: can't be read: {error}") from None
 
 
-def write(path: Path, text: str) -> None:
-    """Writes a text, with the folder that it is in.
+def write(path: Path, content: str | bytes) -> None:
+    """Write a file as a whole, with the folder that it is in.
 
     Raises:
         CinegenError: it can't be written.
@@ -100,25 +103,25 @@ def write(path: Path, text: str) -> None:
     from cinegen.errors import CinegenError
 
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+        write_all({path: content.encode(errors="backslashreplace") if isinstance(content, str) else content})
     except OSError as error:
         raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
 
 
 def write_figure(path: Path, figure: Figure) -> None:
-    """Writes a picture, with the folder that it is in.
+    """Write a picture, in the format that the path's suffix says (PNG without one), with the folder that it is in.
 
     Raises:
         CinegenError: it can't be written, or there is no such format.
     """
     from cinegen.errors import CinegenError
 
+    picture = io.BytesIO()
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=150)
-    except (OSError, ValueError) as error:  # matplotlib says which formats there are
+        figure.savefig(picture, format=path.suffix[1:] or "png", dpi=150)
+    except ValueError as error:  # matplotlib says which formats there are
         raise CinegenError(f"{path}: can't be written: {error}") from None
+    write(path, picture.getvalue())
 
 
 @contextlib.contextmanager

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.drive import of_page, show
 from cinegen.cli.files import count, ignoring_loops, progress, write_figure
+from raff2urdf.files import is_stream
 
 if TYPE_CHECKING:
     import numpy as np
@@ -61,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.planner != "vortex" and options.field != "vortex":
         raise CinegenError(f"--field {options.field}: --planner {options.planner} follows no field; leave one out")
-    if options.output and Path(options.output).is_file():
+    if options.output and Path(options.output).is_file() and not is_stream(options.output):
         raise CinegenError(f"{options.output}: is there already; name another file, or remove it first")
     scene = load_scene(options.scene, options.ignore_loops)
     if not options.json:

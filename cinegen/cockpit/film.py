@@ -10,6 +10,7 @@ import contextlib
 import math
 import shutil
 import subprocess
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -22,6 +23,7 @@ from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
 from cinegen.session import Loop, Reporter, Setup, State, Vocabulary, is_obstacle
+from raff2urdf.files import write_all
 
 FPS = 30
 """Pictures a second."""
@@ -136,11 +138,19 @@ def _frames(
 def _output(path: Path, ffmpeg: str) -> Iterator[Callable[[bytes], object]]:
     """Takes pictures: for a film, or into a folder."""
     if not ffmpeg:
-        path.mkdir(parents=True, exist_ok=True)
         count = iter(range(1, 10**9))
-        yield lambda picture: (path / f"{next(count):05d}.png").write_bytes(picture)
+        yield lambda picture: _write(path / f"{next(count):05d}.png", picture)
         return
-    path.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
+        made = Path(folder) / path.name
+        with _encoder(made, ffmpeg) as put:
+            yield put
+        _write(path, made.read_bytes())
+
+
+@contextlib.contextmanager
+def _encoder(path: Path, ffmpeg: str) -> Iterator[Callable[[bytes], object]]:
+    """Takes the pictures of a film."""
     even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # most players want that
     coded = ["-pix_fmt", "yuv420p", "-crf", "20"] if path.suffix.lower() == ".mp4" else []
     command = [
@@ -150,13 +160,20 @@ def _output(path: Path, ffmpeg: str) -> Iterator[Callable[[bytes], object]]:
     with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         into, out = process.stdin, process.stderr
         if into is None or out is None:
-            raise FilmError(f"{path}: ffmpeg can't be talked to")
+            raise FilmError(f"{path.name}: ffmpeg can't be talked to")
         with contextlib.suppress(BrokenPipeError):
             yield into.write
             into.close()
         said = out.read().decode(errors="replace").strip()
     if process.returncode:
-        raise FilmError(f"{path}: ffmpeg can't write it: {said.splitlines()[-1] if said else 'it says nothing'}")
+        raise FilmError(f"{path.name}: ffmpeg can't write it: {said.splitlines()[-1] if said else 'it says nothing'}")
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        write_all({path: content})
+    except OSError as error:
+        raise FilmError(f"{path}: can't be written: {error.strerror}") from None
 
 
 def _ffmpeg() -> str:

@@ -10,7 +10,6 @@ import contextlib
 import errno
 import math
 import os
-import stat
 import threading
 import time as clock
 from collections import deque
@@ -23,7 +22,7 @@ import pinocchio as pin
 
 from cinegen.mission.line import MissionError, Motion, Place, begins_a_mission, header, line, written
 from cinegen.model import Mechanism
-from raff2urdf.files import write_all
+from raff2urdf.files import is_stream, open_stream, write_all
 
 MOST = 10_000
 """Moments that wait to be written: more are lost."""
@@ -194,10 +193,9 @@ def _copied(target: pin.SE3 | None) -> pin.SE3 | None:
 def _begin(path: Path, first: bytes, overwrite: bool) -> int:
     """Opens a file that holds the first line; what was there before is only lost when that is written."""
     flags = os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0)
-    path = Path(os.path.realpath(path))
     try:
-        if path.exists() and not stat.S_ISREG(path.stat().st_mode):  # a pipe, for example
-            file = os.open(path, flags)
+        if is_stream(path):  # a pipe, for example
+            file = open_stream(path)
             try:
                 _put(file, first)
             except OSError:

@@ -19,6 +19,7 @@ from typing import Any, Self
 from cinegen.errors import CinegenError
 from cinegen.sense.json_line import written
 from cinegen.sense.reading import Reading
+from raff2urdf.files import is_stream, open_stream, write_all
 
 VERSION = 1
 
@@ -60,12 +61,15 @@ class Recorder:
     def __init__(self, path: str | Path, timeout: float = 0.25) -> None:
         self.error: str | None = None
         self._begin: float | None = None
-        flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND | getattr(os, "O_BINARY", 0)
         try:
-            self._file = os.open(path, flags, 0o666)
+            if is_stream(path):
+                self._file = open_stream(path)
+                self._write(header(timeout))
+            else:
+                write_all({Path(path): _encoded(header(timeout))})
+                self._file = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
         except OSError as error:
             raise RecordError(f"{path}: can't be written: {(error.strerror or str(error)).lower()}") from None
-        self._write(header(timeout))
 
     def write(self, reading: Reading) -> None:
         """Writes a reading; does not raise: see `error`. The time counts from the first."""
@@ -76,7 +80,7 @@ class Recorder:
     def _write(self, values: dict[str, Any]) -> None:
         if self.error is not None:
             return
-        data = json.dumps(values, separators=(",", ":")).encode() + b"\n"
+        data = _encoded(values)
         try:
             if os.write(self._file, data) < len(data):
                 self.error = "the disk is full"
@@ -100,3 +104,7 @@ class Recorder:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _encoded(values: dict[str, Any]) -> bytes:
+    return json.dumps(values, separators=(",", ":")).encode() + b"\n"

@@ -13,7 +13,7 @@ from raff2urdf.backward.graphics import Carried, units_of
 from raff2urdf.backward.robot import Reversal, reverse
 from raff2urdf.check import check
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
-from raff2urdf.files import write_all
+from raff2urdf.files import is_stream, write_all
 from raff2urdf.readers.urdf import joints, parse, several, silent
 from raff2urdf.writer import write
 
@@ -51,9 +51,12 @@ def reverse_file(
         return found
     written: dict[Path, bytes] = {}
     if graphics:
-        carried = Carried(tree, str(path), path.parent, out.parent, out.stem)
+        folder = _folder(out)
+        carried = Carried(tree, str(path), path.parent, folder or Path(), out.stem)
         found = replace(found, document=replace(found.document, robots=(carried.robot(found.document, found.nodes),)))
         written |= carried.written
+        if written and folder is None:
+            raise RaffError(f"{path}: no folder for graphics beside {out}: name a file, or give --no-graphics")
     try:
         written[out] = write(found.document, _head(path, found), found.notes).encode()
     except RaffError as error:
@@ -61,8 +64,16 @@ def reverse_file(
     try:
         write_all(written)
     except OSError as error:
-        raise RaffError(f"{out}: can't be written: {error.strerror or error}") from None
+        raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
     return found
+
+
+def _folder(out: Path) -> Path | None:
+    """The folder of a RAFF file; None where it is a device or a FIFO, which has no files beside it."""
+    try:
+        return None if is_stream(out) else out.parent
+    except OSError as error:
+        raise RaffError(f"{out}: can't be written: {error.strerror}") from None
 
 
 def _head(path: Path, found: Reversal) -> Sequence[str]:

@@ -214,11 +214,11 @@ def test_a_line_that_the_system_takes_in_parts(robot, tmp_path, monkeypatch):
     assert (record(tmp_path / "run.jsonl", arm, np.arange(20), q).q["robot"] == q).all()
 
 
-def test_a_disk_that_is_full_from_the_beginning(robot, monkeypatch):
-    if not os.path.exists("/dev/full"):
-        pytest.skip("no /dev/full here")
-    with pytest.raises(MissionError, match="/dev/full: can't be written: the disk is full"):
-        Recorder("/dev/full", {"arm": robot("planar_3r")})
+def test_a_disk_that_is_full_from_the_beginning(robot, device):
+    full = device("full")
+    with pytest.raises(MissionError, match=f"{full}: can't be written: the disk is full"):
+        Recorder(full, {"arm": robot("planar_3r")})
+    assert full.is_char_device()
 
 
 def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):

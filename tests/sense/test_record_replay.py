@@ -91,14 +91,14 @@ for i in range(10**9):
     assert [reading.time for reading in readings] == list(range(len(readings)))
 
 
-def test_a_full_disk_does_not_raise(tmp_path):
-    if not os.path.exists("/dev/full"):
-        pytest.skip("no /dev/full here")
-    recorder = Recorder("/dev/full")
+def test_a_full_disk_does_not_raise(device):
+    full = device("full")
+    recorder = Recorder(full)
     recorder.write(READINGS[0])
     assert "no space" in recorder.error
     recorder.close()
     recorder.write(READINGS[0])
+    assert full.is_char_device()
 
 
 def test_it_leaves_no_file_open(tmp_path):

@@ -7,14 +7,17 @@ What a known solution has become may be a new one; from one, all 40 come up afte
 
 from __future__ import annotations
 
+import io
 import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from cinegen.study.hexapod.equations import Complex, coefficients, lengths_at, moving
 from cinegen.study.hexapod.paths import TOLERANCE, Kind, apart, follow
 from cinegen.study.hexapod.start import COUNT, FILE, Start
+from raff2urdf.files import write_all
 
 _SEED = 112  # of some that were tried, the one with the shortest paths
 _FAR = 10.0  # corners of loops
@@ -50,4 +53,6 @@ def find(seed: int = _SEED) -> Start:
 
 
 if __name__ == "__main__":
-    np.savez(sys.argv[1] if len(sys.argv) > 1 else FILE, **find()._asdict())
+    file = io.BytesIO()
+    np.savez(file, **find()._asdict())
+    write_all({Path(sys.argv[1]) if len(sys.argv) > 1 else FILE: file.getvalue()})

@@ -20,6 +20,7 @@ from cinegen.study.maps.sweep.table import Row, Table
 from cinegen.study.maps.sweep.variant import Variant, variants
 from cinegen.study.maps.sweep.variation import Variation
 from raff2urdf.document import Document, Robot
+from raff2urdf.files import write_all
 from raff2urdf.reader import parse, read
 from raff2urdf.writer import write
 
@@ -192,12 +193,9 @@ def _seen_from(folder: Path, source: Path, document: Document) -> Document:
 
 def _write(path: Path, text: str) -> None:
     """Writes a file as a whole, unless that is what it says already."""
-    fresh = path.with_name(f".{path.name}.new")
     try:
-        if path.exists() and path.read_text(encoding="utf-8") == text:
+        if path.is_file() and path.read_text(encoding="utf-8") == text:
             return
-        path.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_text(text, encoding="utf-8")
-        fresh.replace(path)
+        write_all({path: text.encode()})
     except (OSError, ValueError) as error:
         raise MapError(f"{path} can't be written: {error}") from None

@@ -1,0 +1,214 @@
+"""Writing files: symbolic links are followed, devices and FIFOs written through, all files are written or none."""
+
+from __future__ import annotations
+
+import errno
+import os
+import socket
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from raff2urdf.files import write_all
+
+Device = Callable[[str], Path]
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_link_stays_a_link_and_its_file_is_written(tmp_path: Path) -> None:
+    real = tmp_path / "elsewhere" / "real"
+    real.parent.mkdir()
+    real.write_bytes(b"old")
+    (tmp_path / "link").symlink_to("elsewhere/real")
+    (tmp_path / "link to link").symlink_to("link")
+    write_all({tmp_path / "link to link": b"new"})
+    assert real.read_bytes() == b"new"
+    assert os.readlink(tmp_path / "link") == "elsewhere/real"
+    assert os.readlink(tmp_path / "link to link") == "link"
+    assert names(tmp_path) == ["elsewhere", "link", "link to link"]
+    assert names(real.parent) == ["real"]
+
+
+def test_the_file_behind_a_link_is_replaced_by_a_rename(tmp_path: Path) -> None:
+    """Who has opened it reads the old content to its end."""
+    (tmp_path / "real").write_bytes(b"old")
+    (tmp_path / "link").symlink_to("real")
+    with (tmp_path / "real").open("rb") as before:
+        write_all({tmp_path / "link": b"new"})
+        assert before.read() == b"old"
+
+
+def test_a_dangling_link_creates_its_target(tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to("made/target")
+    write_all({tmp_path / "link": b"new"})
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "made" / "target").read_bytes() == b"new"
+
+
+def test_a_ring_of_links_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to("b")
+    (tmp_path / "b").symlink_to("a")
+    with pytest.raises(OSError, match="symbolic links") as raised:
+        write_all({tmp_path / "a": b"new"})
+    assert raised.value.filename == str(tmp_path / "a")
+    assert names(tmp_path) == ["a", "b"]
+
+
+def test_a_device_is_written_through(tmp_path: Path, device: Device) -> None:
+    null = device("null")
+    write_all({null: b"gone"})
+    assert stat.S_ISCHR(null.lstat().st_mode)
+    assert names(tmp_path) == [null.name]
+
+
+@pytest.mark.parametrize("behind", [False, True], ids=["device", "link to it"])
+def test_a_full_device_is_an_error_and_no_other_file_is_written(tmp_path: Path, device: Device, behind: bool) -> None:
+    full = device("full")
+    target = full
+    if behind:
+        target = tmp_path / "link"
+        target.symlink_to(full)
+    (tmp_path / "other").write_bytes(b"old")
+    before = names(tmp_path)
+    with pytest.raises(OSError, match="No space left") as raised:
+        write_all({tmp_path / "other": b"new", target: b"lost", tmp_path / "folder" / "third": b"new"})
+    assert (raised.value.errno, raised.value.filename) == (errno.ENOSPC, str(target))
+    assert stat.S_ISCHR(full.lstat().st_mode)
+    assert (tmp_path / "other").read_bytes() == b"old"
+    assert names(tmp_path) == before
+
+
+def test_a_fifo_is_written_through(tmp_path: Path, fifo: Callable[[], tuple[Path, Callable[[], bytes]]]) -> None:
+    path, read = fifo()
+    content = bytes(range(256)) * 1000  # more than it holds at once
+    write_all({path: content})
+    assert read() == content
+    assert stat.S_ISFIFO(path.lstat().st_mode)
+    assert names(tmp_path) == [path.name]
+
+
+def test_a_folder_and_a_socket_are_errors(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(str(tmp_path / "socket"))
+        (tmp_path / "folder").mkdir()
+        for name, why in (("folder", "Is a directory"), ("socket", "No such device or address")):
+            with pytest.raises(OSError, match=why) as raised:
+                write_all({tmp_path / name: b"new"})
+            assert raised.value.filename == str(tmp_path / name)
+    assert names(tmp_path) == ["folder", "socket"]
+    assert stat.S_ISSOCK((tmp_path / "socket").stat().st_mode)
+
+
+@pytest.mark.parametrize("mode", [0o600, 0o640, 0o755, 0o666])
+def test_a_file_that_is_replaced_keeps_its_permissions(tmp_path: Path, mode: int) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    path.chmod(mode)
+    write_all({path: b"new"})
+    assert path.read_bytes() == b"new"
+    assert stat.S_IMODE(path.stat().st_mode) == mode
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may give files away")
+def test_a_file_that_is_replaced_keeps_its_owner(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"old")
+    os.chown(path, 12345, 23456)
+    write_all({path: b"new"})
+    assert (path.stat().st_uid, path.stat().st_gid) == (12345, 23456)
+
+
+def test_a_fresh_file_has_the_usual_permissions(tmp_path: Path) -> None:
+    write_all({tmp_path / "ours": b""})
+    (tmp_path / "usual").write_bytes(b"")
+    assert (tmp_path / "ours").stat().st_mode == (tmp_path / "usual").stat().st_mode
+
+
+def test_a_write_protected_file_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "file"
+    path.write_bytes(b"mine")
+    path.chmod(0o400)
+    access = os.access
+    monkeypatch.setattr(os, "access", lambda where, how: how != os.W_OK and access(where, how))  # as of who isn't root
+    with pytest.raises(PermissionError):
+        write_all({path: b"new"})
+    assert path.read_bytes() == b"mine"
+
+
+def test_a_name_as_long_as_names_may_be(tmp_path: Path) -> None:
+    """In bytes, not in characters."""
+    name = "😀" * 63
+    write_all({tmp_path / name: b"new"})
+    assert names(tmp_path) == [name]
+
+
+def test_nothing_is_left_where_it_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_all({tmp_path / "folder" / "file": b"new"})
+    assert names(tmp_path) == []
+
+
+# --- standard output ---------------------------------------------------------------------------------------------
+
+PROGRAM = "import sys; from pathlib import Path; from raff2urdf.files import write_all; print('before'); "
+PROGRAM += "write_all({Path(sys.argv[1]): b'content\\n'}); print('after')"
+
+
+@pytest.fixture
+def stdout(tmp_path: Path) -> Path:
+    """A link as /dev/stdout is one."""
+    if not os.path.exists("/proc/self/fd/1"):
+        pytest.skip("no /proc here")
+    path = tmp_path / "stdout"
+    path.symlink_to("/proc/self/fd/1")
+    return path
+
+
+def program(path: Path, **options: object) -> subprocess.CompletedProcess[str]:
+    package = str(Path(sys.modules["raff2urdf"].__file__ or "").parents[1])
+    command = [sys.executable, "-c", PROGRAM, str(path)]
+    environment = os.environ | {"PYTHONPATH": package}
+    return subprocess.run(command, env=environment, stderr=subprocess.PIPE, text=True, timeout=60, **options)  # type: ignore[call-overload,no-any-return]
+
+
+def test_standard_output_that_is_a_pipe(stdout: Path) -> None:
+    done = program(stdout, stdout=subprocess.PIPE)
+    assert (done.returncode, done.stdout) == (0, "before\ncontent\nafter\n")
+    assert stdout.is_symlink()
+
+
+def test_standard_output_that_is_a_file(stdout: Path, tmp_path: Path) -> None:
+    """It goes on where it was, as for `cat`; the file is not replaced under what is printed."""
+    with (tmp_path / "out").open("wb") as out:
+        out.write(b"first\n")
+        out.flush()
+        assert program(stdout, stdout=out).returncode == 0
+    assert (tmp_path / "out").read_text() == "first\nbefore\ncontent\nafter\n"
+
+
+def test_standard_output_that_is_a_socket(stdout: Path) -> None:
+    ours, theirs = socket.socketpair()
+    with ours:
+        with theirs:
+            assert program(stdout, stdout=theirs.fileno()).returncode == 0
+        assert ours.makefile().read() == "before\ncontent\nafter\n"
+
+
+def test_standard_output_that_is_full(stdout: Path, device: Device) -> None:
+    full = device("full")
+    with full.open("wb", buffering=0) as out:
+        done = program(stdout, stdout=out)
+    assert done.returncode != 0
+    assert "No space left on device" in done.stderr
+    assert stat.S_ISCHR(full.lstat().st_mode)

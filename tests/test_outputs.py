@@ -1,0 +1,337 @@
+"""Every command that writes a file: where its target is a link, a device, a FIFO or a folder."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import os
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import imageio_ffmpeg
+import numpy as np
+import pytest
+from PIL import Image
+
+import cinegen.cli
+import raff2urdf.cli
+import raff2urdf.urdf2raff
+from cinegen.cockpit.film import FilmError, _output
+from cinegen.mission import Motion, Recorder, Recording
+from cinegen.sense import Reading, RecordError
+from cinegen.sense import Recorder as SensorRecorder
+from cinegen.sense.replay import load as load_readings
+from cinegen.study.maps.sweep.sweep import _write as write_part_of_sweep
+
+
+def _is_png(content: bytes) -> bool:
+    return Image.open(io.BytesIO(content)).format == "PNG"
+
+
+def _is_svg(content: bytes) -> bool:
+    return b"<svg" in content
+
+
+def _is_pdf(content: bytes) -> bool:
+    return content.startswith(b"%PDF")
+
+
+def _is_json(content: bytes) -> bool:
+    return bool(json.loads(content))
+
+
+def _is_page(content: bytes) -> bool:
+    return b"MeshCat.Viewer" in content
+
+
+def _is_mission(content: bytes) -> bool:
+    return content.splitlines()[0].startswith(b'{"cinegen"') and len(content.splitlines()) > 2
+
+
+def _is_table(content: bytes) -> bool:
+    return content.startswith(b"time,joint1")
+
+
+def _is_npz(content: bytes) -> bool:
+    return len(np.load(io.BytesIO(content))["times"]) > 10
+
+
+def _is_raff(content: bytes) -> bool:
+    return content.startswith(b"RAFF")
+
+
+# A name for the target, the command (TARGET is where it writes, HERE the folder with its inputs), what it writes.
+COMMANDS = {
+    "singular -o": ("t.json", "singular five_bar.raff --scan x,y --grid 5 --plot p.png -o TARGET", _is_json),
+    "singular --plot": ("t.svg", "singular five_bar.raff --scan x,y --grid 5 -o n.json --plot TARGET", _is_svg),
+    "modes --plot": ("t.pdf", "modes four_bar.raff --plot TARGET", _is_pdf),
+    "modes --plot, no suffix": ("t", "modes four_bar.raff --plot TARGET", _is_png),
+    "drive --snapshot": ("t.html", "drive planar_3r.raff --snapshot TARGET", _is_page),
+    "plan --plot": ("t.png", "plan scenes/disc.toml --plot TARGET", _is_png),
+    "plan -o": ("t.jsonl", "plan scenes/disc.toml -o TARGET", _is_mission),
+    "map --plot": ("t.png", "map planar_3r.raff --over x,y --grid 4 -o m.zarr --workers 1 --plot TARGET", _is_png),
+    "export --to csv": ("t.csv", "export HERE/run.jsonl --to csv -o TARGET", _is_table),
+    "export --to npz": ("t.npz", "export HERE/run.jsonl --to npz -o TARGET", _is_npz),
+    "urdf2raff -o": (
+        "t.raff",
+        "urdf2raff HERE/arm.urdf --no-graphics -o TARGET",
+        lambda content: content[:4] == b"RAFF",
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def inputs(robot, tmp_path_factory):
+    """A recording and a URDF."""
+    folder = tmp_path_factory.mktemp("inputs")
+    arm = robot("planar_3r")
+    with Recorder(folder / "run.jsonl", {"arm": arm}) as recorder:
+        for k in range(50):
+            recorder.write(0.02 * k, {"arm": Motion(arm.q_home + 1e-3 * k)})
+    (folder / "arm.urdf").write_text(arm.source.urdf)
+    return folder
+
+
+@pytest.fixture
+def command(root, inputs, tmp_path, monkeypatch):
+    """`command("plan -o", target)`: its exit code."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+
+    def run(name: str, target: Path) -> int:
+        program, *words = COMMANDS[name][1].split()
+        arguments = [
+            str(root / "robots" / word) if word.endswith((".raff", ".toml")) else word.replace("HERE", str(inputs))
+            for word in words
+        ]
+        arguments = [str(target) if word == "TARGET" else word for word in arguments]
+        if program == "urdf2raff":
+            return raff2urdf.urdf2raff.main(arguments)
+        return cinegen.cli.main([program, *arguments])
+
+    return run
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_link_stays_a_link(command, name, tmp_path):
+    file, _, is_right = COMMANDS[name]
+    link = tmp_path / file
+    link.symlink_to("target")
+    assert command(name, link) == 0  # it dangles
+    assert link.is_symlink()
+    assert is_right((tmp_path / "target").read_bytes())
+    if name == "plan -o":  # a recording is never overwritten
+        return
+    (tmp_path / "target").write_bytes(b"old")
+    (tmp_path / "target").chmod(0o640)
+    assert command(name, link) == 0
+    assert link.is_symlink()
+    assert is_right((tmp_path / "target").read_bytes())
+    assert stat.S_IMODE((tmp_path / "target").stat().st_mode) == 0o640
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(["here", file, "target"])
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_device_is_never_replaced_and_a_full_one_is_an_error(command, name, device, capsys):
+    full = device("full")
+    assert command(name, full) == 1
+    assert stat.S_ISCHR(full.lstat().st_mode)
+    said = capsys.readouterr().err
+    assert "device full: can't be written: " in said
+    assert "no space left on device" in said.lower() or "the disk is full" in said
+    null = device("null")
+    assert command(name, null) == 0
+    assert stat.S_ISCHR(null.lstat().st_mode)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_fifo_is_written_through(command, name, fifo):
+    path, read = fifo()
+    assert command(name, path) == 0
+    assert stat.S_ISFIFO(path.lstat().st_mode)
+    is_right = _is_png if "--plot" in name else COMMANDS[name][2]  # without a suffix
+    assert is_right(read())
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_folder_is_an_error(command, name, tmp_path, capsys):
+    (tmp_path / "folder").mkdir()
+    assert command(name, tmp_path / "folder") == 1
+    assert "folder: can't be written: is a directory" in capsys.readouterr().err.lower()
+    assert not list((tmp_path / "folder").iterdir())
+
+
+def test_raff2urdf_writes_through_links_in_its_folder(root, device, fifo, tmp_path, capsys):
+    (tmp_path / "out").mkdir()
+    urdf, constraints = (tmp_path / f"out/four_bar.{end}" for end in ("urdf", "constraints.json"))
+    urdf.symlink_to("../far.urdf")
+    path, read = fifo()
+    constraints.symlink_to(path)
+    call = [str(root / "robots/four_bar.raff"), "-o", str(tmp_path / "out")]
+    assert raff2urdf.cli.main(call) == 0
+    assert b"<robot" in (tmp_path / "far.urdf").read_bytes()
+    assert json.loads(read())["loops"]
+    constraints.unlink()
+    constraints.symlink_to(device("full"))
+    (tmp_path / "far.urdf").write_bytes(b"older")
+    assert raff2urdf.cli.main(call) == 1
+    assert "four_bar.constraints.json: No space left on device" in capsys.readouterr().err
+    assert (tmp_path / "far.urdf").read_bytes() == b"older"  # all or none
+    assert stat.S_ISCHR((tmp_path / "device full").lstat().st_mode)
+    assert urdf.is_symlink()
+    assert constraints.is_symlink()
+
+
+def test_a_folder_of_outputs_that_is_a_dangling_link(root, tmp_path):
+    (tmp_path / "out").symlink_to("made")
+    assert raff2urdf.cli.main([str(root / "robots/four_bar.raff"), "-o", str(tmp_path / "out")]) == 0
+    assert (tmp_path / "made" / "four_bar.urdf").is_file()
+    assert (tmp_path / "out").is_symlink()
+
+
+def test_graphics_have_no_place_beside_a_device(device, tmp_path, capsys):
+    """They were written to a folder beside it, which of /dev/stdout is /dev."""
+    box = '<link name="base"><visual><geometry><box size="1 2 3"/></geometry></visual></link>'
+    (tmp_path / "box.urdf").write_text(f'<robot name="box">{box}</robot>')
+    before = sorted([*tmp_path.iterdir(), null := device("null")])
+    assert raff2urdf.urdf2raff.main([str(tmp_path / "box.urdf"), "-o", str(null)]) == 1
+    assert "--no-graphics" in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before
+    assert raff2urdf.urdf2raff.main([str(tmp_path / "box.urdf"), "-o", str(null), "--no-graphics"]) == 0
+
+
+# --- what is written while it comes ----------------------------------------------------------------------------------
+
+
+def _mission(path, robot):
+    with Recorder(path, {"arm": robot("planar_3r")}) as recorder:
+        for k in range(20):
+            recorder.write(0.1 * k, {"arm": Motion(np.full(3, 0.01 * k))})
+
+
+def _readings(path, robot):
+    with SensorRecorder(path) as recorder:
+        for k in range(20):
+            recorder.write(Reading(0.1 * k, (0.1, 0, 0, 0, 0, 0)))
+
+
+WRITERS: dict[str, tuple[Callable, Callable]] = {
+    "mission": (_mission, lambda path: Recording.load(path).times),
+    "readings": (_readings, lambda path: load_readings(path)[0]),
+}
+
+
+@pytest.mark.parametrize("what", WRITERS)
+def test_recordings_follow_links_and_write_through_fifos(what, robot, fifo, tmp_path):
+    write, read_back = WRITERS[what]
+    (tmp_path / "link").symlink_to("real")
+    write(tmp_path / "link", robot)
+    assert (tmp_path / "link").is_symlink()
+    assert len(read_back(tmp_path / "real")) == 20
+    path, read = fifo()
+    write(path, robot)
+    (tmp_path / "copy").write_bytes(read())
+    assert len(read_back(tmp_path / "copy")) == 20
+    assert stat.S_ISFIFO(path.lstat().st_mode)
+
+
+@pytest.mark.parametrize("what", WRITERS)
+def test_recordings_to_standard_output(what, root, tmp_path):
+    """A link as /dev/stdout is one; its end is a pipe, whose real path is no file."""
+    (tmp_path / "stdout").symlink_to("/proc/self/fd/1")
+    program = f"""
+import sys
+sys.path[:0] = [{str(root / "tests")!r}]
+import cinegen
+from test_outputs import WRITERS
+arm = cinegen.load({str(root / "robots/planar_3r.raff")!r})
+WRITERS[{what!r}][0]({str(tmp_path / "stdout")!r}, lambda name: arm)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=120)
+    assert done.returncode == 0, done.stderr.decode()
+    (tmp_path / "copy").write_bytes(done.stdout)
+    assert len(WRITERS[what][1](tmp_path / "copy")) == 20
+
+
+def test_readings_that_are_there_are_lost_only_where_others_can_be_written(tmp_path, monkeypatch):
+    path = tmp_path / "run.jsonl"
+    path.write_bytes(b"old")
+    path.chmod(0o640)
+    with monkeypatch.context() as full:
+        full.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left on device")))
+        with pytest.raises(RecordError, match="no space left"):
+            SensorRecorder(path)
+    assert path.read_bytes() == b"old"
+    SensorRecorder(path).close()
+    assert path.read_bytes().startswith(b'{"cinegen":"readings"')
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+
+
+def test_the_files_of_a_sweep(fifo, tmp_path):
+    (tmp_path / "table.csv").symlink_to("real.csv")
+    for text in ("a,b\n", "c,d\n", "c,d\n"):
+        write_part_of_sweep(tmp_path / "table.csv", text)
+        assert (tmp_path / "real.csv").read_text() == text
+    assert (tmp_path / "table.csv").is_symlink()
+    path, read = fifo()
+    write_part_of_sweep(path, "a,b\n")  # it was read first, and that never ended
+    assert read() == b"a,b\n"
+
+
+# --- films -----------------------------------------------------------------------------------------------------------
+
+
+def _filmed(path):
+    picture = io.BytesIO()
+    Image.new("RGB", (64, 48), "red").save(picture, "PNG")
+    with _output(path, imageio_ffmpeg.get_ffmpeg_exe() if path.suffix else "") as put:
+        for _ in range(5):
+            put(picture.getvalue())
+
+
+def test_a_film_follows_links_and_keeps_devices(device, tmp_path):
+    (tmp_path / "link.mp4").symlink_to("real")
+    _filmed(tmp_path / "link.mp4")
+    assert (tmp_path / "link.mp4").is_symlink()
+    assert b"ftyp" in (tmp_path / "real").read_bytes()[:16]
+    full = device("full").rename(tmp_path / "full.mp4")
+    with pytest.raises(FilmError, match=r"full\.mp4: can't be written: No space left on device"):
+        _filmed(full)
+    assert stat.S_ISCHR(full.lstat().st_mode)
+
+
+def test_a_film_through_a_fifo_is_whole(fifo, tmp_path):
+    """An MP4 can't be written from its beginning to its end: what stands first is known last."""
+    path, read = fifo()
+    (tmp_path / "fifo.mp4").symlink_to(path)
+    _filmed(tmp_path / "fifo.mp4")
+    (tmp_path / "copy.mp4").write_bytes(read())
+    said = subprocess.run(
+        [imageio_ffmpeg.get_ffmpeg_exe(), "-i", tmp_path / "copy.mp4", "-f", "null", "-"],
+        capture_output=True,
+        text=True,
+    )
+    assert said.returncode == 0
+    assert "frame=    5" in said.stderr
+
+
+def test_a_film_that_fails_leaves_what_was_there(tmp_path):
+    (tmp_path / "film.mp4").write_bytes(b"older")
+    with (
+        pytest.raises(FilmError, match="can't write it"),
+        _output(tmp_path / "film.mp4", imageio_ffmpeg.get_ffmpeg_exe()) as put,
+    ):
+        put(b"no picture")
+    assert (tmp_path / "film.mp4").read_bytes() == b"older"
+    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
+
+
+def test_frames_where_a_file_stands_are_an_error(tmp_path):
+    (tmp_path / "taken").write_bytes(b"mine")
+    with pytest.raises(FilmError, match="can't be written"):
+        _filmed(tmp_path / "taken")
+    assert (tmp_path / "taken").read_bytes() == b"mine"
