@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import warnings
 from collections.abc import Sequence
@@ -14,13 +13,18 @@ from typing import TYPE_CHECKING, Any
 from raff2urdf.check import check
 from raff2urdf.errors import RaffError
 from raff2urdf.formats import FORMATS
+from raff2urdf.output import run
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Conversion
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code: 0, or 1 where a file is wrong."""
+    """Runs the command; returns its exit code: 0, 1 where a file is wrong, or as `raff2urdf.output.run` says."""
+    return run("raff2urdf", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(
         prog="raff2urdf",
         description="Translate RAFF files (Kleinfinger parameters, loops, sensors) into URDF plus constraints, "
@@ -54,13 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error(f"--constraint-elements is for --format urdf; {options.format} has words of its own for loops")
     with warnings.catch_warnings():
         warnings.showwarning = show_warning
-        try:
-            code = _run(options)
-            sys.stdout.flush()
-        except BrokenPipeError:  # whoever reads has seen enough: `raff2urdf --json *.raff | head -1`
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            return 1
-    return code
+        return _run(options)
 
 
 def _run(options: argparse.Namespace) -> int:

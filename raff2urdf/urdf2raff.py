@@ -13,13 +13,18 @@ from typing import TYPE_CHECKING, Any
 from raff2urdf.cli import pair, show_warning
 from raff2urdf.document import UNITS_PER_METRE
 from raff2urdf.errors import RaffError
+from raff2urdf.output import run
 
 if TYPE_CHECKING:
     from raff2urdf.backward.robot import Reversal
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code: 0, or 1 where the file is wrong."""
+    """Runs the command; returns its exit code: 0, 1 where the file is wrong, or as `raff2urdf.output.run` says."""
+    return run("urdf2raff", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(
         prog="urdf2raff",
         description="Describe a robot in RAFF (Kleinfinger parameters, loops) from a URDF, an SDF or an MJCF. What a "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import sys
 import warnings
@@ -11,11 +10,16 @@ from collections.abc import Sequence
 from typing import Any
 
 from cinegen.cli import close, drive, export, info, map, modes, plan, replay, sensors, singular
+from raff2urdf import output
 from raff2urdf.errors import RaffError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code: 0, or 1 where something is wrong."""
+    """Runs the command; returns its exit code: 0, 1 where something is wrong, or as `raff2urdf.output.run` says."""
+    return output.run("cinegen", lambda: _main(arguments))
+
+
+def _main(arguments: Sequence[str] | None) -> int:
     options = parser().parse_args(arguments)
     from cinegen.errors import CinegenError
 
@@ -24,15 +28,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warnings.filterwarnings("ignore", category=DeprecationWarning, module=r"(zmq|meshcat)\b")  # others' affair
         try:
             code: int = options.run(options)
-            sys.stdout.flush()
         except (RaffError, CinegenError) as error:
             print(f"cinegen: {error}", file=sys.stderr)
-            return 1
-        except KeyboardInterrupt:
-            print("cinegen: stopped", file=sys.stderr)
-            return 130  # as shells have it
-        except BrokenPipeError:  # whoever reads has seen enough: `cinegen info x.raff | head -1`
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             return 1
     return code
 

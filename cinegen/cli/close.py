@@ -7,7 +7,8 @@ import contextlib
 import sys
 from typing import Any
 
-from cinegen.cli.files import mechanisms, of_files, read, say_at_once
+from cinegen.cli.files import mechanisms, of_files, read
+from raff2urdf.output import write_at_once
 
 
 def add(commands: Any) -> None:
@@ -38,5 +39,5 @@ def run(options: argparse.Namespace) -> int:
     motion = ForwardKinematics(mechanism) if options.start is None else start_from(mechanism, read(options.start))
     if sys.stdin is not None:
         with contextlib.suppress(KeyboardInterrupt):
-            Lines(motion).serve(sys.stdin.buffer, say_at_once)
+            Lines(motion).serve(sys.stdin.buffer, write_at_once)
     return 0

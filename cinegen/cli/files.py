@@ -142,12 +142,6 @@ def progress() -> Iterator[Callable[[str], None]]:
             print(f"\r{'':<{told}}\r", end="", file=sys.stderr, flush=True)
 
 
-def say_at_once(text: str) -> None:
-    """Prints a text that somebody waits for."""
-    sys.stdout.write(text)
-    sys.stdout.flush()
-
-
 def count(things: Sequence[Any], name: str) -> str:
     """So many of them, in words."""
     return f"{len(things)} {name}{'s' * (len(things) != 1)}"

@@ -6,7 +6,8 @@ import argparse
 import sys
 from typing import Any
 
-from cinegen.cli.files import ignoring_loops, say_at_once, seconds
+from cinegen.cli.files import ignoring_loops, seconds
+from raff2urdf.output import write_at_once
 
 
 def add(commands: Any) -> None:
@@ -33,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
 
     if options.monitor:
         rewrite = sys.stdout.isatty() and not options.json
-        report.monitor(options.monitor, say_at_once, options.seconds, options.json, rewrite)
+        report.monitor(options.monitor, write_at_once, options.seconds, options.json, rewrite)
         return 0
     print(report.listing(options.files, options.sensor, options.json, options.ignore_loops))
     return 0

@@ -1,0 +1,210 @@
+"""Every command where its standard streams are closed, broken or full: no traceback, and a conventional exit code."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import stat
+import subprocess
+import sys
+
+import pytest
+
+import raff2urdf.cli
+from raff2urdf.output import NO_READER, OutputLostError, run, write_at_once
+
+FULL = "standard output can't be written: No space left on device"
+
+
+def _entry(module):
+    """As the installed command starts it."""
+    return ["-c", f"import sys; from {module} import main; sys.exit(main())"]
+
+
+COMMANDS = {
+    "cinegen info": [*_entry("cinegen.cli"), "info", "ROBOTS/four_bar.raff"],
+    "cinegen --help": [*_entry("cinegen.cli"), "--help"],
+    "python -m cinegen": ["-m", "cinegen", "singular", "ROBOTS/planar_3r.raff", "--json"],
+    "python -m cinegen.cli": ["-m", "cinegen.cli", "sensors", "--json"],
+    "cinegen close": [*_entry("cinegen.cli"), "close", "ROBOTS/planar_3r.raff"],
+    "raff2urdf": [*_entry("raff2urdf.cli"), "ROBOTS/four_bar.raff"],
+    "raff2urdf --help": [*_entry("raff2urdf.cli"), "--help"],
+    "python -m raff2urdf": ["-m", "raff2urdf", "ROBOTS/four_bar.raff", "--check", "--json"],
+    "urdf2raff": [*_entry("raff2urdf.urdf2raff"), "arm.urdf", "-o", "arm.raff"],
+    "python -m raff2urdf.urdf2raff": ["-m", "raff2urdf.urdf2raff", "arm.urdf", "-o", "arm.raff", "--json"],
+}
+
+
+@pytest.fixture
+def start(root, robot, tmp_path):
+    """`start("cinegen info", stdout=...)`: the process that has ended."""
+
+    def start(name, closing="", robots=root / "robots", **streams):
+        (tmp_path / "arm.urdf").write_text(robot("planar_3r").source.urdf)
+        arguments = [word.replace("ROBOTS", str(robots)) for word in COMMANDS[name]]
+        command = ["/bin/sh", "-c", f'exec "$@" {closing}', "sh", sys.executable, *arguments]
+        streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | streams
+        given = {} if "stdin" in streams else {"input": '{"joint1": 0.1}\n'}
+        environment = os.environ | {"PYTHONPATH": str(root)}
+        return subprocess.run(command, cwd=tmp_path, env=environment, text=True, timeout=120, **given, **streams)
+
+    return start
+
+
+@pytest.fixture
+def no_reader():
+    """A pipe that nobody reads any more."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    yield writing
+    os.close(writing)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_reader_that_has_gone(start, no_reader, name):
+    done = start(name, stdout=no_reader)
+    assert (done.returncode, done.stderr) == (NO_READER, "")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_standard_output_that_is_full(start, device, name):
+    full = device("full")
+    with full.open("wb") as out:
+        done = start(name, stdout=out)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert done.stderr.endswith(f"{FULL}\n")
+    assert stat.S_ISCHR(full.lstat().st_mode)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_standard_output_that_is_closed(start, name):
+    done = start(name, ">&-")
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("name", ["cinegen info", "cinegen --help", "raff2urdf", "urdf2raff"])
+def test_all_streams_closed(start, name):
+    assert start(name, "<&- >&- 2>&-").returncode == 0
+
+
+@pytest.mark.parametrize("name", ["cinegen info", "raff2urdf"])
+@pytest.mark.parametrize("how", ["closed", "full", "no reader"])
+def test_standard_error_that_is_lost_changes_nothing(start, device, no_reader, name, how):
+    closing = "2>&-" if how == "closed" else ""
+    with device("full").open("wb") as full:
+        streams = {"closed": {}, "full": {"stderr": full}, "no reader": {"stderr": no_reader}}[how]
+        done = start(name, closing, **streams)
+        assert done.returncode == 0
+        assert "four_bar" in done.stdout
+        failed = start(name, closing, robots="/nowhere", **streams)
+        assert (failed.returncode, failed.stdout) == (1, "")
+
+
+def test_closed_standard_input_is_empty(start):
+    done = start("cinegen close", "<&-")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_files_are_written_though_nobody_reads_what_is_said(root, no_reader, tmp_path):
+    for name in "abcdef":
+        (tmp_path / f"{name}.raff").write_text((root / "robots/four_bar.raff").read_text())
+    command = [sys.executable, "-u", "-m", "raff2urdf", *(f"{name}.raff" for name in "abcdef"), "-o", "out"]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=no_reader, stderr=subprocess.PIPE, timeout=120)
+    assert (done.returncode, done.stderr) == (NO_READER, b"")
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.urdf")) == [f"{name}.urdf" for name in "abcdef"]
+
+
+def test_a_recording_is_written_though_nobody_reads_what_is_said(root, no_reader, tmp_path):
+    command = [sys.executable, "-m", "cinegen", "plan", str(root / "robots/scenes/disc.toml"), "-o", "way.jsonl"]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=no_reader, stderr=subprocess.PIPE, timeout=120)
+    assert (done.returncode, done.stderr) == (NO_READER, b"")
+    assert len((tmp_path / "way.jsonl").read_text().splitlines()) > 10
+
+
+def test_what_only_streams_ends_with_its_reader(root, tmp_path):
+    """Though more might be asked: standard input stays open."""
+    command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/planar_3r.raff")]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    with subprocess.Popen(
+        command, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        process.stdin.write("{}\n")
+        process.stdin.flush()
+        assert json.loads(process.stdout.readline())
+        process.stdout.close()
+        process.stdin.write("{}\n")
+        process.stdin.flush()
+        assert process.wait(30) == NO_READER
+        assert process.stderr.read() == ""
+
+
+def test_the_exit_code_of_a_command_that_fails_is_its_own(root, no_reader, tmp_path):
+    command = [sys.executable, "-m", "raff2urdf", str(root / "robots/four_bar.raff"), "none.raff", "--json"]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=no_reader, stderr=subprocess.PIPE, timeout=120)
+    assert done.returncode == 1
+    assert b"none.raff: can't be read" in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
+def test_wrong_calls_end_as_ever(capsys):
+    with pytest.raises(SystemExit) as end:
+        raff2urdf.cli.main(["--nonsense"])
+    assert end.value.code == 2
+    assert "usage:" in capsys.readouterr().err
+
+
+def test_ctrl_c_is_no_traceback(capsys):
+    def stopped():
+        raise KeyboardInterrupt
+
+    assert run("thing", stopped) == 130
+    assert capsys.readouterr().err == "thing: stopped\n"
+
+
+# --- the streams -----------------------------------------------------------------------------------------------------
+
+
+def test_characters_that_an_encoding_lacks_are_escaped(monkeypatch):
+    """The terminal's, or bytes of a file's name that are no UTF-8."""
+    for encoding, shown in (("ascii", b"4 \\xb1 1 \\udcff\n"), ("utf-8", b"4 \xc2\xb1 1 \\udcff\n")):
+        out = io.TextIOWrapper(io.BytesIO(), encoding=encoding)
+        monkeypatch.setattr(sys, "stdout", out)
+        assert run("thing", lambda: print("4 ± 1 \udcff") or 0) == 0
+        assert out.buffer.getvalue() == shown
+
+
+def test_a_stream_that_fails_is_left_alone_after_that(monkeypatch):
+    class Full(io.StringIO):
+        tried = 0
+
+        def write(self, text):
+            Full.tried += 1
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(sys, "stdout", Full())
+    said = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", said)
+
+    def command():
+        print("one")
+        print("two")
+        with pytest.raises(OutputLostError):
+            write_at_once("three")
+        return 0
+
+    assert run("thing", command) == 1
+    assert Full.tried == 1
+    assert said.getvalue() == f"thing: {FULL}\n"
+
+
+def test_other_errors_are_not_taken_for_those_of_the_streams(capsys):
+    def command():
+        raise BrokenPipeError(32, "of something else")
+
+    with pytest.raises(BrokenPipeError):
+        run("thing", command)
