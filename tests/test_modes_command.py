@@ -191,6 +191,8 @@ def test_what_is_not_proved_is_not_called_all(typed):
         ("five_bar", ["--values", "1", "nan"], "'nan' is no number"),
         ("five_bar", ["--values", "joint3=1", "2"], "give all values by name"),
         ("five_bar", ["--values", "joint2=1"], "no motor 'joint2'"),
+        ("five_bar", ["--values", "joint3=1", "joint3=2"], "--lengths: joint3 is given twice"),
+        ("five_bar", ["--at", "x=1,y=2,x=3"], "--at: x is given twice"),
         ("five_bar", ["--at", "1,2"], "not 2 numbers"),
         ("five_bar", ["--at", "x=1,u=2"], "no coordinate 'u'"),
         ("five_bar", ["--at", "0,1500,0"], f"misses it by {1500.0 - 1e3 * math.sqrt(0.65**2 - 0.15**2):.1f} mm"),

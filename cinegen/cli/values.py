@@ -38,7 +38,7 @@ def named(given: Sequence[str], option: str, example: str) -> dict[str, float] |
     """Values by name; None where none has a name.
 
     Raises:
-        CinegenError: some have a name and some have none, or it is no number.
+        CinegenError: some have a name and some have none, a name is given twice, or it is no number.
     """
     from cinegen.errors import CinegenError
 
@@ -47,7 +47,12 @@ def named(given: Sequence[str], option: str, example: str) -> dict[str, float] |
         return None
     if len(having) < len(given):
         raise CinegenError(f"{option}: give all values by name, such as {example}, or none")
-    return {name: number(text, option) for name, _, text in (part.partition("=") for part in having)}
+    found: dict[str, float] = {}
+    for name, _, text in (part.partition("=") for part in having):
+        if name in found:
+            raise CinegenError(f"{option}: {name} is given twice")
+        found[name] = number(text, option)
+    return found
 
 
 def meant(mechanism: Mechanism, name: str, value: float) -> float:

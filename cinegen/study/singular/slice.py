@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,11 +63,7 @@ class Coordinates:
         self.mechanism = mechanism
         self.node = mechanism.end if node is None else node
         self.of_motors = bool(names) and all(name in mechanism.actuated for name in names)
-        known = mechanism.actuated if self.of_motors else POSE
-        for name in names:
-            if name not in known:
-                choice = f"{', '.join(POSE)} (of {self.node}), or motors alone: {', '.join(mechanism.actuated)}"
-                raise SliceError(f"{mechanism.name}: no coordinate '{name}' here: there are {choice}")
+        self._check(names)
         if len(set(names)) < len(names):
             raise SliceError(f"{mechanism.name}: a coordinate is given twice: {', '.join(names)}")
         self.held = tuple(mechanism.actuated) if self.of_motors else self._independent(names)
@@ -77,6 +74,20 @@ class Coordinates:
                 f"{mechanism.name}: {', '.join(missing)} of {self.node} can't be given independently of "
                 f"{', '.join(self.held)}"
             )
+
+    def _check(self, names: Iterable[str]) -> None:
+        """Refuse names that are no coordinates here: of several, one that is none anywhere."""
+        actuated = self.mechanism.actuated
+        wrong = [name for name in names if name not in (actuated if self.of_motors else POSE)]
+        if not wrong:
+            return
+        name = min(wrong, key=(*POSE, *actuated).__contains__)
+        near = difflib.get_close_matches(name, [*POSE, *actuated], n=1)
+        hint = f" (did you mean '{near[0]}'?)" if near and near[0] != name else ""
+        if name in self.mechanism.joints and name not in actuated:
+            hint = " (this joint is not actuated)"
+        choice = f"{', '.join(POSE)} (of {self.node}), or motors alone: {', '.join(actuated)}"
+        raise SliceError(f"{self.mechanism.name}: no coordinate '{name}' here{hint}: there are {choice}")
 
     def _independent(self, names: Sequence[str]) -> tuple[str, ...]:
         """Coordinates that can all be given, those asked for first."""
@@ -112,7 +123,12 @@ class Coordinates:
 
     def led(self, given: Mapping[str, float], steps: int = 40) -> Array | None:
         """The configuration (nq,) for some values, the others as at home, led from home in small steps; None where the
-        branch ends before."""
+        branch ends before.
+
+        Raises:
+            SliceError: a value of a coordinate that there is not.
+        """
+        self._check(given)
         goal = {**{name: self.home[name] for name in self.held}, **given}
         q: Array | None = self.mechanism.q_home
         for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
