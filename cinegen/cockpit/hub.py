@@ -100,7 +100,7 @@ class Hub:
     def drop(self, client: Client, reason: str) -> None:
         """A browser is listened to no more, and told why."""
         self.leave(client)
-        client.line.close(_POLITE, reason[:120])
+        client.line.close(_POLITE, reason)
 
     # --- what they say -------------------------------------------------------------------------------------------
 

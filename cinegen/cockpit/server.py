@@ -36,6 +36,7 @@ LARGEST = 8192
 
 _ALL = ("", "0.0.0.0", "::")  # addresses that stand for all of this machine
 _PING = 10.0  # s between two questions whether a browser is still there
+_REASON = 123  # bytes of the reason in a close frame (RFC 6455: 125 of a control frame, 2 for the code)
 _NEARBY = "'self' http://localhost:* http://127.0.0.1:* https://localhost:* https://127.0.0.1:*"
 _POLICY = (
     "default-src 'self'; script-src 'self' 'sha256-{}'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -180,6 +181,14 @@ def is_local(host: str) -> bool:
         return False
 
 
+def _hostname(host: str) -> str:
+    """The name in a request's header Host; empty where that is malformed."""
+    try:
+        return (urlsplit(f"//{host}").hostname or "").lower()
+    except ValueError:
+        return ""
+
+
 def _no_log(handler: tornado.web.RequestHandler) -> None:
     """Requests are no news."""
 
@@ -193,7 +202,7 @@ class _Guarded(tornado.web.RequestHandler):
 
     def prepare(self) -> None:
         if self.server.token is None:
-            if not is_local((urlsplit(f"//{self.request.host}").hostname or "").lower()):
+            if not is_local(_hostname(self.request.host)):
                 raise tornado.web.HTTPError(403, reason="Served to this machine only")
         elif self.is_private and not self._knows():
             raise tornado.web.HTTPError(403, reason="The address needs the token that was printed at the start")
@@ -253,7 +262,11 @@ class _Static(_Guarded):
             if part in ("", ".", "..") or "\\" in part:
                 raise tornado.web.HTTPError(404)
             place = place.joinpath(part)
-        if not place.is_file():
+        try:
+            found = place.is_file()
+        except OSError:  # a name that is too long for the file system
+            found = False
+        if not found:
             raise tornado.web.HTTPError(404)
         kind = mimetypes.guess_type(name)[0] or "text/plain"
         self.set_header("Content-Type", "text/javascript; charset=utf-8" if name.endswith(".js") else kind)
@@ -303,7 +316,24 @@ class _MapCell(_OfMap):
         self.write(await self.found(lambda chart: chart.cell(int(number))))
 
 
-class _Scene(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own check_origin refuses foreign pages
+class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own check_origin refuses foreign pages
+    """A websocket."""
+
+    def prepare(self) -> None:
+        super().prepare()
+        try:
+            urlsplit(self.request.headers.get("Origin", ""))  # as tornado does, where it raises
+        except ValueError:
+            raise tornado.web.HTTPError(403, reason="The origin is malformed") from None
+
+    def close(self, code: int | None = None, reason: str | None = None) -> None:
+        """Close it; a reason that is too long for a close frame is cut."""
+        if reason is not None:
+            reason = reason.encode(errors="backslashreplace")[:_REASON].decode(errors="ignore")
+        super().close(code, reason)
+
+
+class _Scene(_Socket):
     """What is drawn, newest only: each browser as fast as it takes it."""
 
     def open(self, *_: str, **__: str) -> None:
@@ -331,7 +361,7 @@ class _Scene(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own che
             self.task.cancel()
 
 
-class _Session(tornado.websocket.WebSocketHandler, _Guarded):
+class _Session(_Socket):
     """States out, commands in."""
 
     client: Client | None = None
@@ -343,7 +373,7 @@ class _Session(tornado.websocket.WebSocketHandler, _Guarded):
     def send(self, text: str) -> None:
         """See `Line`."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
-            self.write_message(text)
+            self.write_message(text).add_done_callback(_sent)
 
     def on_message(self, message: str | bytes) -> None:
         if self.client is not None:
@@ -352,3 +382,10 @@ class _Session(tornado.websocket.WebSocketHandler, _Guarded):
     def on_close(self) -> None:
         if self.client is not None:
             self.server.hub.leave(self.client)
+
+
+def _sent(message: asyncio.Future[None]) -> None:
+    """Retrieve how sending went, for asyncio logs what nobody retrieves: a browser that has gone is no error."""
+    error = None if message.cancelled() else message.exception()
+    if error is not None and not isinstance(error, tornado.websocket.WebSocketClosedError):
+        raise error

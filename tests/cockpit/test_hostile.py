@@ -1,0 +1,214 @@
+"""Clients that say nonsense or vanish, over real sockets: they are answered, or forgotten, and nothing is logged."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import gc
+import json
+import logging
+import os
+import socket
+import struct
+import time
+from urllib.parse import urlsplit
+
+import pytest
+from browsers import Browser, becomes, get
+from tornado.httpclient import HTTPClientError
+
+from cinegen.cockpit import Cockpit
+from cinegen.session import arrange
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
+
+
+@pytest.fixture
+def page(robot, caplog):
+    """`page()`: the address of a cockpit in which nobody may have raised anything in the end."""
+    caplog.set_level(logging.WARNING)
+    opened = []
+
+    def open_page(**options):
+        setup = arrange({"delta4": robot("delta4")}, follow="circle")
+        opened.append(Cockpit(setup, port=8150, own_process=False, **options))
+        return opened[-1]
+
+    yield open_page
+    time.sleep(0.3)
+    gc.collect()  # asyncio logs a failure that nobody looked at when it is collected
+    time.sleep(0.1)
+    for one in opened:
+        browser = Browser(one.server.local_url)
+        assert becomes(lambda browser=browser: browser.state is not None), "the page is served no more"
+        browser.leave()
+        one.close()
+    records = [record for phase in ("setup", "call", "teardown") for record in caplog.get_records(phase)]
+    logged = [record.getMessage() for record in records if record.exc_info or record.levelno >= logging.ERROR]
+    assert logged == []
+
+
+class Peer:
+    """A client with its hands on the socket."""
+
+    def __init__(self, url, room=None):
+        self.address = urlsplit(url)
+        self.socket = socket.socket()
+        self.socket.settimeout(10)
+        if room is not None:  # bytes that it takes without reading
+            self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, room)
+        self.socket.connect(("127.0.0.1", self.address.port))
+
+    def ask(self, path, *headers, host=None):
+        lines = [f"GET /{path} HTTP/1.1", f"Host: {self.address.netloc if host is None else host}", *headers]
+        self.socket.sendall("\r\n".join([*lines, "", ""]).encode())
+        return self
+
+    def upgrade(self, path):
+        key = base64.b64encode(os.urandom(16)).decode()
+        wanted = ("Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13")
+        return self.ask(path, *wanted, f"Sec-WebSocket-Key: {key}")
+
+    def status(self):
+        answer = b""
+        while b"\r\n" not in answer:
+            answer += self.socket.recv(1000)
+        self.socket.close()
+        return int(answer.split()[1])
+
+    def say(self, **said):
+        payload, mask = json.dumps(said).encode(), os.urandom(4)
+        masked = bytes(byte ^ mask[k % 4] for k, byte in enumerate(payload))
+        self.socket.sendall(bytes([0x81, 0x80 | len(payload)]) + mask + masked)
+
+    def vanish(self):
+        """Without a word: the connection is reset."""
+        self.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        self.socket.close()
+
+
+@pytest.mark.parametrize(
+    ("said", "why"),
+    [
+        ('{"\\ud83d": 1}', "nothing is called '\\ud83d'"),
+        ('{"\\udfff\\udfff": 1}', "nothing is called '\\udfff\\udfff'"),
+        (json.dumps({"😀" * 40: 1}), "nothing is called '" + "😀" * 26),
+        (json.dumps({"ä" * 40: 1}), "nothing is called '" + "ä" * 40 + "'"),
+        (json.dumps({"\ud83d" * 40: 1}), "nothing is called '" + "\\ud83d" * 17),
+        ('{"take": {"robot": "\\ud83d", "node": "link5"}}', "there is no such robot"),
+        ('{"take": {"\\ud83d": 1}}', "this is an object of node, point, robot, turn"),
+        ('{"ack": "\\ud83d"}', "a frame is a whole number"),
+    ],
+    ids=["surrogate", "two", "emoji", "umlauts", "many surrogates", "robot", "key", "ack"],
+)
+def test_a_name_that_no_close_frame_can_hold(page, said, why):
+    browser = Browser(page().url)
+    assert becomes(lambda: browser.state is not None)
+    browser.say(said)
+    assert becomes(lambda: browser.closed is not None)
+    code, reason = browser.closed
+    assert code == 1008
+    assert reason.startswith(why)
+    assert len(reason.encode()) <= 123
+
+
+@pytest.mark.parametrize("host", ["127.0.0.1", "0.0.0.0"])
+def test_static_files_that_there_are_not(page, host):
+    """Where others may come too, without the token."""
+    url = f"http://127.0.0.1:{page(host=host).server.port}/"
+    names = ("a" * 4000, "%F0%9F%98%80" * 300, "a/" * 2000, "a%00b", "base/" + "a" * 300, "base", "no")
+    assert {name[:20]: get(url, f"static/{name}")[0] for name in names} == {name[:20]: 404 for name in names}
+
+
+def test_hosts_that_are_none(page):
+    url = page().url
+    for host in ("[::1", "[", "]", "a]b", "[x]", "[127.0.0.1]", ""):
+        for path in ("", "session", "scene", "snapshot.html", "static/cockpit.js", "map/about.json"):
+            assert (host, path, Peer(url).ask(path, host=host).status()) == (host, path, 403)
+
+
+def test_origins_that_are_none(page):
+    url = page().url
+    for origin in ("http://[x", "http://]", "http://[x]:80", "null", "", "😀"):
+        for path in ("session", "scene"):
+            with pytest.raises(HTTPClientError, match="403"):
+                Browser(url, path=path, Origin=origin.encode().decode("latin-1"))
+
+
+def test_tokens_that_are_none(page):
+    url = page(host="0.0.0.0").server.local_url
+    for token in ("%ff", "%ed%a0%80", "%00", "a" * 9000):
+        for path in ("", "session", "snapshot.html"):
+            assert Peer(url).ask(f"{path}?token={token}").status() in (400, 403)
+
+
+def test_who_asks_and_vanishes(page):
+    url = page().url
+    for path in ("", "viewer.js", "snapshot.html", "static/cockpit.js"):
+        for delay in (0.0, 0.001, 0.01, 0.05):
+            for _ in range(5):
+                peer = Peer(url, 2048).ask(path)
+                time.sleep(delay)
+                peer.vanish()
+
+
+@pytest.mark.parametrize("path", ["session", "scene"])
+def test_who_looks_and_vanishes(page, path):
+    """At once, in the middle of the first words, or after some time."""
+    one = page()
+    for delay in (0.0, 0.0005, 0.001, 0.005, 0.02, 0.1):
+        for _ in range(15):
+            peer = Peer(one.url, 2048).upgrade(path)
+            time.sleep(delay)
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and not one.server.scenes)
+
+
+def test_who_commands_and_vanishes(page):
+    one = page()
+    for said in ({"hand": True}, {"nonsense": 1}, {"ack": 1}, {"pause": True}, {"pause": False}):
+        for _ in range(10):
+            peer = Peer(one.url, 2048).upgrade("session")
+            time.sleep(0.02)
+            peer.say(**said)
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and one.hub.hand is None)
+
+
+def test_who_acknowledges_without_reading_and_vanishes(page):
+    """What is sent piles up; it is in the middle of being sent when the connection ends."""
+    one = page()
+    peers = [Peer(one.url, 2048).upgrade("session") for _ in range(3)]
+    for frame in range(400):
+        for peer in peers:
+            peer.say(ack=frame)
+        time.sleep(0.005)
+    assert len(one.hub.clients) == 3
+    for peer in peers:
+        peer.vanish()
+    assert becomes(lambda: not one.hub.clients)
+
+
+@pytest.mark.parametrize("path", ["session", "scene"])
+@pytest.mark.parametrize("half", [socket.SHUT_WR, socket.SHUT_RD], ids=["says no more", "hears no more"])
+def test_a_connection_that_is_half_open(page, path, half):
+    one = page()
+    peers = [Peer(one.url, 2048).upgrade(path) for _ in range(5)]
+    assert becomes(lambda: len(one.hub.clients) + len(one.server.scenes) == 5)
+    for peer in peers:
+        peer.socket.shutdown(half)
+    time.sleep(0.5)
+    for peer in peers:
+        with contextlib.suppress(OSError):
+            peer.vanish()
+    assert becomes(lambda: not one.hub.clients and not one.server.scenes)
+
+
+def test_who_answers_no_ping_is_given_up(page, monkeypatch):
+    monkeypatch.setattr("cinegen.cockpit.server._PING", 0.1)
+    one = page()
+    peers = [Peer(one.url).upgrade(path) for path in ("session", "scene")]
+    assert becomes(lambda: one.hub.clients and one.server.scenes)
+    assert becomes(lambda: not one.hub.clients and not one.server.scenes)
+    for peer in peers:
+        peer.vanish()
