@@ -51,11 +51,11 @@ bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as 
 
 # Nothing else waits for the compiler then, a minute where a kernel has changed.
 kernels: .venv/runtime-installed
-	@$(BIN)/python -m cinegen.solve
+	@$(BIN)/python -m cinegen.ik
 
 studies: .venv/runtime-installed
-	@$(BIN)/python -m cinegen.study
-	@$(BIN)/python -m cinegen.avoid
+	@$(BIN)/python -m cinegen.assembly
+	@$(BIN)/python -m cinegen.planning
 
 generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff

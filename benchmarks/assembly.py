@@ -18,7 +18,7 @@ from statistics import median
 import numpy as np
 
 import cinegen
-from cinegen.study import assembly_modes
+from cinegen.assembly import assembly_modes
 
 ROBOTS = Path(__file__).resolve().parent.parent / "robots"
 NAMES = ("five_bar", "delta4", "tssm", "gough", "hybrid", "hybrid monodromy", "gough monodromy")

@@ -36,7 +36,7 @@ from typing import NamedTuple
 import numpy as np
 from random_scenes import FAMILIES
 
-from cinegen.avoid import plan, rrt_connect
+from cinegen.planning import plan, rrt_connect
 
 METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect")
 

@@ -20,9 +20,9 @@ from typing import Any
 
 import cinegen
 from cinegen.cockpit import page_of
-from cinegen.sense import Path as Way
-from cinegen.sense import fitted
-from cinegen.solve.clock import Clock, Tick
+from cinegen.devices import Path as Way
+from cinegen.devices import fitted
+from cinegen.realtime import Clock, Tick
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 FRAMES = 60  # a second

@@ -26,8 +26,8 @@ from statistics import median
 import numpy as np
 
 import cinegen
+from cinegen.devices import Lines
 from cinegen.model import ForwardKinematics
-from cinegen.sense import Lines
 from raff2urdf import closure
 
 ROBOTS = Path(__file__).parent.parent / "robots"

@@ -7,7 +7,7 @@ There is the pole, and four balls further away, for the cost. Alternately by
 
     alone     a solver that knows no obstacles: how often it hits (`hits`) is what the others are there for
     damper    the same, held clear: it slides along and is held off
-    avoiding  `cinegen.avoid.AvoidingSolver`
+    avoiding  `cinegen.planning.AvoidingSolver`
 
 `least` is the least clearance of all ticks, mm; 10 are to be kept. `median` and `99 %` are microseconds of a tick.
 """
@@ -21,9 +21,10 @@ import numpy as np
 import pinocchio as pin
 from random_scenes import clear_posture, clearance, posture, robot, scene
 
-from cinegen.avoid import AvoidingSolver, Scene, surroundings
-from cinegen.avoid.keep import Keep, part_in
-from cinegen.solve import Solver
+from cinegen.collision import Scene, surroundings
+from cinegen.ik import Solver
+from cinegen.planning import AvoidingSolver
+from cinegen.planning.keep import Keep, part_in
 
 DT, NODE = 1e-3, "tool"
 DRAG, TICKS = 1000, 8000

@@ -20,10 +20,10 @@ from pathlib import Path
 from statistics import median
 
 import cinegen
-from cinegen.solve.sample import evaluate
-from cinegen.study.maps import GridAxis, Region, Survey, make_map
-from cinegen.study.maps.cluster import connected, each
-from cinegen.study.maps.neighbours import to_and_fro
+from cinegen.ik.batch import evaluate
+from cinegen.workspace import GridAxis, Region, Survey, make_map
+from cinegen.workspace.cluster import connected, each
+from cinegen.workspace.neighbours import to_and_fro
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
@@ -33,7 +33,7 @@ TASKS = 500  # that do nothing
 MEMORY = """
 import json, resource, sys
 import cinegen
-from cinegen.study.maps import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, Region, Survey, make_map
 robot, path, cells = sys.argv[1:]
 mechanism = cinegen.load(robot)
 axes = [GridAxis(name, -3.0, 3.0, count) for name, count in zip(mechanism.actuated, (int(cells), 100, 100))]

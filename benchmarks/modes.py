@@ -23,9 +23,9 @@ from statistics import median
 
 import numpy as np
 
-from cinegen.kernel.compiled import compiled
-from cinegen.study.triangle import TSSM
-from cinegen.study.triangle.kernel.pose import polish
+from cinegen.assembly.triangle import TSSM
+from cinegen.assembly.triangle._kernels.pose import polish
+from cinegen.jit.compiled import compiled
 
 BASE = np.array([[-9.7, 9.1, 0], [9.7, 9.1, 0], [12.76, 3.9, 0], [3.0, -13.0, 0], [-3.0, -13.0, 0], [-12.76, 3.9, 0]])
 PLATFORM = np.array([[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]])

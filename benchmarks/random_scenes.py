@@ -24,12 +24,12 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 import cinegen
-from cinegen.avoid.around import surroundings
-from cinegen.avoid.clearance import Clearance
-from cinegen.avoid.scene import Scene, scene_of
+from cinegen.collision.around import surroundings
+from cinegen.collision.clearance import Clearance
+from cinegen.collision.scene import Scene, scene_of
+from cinegen.ik import Pull
+from cinegen.ik.seeker import Seeker
 from cinegen.model import Mechanism
-from cinegen.solve import Pull
-from cinegen.solve.inverse.seeker import Seeker
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 ROBOTS = Path(__file__).parents[1] / "robots"

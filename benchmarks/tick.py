@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 
 import cinegen
-from cinegen.sense import fitted
+from cinegen.devices import fitted
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 ROUNDS, TICKS = 30, 20

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 import cinegen
-from cinegen.solve import Tick
+from cinegen.realtime import Tick
 
 PERIOD = 1e-3  # s
 

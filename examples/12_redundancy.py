@@ -3,7 +3,7 @@
 import math
 
 import cinegen
-from cinegen.solve import LimitMargin, Manipulability, Objective, Posture, State
+from cinegen.ik import LimitMargin, Manipulability, Objective, Posture, State
 
 arm = cinegen.load("robots/arm7.raff")
 solver = cinegen.Solver(arm, dt=1 / 240)

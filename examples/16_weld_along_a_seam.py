@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 
 import cinegen
-from cinegen.sense import Seam
+from cinegen.toolpath import Seam
 
 WORK, TRAVEL = np.radians(40.0), np.radians(10.0)  # leans away from the pipe, and points where it goes
 GAP, RADIUS = 0.012, 0.06  # m: from the tool to the seam, and the pipe's

@@ -3,7 +3,7 @@
 import numpy as np
 
 import cinegen
-from cinegen.study.limits import outside
+from cinegen.model.limits import outside
 
 robot = cinegen.load("robots/gough.raff")
 lengths = [0.96, 1.0, 1.05, 1.05, 1.1, 1.0]  # m, as the encoders say, in the order of robot.actuated

@@ -3,11 +3,12 @@
 import tempfile
 from pathlib import Path
 
-from cinegen.avoid import plan, rrt_connect, scene_of
-from cinegen.avoid.drawing import draw_plan
+from cinegen.collision import scene_of
 from cinegen.errors import CinegenError
 from cinegen.mission import Recording
 from cinegen.mission.way import record_plan
+from cinegen.planning import plan, rrt_connect
+from cinegen.plotting import draw_plan
 
 scene = scene_of(
     {

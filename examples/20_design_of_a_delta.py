@@ -5,9 +5,9 @@ import tempfile
 from pathlib import Path
 
 import cinegen
-from cinegen.study.drawing.sweep import draw_table
-from cinegen.study.maps import GridAxis, Region
-from cinegen.study.maps.sweep import Box, Variation, sweep
+from cinegen.plotting.sweep import draw_table
+from cinegen.workspace import GridAxis, Region
+from cinegen.workspace.sweep import Box, Variation, sweep
 
 region = Region((GridAxis("x", -1.0, 1.0, 10), GridAxis("y", -1.0, 1.0, 10), GridAxis("z", -2.6, -1.4, 6)))
 wanted = Box({"x": (-0.8, 0.8), "y": (-0.8, 0.8), "z": (-2.4, -1.6)})

@@ -13,7 +13,7 @@ import pytest
 
 from cinegen.cli import main, parser
 from cinegen.cli.grid import quantity, region
-from cinegen.study.maps import open_map
+from cinegen.workspace import open_map
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_collisions_that_a_scene_allows_do_not_count_as_clearance(typed, root, t
 def test_an_error_that_is_only_rounding_is_not_told(typed, monkeypatch, error, says):
     """All of a sphere within reach has no border, but sums of its cells may differ in their last bits."""
     area = 4.0 * math.pi * 0.2**2
-    module = importlib.import_module("cinegen.study.maps.extent")
+    module = importlib.import_module("cinegen.workspace.extent")
     monkeypatch.setattr(module, "extent", lambda found: module.Extent(area, area - error, area, "m^2", 24))
     sphere = ("--over", "azimuth:6,elevation:4", "--at", "radius=0.2", "--centre", "0,0,-1.8")
     assert f"reachable       {area:.4g}{says} m^2, 100 %" in typed("map", "delta4", *sphere)
@@ -180,7 +180,7 @@ def test_ctrl_c_is_no_traceback(typed, monkeypatch):
     def stopped(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("cinegen.study.maps.make_map", stopped)
+    monkeypatch.setattr("cinegen.workspace.make_map", stopped)
     assert "what was finished stays, and the same command goes on" in typed("map", "five_bar", code=130, err=True)
 
 

@@ -11,12 +11,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from cinegen.assembly import assembly_modes
 from cinegen.cli import files, main
 from cinegen.mission import Player, Recording
 from cinegen.mission.walk import record_modes
-from cinegen.study.drawing.words import place
-from cinegen.study.limits import outside
-from cinegen.study.modes import assembly_modes
+from cinegen.model.limits import outside
+from cinegen.plotting.words import place
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import psutil
 import pytest
 from distributed import Client
 
-from cinegen.study.maps import cluster
+from cinegen.workspace import cluster
 
 PATIENCE = 120.0  # s, on a busy machine
 LOOPBACK = ("127.", "::1")
@@ -140,7 +140,7 @@ STRANGER = """
 import asyncio, os, sys
 from distributed.core import rpc
 from distributed.protocol.pickle import dumps
-import cinegen.study.maps.local_cluster  # registers its scheme
+import cinegen.workspace.local_cluster  # registers its scheme
 
 async def ask(address, name):
     there = rpc(address, timeout=5)

@@ -21,11 +21,11 @@ import cinegen.cli
 import raff2urdf.cli
 import raff2urdf.urdf2raff
 from cinegen.cockpit.film import FilmError, _output
+from cinegen.devices import Reading, RecordError
+from cinegen.devices import Recorder as SensorRecorder
+from cinegen.devices.replay import load as load_readings
 from cinegen.mission import Motion, Recorder, Recording
-from cinegen.sense import Reading, RecordError
-from cinegen.sense import Recorder as SensorRecorder
-from cinegen.sense.replay import load as load_readings
-from cinegen.study.maps.sweep.sweep import _write as write_part_of_sweep
+from cinegen.workspace.sweep.sweep import _write as write_part_of_sweep
 
 
 def _is_png(content: bytes) -> bool:

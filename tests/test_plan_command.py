@@ -10,9 +10,10 @@ import sys
 import numpy as np
 import pytest
 
-from cinegen.avoid import load_scene, plan
 from cinegen.cli import files, main
+from cinegen.collision import load_scene
 from cinegen.mission import Recording
+from cinegen.planning import plan
 
 SCENES = ("rod", "disc", "discs", "generic")
 

@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> int:
         names = ", ".join(mechanism.name for mechanism in found.values())
         raise CinegenError(f"{options.files[0]} holds several robots: name one by --robot ({names})")
     (mechanism,) = found.values()
+    from cinegen.devices import Lines, start_from
     from cinegen.model import ForwardKinematics
-    from cinegen.sense import Lines, start_from
 
     motion = ForwardKinematics(mechanism) if options.start is None else start_from(mechanism, read(options.start))
     if sys.stdin is not None:

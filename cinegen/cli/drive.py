@@ -129,7 +129,7 @@ def _scene(options: argparse.Namespace) -> Setup:
     for what, said in beside.items():
         if said:
             raise CinegenError(f"--scene names its robot and where that stands: leave {what} out")
-    from cinegen.avoid.scene import load_scene
+    from cinegen.collision.scene import load_scene
     from cinegen.session import in_scene
 
     return in_scene(

@@ -13,7 +13,7 @@ from cinegen.cli.values import parts
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
-    from cinegen.study.maps import GridAxis, Region
+    from cinegen.workspace import GridAxis, Region
 
 _UNITS = {"": 1.0, "m": 1.0, "mm": 1e-3, "cm": 1e-2, "rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z°]*)$")
@@ -58,7 +58,7 @@ def region(
     Raises:
         CinegenError: something there makes no sense.
     """
-    from cinegen.study.maps import Region, straight
+    from cinegen.workspace import Region, straight
 
     held = {name: quantity(value, "--at") for name, value in _named(at)}
     turned = "fixed" if orientation == "home" else orientation
@@ -127,8 +127,8 @@ def _spread_out(mechanism: Mechanism, asked: list[str]) -> list[str]:
 
 def _translations(mechanism: Mechanism, node: str | None, held: dict[str, float]) -> list[str]:
     """Those that the node can make and that are not held."""
-    from cinegen.study.maps import MapError
-    from cinegen.study.maps.about import about
+    from cinegen.workspace import MapError
+    from cinegen.workspace.about import about
 
     found = []
     for name in ("x", "y", "z"):
@@ -145,8 +145,8 @@ def _axis(
     mechanism: Mechanism, text: str, node: str | None, count: int, centre: tuple[float, float, float]
 ) -> GridAxis:
     from cinegen.errors import CinegenError
-    from cinegen.study.maps import GridAxis
-    from cinegen.study.maps.about import about
+    from cinegen.workspace import GridAxis
+    from cinegen.workspace.about import about
 
     name, equals, span = text.partition("=")
     span, colon, cells = span.partition(":")

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     import xarray
 
     from cinegen.model import Mechanism
-    from cinegen.study.maps import Survey
-    from cinegen.study.maps.make import Say
+    from cinegen.workspace import Survey
+    from cinegen.workspace.make import Say
 
 _LONG = 600.0  # s, or
 _LARGE = 2e9  # bytes, that a map may take without being asked for twice
@@ -101,7 +101,7 @@ def add_compare(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Makes it, and says what is found."""
-    from cinegen.study.maps import make_map
+    from cinegen.workspace import make_map
 
     if options.json and options.view:
         _refuse("--json is for programs and --view for people: leave one out")
@@ -130,7 +130,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         print("\n".join([*_lines(name, survey, told), f"map: {path}"]), flush=True)
     if options.plot:
-        from cinegen.study.drawing.map import draw_map
+        from cinegen.plotting.map import draw_map
 
         write_figure(Path(options.plot), draw_map(found, options.show, name=name))
         if not options.json:
@@ -149,9 +149,9 @@ def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
         CinegenError: something there makes no sense.
     """
     from cinegen.cli.grid import point, region
-    from cinegen.study.maps import Survey
-    from cinegen.study.maps.quantities import QUANTITIES
-    from cinegen.study.maps.survey import STARTS
+    from cinegen.workspace import Survey
+    from cinegen.workspace.quantities import QUANTITIES
+    from cinegen.workspace.survey import STARTS
 
     where = region(
         mechanism, options.over, options.at, options.node, options.orientation, options.grid, options.centre,
@@ -177,7 +177,7 @@ def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tu
     """A scene's obstacles, around this robot."""
     if file is None:
         return None, "."
-    from cinegen.avoid import load_scene
+    from cinegen.collision import load_scene
 
     scene = load_scene(file, ignore_loops)
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation.tolist()
@@ -191,8 +191,8 @@ def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tu
 def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
     """Maps of all variants, and their table."""
     from cinegen.cli.grid import ranges
-    from cinegen.study.drawing.sweep import check_drawable, draw_table
-    from cinegen.study.maps.sweep import Box, Variation, sweep
+    from cinegen.plotting.sweep import check_drawable, draw_table
+    from cinegen.workspace.sweep import Box, Variation, sweep
 
     apart = {"--loop": options.loop, "--ignore-loops": options.ignore_loops, "--view": options.view}
     for option in (option for option, given in apart.items() if given):
@@ -224,7 +224,7 @@ def _ask(survey: Survey, options: argparse.Namespace, maps: int = 1) -> None:
     """Whether maps that take long, or much of the disk, are meant."""
     if maps * survey.region.size <= _SURELY:
         return
-    from cinegen.study.maps.estimate import estimate
+    from cinegen.workspace.estimate import estimate
 
     found, cores = estimate(survey, maps), options.workers or os.cpu_count() or 1
     if found.seconds / cores <= _LONG and found.size <= _LARGE:
@@ -271,8 +271,8 @@ def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
     """What is found, as JSON has it: m, rad and sr; nothing (null) for what is without bound."""
     import numpy as np
 
-    from cinegen.study.maps import How
-    from cinegen.study.maps.extent import extent
+    from cinegen.workspace import How
+    from cinegen.workspace.extent import extent
 
     settled = np.bincount(found["settled"].values.ravel(), minlength=len(How))
     reachable = int(found["reachable"].values.sum())
@@ -301,7 +301,7 @@ def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
 
 
 def _lines(name: str, survey: Survey, told: dict[str, Any]) -> list[str]:
-    from cinegen.study.maps.quantities import DIRECTED
+    from cinegen.workspace.quantities import DIRECTED
 
     shape = " x ".join(map(str, survey.region.shape))
     what = f"{name}: {shape} cells over {', '.join(survey.region.names)}"
@@ -353,8 +353,8 @@ def _refuse(words: str) -> None:
 
 def run_compare(options: argparse.Namespace) -> int:
     """Says what differs."""
-    from cinegen.study.maps import open_map
-    from cinegen.study.maps.compare import compare
+    from cinegen.workspace import open_map
+    from cinegen.workspace.compare import compare
 
     one, other = (open_map(path) for path in options.maps)
     found = compare(one, other)
@@ -363,7 +363,7 @@ def run_compare(options: argparse.Namespace) -> int:
     else:
         print(found)
     if options.plot:
-        from cinegen.study.drawing.comparison import draw_comparison
+        from cinegen.plotting.comparison import draw_comparison
 
         write_figure(Path(options.plot), draw_comparison(one, other, options.show))
         if not options.json:

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     import pinocchio as pin
     from numpy.typing import NDArray
 
+    from cinegen.assembly import AssemblyModes
+    from cinegen.ik import Pull
     from cinegen.model import Mechanism
-    from cinegen.solve import Pull
-    from cinegen.study.modes import AssemblyModes
 
 _POSE = ("x", "y", "z", "rx", "ry", "rz")
 _TYPED = 1e-4  # m and rad: poses are typed with some digits only
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
 
         names = ", ".join(mechanism.name for mechanism in found.values())
         raise CinegenError(f"{options.files[0]} holds several robots: name one by --robot ({names})")
-    from cinegen.study.modes import assembly_modes
+    from cinegen.assembly import assembly_modes
 
     reports, every = [], True
     for name, mechanism in found.items():
@@ -125,7 +125,7 @@ def _values(mechanism: Mechanism, given: Sequence[str]) -> NDArray[np.float64]:
     import numpy as np
 
     from cinegen.errors import CinegenError, UnknownNameError
-    from cinegen.study.drawing.words import said
+    from cinegen.plotting.words import said
 
     motors = mechanism.actuated
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in motors}
@@ -153,8 +153,8 @@ def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> Pull:
     import pinocchio as pin
 
     from cinegen.errors import CinegenError, UnknownNameError
-    from cinegen.solve import Pull
-    from cinegen.study.drawing.words import place
+    from cinegen.ik import Pull
+    from cinegen.plotting.words import place
 
     by_name = named(given, "--at", "x=10,rz=15")
     if by_name is None:
@@ -178,8 +178,8 @@ def _reached(mechanism: Mechanism, asked: Pull) -> NDArray[np.float64]:
         CinegenError: it can't be reached; says by how much it is missed.
     """
     from cinegen.errors import CinegenError
-    from cinegen.solve import reach
-    from cinegen.study.drawing.words import place
+    from cinegen.ik import reach
+    from cinegen.plotting.words import place
 
     for limits in (True, False):  # a mode that limits forbid is a mode all the same, and said to be outside
         found = reach(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
@@ -203,7 +203,7 @@ def _told(name: str, modes: AssemblyModes, node: str | None, asked: Pull | None)
     """Lines: what was asked, a table, and what it is worth."""
     import textwrap
 
-    from cinegen.study.drawing.words import said
+    from cinegen.plotting.words import said
 
     mechanism, count = modes.mechanism, len(modes)
     node = node or mechanism.end
@@ -232,8 +232,8 @@ def _table(modes: AssemblyModes, node: str, asked: Pull | None) -> list[str]:
     """A line for each mode, below a heading."""
     import numpy as np
 
-    from cinegen.study.drawing.skeleton import Skeleton
-    from cinegen.study.drawing.words import place, quiet
+    from cinegen.plotting.skeleton import Skeleton
+    from cinegen.plotting.words import place, quiet
 
     mechanism = modes.mechanism
     places = np.array([place(placement) for placement in modes.placements(node)])
@@ -263,8 +263,8 @@ def _is_at(asked: Pull, placement: pin.SE3) -> bool:
 
 def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
     """The first joint that is outside its limits, and how many others are; nothing where all are inside."""
-    from cinegen.study.drawing.words import quiet, shown
-    from cinegen.study.limits import outside, unwound
+    from cinegen.model.limits import outside, unwound
+    from cinegen.plotting.words import quiet, shown
 
     beyond, there = outside(mechanism, q), unwound(mechanism, q)
     if not beyond:
@@ -280,7 +280,7 @@ def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
 
 
 def _draw(name: str, modes: AssemblyModes, options: argparse.Namespace) -> None:
-    from cinegen.study.drawing import draw_modes
+    from cinegen.plotting import draw_modes
 
     path = Path(options.plot)
     write_figure(path, draw_modes(modes, options.node, name))

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from cinegen.avoid import Plan, Scene
+    from cinegen.collision import Scene
+    from cinegen.planning import Plan
 
 _FIELDS = ("vortex", "firas", "spherical", "elliptical", "literal")
 _REPELLING = ("firas", "spherical", "elliptical")
@@ -57,7 +58,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Looks for the way; prints, draws, records and shows it."""
-    from cinegen.avoid import load_scene
+    from cinegen.collision import load_scene
     from cinegen.errors import CinegenError
 
     if options.planner != "vortex" and options.field != "vortex":
@@ -84,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _planned(scene: Scene, options: argparse.Namespace, say: Any) -> Plan:
-    from cinegen.avoid import plan, rrt_connect
+    from cinegen.planning import plan, rrt_connect
 
     if options.planner == "rrtconnect":
         return rrt_connect(scene, seconds=_SEARCH if options.seconds is None else options.seconds, say=say)
@@ -137,7 +138,7 @@ def _told(found: Plan) -> list[str]:
 
 def _verdict(found: Plan) -> str:
     """The verdict first; where that is no goal, where it is, and why."""
-    from cinegen.avoid import Verdict
+    from cinegen.planning import Verdict
 
     scene = found.scene
     if found:
@@ -153,7 +154,7 @@ def _verdict(found: Plan) -> str:
 
 def _nearest(found: Plan) -> str:
     """What is next to each other at the end of the way."""
-    from cinegen.avoid.around import surroundings
+    from cinegen.collision.around import surroundings
 
     clearance, _ = surroundings(found.scene)
     distances = clearance.distances(found.path[-1])
@@ -181,7 +182,7 @@ def _meshes(found: Plan) -> str:
 
 def _advice(found: Plan, options: argparse.Namespace) -> list[str]:
     """What may be tried where the goal is not reached."""
-    from cinegen.avoid import Verdict
+    from cinegen.planning import Verdict
 
     if found:
         return []
@@ -226,7 +227,7 @@ def _length(found: Plan) -> float:
     """Of the way that the node goes, m: between the configurations of the path it may go on curves."""
     import numpy as np
 
-    from cinegen.avoid.fine import fine
+    from cinegen.planning.fine import fine
 
     mechanism, node = found.scene.mechanism, found.scene.node
     trace = np.array([mechanism.placement(q, node).translation for q in fine(mechanism, found.path)])
@@ -292,7 +293,7 @@ def _finite(number: float) -> float | None:
 
 
 def _draw(found: Plan, options: argparse.Namespace) -> None:
-    from cinegen.avoid.drawing import draw_plan
+    from cinegen.plotting import draw_plan
 
     path = Path(options.plot)
     write_figure(path, draw_plan(found))

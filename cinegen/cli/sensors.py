@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Lists them, or shows what one says."""
-    from cinegen.sense import report
+    from cinegen.devices import report
 
     if options.monitor:
         rewrite = sys.stdout.isatty() and not options.json

@@ -13,7 +13,7 @@ from cinegen.cli.values import meant, named, number, parts
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
-    from cinegen.study.singular.slice import Axis, Slice
+    from cinegen.singularities.slice import Axis, Slice
 
 
 def add(commands: Any) -> None:
@@ -51,7 +51,7 @@ def run(options: argparse.Namespace) -> int:
         for name, mechanism in found.items():
             _scan(name, mechanism, options, alone=len(found) == 1)
         return 0
-    from cinegen.study.singular import singularity
+    from cinegen.singularities import singularity
 
     reports = []
     for name, mechanism in found.items():
@@ -79,7 +79,7 @@ def _there(mechanism: Mechanism, options: argparse.Namespace) -> Any:
     if not values:
         return mechanism.q_home
     from cinegen.errors import CinegenError
-    from cinegen.study.singular.slice import POSE, Coordinates
+    from cinegen.singularities.slice import POSE, Coordinates
 
     of_motors = all(name in mechanism.actuated for name in values)
     names = mechanism.actuated if of_motors else POSE
@@ -106,9 +106,9 @@ def _values(mechanism: Mechanism, text: str) -> dict[str, float]:
 
 
 def _scan(name: str, mechanism: Mechanism, options: argparse.Namespace, alone: bool) -> None:
-    from cinegen.study.drawing.loci import draw_loci
-    from cinegen.study.singular import Kind
-    from cinegen.study.singular.scan import scan
+    from cinegen.plotting.loci import draw_loci
+    from cinegen.singularities import Kind
+    from cinegen.singularities.scan import scan
 
     of = _slice(mechanism, options)
     with progress() as say:
@@ -130,7 +130,7 @@ def _scan(name: str, mechanism: Mechanism, options: argparse.Namespace, alone: b
 
 def _slice(mechanism: Mechanism, options: argparse.Namespace) -> Slice:
     from cinegen.errors import CinegenError
-    from cinegen.study.singular.slice import Slice
+    from cinegen.singularities.slice import Slice
 
     parts = [part.strip() for part in options.scan.split(",") if part.strip()]
     if len(parts) != 2:
@@ -142,7 +142,7 @@ def _slice(mechanism: Mechanism, options: argparse.Namespace) -> Slice:
 def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
     """A coordinate with its range; where none is given, about home."""
     from cinegen.errors import CinegenError
-    from cinegen.study.singular.slice import Axis, about_home
+    from cinegen.singularities.slice import Axis, about_home
 
     name, equals, span = (word.strip() for word in text.partition("="))
     if not equals:

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from cinegen.devices.kinds import what_is
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
-from cinegen.sense.kinds import what_is
 from cinegen.session import FRAMES_OF_COMMAND, Replayed, Report, RobotState, Setup, Singularity, State, is_obstacle
 
 Array = NDArray[np.float64]

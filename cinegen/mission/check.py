@@ -11,13 +11,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.kernel.thresholds import CLOSURE
+from cinegen.ik.singular import NEAR_PASSIVE, gained
+from cinegen.ik.thresholds import NEAR, NEAR_TYPE_2
+from cinegen.loops.thresholds import CLOSURE
 from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism
-from cinegen.solve.kernel.thresholds import NEAR, NEAR_TYPE_2
-from cinegen.solve.singular import NEAR_PASSIVE, gained
-from cinegen.study.singular.crossing import Rows, crossings, of_end, of_passive_joints
+from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

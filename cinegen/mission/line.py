@@ -29,10 +29,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.devices import json_line
 from cinegen.errors import CinegenError
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
-from cinegen.sense import json_line
 
 Array = NDArray[np.float64]
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from cinegen.assembly import AssemblyModes
 from cinegen.mission.line import MissionError, Motion
 from cinegen.mission.recorder import Recorder
-from cinegen.study.modes import AssemblyModes
 
 _AT_ONCE = 1e-6  # s: from one mode to the next; there is no way between them
 

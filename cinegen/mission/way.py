@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.avoid.planner import Plan
 from cinegen.mission.line import MissionError, Motion, Place, Pull
 from cinegen.mission.recorder import Recorder
 from cinegen.model import Mechanism
 from cinegen.model.mechanism import translations
+from cinegen.planning.planner import Plan
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cinegen.model.loops import Loop
+from cinegen.loops.closed_loops import Loop
 from cinegen.model.mechanism import Mechanism
 
 

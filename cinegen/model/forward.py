@@ -12,10 +12,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
-from cinegen.kernel import memory as m
-from cinegen.kernel.walk import ARRIVED, ONWARD, prepare_walk, walk
+from cinegen.loops._kernels import memory as m
+from cinegen.loops._kernels.walk import ARRIVED, ONWARD, prepare_walk, walk
+from cinegen.loops.arrays import curved, memory_of, put_motors
 from cinegen.model.mechanism import Mechanism
-from cinegen.model.memory import curved, memory_of, put_motors
 from raff2urdf.closure import CLOSED
 
 Array = NDArray[np.float64]

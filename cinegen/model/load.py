@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
+from cinegen.loops.closed_loops import Loop
 from cinegen.model.limits import beyond
-from cinegen.model.loops import Loop
 from cinegen.model.mechanism import Mechanism, Source
 from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import constraints as beside

@@ -12,9 +12,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
+from cinegen.loops.close import Newton
+from cinegen.loops.closed_loops import ClosedLoops, Loop
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
-from cinegen.model.loops import ClosedLoops, Loop
-from cinegen.model.newton import Newton
 from cinegen.model.shapes import collision_shapes, shapes
 from raff2urdf import closure
 

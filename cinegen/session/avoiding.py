@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.avoid.around import surroundings
-from cinegen.avoid.body import Body
-from cinegen.avoid.hand import AvoidingSolver
-from cinegen.avoid.keep import is_clear
-from cinegen.avoid.scene import Scene
+from cinegen.collision.around import surroundings
+from cinegen.collision.body import Body
+from cinegen.collision.scene import Scene
+from cinegen.planning.hand import AvoidingSolver
+from cinegen.planning.keep import is_clear
 from cinegen.session.driven import Driven
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from cinegen.study.maps.survey import Survey
+    from cinegen.workspace.survey import Survey
 
 Array = NDArray[np.float64]
 
@@ -116,8 +116,8 @@ class ShownMap:
     """
 
     def __init__(self, path: str | Path, most: int = MOST) -> None:
-        from cinegen.study.maps import open_map
-        from cinegen.study.maps.store import Store
+        from cinegen.workspace import open_map
+        from cinegen.workspace.store import Store
 
         self._store = Store(Path(path).absolute())
         self._dataset: Any = open_map(path)

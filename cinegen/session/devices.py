@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.sense import Gamepad, Grip, Hold, Scripted, Taps, open_sensor
-from cinegen.sense.kinds import scheme
-from cinegen.sense.reading import Reading
+from cinegen.devices import Gamepad, Grip, Hold, Scripted, Taps, open_sensor
+from cinegen.devices.kinds import scheme
+from cinegen.sensor import Reading
 from cinegen.session.driven import SENSOR, Driven, Held
 from cinegen.session.obstacle import is_obstacle
 from cinegen.session.setup import Device, Setup

@@ -10,9 +10,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.ik import Pull, Solver, Step
 from cinegen.model import Mechanism
 from cinegen.session.motion import Motion
-from cinegen.solve import Pull, Solver, Step
 
 Array = NDArray[np.float64]
 

@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.avoid.clearance import Clearance
-from cinegen.avoid.keep import Keep, is_clear, part_in
-from cinegen.avoid.scene import Obstacle
+from cinegen.collision.clearance import Clearance
+from cinegen.collision.scene import Obstacle
+from cinegen.ik import Solver
 from cinegen.model import Mechanism
+from cinegen.planning.keep import Keep, is_clear, part_in
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.driven import Driven, Held
-from cinegen.solve import Solver
 
 Array = NDArray[np.float64]
 

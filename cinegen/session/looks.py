@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.avoid.planar import plane_of
-from cinegen.avoid.scene import Obstacle, Scene
-from cinegen.avoid.scene.solid import HEIGHT, Solid, hull
+from cinegen.collision.scene import Obstacle, Scene
+from cinegen.collision.scene.solid import HEIGHT, Solid, hull
+from cinegen.planning.planar import plane_of
 
 Array = NDArray[np.float64]
 

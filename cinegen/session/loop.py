@@ -11,12 +11,11 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from cinegen.errors import CinegenWarning
+from cinegen.realtime import Clock, Report, Tick
 from cinegen.session.commands import Command
 from cinegen.session.session import Session
 from cinegen.session.setup import Setup
 from cinegen.session.state import State
-from cinegen.solve import Clock, Tick
-from cinegen.solve.clock import Report
 
 FRAMES = 120
 """States a second that are told."""

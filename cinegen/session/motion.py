@@ -14,8 +14,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.ik.blend import eased
 from cinegen.model import ForwardKinematics, Mechanism
-from cinegen.solve.blend import eased
 
 Array = NDArray[np.float64]
 

@@ -29,7 +29,7 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
         MapError: there is no map.
         SetupError: it has no such quantity, or is of another robot.
     """
-    from cinegen.study.maps.store import Store
+    from cinegen.workspace.store import Store
 
     where = Path(path).absolute()
     with warnings.catch_warnings():  # they were told when it was made
@@ -48,7 +48,7 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange({robot: mechanism})
     else:
-        from cinegen.avoid.scene import scene_of
+        from cinegen.collision.scene import scene_of
 
         setup = in_scene(scene_of(dict(survey.scene), survey.folder, mechanism=mechanism))
         assert setup.surroundings is not None

@@ -9,11 +9,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.ik import EventKind, Solver
+from cinegen.ik.resolve import free_motions
+from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.model import Mechanism
 from cinegen.session.state import RobotState
-from cinegen.solve import EventKind, Solver
-from cinegen.solve.resolve import free_motions
-from cinegen.solve.singular import NEAR_PASSIVE
 
 Array = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from cinegen.avoid.scene import Scene
+from cinegen.collision.scene import Scene
+from cinegen.devices.kinds import listens_for_others, overrides, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import Recording
 from cinegen.model import Mechanism
-from cinegen.sense.kinds import listens_for_others, overrides, why_missing
 
 RATE = 1000.0
 """Ticks a second."""

@@ -19,7 +19,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from cinegen.avoid.scene.solid import Solid, hull
+from cinegen.collision.scene.solid import Solid, hull
 from cinegen.model import Mechanism
 
 KEY = "solids"

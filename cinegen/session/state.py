@@ -8,8 +8,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.sense import Status
-from cinegen.sense.reading import Twist
+from cinegen.devices import Status
+from cinegen.sensor import Twist
 
 Array = NDArray[np.float64]
 

@@ -6,7 +6,8 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from cinegen.avoid.scene import Scene
+from cinegen.collision.scene import Scene
+from cinegen.ik import Solver
 from cinegen.model import Mechanism
 from cinegen.model.load import build
 from cinegen.session.avoiding import AvoidingRobot
@@ -16,7 +17,6 @@ from cinegen.session.looks import Looks
 from cinegen.session.obstacle import mechanism_of
 from cinegen.session.setup import RATE, Setup, Stand, Surroundings, arrange
 from cinegen.session.solids import KEY, said
-from cinegen.solve import Solver
 
 
 def in_scene(

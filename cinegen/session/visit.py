@@ -7,12 +7,12 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
-from cinegen.kernel.thresholds import CLOSURE
+from cinegen.ik import Solver
+from cinegen.ik.blend import eased
+from cinegen.ik.objectives import Posture
+from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
 from cinegen.session.motion import Way
-from cinegen.solve import Solver
-from cinegen.solve.blend import eased
-from cinegen.solve.objectives import Posture
 
 Array = NDArray[np.float64]
 

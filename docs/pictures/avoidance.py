@@ -4,8 +4,9 @@ from functools import partial
 
 from figures import ROBOTS, write
 
-from cinegen.avoid import load_scene, plan, scene_of
-from cinegen.avoid.drawing import draw_plan, figure1, figure2, figure3, figure4
+from cinegen.collision import load_scene, scene_of
+from cinegen.planning import plan
+from cinegen.plotting import draw_plan, figure1, figure2, figure3, figure4
 
 WALL = {
     "name": "wall",

@@ -6,8 +6,8 @@ from tempfile import TemporaryDirectory
 from figures import ROBOTS, write
 
 import cinegen
-from cinegen.study.drawing.map import draw_map
-from cinegen.study.maps import GridAxis, Region, Survey, make_map
+from cinegen.plotting.map import draw_map
+from cinegen.workspace import GridAxis, Region, Survey, make_map
 
 
 def map_of(name, axes, quantity, **more):

@@ -5,10 +5,10 @@ import math
 from figures import ROBOTS, write
 
 import cinegen
-from cinegen.study.drawing import draw_modes
-from cinegen.study.drawing.loci import draw_loci
-from cinegen.study.singular.scan import scan
-from cinegen.study.singular.slice import Axis, Slice
+from cinegen.plotting import draw_modes
+from cinegen.plotting.loci import draw_loci
+from cinegen.singularities.scan import scan
+from cinegen.singularities.slice import Axis, Slice
 
 
 def modes():

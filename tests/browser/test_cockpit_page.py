@@ -13,8 +13,8 @@ import pytest
 from playwright.sync_api import sync_playwright
 
 import cinegen
-from cinegen.avoid.scene import scene_of
 from cinegen.cockpit import Cockpit
+from cinegen.collision.scene import scene_of
 from cinegen.mission.walk import record_modes
 from cinegen.session import arrange, in_scene, replayed
 

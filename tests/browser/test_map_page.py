@@ -11,7 +11,7 @@ from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
 
 from cinegen.cockpit import Cockpit
 from cinegen.session import ShownMap, on_map
-from cinegen.study.maps import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, Region, Survey, make_map
 
 CHROMIUM = shutil.which("chromium")
 BOX = Region((GridAxis("x", -1.2, 1.2, 13), GridAxis("y", -1.2, 1.2, 13), GridAxis("z", -2.6, -1.2, 8)))

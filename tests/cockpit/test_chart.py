@@ -12,7 +12,7 @@ from browsers import Browser, becomes, get
 from cinegen.cockpit import Cockpit, show_map
 from cinegen.cockpit.chart import Chart
 from cinegen.session import ShownMap, on_map
-from cinegen.study.maps import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, Region, Survey, make_map
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 

@@ -73,7 +73,7 @@ def test_a_report_says_how_near_singularities_are(cockpit):
     assert becomes(lambda: browser.report is not None and browser.report["robots"])
     report = browser.report["robots"]["five_bar"]
     mechanism = one.setup.robots["five_bar"]
-    from cinegen.solve.singular import passive_singular_values
+    from cinegen.ik.singular import passive_singular_values
 
     assert report["type2"]["sigma"] == pytest.approx(passive_singular_values(mechanism, mechanism.q_home)[-1])
     assert report["q"] == pytest.approx([mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.joints])

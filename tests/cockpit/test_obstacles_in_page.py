@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from cinegen.avoid.scene import load_scene, scene_of
-from cinegen.avoid.scene.solid import hull
 from cinegen.cockpit import Page, draw, frames, title_of
 from cinegen.cockpit.scene import _lathed, _triangles
+from cinegen.collision.scene import load_scene, scene_of
+from cinegen.collision.scene.solid import hull
 from cinegen.session import Session, in_scene
 
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}

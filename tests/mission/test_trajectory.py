@@ -16,7 +16,7 @@ from cinegen.mission import Kind, MissionError, Motion, Recorder, Recording, Tra
 from cinegen.mission.curve import Curve, slowed
 from cinegen.mission.recording import between
 from cinegen.model import ForwardKinematics
-from cinegen.study.singular.crossing import Rows, crossings, of_passive_joints
+from cinegen.singularities.crossing import Rows, crossings, of_passive_joints
 
 ROBOTS = ["planar_3r", "rx90", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
 seeds = st.integers(0, 2**32 - 1)

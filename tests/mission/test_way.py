@@ -8,9 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.avoid import load_scene, plan, scene_of
+from cinegen.collision import load_scene, scene_of
 from cinegen.mission import MissionError, Player, Recording, check, resampled
 from cinegen.mission.way import SLIDING, TURNING, passes, record_plan
+from cinegen.planning import plan
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from test_reach import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
 
 import cinegen
-from cinegen.solve.sample import Sampler
+from cinegen.ik.batch import Sampler
 
 
 def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:

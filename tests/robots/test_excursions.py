@@ -12,8 +12,8 @@ from test_dragging import what_could_be_won
 
 import cinegen
 from cinegen import PersistentSolver, Solver, Verdict
-from cinegen.solve import Posture
-from cinegen.solve.kernel.thresholds import NEAR
+from cinegen.ik import Posture
+from cinegen.ik.thresholds import NEAR
 
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from cinegen.session import Session, SetupError, ShownMap, on_map
-from cinegen.study.maps import GridAxis, MapError, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
 
 BOX = GridAxis("x", -1.3, 1.3, 8), GridAxis("y", -1.2, 1.2, 7), GridAxis("z", -2.7, -1.2, 6)
 

@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.avoid.bodies import bodies_of
-from cinegen.avoid.scene import load_scene, scene_of
+from cinegen.collision.bodies import bodies_of
+from cinegen.collision.scene import load_scene, scene_of
 from cinegen.mission import Recording
 from cinegen.session import Session, Vocabulary, in_scene, is_obstacle, replayed
 from cinegen.session import commands as c

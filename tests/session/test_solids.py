@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.avoid.scene import scene_of
-from cinegen.avoid.scene.solid import HEIGHT, Solid, hull
+from cinegen.collision.scene import scene_of
+from cinegen.collision.scene.solid import HEIGHT, Solid, hull
 from cinegen.session.looks import Looks
 from cinegen.session.obstacle import is_obstacle, mechanism_of
 from cinegen.session.solids import said, solids_of

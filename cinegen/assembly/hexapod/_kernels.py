@@ -1,0 +1,388 @@
+"""Paths of solutions, followed by Taylor series: quadratic equations in Study's coordinates whose coefficients move.
+
+An unknown x = (c, d) is a pose up to a complex factor: 8 numbers, in the projective space P^7. The equations are linear
+in 18 products of pairs of them (`_products`), and the coefficients are polynomials in the path's parameter: so the
+derivatives of a path of any order follow from one factored matrix (`_series`), and how far the series can be trusted
+from its last terms (A. Jorba and M. Zou, "A software package for the numerical integration of ODEs by means of
+high-order Taylor methods", 2005). Newton's steps bring x back onto its path.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import complex128, float64, int64, typeof
+from numpy.typing import NDArray
+
+from cinegen.jit.compiled import Array, Table, compiled, entry, prepare, together
+
+Complex = NDArray[np.complex128]
+
+ORDER = 8  # of the Taylor series
+PRODUCTS = 18  # of pairs of unknowns: 10 of c with c, 6 of d with c (antisymmetric), <d, d> and <c, d>
+LEGS = 16  # of them those that a leg's equation has coefficients for
+ARRIVED, NEAR, LOST = range(3)
+
+_SHORTEST = 1e-13  # step
+_CONTRACTION = 0.02  # of two Newton steps, or x may be on its way to another path
+_SURE = 1e-9  # a correction so small needs no proof
+_HALVINGS = 8  # of a step, before the series is asked again
+
+
+class Work(NamedTuple):
+    """Scratch of `follow`.
+
+    Attributes:
+        series: (ORDER + 1, 8) Taylor coefficients of x.
+        products: (ORDER + 1, 18) of the products.
+        coefficients: (3, 6, 16) Taylor coefficients of the equations' coefficients, at the path's parameter.
+        there: (6, 16) the same further on.
+        matrix: (8, 8) factors.
+        rows: (8,) which row is where.
+        x: (4, 8) vectors.
+    """
+
+    series: Complex
+    products: Complex
+    coefficients: Complex
+    there: Complex
+    matrix: Complex
+    rows: Table
+    x: Complex
+
+
+def work() -> Work:
+    """Scratch for one thread."""
+    return Work(
+        np.zeros((ORDER + 1, 8), dtype=complex),
+        np.zeros((ORDER + 1, PRODUCTS), dtype=complex),
+        np.zeros((3, 6, LEGS), dtype=complex),
+        np.zeros((6, LEGS), dtype=complex),
+        np.zeros((8, 8), dtype=complex),
+        np.zeros(8, dtype=np.int64),
+        np.zeros((4, 8), dtype=complex),
+    )
+
+
+def prepare_paths() -> None:
+    """Compiles these kernels, or loads them from disk."""
+    solutions, numbers, scratch = complex128[:, ::1], int64[::1], typeof(work())
+    ends = complex128, complex128, solutions, numbers, numbers
+    with together():
+        prepare(follow, complex128[:, :, ::1], *ends, float64, float64, int64, scratch)
+        prepare(polish, complex128[:, ::1], solutions, float64[::1], scratch)
+
+
+@entry
+def follow(
+    family: Complex,
+    begin: complex,
+    end: complex,
+    x: Complex,
+    status: Table,
+    steps: Table,
+    tolerance: float,
+    brink: float,
+    most: int,
+    work: Work,
+) -> None:
+    """Follows solutions while the parameter goes straight from `begin` to `end`.
+
+    Args:
+        family: (3, 6, 16) coefficients of the six legs' equations: a polynomial of degree 2 in the parameter.
+        begin: parameter.
+        end: the same.
+        x: (n, 8) solutions at the beginning; replaced by where their paths came to, of norm 1.
+        status: (n,) ARRIVED; NEAR: at the brink, as steps became short; LOST.
+        steps: (n,) how many were taken, added to what is there.
+        tolerance: of the prediction, in norms of x.
+        brink: distance of the parameter from `end`, from where on a path that has not arrived is NEAR.
+        most: steps of a path.
+        work: scratch.
+    """
+    quadratic = False
+    for e in range(6):
+        for m in range(LEGS):
+            if family[2, e, m] != 0.0 or (m > 3 and family[1, e, m] != 0.0):
+                quadratic = True
+    span = end - begin
+    for path in range(x.shape[0]):
+        status[path] = LOST
+        part = 0.0
+        while steps[path] < most:
+            steps[path] += 1
+            _series(family, begin, span, part, x[path], quadratic, work)
+            onward = _step(family, begin, span, part, x[path], tolerance, work)
+            if onward == part:
+                break
+            part = onward
+            if part == 1.0:
+                status[path] = ARRIVED
+                break
+            if (1.0 - part) * abs(span) <= brink:
+                status[path] = NEAR
+                break
+
+
+@entry
+def polish(coefficients: Complex, x: Complex, change: Array, work: Work) -> None:
+    """Newton's method on equations that rest, until a step is no shorter than the one before.
+
+    Args:
+        coefficients: (6, 16) of the six legs' equations.
+        x: (n, 8) solutions almost; replaced.
+        change: (n,) length of the last step, where |x| = 1: what may be wrong with x.
+        work: scratch.
+    """
+    dx = work.x[0]
+    for path in range(x.shape[0]):
+        y = x[path]
+        change[path] = math.inf
+        for _ in range(12):
+            _normalise(y)
+            _jacobian(coefficients, y, y, work)
+            if not _factor(work.matrix, work.rows):
+                break
+            _correction(coefficients, y, dx, work)
+            size = _norm(dx)
+            if not size < change[path]:
+                break
+            change[path] = size
+            for i in range(8):
+                y[i] += dx[i]
+        _normalise(y)
+
+
+# --- along a path ---------------------------------------------------------------------------------------------------
+
+
+@compiled
+def _series(
+    family: Complex, begin: complex, span: complex, part: float, x: Complex, quadratic: bool, work: Work
+) -> None:
+    """Taylor coefficients of x by the part of the way that is gone; each is orthogonal to x, whose length is free."""
+    series, products, a = work.series, work.products, work.coefficients
+    parameter = begin + part * span
+    for e in range(6):
+        for m in range(LEGS):
+            first, second = family[1, e, m], family[2, e, m]
+            a[0, e, m] = family[0, e, m] + parameter * (first + parameter * second)
+            a[1, e, m] = span * (first + 2.0 * parameter * second)
+            a[2, e, m] = span * span * second
+    for i in range(8):
+        series[0, i] = x[i]
+    for k in range(ORDER + 1):
+        for m in range(PRODUCTS):
+            products[k, m] = 0.0
+    _products(x, x, 1.0, products[0])
+    _jacobian(a[0], x, x, work)
+    if not _factor(work.matrix, work.rows):
+        for k in range(1, ORDER + 1):
+            for i in range(8):
+                series[k, i] = math.inf
+        return
+    right = work.x[3]
+    for k in range(1, ORDER + 1):
+        sums = products[k]
+        for i in range(1, (k + 1) // 2):
+            _products(series[i], series[k - i], 2.0, sums)
+        if k % 2 == 0:
+            _products(series[k // 2], series[k // 2], 1.0, sums)
+        for e in range(6):
+            s = 0.0j
+            for m in range(LEGS):
+                s += a[0, e, m] * sums[m]
+            before = products[k - 1]
+            if not quadratic:  # only lengths move, all that changes is the factor of <c, c>
+                s += a[1, e, 0] * (before[0] + before[1] + before[2] + before[3])
+            else:
+                for m in range(LEGS):
+                    s += a[1, e, m] * before[m]
+                if k > 1:
+                    for m in range(LEGS):
+                        s += a[2, e, m] * products[k - 2, m]
+            right[e] = -0.5 * s
+        right[0] -= 0.5 * sums[16]
+        right[6] = -0.5 * sums[17]
+        right[7] = 0.0
+        _solve(work.matrix, work.rows, right, series[k])
+        _products(x, series[k], 2.0, sums)
+
+
+@compiled
+def _step(
+    family: Complex, begin: complex, span: complex, part: float, x: Complex, tolerance: float, work: Work
+) -> float:
+    """Goes a step along the series; returns the part of the way gone then, `part` if there is no step."""
+    series, there, y, dx, more = work.series, work.there, work.x[0], work.x[1], work.x[2]
+    h: float = min(
+        (tolerance / _norm(series[ORDER])) ** (1.0 / ORDER),
+        (tolerance / _norm(series[ORDER - 1])) ** (1.0 / (ORDER - 1)),
+    )
+    for _ in range(_HALVINGS):
+        if not h > _SHORTEST * (1.0 - part):
+            return part
+        onward = part + h
+        if onward >= 1.0 - 1e-14:
+            onward, h = 1.0, 1.0 - part
+        for i in range(8):
+            y[i] = series[ORDER, i]
+        for k in range(ORDER - 1, -1, -1):
+            for i in range(8):
+                y[i] = y[i] * h + series[k, i]
+        parameter = begin + onward * span
+        for e in range(6):
+            for m in range(LEGS):
+                there[e, m] = family[0, e, m] + parameter * (family[1, e, m] + parameter * family[2, e, m])
+        _jacobian(there, y, x, work)
+        if _factor(work.matrix, work.rows):
+            _correction(there, y, dx, work)
+            for i in range(8):
+                y[i] += dx[i]
+            _correction(there, y, more, work)
+            first, second = _norm(dx), _norm(more)
+            if first < _SURE or (first <= 0.1 and second <= min(_CONTRACTION * first, 1e-6)):
+                for i in range(8):
+                    x[i] = y[i] + more[i]
+                _normalise(x)
+                return onward
+        h *= 0.5
+    return part
+
+
+# --- the equations --------------------------------------------------------------------------------------------------
+
+
+@compiled
+def _products(x: Complex, y: Complex, factor: float, out: Complex) -> None:
+    """Adds the products of x and y, times a factor; with x = y an equation's left side is linear in them."""
+    a0, a1, a2, a3 = factor * x[0], factor * x[1], factor * x[2], factor * x[3]
+    e0, e1, e2, e3 = factor * x[4], factor * x[5], factor * x[6], factor * x[7]
+    b0, b1, b2, b3 = y[0], y[1], y[2], y[3]
+    f0, f1, f2, f3 = y[4], y[5], y[6], y[7]
+    out[0] += a0 * b0
+    out[1] += a1 * b1
+    out[2] += a2 * b2
+    out[3] += a3 * b3
+    out[4] += a0 * b1 + a1 * b0
+    out[5] += a0 * b2 + a2 * b0
+    out[6] += a0 * b3 + a3 * b0
+    out[7] += a1 * b2 + a2 * b1
+    out[8] += a1 * b3 + a3 * b1
+    out[9] += a2 * b3 + a3 * b2
+    out[10] += e0 * b1 - e1 * b0 + f0 * a1 - f1 * a0
+    out[11] += e0 * b2 - e2 * b0 + f0 * a2 - f2 * a0
+    out[12] += e0 * b3 - e3 * b0 + f0 * a3 - f3 * a0
+    out[13] += e1 * b2 - e2 * b1 + f1 * a2 - f2 * a1
+    out[14] += e1 * b3 - e3 * b1 + f1 * a3 - f3 * a1
+    out[15] += e2 * b3 - e3 * b2 + f2 * a3 - f3 * a2
+    out[16] += e0 * f0 + e1 * f1 + e2 * f2 + e3 * f3
+    out[17] += 0.5 * (a0 * f0 + a1 * f1 + a2 * f2 + a3 * f3 + b0 * e0 + b1 * e1 + b2 * e2 + b3 * e3)
+
+
+@compiled
+def _jacobian(a: Complex, x: Complex, patch: Complex, work: Work) -> None:
+    """Half the derivatives of the seven equations at x, and below them the conjugate of `patch`."""
+    c0, c1, c2, c3, d0, d1, d2, d3 = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]
+    j = work.matrix
+    for e in range(6):
+        r = a[e]
+        j[e, 0] = r[0] * c0 + r[4] * c1 + r[5] * c2 + r[6] * c3 - r[10] * d1 - r[11] * d2 - r[12] * d3
+        j[e, 1] = r[4] * c0 + r[1] * c1 + r[7] * c2 + r[8] * c3 + r[10] * d0 - r[13] * d2 - r[14] * d3
+        j[e, 2] = r[5] * c0 + r[7] * c1 + r[2] * c2 + r[9] * c3 + r[11] * d0 + r[13] * d1 - r[15] * d3
+        j[e, 3] = r[6] * c0 + r[8] * c1 + r[9] * c2 + r[3] * c3 + r[12] * d0 + r[14] * d1 + r[15] * d2
+        j[e, 4] = r[10] * c1 + r[11] * c2 + r[12] * c3
+        j[e, 5] = r[13] * c2 + r[14] * c3 - r[10] * c0
+        j[e, 6] = r[15] * c3 - r[11] * c0 - r[13] * c1
+        j[e, 7] = -r[12] * c0 - r[14] * c1 - r[15] * c2
+    for i in range(4):
+        j[0, 4 + i] += x[4 + i]
+        j[6, i] = 0.5 * x[4 + i]
+        j[6, 4 + i] = 0.5 * x[i]
+    for i in range(8):
+        j[7, i] = patch[i].conjugate()
+
+
+@compiled
+def _correction(a: Complex, x: Complex, dx: Complex, work: Work) -> None:
+    """Newton's step, with the factors that are there."""
+    sums = work.products[ORDER]
+    for m in range(PRODUCTS):
+        sums[m] = 0.0
+    _products(x, x, -0.5, sums)
+    right = work.x[3]
+    for e in range(6):
+        s = 0.0j
+        for m in range(LEGS):
+            s += a[e, m] * sums[m]
+        right[e] = s
+    right[0] += sums[16]
+    right[6] = sums[17]
+    right[7] = 0.0
+    _solve(work.matrix, work.rows, right, dx)
+
+
+# --- eight linear equations -----------------------------------------------------------------------------------------
+
+
+@compiled
+def _factor(a: Complex, rows: Table) -> bool:
+    """Gauss' elimination with the largest pivot of a column, in place; the diagonal holds reciprocals."""
+    for i in range(8):
+        best, size = i, abs(a[i, i].real) + abs(a[i, i].imag)
+        for other in range(i + 1, 8):
+            its = abs(a[other, i].real) + abs(a[other, i].imag)
+            if its > size:
+                best, size = other, its
+        if not size > 0.0:
+            return False
+        rows[i] = best
+        if best != i:
+            for k in range(8):
+                a[i, k], a[best, k] = a[best, k], a[i, k]
+        pivot = a[i, i]
+        inverse = pivot.conjugate() * (1.0 / (pivot.real * pivot.real + pivot.imag * pivot.imag))
+        a[i, i] = inverse
+        for other in range(i + 1, 8):
+            part = a[other, i] * inverse
+            a[other, i] = part
+            for k in range(i + 1, 8):
+                a[other, k] -= part * a[i, k]
+    return True
+
+
+@compiled
+def _solve(a: Complex, rows: Table, right: Complex, out: Complex) -> None:
+    for i in range(8):
+        out[i] = right[i]
+    for i in range(8):
+        other = rows[i]
+        if other != i:
+            out[i], out[other] = out[other], out[i]
+    for i in range(8):
+        s = out[i]
+        for k in range(i):
+            s -= a[i, k] * out[k]
+        out[i] = s
+    for i in range(7, -1, -1):
+        s = out[i]
+        for k in range(i + 1, 8):
+            s -= a[i, k] * out[k]
+        out[i] = s * a[i, i]
+
+
+@compiled
+def _norm(x: Complex) -> float:
+    s = 0.0
+    for i in range(8):
+        s += x[i].real * x[i].real + x[i].imag * x[i].imag
+    return math.sqrt(s)
+
+
+@compiled
+def _normalise(x: Complex) -> None:
+    inverse = 1.0 / _norm(x)
+    for i in range(8):
+        x[i] *= inverse

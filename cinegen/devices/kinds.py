@@ -1,0 +1,163 @@
+"""Which sensors there are, by the beginning of their URL."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Callable, Iterable, Mapping
+from ipaddress import ip_address
+from pathlib import Path as File
+from typing import NamedTuple
+
+from cinegen.devices.gamepad import Gamepad
+from cinegen.devices.json_socket import JsonSocket
+from cinegen.devices.path import SHAPES, fitted
+from cinegen.devices.replay import Replay
+from cinegen.devices.scripted import Scripted
+from cinegen.devices.serial_mouse import SerialMouse
+from cinegen.devices.spacenav import Spacenav
+from cinegen.errors import CinegenWarning
+from cinegen.model import Mechanism
+from cinegen.sensor import Sensor, SensorError
+from cinegen.toolpath.seam_file import open_seam
+from raff2urdf.errors import did_you_mean
+
+
+class Scene(NamedTuple):
+    """What a sensor may need to know of what it moves."""
+
+    mechanism: Mechanism | None
+    node: str | None
+
+
+def _serial(url: str, scene: Scene) -> Sensor:
+    return SerialMouse(url)
+
+
+def _spacenav(url: str, scene: Scene) -> Sensor:
+    return Spacenav(url)
+
+
+def _tcp(url: str, scene: Scene) -> Sensor:
+    found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?", url)
+    if found is None or int(found[2]) > 65535:
+        raise SensorError(f"'{url}': write tcp://127.0.0.1:7070, an address of this machine and a port")
+    return JsonSocket(url, found[1].strip("[]") or "127.0.0.1", int(found[2]))
+
+
+def _replay(url: str, scene: Scene) -> Sensor:
+    return Replay(url.removeprefix("replay:"))
+
+
+def _path(url: str, scene: Scene) -> Sensor:
+    shape = url.removeprefix("path:")
+    if shape not in SHAPES:
+        raise SensorError(f"'{url}': no path '{shape}'{did_you_mean(shape, tuple(SHAPES))}")
+    if scene.mechanism is None:
+        raise SensorError(f"'{url}': a path needs a robot to be fitted to")
+    return Scripted(fitted(scene.mechanism, scene.node or scene.mechanism.end, shape))
+
+
+def _seam(url: str, scene: Scene) -> Sensor:
+    return open_seam(url)
+
+
+def _gamepad(url: str, scene: Scene) -> Sensor:
+    if url != "gamepad:":
+        raise SensorError(f"'{url}': write gamepad:, the one of the browser that shows the robot")
+    return Gamepad()
+
+
+KINDS: Mapping[str, tuple[Callable[[str, Scene], Sensor], str]] = {
+    "": (_serial, "/dev/ttyUSB0, COM3 - a Magellan (SpaceMouse) or Spaceball on a serial port"),
+    "spnav": (_spacenav, "spnav: - the 3D mice of today, through the spacenav daemon"),
+    "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends lines of JSON"),
+    "replay": (_replay, "replay:FILE.jsonl - a recording"),
+    "path": (_path, "path:circle - a script"),
+    "seam": (_seam, "seam:weld.csv?distance=10&speed=20 - along points with normals: a weld, or what is inspected"),
+    "gamepad": (_gamepad, "gamepad: - the gamepad of the browser that shows the robot"),
+    "socket": (_serial, "socket://host:port - a serial 3D mouse on another machine"),
+    "rfc2217": (_serial, "rfc2217://host:port - the same, behind a serial server"),
+    "hwgrep": (_serial, "hwgrep://text - the serial port whose description holds a text"),
+    "spy": (_serial, "spy:///dev/ttyUSB0?file=log.txt - a serial port that is overheard"),
+    "loop": (_serial, "loop:// - a serial port that hears itself, for tests"),
+}
+"""How a sensor is made, and what it is, by what stands before the colon of its URL."""
+
+
+def scheme(url: str) -> str:
+    """What stands before the colon of a sensor's URL; nothing where it is the name of a port."""
+    found = re.match(r"([A-Za-z][A-Za-z0-9+.]+):", url)  # two letters at least: C: is a drive
+    return found[1].lower() if found else ""
+
+
+def open_sensor(
+    url: str, number: int | None = None, mechanism: Mechanism | None = None, node: str | None = None
+) -> Sensor:
+    """A sensor by its URL, not started yet. One whose serial port is not there is made too, and warned of.
+
+    Args:
+        url: a port, or one of `KINDS`.
+        number: of the sensor in its file; for messages.
+        mechanism: that it moves; a scripted path is fitted to it.
+        node: that it moves; the mechanism's end unless given.
+
+    Raises:
+        SensorError: there is no such kind, or the URL is not written as that kind needs it.
+        CinegenError: the kind says that it can't be.
+    """
+    kind = scheme(url)
+    if kind not in KINDS:
+        raise SensorError(
+            f"{_named(url, number)}: no kind of sensor '{kind}:'{did_you_mean(kind, tuple(filter(None, KINDS)))}"
+        )
+    missing = why_missing(url, number)
+    if missing:
+        warnings.warn(missing, CinegenWarning, stacklevel=2)
+    return KINDS[kind][0](url, Scene(mechanism, node))
+
+
+def what_is(url: str) -> str | None:
+    """What a sensor's URL names, for people; None where no kind of sensor begins so."""
+    kind = scheme(url)
+    return KINDS[kind][1].partition(" - ")[2] if kind in KINDS else None
+
+
+def why_missing(url: str, number: int | None = None) -> str:
+    """What to say of a serial port that is not there, with what to do; nothing where it is, or can't be known."""
+    if scheme(url) or not url.startswith("/") or File(url).exists():
+        return ""
+    iris = " (/dev/ttyd2 is a name from IRIX)" if re.fullmatch(r"/dev/ttyd\d+", url) else ""
+    return (
+        f"{_named(url, number)}: there is no such port here{iris}; "
+        f"--sensor {1 if number is None else number}=/dev/ttyUSB0 names another"
+    )
+
+
+def _named(url: str, number: int | None) -> str:
+    return f"'{url}'" if number is None else f"sensor {number}, '{url}'"
+
+
+def listens_for_others(url: str) -> bool:
+    """Return whether a sensor's URL opens a port that other machines reach."""
+    found = re.match(r"tcp://(\[[^\]]*\]|[^:/]*)", url, re.IGNORECASE)
+    host = found[1].strip("[]") if found is not None else ""
+    try:
+        return bool(host) and not ip_address(host).is_loopback
+    except ValueError:  # a name
+        return host.lower() != "localhost"
+
+
+def overrides(texts: Iterable[str]) -> dict[int, str]:
+    """The ports that stand in place of those of a file, by the sensor's number, from texts such as `1=/dev/ttyUSB0`.
+
+    Raises:
+        SensorError: a text is not written so.
+    """
+    found = {}
+    for text in texts:
+        number, _, url = text.partition("=")
+        if not (number.isdecimal() and url):
+            raise SensorError(f"--sensor {text}: write NUMBER=URL, for example --sensor 1=/dev/ttyUSB0")
+        found[int(number)] = url
+    return found

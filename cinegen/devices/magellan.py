@@ -1,0 +1,144 @@
+"""The language of the Magellan, also called SpaceMouse: bytes in, events out, no input or output of its own.
+
+A packet is a letter, nibbles and a CR. A nibble is one character whose upper half follows from the lower so that the
+number of bits is even ("Magellan/SPACE MOUSE Programmer's Manual", LogiCad3D, 2000): a character that is not one of the
+sixteen is damaged, and its packet left out. Beyond what the manual says, the facts are those of spacenavd.
+"""
+
+from __future__ import annotations
+
+from cinegen.devices.mouse_events import Event, Fault, Keys, Model, Motion, keys
+from cinegen.sensor import Twist
+
+WHO = b"vQ\r"
+"""The question who it is."""
+
+START = b"m3\rc3B\r"
+"""Motion of all six axes without being asked; extended keys."""
+
+ASK_KEYS = b"kQ\r"
+"""The question which keys are down: answered at once, so it also tells whether anybody is there."""
+
+FULL = 400.0
+"""Counts at full deflection. The maker's FAQ names 370 to 440, depending on the axis."""
+
+_D, _K = ord("d"), ord("k")
+_NIBBLES = {code: value for value, code in enumerate(b"0AB3D56GH9:K<MN?")}
+_MODELS = {"MAGELLAN": ("Magellan SpaceMouse", 11), "SPACEBALL": ("Spaceball 5000", 12), "CadMan": ("CadMan", 4)}
+_MOTION = 25  # the letter and six times four nibbles
+_LONGEST = 256  # characters of a line that are kept: it is the answer who it is, or noise
+_KEPT = 64  # the end of a longer one
+
+
+class Magellan:
+    """Decodes a stream, however it is cut.
+
+    What stands before a packet in its line does it no harm: half a packet, noise, a packet whose CR was lost. A packet
+    in which one byte is damaged (an odd number of its bits flipped, left out, or put in) is never used.
+
+    Attributes:
+        damaged: how many lines could not be used.
+    """
+
+    def __init__(self) -> None:
+        self.damaged = 0
+        self._line = b""
+        self._whole = True  # whether the line's beginning is there
+        self._key_nibbles: int | None = None
+        self._other = False  # the packet of keys before had another number of nibbles
+
+    def feed(self, data: bytes) -> list[Event]:
+        """The events of these bytes, together with those before."""
+        *ends, rest = data.split(b"\r")
+        events: list[Event] = []
+        for end in ends:
+            self._append(end)
+            if self._line:
+                event = self._decode(self._line)
+                if event is not None:
+                    events.append(event)
+            self._line, self._whole = b"", True
+        self._append(rest)
+        return events
+
+    def _append(self, part: bytes) -> None:
+        self._line += part
+        if len(self._line) > _LONGEST:
+            self._line, self._whole = self._line[-_KEPT:], False
+
+    def _decode(self, line: bytes) -> Event | None:
+        first = line[:1]
+        answer = self._whole and first == b"v" and len(line) > 5
+        motion = _motion(line)
+        if motion is not None:
+            return motion
+        model = _model(line) if answer else None
+        if model is not None:
+            return model
+        pressed = self._keys(line)
+        if pressed is not None:
+            return pressed
+        if self._whole and first == b"e" and 2 <= len(line) <= 4:
+            return _fault(line)
+        echo = self._whole and first in (b"m", b"c", b"p", b"q", b"n", b"z", b"b", b"f", b"l") and len(line) <= 4
+        if not (answer or echo):
+            self.damaged += 1
+        return None
+
+    def _keys(self, line: bytes) -> Keys | None:
+        for count in (3, 4):
+            start = len(line) - count - 1
+            if start >= 0 and line[start] == _K:
+                break
+        else:
+            return None
+        values = [_NIBBLES.get(code) for code in line[start + 1 :]]
+        if None in values or _torn(line[:start]):
+            return None
+        if self._key_nibbles not in (None, count) and not self._other:
+            self._other = True  # a model always sends as many: one is missing here, or was put in
+            return None
+        self._key_nibbles, self._other = count, False
+        return keys(sum((value or 0) << 4 * i for i, value in enumerate(values)))
+
+
+def _motion(line: bytes) -> Motion | None:
+    if len(line) < _MOTION or line[-_MOTION] != _D:
+        return None
+    counts = []
+    for i in range(len(line) - _MOTION + 1, len(line), 4):
+        count = 0
+        for code in line[i : i + 4]:
+            nibble = _NIBBLES.get(code)
+            if nibble is None:
+                return None
+            count = count << 4 | nibble
+        counts.append(count - 0x8000)
+    return Motion(_twist(counts))
+
+
+def _twist(counts: list[int]) -> Twist:
+    """The device's x is to the right, y up, z towards the user."""
+    x, y, z, a, b, c = (min(1.0, max(-1.0, count / FULL)) for count in counts)
+    return x, -z + 0.0, y, a, -c + 0.0, b
+
+
+def _torn(before: bytes) -> bool:
+    """Whether the k behind this is part of a packet of motion: a damaged K (one bit differs), or put in."""
+    nibbles = 0
+    while nibbles < len(before) and before[-1 - nibbles] in _NIBBLES:
+        nibbles += 1
+    return nibbles < len(before) and before[-1 - nibbles] == _D and 19 <= nibbles <= 21
+
+
+def _model(line: bytes) -> Model | None:
+    text = line[1:].decode("ascii", errors="replace")
+    for word, (name, count) in _MODELS.items():
+        if word in text:
+            return Model(name, count)
+    return None
+
+
+def _fault(line: bytes) -> Fault:
+    what = {1: "a command that it does not know", 2: "a framing error"}.get(line[1] & 0xF, "an error")
+    return Fault(f"the Magellan reports {what} ({line.decode('ascii', errors='replace')})")

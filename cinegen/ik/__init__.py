@@ -1,0 +1,33 @@
+"""Inverse kinematics: resolved rates by singular values inside what the loops leave, one tick at a time."""
+
+from cinegen.ik.batch import Evaluations, evaluate
+from cinegen.ik.forecast import Event, EventKind, Forecast
+from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
+from cinegen.ik.persistent import PersistentSolver
+from cinegen.ik.point_to_point import Reached, reach
+from cinegen.ik.pull import Pull
+from cinegen.ik.singular import Gained, Lost
+from cinegen.ik.solver import Solver
+from cinegen.ik.step import Step, Verdict
+
+__all__ = [
+    "Evaluations",
+    "Event",
+    "EventKind",
+    "Forecast",
+    "Gained",
+    "LimitMargin",
+    "Lost",
+    "Manipulability",
+    "Objective",
+    "PersistentSolver",
+    "Posture",
+    "Pull",
+    "Reached",
+    "Solver",
+    "State",
+    "Step",
+    "Verdict",
+    "evaluate",
+    "reach",
+]

@@ -1,0 +1,94 @@
+"""`PersistentSolver`: does not stay where limits or its posture keep it from targets that it could reach."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+import pinocchio as pin
+
+from cinegen.errors import CinegenError
+from cinegen.ik.objectives import Objective, Posture
+from cinegen.ik.point_to_point import reach
+from cinegen.ik.pull import Pull
+from cinegen.ik.solver import Array, Solver
+from cinegen.ik.step import Step, Verdict
+
+_STARTS = 24  # from so many configurations a way out is looked for, once for each place of the targets
+_TICKS = 2  # at rest, before it is looked for
+_REST = 1e-6  # rad or lengths in a tick
+_RATE = 0.2  # part of the way to the other posture in a tick, at most; limits of speed count too
+_THERE = 0.02  # rad or lengths from that posture, pulls take over again
+
+
+class PersistentSolver(Solver):
+    """A `Solver` that leaves dead ends.
+
+    Where it comes to rest, its targets standing still and not reached, it looks for a posture that reaches them
+    (`reach`). If there is one it goes there through the joints, loops closed and limits kept, while the pulls wait. The
+    verdict is DETOUR meanwhile.
+
+    A tick in which a posture is looked for takes some milliseconds; the first for a set of pulls a few tenths of a
+    second where loops are to be closed. Pulls after twists never wait. What it finds may be far from where the robot
+    is: not for robots among people.
+    """
+
+    _goal: Array | None = None
+    _own: tuple[Objective, ...] = ()  # objectives that wait
+    _resting = 0  # ticks
+    _tried: tuple[bytes, ...] = ()  # where the targets were when a posture was looked for
+
+    @property
+    def objectives(self) -> tuple[Objective, ...]:
+        """See `Solver`; on a detour they wait."""
+        return self._objectives if self._goal is None else self._own
+
+    @objectives.setter
+    def objectives(self, objectives: Iterable[Objective]) -> None:
+        self._take_over()
+        Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
+
+    def step(self) -> Step:
+        """One tick of dt. Never raises: the verdict says what happened."""
+        if self._goal is not None and self._places() != self._tried:
+            self._take_over()
+        before = self._q.copy()
+        step = super().step()
+        moved = float(np.abs(pin.difference(self._model, before, self._q) / self.mechanism.scale).max(initial=0.0))
+        if self._goal is not None:
+            left = np.abs(pin.difference(self._model, self._q, self._goal) / self.mechanism.scale).max(initial=0.0)
+            if left < _THERE or moved < _REST:
+                self._take_over()
+        elif moved < _REST * self.gain and step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH):
+            self._resting += 1
+            if self._resting >= _TICKS and self._places() != self._tried:
+                self._look_for_another()
+        else:
+            self._resting = 0
+        return step
+
+    def _places(self) -> tuple[bytes, ...]:
+        return tuple(pull.target.homogeneous.tobytes() for pull in self._pulls if pull.makes_sense())
+
+    def _look_for_another(self) -> None:
+        self._tried = self._places()
+        pulls = [pull for pull in self._pulls if pull.makes_sense()]
+        if not pulls or any(pull.twist is not None for pull in pulls):
+            return
+        wanted = [Pull(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, at=p.at) for p in pulls]
+        try:
+            reached = reach(self.mechanism, wanted, starts=_STARTS)
+        except CinegenError:
+            return
+        if reached:
+            self._goal, self._own = reached.q, self._objectives
+            self._objectives = (Posture(reached.q, rate=_RATE / self.dt),)
+            self._suspend_pulls(True)
+
+    def _take_over(self) -> None:
+        """The pulls do, again."""
+        if self._goal is None:
+            return
+        self._goal, self._objectives, self._own = None, self._own, ()
+        self._suspend_pulls(False)
+        self._resting = 0

@@ -1,0 +1,164 @@
+"""Singular values by one-sided Jacobi rotations, begun from those of the matrix before.
+
+Between two ticks a Jacobian hardly changes, so the singular vectors of the last one nearly diagonalise this one: a
+sweep or two of rotations do the rest (A. A. Maciejewski and C. A. Klein, "The singular value decomposition:
+computation and applications to robotics", International Journal of Robotics Research 8, 1989). The rotations are
+Hestenes's; where they begin makes no difference to what they find, but for rounding.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.jit.compiled import Array, compiled
+
+_ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
+_LAST = 1e-6  # a sweep whose rotations are all smaller leaves the square of that, and is the last
+_LAST_OF_VALUES = 1e-4  # values alone are known to the square of what is left
+_NOTHING = 1e-15  # rows shorter than this part of the longest are zeros
+_WARM_SWEEPS = 6  # after so many from a guess, it is begun again from nothing
+COLD_SWEEPS = 30
+
+
+@compiled
+def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: Array, sweeps: int) -> int:
+    """Turns the first n rows of b (., width) until they are orthogonal, and those of u (., vectors) with them.
+
+    Args:
+        b: u m, for some matrix m (n, width); becomes the product of the new u with m.
+        u: orthogonal.
+        n: rows.
+        width: columns.
+        vectors: columns of u: n, or 0 if nobody wants it.
+        square: (n,) becomes the squared length of each row of b.
+        sweeps: at most so many.
+
+    Returns:
+        sweeps that were needed; -1 where they were too few.
+    """
+    last = _LAST if vectors > 0 else _LAST_OF_VALUES
+    for sweep in range(sweeps):
+        longest = 0.0
+        for i in range(n):
+            s = 0.0
+            for k in range(width):
+                s += b[i, k] * b[i, k]
+            if not s < math.inf:  # no number, or too large: nothing can be said, and no guess for later comes of it
+                return -1
+            square[i] = s
+            longest = max(longest, s)
+        nothing = _NOTHING * _NOTHING * longest
+        largest = 0.0  # rotation
+        players = n + n % 2  # of a tournament: no row meets two others in one round, so that rotations may overlap
+        for turn in range(players - 1):
+            for pair in range(players // 2):
+                if pair == 0:
+                    i, j = turn, players - 1
+                else:
+                    i, j = turn + pair, turn - pair
+                    if i >= players - 1:
+                        i -= players - 1
+                    if j < 0:
+                        j += players - 1
+                    if i > j:
+                        i, j = j, i
+                if j >= n:
+                    continue
+                even, odd = 0.0, 0.0  # two sums at a time: none waits for the other
+                for k in range(0, width - 1, 2):
+                    even += b[i, k] * b[j, k]
+                    odd += b[i, k + 1] * b[j, k + 1]
+                if width % 2 == 1:
+                    even += b[i, width - 1] * b[j, width - 1]
+                dot = even + odd
+                p, q = square[i], square[j]
+                if dot * dot <= _ORTHOGONAL * _ORTHOGONAL * p * q or min(p, q) <= nothing:
+                    continue
+                if abs(dot) < 1e-3 * abs(q - p):  # a small rotation, to rounding, without a root
+                    t = dot / (q - p)
+                    t2 = t * t
+                    tangent = t * (1.0 - t2 * (1.0 - t2 * (2.0 - 5.0 * t2)))
+                    t2 = tangent * tangent
+                    c = 1.0 - t2 * (0.5 - t2 * (0.375 - t2 * 0.3125))
+                else:
+                    zeta = (q - p) / (2.0 * dot)
+                    tangent = 1.0 / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))
+                    if zeta < 0.0:
+                        tangent = -tangent
+                    c = 1.0 / math.sqrt(1.0 + tangent * tangent)
+                s = c * tangent
+                largest = max(largest, abs(tangent))
+                for k in range(width):
+                    x, y = b[i, k], b[j, k]
+                    b[i, k], b[j, k] = c * x - s * y, s * x + c * y
+                for k in range(vectors):
+                    x, y = u[i, k], u[j, k]
+                    u[i, k], u[j, k] = c * x - s * y, s * x + c * y
+                square[i], square[j] = max(0.0, p - tangent * dot), max(0.0, q + tangent * dot)
+        if largest < last:
+            return sweep + 1
+    return -1
+
+
+@compiled
+def decompose(m: Array, n: int, width: int, u: Array, b: Array, square: Array, warm: bool) -> int:
+    """Singular values of m: b = u m has orthogonal rows, the longest first; their squared lengths are in `square`.
+
+    With s_i the length of row i, u_i is a left singular vector (a row of u) and b_i / s_i the right one.
+
+    Args:
+        m: (n, width).
+        n: rows.
+        width: columns.
+        u: (n, n), orthogonal; where it begins if `warm`.
+        b: (n, width), result.
+        square: (n,), result.
+        warm: whether u is a guess.
+
+    Returns:
+        sweeps that were needed, in all.
+    """
+    used = 0
+    if warm:
+        for i in range(n):
+            for k in range(width):
+                s = 0.0
+                for j in range(n):
+                    s += u[i, j] * m[j, k]
+                b[i, k] = s
+        used = orthogonalise(b, u, n, width, n, square, _WARM_SWEEPS)
+    if not warm or used < 0:
+        for i in range(n):
+            for j in range(n):
+                u[i, j] = 1.0 if i == j else 0.0
+            for k in range(width):
+                b[i, k] = m[i, k]
+        used = max(used, 0) + orthogonalise(b, u, n, width, n, square, COLD_SWEEPS)
+    for i in range(1, n):  # nearly sorted already
+        j = i
+        while j > 0 and square[j] > square[j - 1]:
+            square[j], square[j - 1] = square[j - 1], square[j]
+            for k in range(width):
+                b[j, k], b[j - 1, k] = b[j - 1, k], b[j, k]
+            for k in range(n):
+                u[j, k], u[j - 1, k] = u[j - 1, k], u[j, k]
+            j -= 1
+    return used
+
+
+@compiled
+def straighten(u: Array, n: int) -> None:
+    """Takes from u (n, n) what rounding has added to an orthogonal matrix: Gram and Schmidt, row after row."""
+    for i in range(n):
+        for j in range(i):
+            dot = 0.0
+            for k in range(n):
+                dot += u[i, k] * u[j, k]
+            for k in range(n):
+                u[i, k] -= dot * u[j, k]
+        s = 0.0
+        for k in range(n):
+            s += u[i, k] * u[i, k]
+        s = 1.0 / math.sqrt(s)
+        for k in range(n):
+            u[i, k] *= s

@@ -1,0 +1,1 @@
+"""Closed loops: their residuals and Jacobians, and how they are closed; in numpy and compiled."""

@@ -1,0 +1,8 @@
+"""A way to a goal around obstacles."""
+
+from cinegen.planning.planner.attempt import Attempt
+from cinegen.planning.planner.plan import Plan, plan
+from cinegen.planning.planner.sampling import rrt_connect
+from cinegen.planning.planner.verdict import Verdict
+
+__all__ = ["Attempt", "Plan", "Verdict", "plan", "rrt_connect"]

@@ -1,0 +1,82 @@
+"""Singular curves on a slice of the workspace, over how far from singular its points are."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.plotting.stick import FAINT, INK
+from cinegen.plotting.words import readable
+from cinegen.singularities.contour import Curve
+from cinegen.singularities.scan import Loci
+from cinegen.singularities.singularity import Kind
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+TYPE_1, TYPE_2 = "#0072b2", "#d55e00"
+"""Okabe and Ito's blue and vermillion."""
+
+
+def draw_loci(loci: Loci, size: float = 7.0) -> Figure:
+    """A picture: curves of both kinds, shaded by the smaller of both singular values; mm and degrees.
+
+    Args:
+        loci: what was found.
+        size: width, inches.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(size, 0.86 * size), layout="constrained", dpi=150)
+    axes = figure.add_subplot()
+    units = [readable(loci.of.mechanism, axis.name) for axis in loci.of.axes]
+    u, v = (values * scale for values, (scale, _) in zip((loci.u, loci.v), units, strict=True))
+    nearness = np.fmin(loci.first, loci.second)
+    shade = axes.pcolormesh(u, v, nearness.T, shading="nearest", cmap="Greys_r", vmin=0.0, alpha=0.55, rasterized=True)
+    bar = figure.colorbar(shade, ax=axes, shrink=0.8)
+    bar.set_label("smallest singular value of both types, without unit")
+    scale = np.array([units[0][0], units[1][0]])
+    for curve in loci.curves:
+        _paint(axes, curve, curve.points * scale)
+    home = np.array(loci.of.start()) * scale
+    axes.plot(*home, marker="+", color=INK, markersize=10, linestyle="none", label="home")
+    along, up = (f"{axis.name} ({unit})" for axis, (_, unit) in zip(loci.of.axes, units, strict=True))
+    axes.set_xlabel(along)
+    axes.set_ylabel(up)
+    if units[0][1] == units[1][1]:
+        axes.set_aspect("equal")
+    axes.set_xlim(u[0], u[-1])
+    axes.set_ylim(v[0], v[-1])
+    axes.set_title(_title(loci), fontsize="medium", color=INK)
+    handles, labels = axes.get_legend_handles_labels()
+    named = dict(zip(labels, handles, strict=True))
+    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=4, frameon=False)
+    return figure
+
+
+def _paint(axes: Any, curve: Curve, points: Array) -> None:
+    colours = {Kind.TYPE_1: TYPE_1, Kind.TYPE_2: TYPE_2}
+    names = {Kind.TYPE_1: "type 1: motion lost", Kind.TYPE_2: "type 2: motion gained"}
+    colour = colours.get(curve.kind, FAINT)
+    style: dict[str, Any] = {"linestyle": "-" if curve.kind in colours else ":"}
+    if len(points) == 1:
+        style = {"linestyle": "none", "marker": "."}
+    axes.plot(*points.T, color=colour, linewidth=1.8, label=names.get(curve.kind, "end of the branch"), **style)
+
+
+def _title(loci: Loci) -> str:
+    given = loci.of.given(*loci.of.start())
+    others = [name for name in given if name not in (axis.name for axis in loci.of.axes)]
+    units = {name: readable(loci.of.mechanism, name) for name in others}
+    said = ", ".join(f"{name} {_quiet(given[name] * scale):.4g} {unit}" for name, (scale, unit) in units.items())
+    what = loci.of.mechanism.name if loci.of.of_motors else f"{loci.of.node} of {loci.of.mechanism.name}"
+    return f"Singularities of {what}" + (f" at {said}" if said else "")
+
+
+def _quiet(value: float) -> float:
+    """Rounding is not worth reading."""
+    return value if abs(value) > 1e-6 else 0.0

@@ -1,0 +1,140 @@
+"""`Stage`: what is drawn of a plan, from where it is seen, and where that stands on the paper."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.collision.around import surroundings
+from cinegen.collision.body import Body
+from cinegen.collision.scene import Scene
+from cinegen.model import Mechanism
+from cinegen.planning.fine import fine
+from cinegen.planning.planar import plane_of
+from cinegen.planning.planner import Plan
+from cinegen.plotting.outline import outline
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+_MOMENTS, _FEWER = 15, 10  # at which the robot is drawn: in a plane, and in space
+_ROOM = 0.05  # of what is drawn, around it
+_BEYOND = 0.6  # of the robot's room, around it: obstacles are drawn so far
+_WIDE, _STRIP = 6.6, 1.5  # inches: of a map, and the height of the clearance below
+_TALL = (2.2, 6.2)  # inches: of a map, at least and at most
+_SHEET, _LEAST, _MOST = 8.6, 5.0, 10.0  # inches: of three views, and their height
+_WORDS = 0.9  # inches: above and below
+_X, _Y, _Z = np.eye(3)
+
+TOP, FRONT, RIGHT = np.array([_X, _Y]), np.array([_X, _Z]), np.array([_Y, _Z])
+"""(2, 3) each: unit vectors of a view in the world, to the right and up."""
+
+
+class Stage:
+    """What is drawn, and from where it is seen.
+
+    Attributes:
+        plan: that is drawn.
+        views: (2, 3) each: unit vectors to the right, and up.
+        robot: bodies of the robot.
+        path: (n, nq) configurations, near each other.
+        trace: (n, 3) where the node goes, m.
+        clearances: (n,) the shortest distance at each, m.
+        gone: (n,) how far the joints have moved, in rad and characteristic lengths.
+        moments: numbers of the configurations that are drawn, about equally far from each other.
+        low, high: (3,) corners of what has to be seen, m.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        scene, mechanism = plan.scene, plan.scene.mechanism
+        self.plan = plan
+        normal = plane_of(mechanism)
+        self.views = (TOP, FRONT, RIGHT) if normal is None else (_flat(normal),)
+        clearance, _ = surroundings(scene)
+        self.robot = clearance.bodies[: len(clearance.bodies) - sum(len(one.bodies) for one in scene.obstacles)]
+        self.path = fine(mechanism, plan.path)
+        self.trace = np.array([mechanism.placement(q, scene.node).translation for q in self.path])
+        self.clearances = np.array([clearance.least(q) for q in self.path])
+        self.gone = _gone(mechanism, self.path)
+        wanted = np.linspace(0.0, self.gone[-1], _MOMENTS if normal is not None else _FEWER)
+        self.moments = np.unique(np.abs(self.gone[None] - wanted[:, None]).argmin(axis=1))
+        self._data = mechanism.model.createData()
+        self.low, self.high = self._bounds(scene)
+
+    def placements(self, q: Array) -> list[pin.SE3]:
+        """Of the robot's bodies' joints at q (nq,)."""
+        pin.forwardKinematics(self.plan.scene.mechanism.model, self._data, q)
+        return [pin.SE3(self._data.oMi[body.joint]) for body in self.robot]
+
+    def _bounds(self, scene: Scene) -> tuple[Array, Array]:
+        """The robot's room, and as much of the obstacles as is near it."""
+        corners = [scene.goal.translation[None], self.trace]
+        for q in self.path[self.moments]:
+            for body, placement in zip(self.robot, self.placements(q), strict=True):
+                corners.append(_box(body, placement))
+        low, high = np.vstack(corners).min(axis=0), np.vstack(corners).max(axis=0)
+        beyond = _BEYOND * float((high - low).max())
+        seen = [
+            _box(body, pin.SE3.Identity()) for o in scene.obstacles for body in o.bodies if np.isfinite(body.radius)
+        ]
+        around = np.vstack([low, high, *seen])
+        low = np.minimum(low, np.maximum(around.min(axis=0), low - beyond))
+        high = np.maximum(high, np.minimum(around.max(axis=0), high + beyond))
+        room = _ROOM * float((high - low).max()) + scene.safety
+        return low - room, high + room
+
+    def shows(self, view: Array) -> tuple[Array, Array]:
+        """(2,) left and right, (2,) lower and upper end of a view, m."""
+        ends = np.sort(np.stack([view @ self.low, view @ self.high]), axis=0)
+        return ends[:, 0], ends[:, 1]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Of the paper, inches."""
+        if len(self.views) == 1:
+            return _WIDE, self._tall + _STRIP + _WORDS
+        x, y, z = self.high - self.low
+        return _SHEET, float(np.clip(_SHEET * (y + z) / (x + y), _LEAST, _MOST)) + _WORDS
+
+    @property
+    def _tall(self) -> float:
+        across, up = (float(np.ptp(ends)) for ends in self.shows(self.views[0]))
+        return float(np.clip(_WIDE * up / across, *_TALL))
+
+    def panels(self, figure: Figure) -> tuple[list[Any], Any]:
+        """Axes for each view, and for the clearance: below a map; of three views the top one stands over the front,
+        and the right one beside it."""
+        if len(self.views) == 1:
+            top, below = figure.subplots(2, 1, height_ratios=[self._tall, _STRIP])
+            return [top], below
+        x, y, z = self.high - self.low
+        (top, strip), (front, right) = figure.subplots(2, 2, width_ratios=[x, y], height_ratios=[y, z])
+        figure.delaxes(strip)  # so that it is the last one
+        return [top, front, right], figure.add_subplot(strip.get_subplotspec())
+
+
+def _flat(normal: Array) -> Array:
+    """(2, 3) a view along a normal: y, or else z, is up, and what is to the right is positive."""
+    up = _Y if abs(normal[2]) > 0.9 else _Z
+    up = up - normal * (up @ normal)
+    up = up / np.linalg.norm(up)
+    right = np.cross(up, normal)
+    return np.array([right * np.sign(right[np.abs(right).argmax()]), up])
+
+
+def _gone(mechanism: Mechanism, path: Array) -> Array:
+    """(n,) along a path (n, nq)."""
+    steps = (pin.difference(mechanism.model, a, b) / mechanism.scale for a, b in itertools.pairwise(path))
+    return np.concatenate([[0.0], np.cumsum([np.linalg.norm(step) for step in steps])])
+
+
+def _box(body: Body, placement: pin.SE3) -> Array:
+    """(2, 3) corners of a box around a body."""
+    flat, upright = outline(body, placement, TOP), outline(body, placement, FRONT)
+    return np.array([[*end(flat, axis=0), end(upright[:, 1])] for end in (np.min, np.max)])

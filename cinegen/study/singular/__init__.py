@@ -1,6 +1,0 @@
-"""Singularities of a mechanism: which kind, what moves or no longer moves, and the geometric reason."""
-
-from cinegen.study.singular.legs import leg_lines
-from cinegen.study.singular.singularity import Kind, Singularity, singularity
-
-__all__ = ["Kind", "Singularity", "leg_lines", "singularity"]

@@ -1,0 +1,141 @@
+"""A seam by its URL: a file of points and normals, and how the tool goes along them. In the units of the workshop.
+
+The file is CSV: a line that names the columns, then a line for each point. x, y, z are in mm, in the world; nx, ny, nz
+is the surface's normal, of any length but 0. Other columns are not looked at; neither is what stands behind a `#`.
+
+The URL is `seam:FILE`, with options behind a `?`, parted by `&`: lengths in mm, angles in degrees, speeds in mm/s and
+degrees/s, times in s.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.sensor import SensorError
+from cinegen.toolpath.curve import PointError
+from cinegen.toolpath.seam import AGAIN, Seam
+from raff2urdf.errors import did_you_mean
+
+Array = NDArray[np.float64]
+
+_MM, _DEGREE = 1e-3, math.radians(1.0)
+
+OPTIONS: Mapping[str, float] = {
+    "distance": _MM,
+    "work": _DEGREE,
+    "travel": _DEGREE,
+    "speed": _MM,
+    "roll": _DEGREE,
+    "approach": _MM,
+    "turning": _DEGREE,
+    "ramp": 1.0,
+    "wait": 1.0,
+}
+"""What may stand behind the `?` with a number, and its unit in SI; `again` may too, with a word."""
+
+_COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
+
+
+def open_seam(url: str) -> Seam:
+    """A seam by its URL, `seam:weld.csv?distance=10&speed=20`.
+
+    Raises:
+        SensorError: the URL or the file is wrong; says where.
+    """
+    name, _, query = url.removeprefix("seam:").partition("?")
+    if not name:
+        raise SensorError(f"'{url}': write seam:FILE.csv, a file of points and normals")
+    options = _options(url, query)
+    points, normals, lines = read_points(name)
+    try:
+        return Seam(points, normals, **options, url=f"seam:{name}")
+    except PointError as error:
+        raise SensorError(f"{name}:{lines[error.index]}: {error.words}") from None
+    except SensorError as error:
+        raise SensorError(f"'{url}': {error}") from None
+
+
+def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
+    """Points (n, 3) m, normals (n, 3) and the lines (n,) that they stand on, from 1.
+
+    Raises:
+        SensorError: the file can't be read, or holds something else; says in which line.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise SensorError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
+    except UnicodeDecodeError:
+        raise SensorError(f"{path}: is no text (UTF-8)") from None
+    where: list[int] = []  # of the columns
+    width = 0
+    rows: list[list[float]] = []
+    lines: list[int] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        line = line.partition("#")[0]
+        if not line.strip():
+            continue
+        try:
+            cells = [cell.strip() for cell in next(csv.reader([line]))]
+            if not where:
+                where, width = _header(cells), len(cells)
+                continue
+            if len(cells) != width:
+                raise SensorError(f"{len(cells)} value{'s' * (len(cells) != 1)}, but {width} columns are named")
+            rows.append([_number(cells[i], name) for i, name in zip(where, _COLUMNS, strict=True)])
+        except (SensorError, csv.Error) as error:
+            raise SensorError(f"{path}:{number}: {error}") from None
+        lines.append(number)
+    if not where:
+        raise SensorError(f"{path}: is empty; it begins with a line x,y,z,nx,ny,nz")
+    values = np.array(rows).reshape(-1, 6)
+    return _MM * values[:, :3], values[:, 3:], lines
+
+
+def _header(cells: list[str]) -> list[int]:
+    """Where the columns stand."""
+    names = [cell.lower() for cell in cells]
+    for name in _COLUMNS:
+        if name not in names:
+            raise SensorError(f"no column '{name}'; the first line names the columns: x,y,z,nx,ny,nz")
+        if names.count(name) > 1:
+            raise SensorError(f"two columns '{name}'")
+    return [names.index(name) for name in _COLUMNS]
+
+
+def _number(text: str, name: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise SensorError(f"{name}: '{text[:40]}' is no number") from None
+    if not math.isfinite(value):
+        raise SensorError(f"{name}: '{text[:40]}' is not finite")
+    return value
+
+
+def _options(url: str, query: str) -> dict[str, Any]:
+    """What stands behind the `?`, in SI."""
+    found: dict[str, Any] = {}
+    for text in filter(None, query.split("&")):
+        name, _, value = text.partition("=")
+        if name in found:
+            raise SensorError(f"'{url}': {name} stands there twice")
+        if name == "again":
+            if value not in AGAIN:
+                raise SensorError(f"'{url}': again: no '{value}'{did_you_mean(value, AGAIN)}")
+            found[name] = value
+        elif name in OPTIONS:
+            try:
+                found[name] = OPTIONS[name] * _number(value, name)
+            except SensorError as error:
+                raise SensorError(f"'{url}': {error}") from None
+        else:
+            raise SensorError(f"'{url}': no option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
+    return found

@@ -1,0 +1,185 @@
+"""`measured`: a quantity of cells that are settled; each is one function here, and one line of `QUANTITIES`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.ik.batch import Evaluations
+from cinegen.workspace.quantities import QUANTITIES
+from cinegen.workspace.settled import Settled
+from cinegen.workspace.survey import Survey
+from raff2urdf.readers.urdf import UNLIMITED
+
+if TYPE_CHECKING:
+    from cinegen.collision.clearance import Clearance
+
+Array = NDArray[np.float64]
+Values = NDArray[Any]
+
+_SLOWLY = 1.0  # rad/s or m/s, of motors whose speed nothing limits
+_SINGULAR = 1e12  # of a condition: what is beyond is rounding
+_WEAKLY = 1.0  # N m or N, of motors whose effort nothing limits
+
+
+class Cells:
+    """What is known of a piece's cells, for quantities to be computed from.
+
+    Attributes:
+        survey: which asks.
+        settled: the configurations.
+        evaluations: what they are like.
+    """
+
+    def __init__(self, survey: Survey, settled: Settled, evaluations: Evaluations) -> None:
+        self.survey, self.settled, self.evaluations = survey, settled, evaluations
+
+    @cached_property
+    def by_motors(self) -> Array:
+        """(n, counted, motors) how motors move the node, in its own axes, without unit."""
+        mechanism, (straight, turn) = self.survey.mechanism, self.survey.counted
+        scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
+        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
+        return np.asarray((self.evaluations.jacobians * units)[:, : straight + turn])
+
+    @cached_property
+    def by_motors_values(self) -> Array:
+        """(n, rank) singular values of these, largest first; without loops those of the node."""
+        if not self.survey.mechanism.loops and len(self.survey.mechanism.actuated) == self.survey.mechanism.model.nv:
+            return self.evaluations.singular_values[:, : self.survey.rank]
+        return _singular_values(self.by_motors)[:, : self.survey.rank]
+
+    @cached_property
+    def determined(self) -> Array:
+        """(n, 6, motors) the node's velocity by the motors', in its own axes; NaN where they don't determine it."""
+        mechanism, model = self.survey.mechanism, self.survey.mechanism.model
+        chain = model.supports[model.frames[mechanism.frame_id(self.survey.node)].parentJoint]
+        moving = {model.names[joint] for joint in chain if joint > int(mechanism.floating)}
+        if not mechanism.loops and not moving <= set(mechanism.actuated):  # of loops the Jacobians say it themselves
+            return np.full_like(self.evaluations.jacobians, np.nan)
+        return self.evaluations.jacobians
+
+    @cached_property
+    def along(self) -> Array:
+        """(n, 3) the survey's direction, in the node's own axes."""
+        return np.asarray(self.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(self.survey.along))
+
+
+def _singular_values(matrices: Array) -> Array:
+    """Of (n, rows, columns); not a number where a matrix is not finite."""
+    good = np.isfinite(matrices).all(axis=(1, 2))
+    found = np.full((len(matrices), min(matrices.shape[1:])), np.nan)
+    if good.any():
+        found[good] = np.linalg.svd(matrices[good], compute_uv=False)
+    return found
+
+
+def _solutions(cells: Cells) -> Values:
+    if cells.settled.solutions is not None:
+        return cells.settled.solutions
+    raise AssertionError("solutions were not counted")
+
+
+def _sigma_1(cells: Cells) -> Values:
+    return cells.evaluations.singular_values[:, cells.survey.rank - 1]
+
+
+def _sigma_2(cells: Cells) -> Values:
+    return cells.evaluations.second
+
+
+def _condition(cells: Cells) -> Values:
+    values = cells.by_motors_values
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.asarray(values[:, 0] / values[:, -1])
+    return np.where(found > _SINGULAR, np.inf, found)
+
+
+def _manipulability(cells: Cells) -> Values:
+    return np.asarray(np.prod(cells.by_motors_values, axis=1))
+
+
+def _margin(cells: Cells) -> Values:
+    model, q = cells.survey.mechanism.model, cells.evaluations.q
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    limited = np.isfinite(low) & np.isfinite(high) & (high > low) & _moving(cells.survey)
+    if not limited.any():
+        return np.where(np.isfinite(q[:, 0]), 1.0, np.nan)
+    q, low, high = q[:, limited], low[limited], high[limited]
+    return np.asarray((np.minimum(q - low, high - q) / (0.5 * (high - low))).min(axis=1))
+
+
+def _moving(survey: Survey) -> NDArray[np.bool_]:
+    """(nq,) whether a number of the configuration has to do with where the node is: fingers behind it have not."""
+    mechanism = survey.mechanism
+    model, system = mechanism.model, mechanism.system
+    ends = [model.frames[mechanism.frame_id(survey.node)].parentJoint]
+    for first, _, second, _ in system.anchors:
+        ends += [first, second]
+    found = np.zeros(model.nq, dtype=bool)
+    for joint in {joint for end in ends for joint in model.supports[end] if joint > 0}:
+        found[model.joints[joint].idx_q : model.joints[joint].idx_q + model.joints[joint].nq] = True
+    return found
+
+
+def _velocity(cells: Cells) -> Values:
+    from cinegen.workspace.capability import fastest
+
+    return fastest(cells.determined, cells.along, _limits(cells.survey, "speed"))
+
+
+def _force(cells: Cells) -> Values:
+    from cinegen.workspace.capability import strongest
+
+    return strongest(cells.determined, cells.along, _limits(cells.survey, "effort"))
+
+
+def _limits(survey: Survey, of: str) -> Array:
+    """(motors,) what the robot's description allows them, 1 where it says nothing."""
+    mechanism = survey.mechanism
+    columns = [mechanism.v_index(name) for name in mechanism.actuated]
+    model, unsaid = mechanism.model, _SLOWLY if of == "speed" else _WEAKLY
+    given = np.asarray(model.upperVelocityLimit if of == "speed" else model.upperEffortLimit)[columns]
+    return np.where((given > 0.0) & (given < UNLIMITED), given, unsaid)
+
+
+def _solid_angle(cells: Cells) -> Values:
+    assert cells.settled.solid_angle is not None
+    return cells.settled.solid_angle
+
+
+def _clearance(cells: Cells) -> Values:
+    clearance = _clearance_of(cells.survey)
+    return np.array([clearance.least(q) if np.isfinite(q[0]) else np.nan for q in cells.evaluations.q])
+
+
+@lru_cache(maxsize=2)
+def _clearance_of(survey: Survey) -> Clearance:
+    """Kept from piece to piece: shapes take a while."""
+    from cinegen.collision import scene_of, surroundings
+
+    assert survey.scene is not None
+    return surroundings(scene_of(dict(survey.scene), survey.folder, mechanism=survey.mechanism))[0]
+
+
+_MEASURES: dict[str, Callable[[Cells], Values]] = {
+    "solutions": _solutions,
+    "sigma_1": _sigma_1,
+    "sigma_2": _sigma_2,
+    "condition": _condition,
+    "manipulability": _manipulability,
+    "margin": _margin,
+    "velocity": _velocity,
+    "force": _force,
+    "solid_angle": _solid_angle,
+    "clearance": _clearance,
+}
+
+
+def measured(name: str, cells: Cells) -> Values:
+    """(n,) a quantity of `QUANTITIES`, as it is stored."""
+    return np.asarray(_MEASURES[name](cells), dtype=QUANTITIES[name].dtype)

@@ -1,0 +1,409 @@
+"""Assembly modes of a Gough platform: legs are as long as asked, all modes are there, and the account is true."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cinegen.assembly.hexapod import Hexapod, HexapodError
+from cinegen.assembly.hexapod import _kernels as kernel
+from cinegen.assembly.hexapod.paths import Kind
+
+# P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
+# Kinematics: Analysis and Control, 1998
+DIETMAIER_BASE = [
+    [0, 0, 0],
+    [1.107915, 0, 0],
+    [0.549094, 0.756063, 0],
+    [0.735077, -0.223935, 0.525991],
+    [0.514188, -0.526063, -0.368418],
+    [0.590473, 0.094733, -0.205018],
+]
+DIETMAIER_PLATFORM = [
+    [0, 0, 0],
+    [0.542805, 0, 0],
+    [0.956919, -0.528915, 0],
+    [0.665885, -0.353482, 1.402538],
+    [0.478359, 1.158742, 0.107672],
+    [-0.137087, -0.235121, 0.353913],
+]
+DIETMAIER_LENGTHS = [1, 0.645275, 1.086284, 1.503439, 1.281933, 0.771071]
+
+
+def rotation(q):
+    """Of a quaternion of any norm."""
+    w, x, y, z = q / np.linalg.norm(q)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def pose(rng, far=2.0):
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = rotation(rng.normal(size=4)), far * rng.normal(size=3)
+    return placement
+
+
+def reach(base, platform, placement):
+    """The six lengths, leg after leg."""
+    ends = [placement[:3, :3] @ point + placement[:3, 3] for point in np.asarray(platform, dtype=float)]
+    return np.array(
+        [np.linalg.norm(end - point) for end, point in zip(ends, np.asarray(base, dtype=float), strict=True)]
+    )
+
+
+def circle(degrees, radius):
+    angles = np.radians(degrees)
+    return radius * np.column_stack([np.cos(angles), np.sin(angles), np.zeros(len(angles))])
+
+
+def points(rng, kind):
+    base, platform = rng.normal(size=(2, 6, 3))
+    if "B" in kind:
+        base[:, 2] = 0.0
+    if "P" in kind:
+        platform[:, 2] = 0.0
+    if "6-3" in kind:
+        platform = platform[[0, 0, 1, 1, 2, 2]]
+    return base, platform
+
+
+def assert_modes(base, platform, lengths, found):
+    """They reach, are rigid and apart."""
+    for placement in found.placements:
+        np.testing.assert_allclose(reach(base, platform, placement), lengths, rtol=0, atol=1e-12 * np.max(lengths))
+        np.testing.assert_allclose(placement[:3, :3] @ placement[:3, :3].T, np.eye(3), atol=1e-13)
+        assert np.linalg.det(placement[:3, :3]) > 0
+        np.testing.assert_array_equal(placement[3], [0, 0, 0, 1])
+    for i, placement in enumerate(found.placements):
+        for other in found.placements[:i]:
+            assert np.abs(placement - other).max() > 1e-7 * np.max(lengths)
+
+
+def assert_among(placement, found, within=1e-8):
+    assert np.abs(found.placements - placement).max(axis=(1, 2)).min() < within
+
+
+def assert_account(found):
+    assert found.total == 40
+
+
+@settings(max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["", "B", "P", "BP"]))
+def test_a_general_platform_has_40_modes_an_even_number_of_them_real(seed, kind):
+    rng = np.random.default_rng(seed)
+    base, platform = points(rng, kind)
+    placement = pose(rng)
+    lengths = reach(base, platform, placement)
+    found = Hexapod(base, platform).modes(lengths)
+    assert found.complete
+    assert (found.real + found.complex, found.infinite, found.multiple, found.lost) == (40, 0, 0, 0)
+    assert len(found.placements) == found.real
+    assert found.real % 2 == 0
+    assert (found.coincident == 1).all()
+    assert_modes(base, platform, lengths, found)
+    assert_among(placement, found)
+    assert "40 of 40 distinct regular solutions" in found.method
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**32 - 1))
+def test_with_points_in_two_planes_modes_are_mirror_images(seed):
+    rng = np.random.default_rng(seed)
+    base, platform = points(rng, "BP")
+    found = Hexapod(base, platform).modes(reach(base, platform, pose(rng)))
+    mirror = np.diag([1.0, 1.0, -1.0, 1.0])
+    for placement in found.placements:
+        assert_among(mirror @ placement @ mirror, found, 1e-7)
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["6-3", "6-3 B"]))
+def test_a_platform_that_is_a_triangle_has_16(seed, kind):
+    rng = np.random.default_rng(seed)
+    base, platform = points(rng, kind)
+    placement = pose(rng)
+    hexapod = Hexapod(base, platform)
+    lengths = reach(base, platform, placement)
+    found = hexapod.modes(lengths)
+    assert hexapod.degree == 16
+    assert found.complete
+    assert (found.real + found.complex, found.infinite) == (16, 24)
+    assert_modes(base, platform, lengths, found)
+    assert_among(placement, found)
+    assert "24 paths ended at infinity" in found.method
+
+
+def test_merlets_tssm_has_16_real_modes():
+    # 001, section 2.5: Table 1 has those above the base; its geometry follows from it
+    base = [[-9.7, 9.1, 0], [9.7, 9.1, 0], [12.76, 3.9, 0], [3.0, -13.0, 0], [-3.0, -13.0, 0], [-12.76, 3.9, 0]]
+    triangle = [[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]]
+    platform = np.repeat(triangle, 2, axis=0)
+    nominal = np.eye(4)
+    half = np.radians([-10, -5, 10]) / 2
+    turns = [
+        rotation(np.array([np.cos(angle), *(np.sin(angle) * np.array(axis))]))
+        for angle, axis in zip(half, ([0, 0, 1], [1, 0, 0], [0, 0, 1]), strict=True)
+    ]
+    nominal[:3, :3], nominal[2, 3] = turns[0] @ turns[1] @ turns[2], 20.0
+    lengths = reach(base, platform, nominal)
+    found = Hexapod(base, platform).modes(lengths)
+    assert found.complete
+    assert found.real == 16
+    assert_modes(base, platform, lengths, found)
+    above = found.placements[found.placements[:, 2, 3] > 0]
+    table = [
+        [0.1099, -6.8071, 15.1572],
+        [0.0, 0.0, 20.0],
+        [2.8029, -4.6660, 12.7407],
+        [1.3617, 4.9038, 17.3824],
+        [0.1606, 5.3765, 17.1868],
+        [-0.3525, -3.8663, 11.9183],
+        [-1.4134, 4.8262, 17.4299],
+        [-2.3355, -4.4679, 12.5479],
+    ]
+    apart = np.abs(above[:, None, :3, 3] - np.array(table)[None]).max(axis=2)
+    assert sorted(apart.argmin(axis=1)) == list(range(8))
+    assert apart.min(axis=1).max() < 2e-4
+
+
+def test_dietmaiers_platform_has_40_real_modes():
+    found = Hexapod(DIETMAIER_BASE, DIETMAIER_PLATFORM).modes(DIETMAIER_LENGTHS)
+    assert found.complete
+    assert (found.real, len(found.placements)) == (40, 40)
+    assert_modes(DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_LENGTHS, found)
+
+
+@pytest.mark.parametrize(
+    ("base", "platform", "degree"),
+    [
+        # legs that meet in pairs at both ends: an octahedron
+        (circle([0, 120, 120, 240, 240, 0], 2.0), circle([60, 60, 180, 180, 300, 300], 1.0), 16),
+        # semi-regular hexagons, each with three axes of symmetry
+        (circle([-10, 10, 110, 130, 230, 250], 2.0), circle([-50, 50, 70, 170, 190, 290], 1.0), 28),
+        # any hexagons on circles
+        (circle([-10, 15, 110, 140, 230, 260], 2.0), circle([-50, 40, 70, 170, 195, 290], 1.0), 36),
+    ],
+)
+def test_special_geometry_has_fewer_modes(base, platform, degree):
+    rng = np.random.default_rng(1)
+    hexapod = Hexapod(base, platform)
+    assert hexapod.degree == degree
+    home = np.eye(4)
+    home[2, 3] = 2.0
+    symmetric = reach(base, platform, home)
+    for lengths in (symmetric, symmetric + 0.1 * rng.normal(size=6)):
+        found = hexapod.modes(lengths)
+        assert found.complete
+        assert_account(found)
+        assert found.infinite >= 40 - degree
+        assert_modes(base, platform, lengths, found)
+    assert_among(home, hexapod.modes(symmetric))
+
+
+@settings(max_examples=8)
+@given(st.integers(0, 2**32 - 1))
+def test_modes_go_with_frames_and_units(seed):
+    rng = np.random.default_rng(seed)
+    base, platform = points(rng, "")
+    lengths = reach(base, platform, pose(rng))
+    found = Hexapod(base, platform).modes(lengths)
+    unit, first, second = np.exp(6.0 * rng.normal()), pose(rng, 100.0), pose(rng, 100.0)
+    there = Hexapod(
+        unit * (base @ first[:3, :3].T + first[:3, 3]), unit * (platform @ second[:3, :3].T + second[:3, 3])
+    ).modes(unit * lengths)
+    assert there.complete
+    assert len(there.placements) == len(found.placements)
+    back = there.placements.copy()
+    back[:, :3, 3] /= unit
+    back = np.linalg.inv(first) @ back @ second
+    for placement in back:
+        assert_among(placement, found, 1e-6)
+
+
+@pytest.mark.parametrize("far", [0.01, 30.0, 300.0])
+def test_legs_of_any_length(far):
+    rng = np.random.default_rng(4)
+    base, platform = points(rng, "")
+    placement = pose(rng, far)
+    lengths = reach(base, platform, placement)
+    found = Hexapod(base, platform).modes(lengths)
+    assert found.complete
+    assert_modes(base, platform, lengths, found)
+    assert_among(placement, found, 1e-6)
+
+
+def test_kernels_are_compiled_once_before_paths_are_followed():
+    Hexapod(*points(np.random.default_rng(4), "")).modes(np.full(6, 3.0))
+    assert len(kernel.follow.signatures) == len(kernel.polish.signatures) == 1
+
+
+# --- where modes meet -----------------------------------------------------------------------------------------------
+
+
+def rates(base, platform, placement):
+    """(6, 6) lengths by small motions of the platform, by central differences."""
+    step, columns = 1e-6, []
+    for axis in range(6):
+        there = []
+        for sign in (-1.0, 1.0):
+            move = np.eye(4)
+            if axis < 3:
+                move[axis, 3] = sign * step
+            else:
+                move[:3, :3] = rotation(np.concatenate([[1.0], sign * 0.5 * step * np.eye(3)[axis - 3]]))
+            there.append(reach(base, platform, placement @ move))
+        columns.append((there[1] - there[0]) / (2.0 * step))
+    return np.array(columns).T
+
+
+@pytest.fixture(scope="module")
+def fold():
+    """A hexapod, a singular pose, and the lengths' direction that leaves what it can reach."""
+    rng = np.random.default_rng(3)
+    base, platform = points(rng, "")
+    ends = [pose(rng, 1.0), pose(rng, 1.0)]
+    quaternions = rng.normal(size=(2, 4))
+
+    def between(x):
+        placement = np.eye(4)
+        placement[:3, :3] = rotation((1.0 - x) * quaternions[0] + x * quaternions[1])
+        placement[:3, 3] = (1.0 - x) * ends[0][:3, 3] + x * ends[1][:3, 3]
+        return placement
+
+    def sign(x):
+        return np.sign(np.linalg.det(rates(base, platform, between(x))))
+
+    grid = np.linspace(0.0, 1.0, 50)
+    signs = [sign(x) for x in grid]
+    k = next(k for k in range(49) if signs[k] != signs[k + 1])
+    low, high = grid[k], grid[k + 1]
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if sign(middle) == signs[k] else (low, middle)
+    placement = between(low)
+    return base, platform, placement, np.linalg.svd(rates(base, platform, placement))[0][:, -1]
+
+
+def test_two_modes_that_meet_are_one_and_said_to_coincide(fold):
+    base, platform, placement, _ = fold
+    lengths = reach(base, platform, placement)
+    found = Hexapod(base, platform).modes(lengths)
+    assert found.complete
+    assert_account(found)
+    assert sorted(found.coincident)[-2:] == [1, 2]
+    assert found.coincident.sum() % 2 == 0
+    assert_modes(base, platform, lengths, found)
+    double = found.placements[np.argmax(found.coincident)]
+    np.testing.assert_allclose(double, placement, atol=1e-4)
+
+
+@pytest.mark.parametrize("away", [1e-3, 1e-5, 1e-7, 1e-9])
+def test_beside_a_singularity_two_modes_more_on_one_side(fold, away):
+    base, platform, placement, direction = fold
+    hexapod = Hexapod(base, platform)
+    counts = []
+    for side in (-away, away):
+        lengths = reach(base, platform, placement) + side * direction
+        found = hexapod.modes(lengths)
+        assert found.complete
+        assert_modes(base, platform, lengths, found)
+        counts.append(len(found.placements))
+        assert found.coincident.sum() == len(found.placements)
+        assert counts[-1] % 2 == 0
+    assert abs(counts[1] - counts[0]) == 2
+
+
+def test_where_legs_let_the_platform_move_this_is_a_curve():
+    # parallelograms: base and platform alike, legs of one length
+    rng = np.random.default_rng(5)
+    base, _ = points(rng, "")
+    found = Hexapod(base, base).modes(np.full(6, 2.0))
+    assert not found.complete
+    assert "a curve of configurations" in found.method
+    assert_account(found)
+    assert_modes(base, base, np.full(6, 2.0), found)
+
+
+def test_curves_are_not_excluded_where_solutions_went_to_infinity():
+    """A count of fewer isolated solutions than there are for general lengths leaves room for a curve."""
+    base, platform = points(np.random.default_rng(7), "")
+    hexapod = Hexapod(base, platform)
+    ends, curve = hexapod._ends(np.full(6, 2.0))
+    assert hexapod._account(np.full(6, 2.0), ends, curve).complete
+    ends.kind[:2] = Kind.INFINITE
+    found = hexapod._account(np.full(6, 2.0), ends, curve)
+    assert not found.complete
+    assert "curves of configurations are not excluded" in found.method
+
+
+# --- what can't be ---------------------------------------------------------------------------------------------------
+
+
+def test_impossible_lengths_have_no_mode_and_the_nearest_pose_is_said():
+    rng = np.random.default_rng(6)
+    base, platform = points(rng, "")
+    lengths = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 40.0])
+    found = Hexapod(base, platform).modes(lengths)
+    assert found.complete
+    assert found.placements.shape == (0, 4, 4)
+    assert found.coincident.shape == (0,)
+    assert found.complex == 40
+    assert found.closest is not None
+    placement, misses = found.closest.placement, found.closest.misses
+    np.testing.assert_allclose(reach(base, platform, placement) - lengths, misses, atol=1e-9)
+    assert misses[5] < -1.0
+    # a minimum: no motion makes the sum of squares smaller
+    np.testing.assert_allclose(rates(base, platform, placement).T @ misses, 0.0, atol=1e-5)
+
+
+def test_possible_lengths_need_no_nearest_pose():
+    rng = np.random.default_rng(7)
+    base, platform = points(rng, "")
+    assert Hexapod(base, platform).modes(reach(base, platform, pose(rng))).closest is None
+
+
+RNG = np.random.default_rng(8)
+ONE, OTHER = RNG.normal(size=(2, 6, 3))
+LINE = np.outer([0, 1, 2, 4, 5, 7], [1.0, 2.0, -1.0])
+HEXAGON = circle([-10, 10, 110, 130, 230, 250], 1.0)
+
+
+@pytest.mark.parametrize(
+    ("base", "platform", "said"),
+    [
+        (ONE[:5], OTHER, r"the base must be \(6, 3\).*\(5, 3\)"),
+        (ONE, OTHER[:, :2], r"the platform must be \(6, 3\)"),
+        (ONE * np.nan, OTHER, "base is not finite"),
+        (np.ones((6, 3)), OTHER, "all six points of the base are one"),
+        (ONE, np.full((6, 3), 1e3), "all six points of the platform are one"),
+        (LINE, OTHER, "points of the base lie in a line"),
+        (ONE, LINE + 100.0, "points of the platform lie in a line"),
+        (ONE[[0, 1, 2, 1, 4, 5]], OTHER[[0, 1, 2, 1, 4, 5]], "legs 2 and 4 are the same rod"),
+        (HEXAGON, 0.5 * HEXAGON, "a curve of configurations"),  # similar, on a conic
+        (ONE[[0, 0, 0, 0, 4, 5]], OTHER, "a curve of configurations"),  # four legs in one point
+    ],
+)
+def test_geometry_that_is_degenerate_is_named(base, platform, said):
+    with pytest.raises(HexapodError, match=said):
+        Hexapod(base, platform)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "said"),
+    [
+        ([1.0] * 5, r"\(6,\)"),
+        ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "length 3 is not finite"),
+        ([1.0, 1.0, 1.0, 0.0, 1.0, 1.0], "length 4 must be positive"),
+        ([1.0, -2.0, 1.0, 1.0, 1.0, 1.0], "length 2 must be positive"),
+    ],
+)
+def test_lengths_that_are_none_are_named(lengths, said):
+    with pytest.raises(HexapodError, match=said):
+        Hexapod(ONE, OTHER).modes(lengths)

@@ -1,0 +1,362 @@
+"""Assembly modes of mechanisms of no known family, at special values of the motors, and what is refused."""
+
+from __future__ import annotations
+
+import gc
+import pickle
+import weakref
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import making
+import numpy as np
+import pytest
+from assembled import alike, apart, home, nothing_beside, places, sound, traced
+from linkages import (
+    Z,
+    five_bar,
+    hexapod,
+    hinge,
+    legged,
+    points,
+    ring,
+    slide,
+    three_legs,
+    together,
+    tripod,
+)
+from numpy.random import default_rng as rng
+
+import cinegen
+from cinegen.assembly import ModesError, Paths, assembly_modes
+from cinegen.assembly.families import recognise
+from cinegen.assembly.homotopy import Homotopy
+from cinegen.assembly.linkage import Linkage
+from cinegen.assembly.monodromy import Monodromy
+from raff2urdf.closure import passive
+
+# --- any mechanism ------------------------------------------------------------------------------------------------
+
+
+def test_what_is_known_is_found_without_knowing_it_too(robot):
+    """40 by M. Raghavan, which monodromy is not told; the trace test says that none of these is missing."""
+    said = []
+    m = robot("gough")
+    one, two = assembly_modes(m), assembly_modes(m, method="monodromy", say=said.append)
+    assert one.complete
+    assert one.trace_test is None
+    traced(two)
+    assert two.paths.real + two.paths.complex == 40
+    alike(sound(one, [m.end]), sound(two, [m.end]))
+    assert any("trace test" in sentence for sentence in said)
+
+
+def test_what_takes_too_long_is_given_up_and_done_when_more_is_allowed(root):
+    m = cinegen.load(root / "robots" / "hybrid.raff")
+    early = assembly_modes(m, effort=1e-3)
+    assert (early.complete, early.trace_test) == (False, False)
+    assert "given up" in early.method
+    traced(late := assembly_modes(m))
+    traced(assembly_modes(m, effort=1e-3))  # what is known is not forgotten
+    assert len(late) == 12
+
+
+def test_a_symmetric_tripod_has_two_modes_of_operation_of_eight(robot):
+    """J. Schadlbauer, D. Walter, M. Husty, "The 3-RPS parallel manipulator from an algebraic viewpoint", Mechanism
+    and Machine Theory 75, 2014."""
+    m = robot("hybrid")
+    modes = assembly_modes(m, home(m) * 1.01)
+    sound(modes, [m.end])
+    assert modes.paths.real + modes.paths.complex == 16
+    assert "2 sets that no closed path has joined" in modes.method
+    traced(modes)
+    nothing_beside(modes, [m.end])
+
+
+def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
+    """E. Primrose, "On the input-output equation of the general 7R-mechanism", Mech. and Machine Theory 21, 1986."""
+    r = rng(3)
+    m = built(ring([hinge(r.uniform(-1, 1, 3), making.direction(r), k == 0) for k in range(7)], 3))
+    modes = assembly_modes(m, home(m) + 0.1)
+    sound(modes)
+    assert modes.paths.real + modes.paths.complex == 16
+    traced(modes)
+    nothing_beside(modes, ["tool"])
+
+
+@pytest.mark.parametrize("word", ["rPR", "RPr", "PrR"])
+def test_slides_that_no_motor_drives_are_solved_too(built, word):
+    m = built(three_legs(rng(1), word))
+    modes = assembly_modes(m, home(m) + 0.1)
+    sound(modes, ["tool"])
+    traced(modes)
+    nothing_beside(modes, ["tool"], 10)
+
+
+def test_loops_that_have_nothing_to_do_with_each_other_have_each_mode_with_each(built):
+    other = five_bar(rng(2)).moved(making.shift("z", 1.0))
+    both = built(together(five_bar(rng(1)), other))
+    modes = assembly_modes(both)
+    sound(modes, ["link3", "link503"], 4)
+    traced(modes)
+
+
+def test_joints_below_and_above_don_t_count(built):
+    wrist = [hinge([0, 0, 1.2], Z, True), hinge([0, 0, 1.3], [1, 0, 0.2], True)]
+    plain = built(tripod(rng(1)))
+    more = built(tripod(rng(1), wrist=wrist, below=[hinge([0.1, 0, -0.5], [0.1, 0.2, 1], True)]))
+    asked = home(more) + np.array([0.4 * (not more.slides(name)) for name in more.actuated])
+    one, two = assembly_modes(plain), assembly_modes(more, asked)
+    sound(two, count=len(one))
+    traced(one)
+    traced(two)
+    assert one.paths == two.paths
+
+
+@pytest.mark.parametrize(("seed", "words"), [(23, "PPS RPS"), (27, "PPS RRR"), (34, "UPS RUS")])
+def test_random_closings_find_nothing_beside_what_is_complete(built, seed, words):
+    """Legs of random geometry, motors wherever they suffice."""
+    r = rng(seed)
+    mechanism = making.platform(r, words.split(), "joint")
+    bare = built(mechanism)
+    order = r.permutation([bare.v_index(name) for name in bare.joints])
+    unmotored = passive(bare.system.evaluate(bare.samples[-1])[1], order.tolist())
+    driven = {name for name in bare.joints if bare.v_index(name) not in unmotored}
+    bodies = tuple(replace(b, more="actuated 1") if f"joint{b.number}" in driven else b for b in mechanism.bodies)
+    m = built(replace(mechanism, bodies=bodies))
+    modes = assembly_modes(m)
+    sound(modes)
+    if modes.complete or modes.trace_test:
+        nothing_beside(modes, ["tool"], 10, seed)
+
+
+# --- motors that are too many -------------------------------------------------------------------------------------
+
+
+def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built):
+    p = np.array([[0.0, 0.0], [0.2, 0.8], [1.2, 1.0], [1.3, 0.1]])
+    one = built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])]))
+    two = built(ring([hinge(p[0], motor=True), hinge(p[1]), hinge(p[2]), hinge(p[3], motor=True)], 1))
+    assert (two.mobility, len(two.actuated)) == (1, 2)
+    for q in assembly_modes(one, home(one) + 0.2):
+        moved = places(one, q, ["tool"])[0] @ np.linalg.inv(places(one, one.q_home, ["tool"])[0])  # of the coupler
+        end = (moved @ [*p[2], 0.0, 1.0])[:2] - p[3]  # of the follower
+        angle = np.arctan2(end[1], end[0]) - np.arctan2(*(p[2] - p[3])[::-1])
+        modes = assembly_modes(two, home(two) + np.array([0.2, angle]))
+        assert modes.complete
+        assert len(modes) == 1
+        assert two.closure(modes[0]) <= 1e-12
+        coupler = [places(two, there, ["link3"])[0] for there in (modes[0], two.q_home)]
+        assert np.abs(coupler[0] @ np.linalg.inv(coupler[1]) - moved).max() < 1e-6
+    none = assembly_modes(two, home(two) + np.array([0.2, 0.5]))
+    assert (len(none), none.complete) == (0, True)
+    assert "contradict" in none.closest.words
+
+
+# --- singular values ----------------------------------------------------------------------------------------------
+
+STRAIGHT = np.arccos((1.0 - 2.0 * np.hypot(0.5, 0.7)) / 2.0 / 0.5)  # from the x axis: knees are two rods apart
+
+
+@pytest.fixture(scope="module")
+def symmetric(tmp_path_factory):
+    """A five-bar with cranks of 0.5, upright at home on feet that are 1 apart, and equal rods."""
+    q = np.array([[0.0, 0.0], [0.0, 0.5], [0.5, 1.2], [1.0, 0.5], [1.0, 0.0]])
+    legs = [[hinge(q[0], motor=True), hinge(q[1]), hinge(q[2])], [hinge(q[4], motor=True), hinge(q[3])]]
+    path = tmp_path_factory.mktemp("symmetric") / "five.raff"
+    path.write_text("RAFF five\n" + legged(legs).text(joint_digits=None), encoding="utf-8")
+    return cinegen.load(path)
+
+
+@pytest.mark.parametrize("method", ["auto", "monodromy"])
+@pytest.mark.parametrize("past", [0.0, 1e-14, -1e-13])
+def test_two_modes_that_meet_are_said_to_coincide(symmetric, past, method):
+    turn = STRAIGHT - np.pi / 2.0 + past
+    modes = assembly_modes(symmetric, home(symmetric) + np.array([turn, -turn]), method)
+    sound(modes, count=1)
+    assert modes.coincident == (2,)
+    assert modes.paths.multiple == 2
+    if method == "monodromy":
+        traced(modes)
+    else:
+        assert modes.complete
+
+
+@pytest.mark.parametrize(("past", "count"), [(-1e-8, 2), (-1e-3, 2), (1e-8, 0), (1e-3, 0)])
+def test_two_modes_that_almost_meet_are_two_and_what_just_fails_is_said(symmetric, past, count):
+    turn = STRAIGHT - np.pi / 2.0 + past
+    modes = assembly_modes(symmetric, home(symmetric) + np.array([turn, -turn]))
+    sound(modes, count=count)
+    assert modes.complete
+    assert (modes.closest is None) == bool(count)
+    if not count:
+        assert 0.1 * past < modes.closest.gap < 10.0 * past
+        assert "open stay" in modes.closest.words
+
+
+def test_where_knees_meet_there_is_a_curve_of_configurations(symmetric):
+    modes = assembly_modes(symmetric, home(symmetric) + np.array([-0.5, 0.5]) * np.pi)
+    assert not modes.complete
+    assert "a curve of configurations" in modes.method
+    sound(modes)
+    near = assembly_modes(symmetric, home(symmetric) + np.array([-0.5 + 1e-5, 0.5]) * np.pi)
+    sound(near, count=2)
+    assert near.complete
+
+
+def test_a_platform_as_its_base_moves_on_equal_legs(built):
+    """Three equal parallel cranks; other lengths hold it."""
+    p = np.array([[0.0, 0.0], [1.0, 0.0], [0.4, 0.8]])
+    along = np.array([0.3, 0.6])
+    m = built(legged([[hinge(f), slide(f + 0.5 * along, along, True), hinge(f + along)] for f in p]))
+    equal = assembly_modes(m)
+    assert not equal.complete
+    assert "a curve of configurations" in equal.method
+    other = assembly_modes(m, home(m) + np.array([0.1, 0.0, 0.0]))
+    sound(other, count=4)
+    traced(other)
+    nothing_beside(other, ["tool"])
+
+
+def test_a_branch_of_free_motion_that_nothing_met_is_not_excluded(root):
+    """With the corners of its rhombus on one point a Peaucellier linkage's end swings freely about it, at any crank."""
+    m = cinegen.load(root / "tests/robots/data/peaucellier.raff")
+    q, joints = m.q_home.copy(), [m.q_index(name) for name in m.joints]
+    _, ca, cb, oa, ob, ad, bd = joints
+    q[cb], q[ob] = q[ca], q[oa]
+    for swung in (-1.0, 0.3, 2.0):
+        q[ad] = q[bd] = swung
+        assert m.closure(q) < 1e-12
+    modes = assembly_modes(m)
+    sound(modes, count=4)
+    traced(modes)
+    assert apart(places(m, q), [places(m, mode) for mode in modes]) > 0.1  # m: there are others indeed
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_platform_that_turns_about_a_line_has_a_mode_though_no_root_tells(built, seed):
+    """Two of the points in which its rods meet are on the line through the feet of the third pair."""
+    r = rng(seed)
+    feet, heads = r.uniform(-1.0, 1.0, (6, 3)), r.uniform(-1.0, 1.0, (3, 3))
+    heads[:, 2] += 1.0
+    heads[:2] = feet[4] + r.uniform(-1.0, 1.0, (2, 1)) * (feet[5] - feet[4])
+    modes = assembly_modes(built(hexapod(rng(1), "UpS", feet, heads[[0, 0, 1, 1, 2, 2]], cut="ball")))
+    assert len(modes) > 0
+    assert max(map(modes.mechanism.closure, modes)) < 1e-12
+    assert not modes.complete
+
+
+def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_a_curve(built):
+    m = built(three_legs(rng(1), "RpR"))
+    linkage = Linkage(m)
+    family = recognise(linkage)
+    homotopy, fibre = Homotopy(linkage, family), Monodromy(linkage, family.bound).fibre()
+    assert homotopy._verdict(fibre, Paths(real=2, complex=4), False)[0]
+    for paths, there in ((Paths(real=2, complex=3, infinite=1), fibre), (Paths(real=6), replace(fibre, loose=1))):
+        complete, trace_test, words = homotopy._verdict(there, paths, False)
+        assert (complete, trace_test) == (False, None)
+        assert "curves of configurations are not excluded" in words or "don't determine it" in words
+
+
+def test_a_ball_joint_whose_axes_are_in_line_loses_no_mode(built):
+    """Nor is one found twice: joints are locked, the platform is not."""
+    plain, locked = built(tripod(rng(0))), built(tripod(rng(0), locked=(0,)))
+    one, two = assembly_modes(plain), assembly_modes(locked)
+    sound(two, ["tool"], len(one))
+    assert two.paths.multiple == 1
+    traced(two)
+    start = [np.linalg.inv(places(m, m.q_home, ["tool"])[0]) for m in (plain, locked)]
+    alike(
+        [places(plain, q, ["tool"])[0] @ start[0] for q in one],
+        [places(locked, q, ["tool"])[0] @ start[1] for q in two],
+    )
+
+
+def test_what_no_rods_reach_is_said_of_each(robot):
+    m = robot("gough")
+    modes = assembly_modes(m, home(m) * [1.8, 1, 1, 1, 0.6, 1])
+    assert (len(modes), modes.complete) == (0, True)
+    assert sum(f"the rod of '{name}'" in modes.closest.words for name in m.actuated) == 6
+    assert np.allclose([modes.closest.q[m.q_index(n)] for n in m.actuated], modes.actuated)
+
+
+# --- refused ------------------------------------------------------------------------------------------------------
+
+
+def test_what_motors_do_not_determine_is_no_number(built, robot):
+    with pytest.raises(ModesError, match="no loops"):
+        assembly_modes(robot("rx90"))
+    p = rng(0).uniform(-1.0, 1.0, (5, 2))
+    with pytest.raises(ModesError, match="a curve of configurations"):
+        assembly_modes(built(ring([hinge(p[0], motor=True), *map(hinge, p[1:])])))
+
+
+@pytest.mark.parametrize(
+    ("special", "words"),
+    [
+        (lambda f, h: (f, h[0] + np.linspace(0.0, 1.0, 6)[:, None] * (h[1] - h[0])), "platform lie in a line"),
+        (lambda f, h: (f[[0, 0, 2, 3, 4, 5]], h[[0, 0, 2, 3, 4, 5]]), "legs 1 and 2 are the same rod"),
+        (lambda f, h: (f[[0] * 6], h), "points of the base are one"),
+    ],
+)
+def test_rods_that_are_too_special_are_named(built, special, words):
+    m = built(hexapod(rng(1), "UpS", *special(*points(rng(1)))))
+    with pytest.raises(ModesError, match=words):
+        assembly_modes(m)
+
+
+def test_values_that_are_none_are_refused(robot):
+    m = robot("five_bar")
+    for wrong, words in (
+        ([0.1], "2 motors"),
+        ([0.1, np.nan], "not finite"),
+        (["a", "b"], "no numbers"),
+        ([0.1] * 3, "3 values"),
+    ):
+        with pytest.raises(ModesError, match=words):
+            assembly_modes(m, wrong)
+    with pytest.raises(ModesError, match="monodromy"):
+        assembly_modes(m, method="guess")
+
+
+# --- as an object -------------------------------------------------------------------------------------------------
+
+
+def test_a_structure_without_motors_promises_nothing_it_can_t(built):
+    p = rng(0).uniform(-1.0, 1.0, (3, 2))
+    triangle = assembly_modes(built(ring([hinge(x) for x in p])))
+    sound(triangle, count=2)
+    assert triangle.complete
+    r = rng(5)
+    chain = built(ring([hinge(r.uniform(-1, 1, 3), making.direction(r)) for _ in range(6)], 3))
+    modes = assembly_modes(chain)
+    assert not modes.complete
+    assert "random starts" in modes.method
+    sound(modes)
+
+
+def test_modes_are_a_sequence_that_travels(robot):
+    m = robot("five_bar")
+    modes = assembly_modes(m)
+    copy = pickle.loads(pickle.dumps(modes))
+    assert [q.tolist() for q in copy] == [q.tolist() for q in modes]
+    assert copy.method == modes.method
+    assert (modes[0] == m.close(m.q_home)).all() or np.abs(modes[0] - m.q_home).max() < 1e-9  # nearest to home first
+    assert len(modes[:1]) == 1
+    assert set(modes.as_dict()) >= {"actuated", "complete", "trace_test", "method", "paths", "modes", "closest"}
+    assert "2 assembly modes" in repr(modes)
+
+
+def test_threads_may_share_a_mechanism_and_it_is_not_kept_alive(root):
+    def shared():
+        m = cinegen.load(root / "robots" / "hybrid.raff")
+        values = [home(m) * (1.0 + 0.01 * k) for k in range(6)]
+        with ThreadPoolExecutor(3) as threads:
+            at_once = list(threads.map(lambda v: assembly_modes(m, v), values))
+        for value, modes in zip(values, at_once, strict=True):
+            alike(list(modes), list(assembly_modes(m, value)), 1e-9)
+        return weakref.ref(m)
+
+    gone = shared()
+    gc.collect()
+    assert gone() is None

@@ -1,0 +1,165 @@
+"""What assembly modes are solved with: loops in complex numbers against finite differences and the model, least squares
+against numpy, the trace test against what is taken away from it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from assembled import home
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.assembly._kernels import ARRIVED, SINGULAR, Path, residuals, solve
+from cinegen.assembly.distinct import Distinct
+from cinegen.assembly.endgame import ends
+from cinegen.assembly.linkage import ACCURACY, Linkage
+from cinegen.assembly.monodromy import Monodromy
+from cinegen.assembly.trace import Trace
+
+ROBOTS = ("five_bar", "hybrid", "gough", "delta4", "delta4_linear", "sr400")
+
+
+@pytest.fixture(scope="module")
+def hybrid(root):
+    """A tripod, its linkage, and a fibre of all its solutions."""
+    mechanism = cinegen.load(root / "robots" / "hybrid.raff")
+    linkage = Linkage(mechanism)
+    return mechanism, linkage, Monodromy(linkage).fibre()
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_loops_close_and_features_are_where_the_model_has_them(robot, name):
+    m = robot(name)
+    linkage = Linkage(m)
+    for q in m.samples:
+        motors, x = linkage.motor_values(q), linkage.unknowns(q)
+        residuals(linkage.tables, linkage.at(motors), x, linkage.scratch)
+        assert np.abs(linkage.scratch.residual).max() < 1e-11
+        assert np.abs(linkage.configuration(x, motors) - q)[_turns(m, q)].max(initial=0.0) < 1e-12
+        m.system.evaluate(q)
+        for (body, direction), local, found in zip(
+            linkage.tables.wanted,
+            linkage.tables.local,
+            linkage.features(x[None], motors)[0].reshape(-1, 3),
+            strict=True,
+        ):
+            placement = m.system.data.oMi[int(body) + linkage.root]
+            there = placement.rotation @ local if direction else placement.act(local * m.length) / m.length
+            assert np.abs(found - there).max() < 1e-12
+
+
+def _turns(m, q):
+    """Where q is within half a turn of home, as `configuration` writes it."""
+    return np.abs(q - m.q_home) < np.pi
+
+
+@pytest.mark.parametrize("algebraic", [False, True])
+@pytest.mark.parametrize("name", ROBOTS)
+def test_derivatives_are_those_of_the_equations_in_complex_numbers(robot, name, algebraic):
+    m, rng = robot(name), np.random.default_rng(0)
+    linkage = Linkage(m)
+    count = len(linkage.motors)
+    line = 0.5 * (rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2)))
+    cut = rng.normal(size=len(linkage.fibre)) + 1j * rng.normal(size=len(linkage.fibre))
+    path = Path(np.array([line, line]), np.array([cut, cut]), algebraic, ACCURACY)
+    x = 0.7 * (rng.normal(size=len(linkage.passive) + 1) + 1j * rng.normal(size=len(linkage.passive) + 1))
+
+    def at(x):
+        residuals(linkage.tables, path, x, linkage.scratch)
+        return linkage.scratch.residual.copy()
+
+    at(x)
+    matrix, step = linkage.scratch.matrix.copy(), 1e-6
+    for k in range(len(x)):
+        away = np.zeros(len(x))
+        away[k] = step
+        difference = (at(x + away) - at(x - away)) / (2.0 * step)
+        assert np.abs(difference - matrix[:, k]).max() < 1e-7 * (1.0 + np.abs(matrix[:, k]).max())
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6), st.integers(1, 7), st.integers(0, 4), st.integers(0, 3))
+def test_least_squares_are_numpys(seed, columns, more, fewer):
+    rng, rank = np.random.default_rng(seed), max(1, columns - fewer)
+    rows = columns + more
+
+    def general(*shape):
+        return rng.normal(size=shape) + 1j * rng.normal(size=shape)
+
+    matrix, right = general(rows, rank) @ general(rank, columns), general(rows)
+    step = np.zeros(columns, dtype=complex)
+    pivot = solve(matrix.copy(), right.copy(), rank, np.zeros(columns, dtype=np.int64), step)
+    expected, _, _, sigma = np.linalg.lstsq(matrix, right, rcond=1e-10)
+    assert np.abs(matrix @ (step - expected)).max() < 1e-9 * np.abs(right).max() / (sigma[rank - 1] / sigma[0])
+    assert pivot > 0.0
+    assert np.count_nonzero(step) <= rank
+
+
+def test_a_path_and_back_is_where_it_began(hybrid):
+    _, linkage, fibre = hybrid
+    away = fibre.motors + 0.7 - 0.4j
+    there = linkage.lead(fibre.solutions, linkage.way(fibre.motors, away))
+    back = linkage.lead(there.solutions, linkage.way(away, fibre.motors))
+    assert (there.ends == ARRIVED).all()
+    assert (back.ends == ARRIVED).all()
+    assert np.abs(back.solutions - fibre.solutions).max() < 1e-8
+    residuals(linkage.tables, linkage.at(away), there.solutions[0], linkage.scratch)
+    assert np.abs(linkage.scratch.residual).max() < 1e-11
+
+
+def test_fibres_are_the_same_whatever_the_seed(hybrid):
+    mechanism, linkage, fibre = hybrid
+    other = Monodromy(linkage, seed=7).fibre()
+    assert len(other.solutions) == len(fibre.solutions) == 16
+    assert other.degree == fibre.degree
+    assert other.complete
+    assert fibre.complete
+    led = linkage.lead(other.solutions, linkage.way(other.motors, fibre.motors))
+    both = Distinct(lambda solutions: linkage.features(solutions, fibre.motors))
+    both.add(fibre.solutions)
+    assert both.add(led.arrived) == 0
+    assert home(mechanism).shape == (len(mechanism.actuated),)
+
+
+def test_the_trace_test_finds_what_is_missing(hybrid):
+    """Of either of the two sets."""
+    mechanism, linkage, fibre = hybrid
+    home, rng = linkage.motor_values(mechanism.q_home), np.random.default_rng(3)
+    trace = Trace(linkage, home, rng, lambda: False, lambda _: None)
+    led = linkage.lead(fibre.solutions, linkage.way(fibre.motors, trace.motors)).arrived
+    traced = trace.test(led[:14])
+    assert traced.complete
+    assert traced.degree == fibre.degree
+    found = Distinct(lambda solutions: linkage.features(solutions, trace.motors))
+    assert found.add(traced.solutions) == 16
+    assert found.add(led) == 0
+
+
+def test_what_ends_in_a_double_point_is_found_there(hybrid):
+    """Two solutions that meet, from values of the motors between those where they are real and complex."""
+    mechanism, linkage, fibre = hybrid
+    start, goal = linkage.motor_values(mechanism.q_home), 1.6 * linkage.motor_values(mechanism.q_home)
+    goal[~linkage.leading] = start[~linkage.leading]
+
+    def real(s):
+        found = ends(linkage, fibre.solutions, fibre.motors, start + s * (goal - start))
+        return int((np.abs(found.features.imag).max(axis=1) < 1e-6).sum())
+
+    low, high, many = 0.0, 1.0, real(0.0)
+    assert real(1.0) != many
+    for _ in range(50):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if real(middle) == many else (low, middle)
+    for s in (low, high):
+        found = ends(linkage, fibre.solutions, fibre.motors, start + s * (goal - start))
+        assert found.count(ARRIVED) + found.count(SINGULAR) == 16
+        between = np.abs(found.features[:, None] - found.features[None]).max(axis=2) + np.eye(16)
+        assert (between.min(axis=1) < 1e-4).sum() >= 2
+
+
+def test_distinct_solutions_are_kept_once():
+    found = Distinct(lambda solutions: solutions[:, :1])
+    assert found.add(np.array([[1.0, 5.0], [2.0, 5.0], [1.0 + 1e-9, 7.0]], dtype=complex)) == 2
+    assert found.places(np.array([[2.0, 0.0], [np.nan, 0.0], [3.0, 0.0]], dtype=complex)) == [1, -1, 2]
+    assert len(found) == 3

@@ -1,0 +1,252 @@
+"""All modes of random 6-3 platforms, found again by walking round a circle and looking for changes of sign.
+
+Nothing of the package is used for that: the platform points' circles come from base points and lengths, spheres about
+a point of one circle meet the other two, and the third distance is looked at. Each of the three circles is walked in
+turn, as modes hide from one walk where two of its branches end.
+
+    CINEGEN_SCANS=1000 pytest tests/assembly/test_triangle_scan.py
+
+compares so many platforms of each kind.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from cinegen.assembly.triangle import TSSM
+
+SCANS = int(os.environ.get("CINEGEN_SCANS", "12"))
+PLACES = 1440  # on a circle
+SIDES = ((0, 1), (0, 2), (1, 2))
+
+
+# --- the slow way ---------------------------------------------------------------------------------------------------
+
+
+def scan(base, platform, legs, lengths):
+    """(n, 3, 3) all triples of platform points that are found; those nearer than 1e-6 to another only once."""
+    circles = [circle(base[legs == k], lengths[legs == k]) for k in range(3)]
+    if any(c is None for c in circles):
+        return np.empty((0, 3, 3))
+    side = {pair: np.linalg.norm(platform[pair[0]] - platform[pair[1]]) for pair in SIDES}
+    starts = [walk(circles, side, first) for first in range(3)]
+    found = newton(circles, side, np.concatenate(starts))
+    points = np.stack([at(c, p) for c, p in zip(circles, found.T, strict=True)], axis=1)
+    kept: list[int] = []
+    for i in range(len(points)):
+        if all(np.abs(points[i] - points[j]).max() > 1e-6 * lengths.max() for j in kept):
+            kept.append(i)
+    return points[kept]
+
+
+def circle(base, lengths):
+    (a, b), (r, s) = base, lengths
+    d = np.linalg.norm(b - a)
+    u = (b - a) / d
+    x = (r * r - s * s + d * d) / (2.0 * d)
+    if r * r < x * x:
+        return None
+    e = np.cross(u, np.eye(3)[np.argmin(np.abs(u))])
+    e /= np.linalg.norm(e)
+    return a + x * u, np.sqrt(r * r - x * x) * e, np.sqrt(r * r - x * x) * np.cross(u, e)
+
+
+def at(c, p):
+    return c[0] + np.cos(p)[..., None] * c[1] + np.sin(p)[..., None] * c[2]
+
+
+def meet(c, point, distance):
+    """(2, n) angles at which the circle is at a distance from points (n, 3); not numbers where it is not."""
+    d = c[0] - point
+    a, b = 2.0 * d @ c[1], 2.0 * d @ c[2]
+    g = distance**2 - (d * d).sum(axis=-1) - c[1] @ c[1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        half = np.arccos(g / np.hypot(a, b))
+    return np.arctan2(b, a) + np.array([half, -half])
+
+
+def walk(circles, side, first):
+    """(n, 3) angles near solutions: where a residual changes its sign or comes near zero, all round a circle."""
+    one, two = (k for k in range(3) if k != first)
+    p = np.linspace(0.0, 2.0 * np.pi, PLACES + 1) + 0.123
+    here = at(circles[first], p)
+    found = []
+    for x in meet(circles[one], here, side[tuple(sorted((first, one)))]):
+        for y in meet(circles[two], here, side[tuple(sorted((first, two)))]):
+            gap = np.linalg.norm(at(circles[one], x) - at(circles[two], y), axis=1) - side[one, two]
+            known = np.isfinite(gap)
+            change = np.flatnonzero(known[:-1] & known[1:] & (gap[:-1] * gap[1:] <= 0.0))
+            size = np.abs(gap)
+            with np.errstate(invalid="ignore"):
+                low = 1 + np.flatnonzero((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]))
+            ends = np.flatnonzero(known & ~(np.roll(known, 1) & np.roll(known, -1)))  # of a branch
+            ends = np.concatenate([ends, np.flatnonzero(known)[:1], np.flatnonzero(known)[-1:]])
+            for i in np.unique(np.concatenate([change, change + 1, low, ends])):
+                row = np.empty(3)
+                row[[first, one, two]] = p[i], x[i], y[i]
+                found.append(row)
+    return np.array(found).reshape(-1, 3)
+
+
+def newton(circles, side, p):
+    """Of the angles p (n, 3), those from which Newton's method, damped, comes to a solution, and there."""
+    p = p.copy()
+    for _ in range(60):
+        points = [at(c, x) for c, x in zip(circles, p.T, strict=True)]
+        ways = [-np.sin(x)[:, None] * c[1] + np.cos(x)[:, None] * c[2] for c, x in zip(circles, p.T, strict=True)]
+        f, j = np.zeros((len(p), 3)), np.zeros((len(p), 3, 3))
+        for row, (a, b) in enumerate(SIDES):
+            d = points[a] - points[b]
+            f[:, row] = (d * d).sum(axis=1) - side[a, b] ** 2
+            j[:, row, a], j[:, row, b] = 2.0 * (d * ways[a]).sum(axis=1), -2.0 * (d * ways[b]).sum(axis=1)
+        jt = np.swapaxes(j, 1, 2)
+        damping = 1e-14 * np.einsum("nij,nij->n", j, j) + 1e-300
+        step = np.linalg.solve(jt @ j + damping[:, None, None] * np.eye(3), jt @ f[:, :, None])[:, :, 0]
+        p -= step * np.minimum(1.0, 0.1 / np.maximum(np.abs(step).max(axis=1), 1e-300))[:, None]
+    scale = max(side.values()) ** 2 + max(c[1] @ c[1] for c in circles)
+    return p[np.abs(f).max(axis=1) <= 1e-14 * scale]
+
+
+# --- against the fast one -------------------------------------------------------------------------------------------
+
+
+def compare(base, platform, legs, lengths):
+    """Modes and scan agree; returns the modes."""
+    tssm = TSSM(base, platform, legs)
+    modes = tssm.modes(lengths)
+    assert modes.complete, modes.method
+    assert modes.real + modes.complex + modes.infinite == 16
+    assert np.abs(tssm.lengths(modes.placements) - lengths).max(initial=0.0) <= 1e-12 * lengths.max()
+    mine = platform @ np.swapaxes(modes.placements[:, :3, :3], 1, 2) + modes.placements[:, None, :3, 3]
+    gaps = np.abs(mine[:, None] - mine[None]).max(axis=(2, 3)) / lengths.max() + np.eye(len(mine))
+    assert gaps.min(initial=1.0) > 1e-7  # no two the same
+    theirs = scan(base, platform, legs, lengths)
+    apart = np.abs(theirs[:, None] - mine[None]).max(axis=(2, 3)) / lengths.max()
+    # where modes meet, lengths say where they are to the square root of what they are known to
+    near = np.where(modes.coincident == 1, 3e-6, 3e-5)
+    assert (apart <= near).any(axis=1).all(), "found by the scan only"
+    alone = (modes.coincident == 1) & (gaps.min(axis=1, initial=1.0) > 1e-2)  # the scan takes steps
+    assert (apart[:, alone] <= 1e-6).any(axis=0).all(), "not found by the scan"
+    return modes
+
+
+def pose(rng):
+    q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = q * np.linalg.det(q), rng.normal(size=3)
+    return placement
+
+
+def reach(base, platform, legs, placement):
+    return np.linalg.norm((platform @ placement[:3, :3].T + placement[:3, 3])[legs] - base, axis=1)
+
+
+def anything(rng, height):
+    base = rng.normal(size=(6, 3)) * [1.0, 1.0, height]
+    return base, rng.normal(size=(3, 3)), rng.permutation([0, 0, 1, 1, 2, 2])
+
+
+def plane(rng):
+    drawn = anything(rng, 0.0)
+    return *drawn, reach(*drawn, pose(rng))
+
+
+def space(rng):
+    drawn = anything(rng, 0.7)
+    return *drawn, reach(*drawn, pose(rng))
+
+
+def any_lengths(rng):
+    """Most of which are impossible."""
+    return *anything(rng, rng.choice([0.0, 0.5])), rng.uniform(1.0, 3.0, 6)
+
+
+def like_merlet(rng):
+    """The same on the left and on the right, as in figure 2."""
+    a, b, c, d, e, f = rng.uniform(0.3, 2.0, 6)
+    base = np.array([[-a, b, 0], [a, b, 0], [c, d, 0], [e, -f, 0], [-e, -f, 0], [-c, d, 0]])
+    g, h = rng.uniform(0.3, 1.5, 2)
+    return base, np.array([[0, 1.0, 0], [g, -h, 0], [-g, -h, 0]]), np.array([0, 0, 1, 1, 2, 2])
+
+
+def symmetric(rng):
+    """... and so is the platform's pose: roots are double where p12 alone tells them apart."""
+    drawn, tilt = like_merlet(rng), rng.uniform(-1.0, 1.0)
+    placement = np.eye(4)
+    placement[1:3, 1:3] = [[np.cos(tilt), -np.sin(tilt)], [np.sin(tilt), np.cos(tilt)]]
+    placement[1:3, 3] = rng.normal(size=2)
+    return *drawn, reach(*drawn, placement)
+
+
+def equal_pairs(rng):
+    return *like_merlet(rng), np.repeat(rng.uniform(1.0, 3.0, 3), 2)
+
+
+def all_equal(rng):
+    return *like_merlet(rng), np.full(6, rng.uniform(1.5, 3.0))
+
+
+def regular(rng):
+    """Three symmetries, and equal lengths."""
+    at, there = np.radians([70, 110, 190, 230, 310, 350]), np.radians([90, 210, 330])
+    base = 2.0 * np.stack([np.cos(at), np.sin(at), 0.0 * at], axis=1)
+    platform = rng.uniform(0.5, 1.5) * np.stack([np.cos(there), np.sin(there), 0.0 * there], axis=1)
+    return base, platform, np.array([0, 0, 1, 1, 2, 2]), np.full(6, rng.uniform(1.0, 3.0))
+
+
+def parallel(rng):
+    """Circles in parallel planes: some solutions are at infinity."""
+    base = rng.normal(size=(6, 3)) * [1.0, 1.0, rng.choice([0.0, 1.0])]
+    base[1::2] = base[::2] + rng.uniform(0.5, 1.5, (3, 1)) * [1.0, 0.0, 0.0]
+    drawn = base, rng.normal(size=(3, 3)), np.array([0, 0, 1, 1, 2, 2])
+    return *drawn, reach(*drawn, pose(rng))
+
+
+KINDS = (plane, space, any_lengths, symmetric, equal_pairs, all_equal, regular, parallel)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_all_modes_are_those_of_a_scan(kind):
+    rng = np.random.default_rng(KINDS.index(kind))
+    for _ in range(SCANS):
+        modes = compare(*kind(rng))
+        assert (modes.infinite > 0) == (kind is parallel)
+
+
+def near_singular(rng):
+    """A pose where the Jacobian is singular, but for as much as a pair of modes is apart."""
+    base, platform, legs = anything(rng, rng.choice([0.0, 0.5]))
+
+    def volume(placement):
+        arms = (platform @ placement[:3, :3].T)[legs]
+        along = arms + placement[:3, 3] - base
+        along /= np.linalg.norm(along, axis=1)[:, None]
+        return np.linalg.det(np.hstack([along, np.cross(arms, along)]))
+
+    while True:
+        start, way = pose(rng), rng.normal(size=3)
+
+        def at(x, start=start, way=way):
+            there = start.copy()
+            there[:3, 3] += x * way
+            return there
+
+        if volume(at(-3.0)) * volume(at(3.0)) < 0.0:
+            x = brentq(lambda x: volume(at(x)), -3.0, 3.0, xtol=1e-15)
+            return base, platform, legs, at(x + rng.choice([0.0, 1e-9, 1e-7, 1e-6, 1e-5, 1e-4]))
+
+
+def test_modes_that_meet_are_found_and_said_to_coincide():
+    rng = np.random.default_rng(17)
+    met = 0
+    for _ in range(3 * SCANS):
+        base, platform, legs, placement = near_singular(rng)
+        modes = compare(base, platform, legs, reach(base, platform, legs, placement))
+        nearest = np.abs(modes.placements - placement).max(axis=(1, 2)).argmin()
+        assert np.abs(modes.placements[nearest] - placement).max() < 1e-5
+        met += modes.coincident[nearest] > 1
+    assert met >= SCANS

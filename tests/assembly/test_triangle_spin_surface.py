@@ -1,0 +1,82 @@
+"""Section 2.2: the RSSR spin surface has order 16 and contains the imaginary spherical circle eight times."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cinegen.assembly.triangle import TSSM, SpinSurface, TSSMError
+
+PLACES = 40  # on a circle of complex numbers, more than the polynomial has coefficients
+ROUNDING = 1e-11
+
+seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def drawn(rng, height=0.0):
+    tssm = TSSM(rng.normal(size=(6, 3)) * [1.0, 1.0, height], rng.normal(size=(3, 3)))
+    q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = q * np.linalg.det(q), rng.normal(size=3)
+    return tssm, tssm.lengths(placement)
+
+
+def along(surface, start, way):
+    """(PLACES,) coefficients of the polynomial that the surface is on a line; complex places hold them well."""
+    turn = np.exp(2j * np.pi * np.arange(PLACES) / PLACES)
+    return np.fft.fft(surface.value(start + turn[:, None] * way)) / PLACES
+
+
+@given(seeds)
+def test_it_vanishes_at_the_modes_whatever_the_legs_that_are_off(rng):
+    tssm, lengths = drawn(rng)
+    surface = SpinSurface(tssm, lengths)
+    for placement in tssm.modes(lengths).placements:
+        point = placement[:3, :3] @ tssm.platform[2] + placement[:3, 3]
+        around = np.abs(surface.value(point + 0.3 * rng.normal(size=(50, 3)))).max()
+        assert abs(surface.value(point)) <= 1e-9 * around
+
+
+@given(seeds)
+def test_its_order_is_16(rng):
+    tssm, lengths = drawn(rng)
+    surface = SpinSurface(tssm, lengths)
+    for _ in range(3):
+        way = rng.normal(size=3)
+        way *= 3.0 * surface.unit / np.linalg.norm(way)
+        found = np.abs(along(surface, rng.normal(size=3), way))
+        assert found[17:].max() <= ROUNDING * found.max()
+        assert found[16] > 1e3 * found[17:].max()
+
+
+@given(seeds)
+def test_its_highest_terms_are_those_of_equation_18(rng):
+    """(X^2 + Y^2 + Z^2)^8, with a factor that vanishes where the axes of both circles are parallel."""
+    tssm, lengths = drawn(rng)
+    surface = SpinSurface(tssm, lengths)
+    k = tssm.circles(lengths)[1][0]
+    factor = -((k[8] ** 2 - k[5] ** 2) ** 2)  # K11, K21
+    for _ in range(3):
+        way = rng.normal(size=3)
+        way *= 5.0 / np.linalg.norm(way)
+        found = along(surface, rng.normal(size=3), surface.unit * way)
+        expected = factor * (way @ way) ** 8
+        assert abs(found[16] - expected) <= 1e-9 * abs(expected) + ROUNDING * np.abs(found).max()
+
+
+@given(seeds)
+def test_its_circularity_is_8(rng):
+    tssm, lengths = drawn(rng)
+    surface = SpinSurface(tssm, lengths)
+    for _ in range(3):
+        q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        found = np.abs(along(surface, rng.normal(size=3), 3.0 * surface.unit * (q[0] + 1j * q[1])))
+        assert found[9:].max() <= ROUNDING * found.max()
+        assert found[8] > 1e3 * found[9:].max()
+
+
+def test_base_points_in_space_are_refused():
+    with pytest.raises(TSSMError, match="base points in one plane"):
+        SpinSurface(*drawn(np.random.default_rng(0), 0.5))

@@ -1,0 +1,339 @@
+"""Distances to what is around a mechanism: here, how joints shorten them, and all along a motion."""
+
+from __future__ import annotations
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from clearings import among, around, at, ball, links, load, measured, point_among, some, wall, within_limits
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cinegen.collision.body import Body
+from cinegen.collision.clearance import Clearance
+from cinegen.collision.errors import AvoidError
+from cinegen.collision.scene.mobile import body, mobile
+from cinegen.loops._kernels.memory import address
+
+seeds = st.integers(0, 2**32 - 1)
+ROBOTS = ["arm7", "planar_3r", "two_arms", "delta4"]
+
+KINDS = {
+    "turn": pin.JointModelRZ,
+    "slide": pin.JointModelPX,
+    "ball": pin.JointModelSpherical,
+    "free": pin.JointModelFreeFlyer,
+    "planar": pin.JointModelPlanar,
+    "any way": lambda: pin.JointModelRevoluteUnaligned(np.array([1.0, 2.0, 3.0]) / np.sqrt(14.0)),
+    "without end": pin.JointModelRUBY,
+}
+
+
+class Tree:
+    """As much of a mechanism as `Clearance` asks for: a tree of joints."""
+
+    def __init__(self):
+        self.model, self.length, self.loops = pin.Model(), 1.0, ()
+
+    @property
+    def scale(self):
+        return np.ones(self.model.nv)
+
+
+def boat():
+    """What moves freely."""
+    tree = Tree()
+    tree.model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "free")
+    return tree
+
+
+def random_tree(rng, count):
+    tree = Tree()
+    for k in range(count):
+        kind = KINDS[str(rng.choice(list(KINDS)))]
+        parent = 0 if k == 0 else int(rng.integers(max(0, k - 1), k + 1))
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3) * 0.4)
+        tree.model.addJoint(parent, kind(), place, f"joint{k}")
+    return tree
+
+
+def configuration(name, rng):
+    return load(name).q_home + rng.uniform(-0.3, 0.3, load(name).model.nq) * load(name).scale
+
+
+# --- distances ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_distances_are_those_that_coal_measures_between_bodies_where_their_joints_are(name):
+    clearance, rng = among(name, around(name, 3)), np.random.default_rng(0)
+    for _ in range(5):
+        q = configuration(name, rng)
+        assert clearance.distances(q) == pytest.approx(measured(clearance, q), abs=3e-6)  # as exact as hulls are
+        assert clearance.least(q) == clearance.distances(q).min()
+
+
+def test_distances_that_are_read_in_place_are_what_accessors_say():
+    clearance, rng = among("arm7", around("arm7", 1)), np.random.default_rng(1)
+    for _ in range(20):
+        clearance.see(within_limits("arm7", rng))
+        for k, said in enumerate(clearance._solids.distanceResults):
+            one, other, normal = clearance.points(k)
+            assert clearance._results.table[k, 0] == said.min_distance
+            assert (one == said.getNearestPoint1()).all()
+            assert (other == said.getNearestPoint2()).all()
+            assert (normal == said.normal).all()
+
+
+def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
+    obstacles, rng = around("arm7", 1), np.random.default_rng(1)
+    usual = among("arm7", obstacles)
+    odd = iter(range(10**6))
+    monkeypatch.setattr("cinegen.collision.clearance.address", lambda array: address(array) + 8 * next(odd) % 64)
+    clearance = among("arm7", obstacles)
+    assert usual._results._in_place
+    assert not clearance._results._in_place
+    monkeypatch.undo()
+    clearance._results.address = address(clearance._results.table)
+    for _ in range(5):
+        q, to = within_limits("arm7", rng), within_limits("arm7", rng)
+        assert (clearance.distances(q) == usual.distances(q)).all()
+        near, other = clearance.near(q, 0.3), usual.near(q, 0.3)
+        assert (near.pairs == other.pairs).all()
+        assert (near.rows == other.rows).all()
+        assert all((a == b).all() for a, b in zip(clearance.bounds(q, to), usual.bounds(q, to), strict=True))
+
+
+def test_nearest_points_are_as_far_apart_as_the_distance_along_the_normal():
+    clearance, rng = among("arm7", around("arm7", 2)), np.random.default_rng(2)
+    distances = clearance.distances(configuration("arm7", rng))
+    for k in np.flatnonzero(distances > 1e-3):
+        one, other, normal = clearance.points(int(k))
+        assert other - one == pytest.approx(distances[k] * normal, abs=1e-5)
+
+
+def test_an_obstacle_that_is_moved_is_measured_where_it_then_is():
+    clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)])
+    q = np.zeros(2)
+    assert clearance.distances(q) == pytest.approx([0.9])
+    clearance.move(1, at(0.0, 0.5, 0.0))
+    assert clearance.distances(q) == pytest.approx([0.4])
+    assert clearance.near(q, 1.0).rows == pytest.approx(np.array([[0.0, 1.0]]))
+
+
+def test_links_that_move_are_told_by_name_and_measured_to_every_obstacle():
+    clearance = among("planar_3r", [ball(0.1, 2.0, 0.0, 0.0), ball(0.1, 3.0, 0.0, 0.0)], own=False)
+    moving = [body.name for body in links("planar_3r")[0] if body.joint]
+    assert [clearance.names(k) for k in range(len(clearance.pairs))] == [
+        (link, "ball") for link in moving for _ in "12"
+    ]
+
+
+def test_without_obstacles_nothing_is_near():
+    clearance = Clearance(mobile(), [body(0.1)], [])
+    q = np.zeros(2)
+    assert clearance.least(q) == np.inf
+    assert clearance.near(q, 1.0).rows.shape == (0, 2)
+    assert all(found.shape == (0,) for found in clearance.bounds(q, q + 1.0))
+    motion, asks = clearance.turned(q, np.ones(2), np.zeros(0, dtype=np.int64), np.zeros((0, 4)), 1.0, 0.1, 1.0)
+    assert (motion == 1.0).all()
+    assert len(asks) == 0
+
+
+def test_a_robot_without_joints_meets_nothing(raff):
+    stone = raff("robot r { base { } }")
+    clearance = Clearance(stone, [Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))], [ball(0.1, 0.0, 0.0, 0.0)])
+    q = stone.q_home
+    assert clearance.least(q) == np.inf
+    assert clearance.near(q, 1.0).rows.shape == (0, 0)
+    assert clearance.bounds(q, q)[0].shape == (0,)
+
+
+@pytest.mark.parametrize("shape", [coal.Halfspace(np.array([1.0, 0.0, 0.0]), 0.0), coal.Plane(np.eye(3)[0], 0.0)])
+def test_a_link_without_end_is_refused(shape):
+    endless = Body("endless", 2, at(0, 0, 0), shape)
+    with pytest.raises(AvoidError, match="'endless' moves, and reaches without end"):
+        Clearance(mobile(), [endless], [])
+
+
+# --- what is near ------------------------------------------------------------------------------------------------
+
+
+def nearest_rows(near):
+    """The first row of each pair: of its nearest points."""
+    return {int(pair): i for i, pair in reversed(list(enumerate(near.pairs)))}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_rows_of_nearest_points_are_how_distances_change(name):
+    """By central differences of coal's distances, where these are smooth: the nearest points stay where they are."""
+    clearance, rng = among(name, around(name, 7)), np.random.default_rng(7)
+    nv, step, checked = load(name).model.nv, 1e-5, 0
+    for _ in range(4):
+        q = configuration(name, rng)
+        near = clearance.near(q, 3.0 * load(name).length)
+        pairs, distances, rows = near.pairs.copy(), near.distances.copy(), near.rows.copy()
+        here = clearance.distances(q)
+        slopes = np.zeros((len(clearance.pairs), nv))
+        curved = np.zeros(len(clearance.pairs))
+        for j in range(nv):
+            way = step * np.eye(nv)[j]
+            ahead, behind = (clearance.distances(pin.integrate(load(name).model, q, s * way)) for s in (1.0, -1.0))
+            slopes[:, j] = (ahead - behind) / (2.0 * step)
+            curved = np.maximum(curved, np.abs(ahead + behind - 2.0 * here) / step)
+        for pair, i in nearest_rows(near).items():
+            assert pairs[i] == pair
+            assert distances[i] == here[pair]
+            shapes = {type(clearance.bodies[int(b)].shape) for b in clearance.pairs[pair]}
+            if here[pair] < 1e-3 or curved[pair] > 0.01 or not shapes <= {coal.Capsule, coal.Sphere, coal.Box}:
+                continue
+            assert rows[i] == pytest.approx(-slopes[pair], abs=2e-4 * load(name).length), clearance.names(pair)
+            checked += 1
+    assert checked > 20
+
+
+def test_what_is_further_away_is_not_near_and_all_that_is_nearer_is():
+    clearance, rng = among("arm7", around("arm7", 5)), np.random.default_rng(5)
+    for within in (0.05, 0.2, 1.0):
+        q = configuration("arm7", rng)
+        near = clearance.near(q, within)
+        assert (near.distances < within).all()
+        assert set(near.pairs.tolist()) == set(np.flatnonzero(clearance.distances(q) < within).tolist())
+
+
+def test_however_much_is_near_none_of_it_is_left_out():
+    obstacles = [ball(0.01, 0.5 + 1e-3 * i, 0.4, 0.0) for i in range(400)] + [ball(0.1, 0.2, 0.0, 0.0)]
+    clearance = point_among(obstacles)
+    near = clearance.near(np.zeros(2), 2.0)
+    assert sorted(near.pairs) == list(range(401))
+    assert near.distances.min() == pytest.approx(0.1)
+    arm = among("arm7", around("arm7", 4, count=12))
+    near = arm.near(load("arm7").q_home, 100.0)
+    assert set(near.pairs.tolist()) == set(range(len(arm.pairs)))
+    assert len(near.pairs) > 2 * len(arm.pairs)
+
+
+def ends_in_world(clearance, data, number):
+    """(2, 3) centres of a capsule's ends, and its radius."""
+    one = clearance.bodies[number]
+    place = data.oMi[one.joint] * one.placement
+    half = one.shape.halfLength * np.eye(3)[2]
+    return np.array([place.act(half), place.act(-half)]), one.shape.radius
+
+
+@settings(max_examples=80)
+@given(seed=seeds)
+def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
+    """To second order; also one in which the nearest point leaps from one end to the other."""
+    rng = np.random.default_rng(seed)
+    tree, q = boat(), np.zeros(7)
+    clearance = Clearance(tree, [Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8))], [wall([0.0, 0.0, 1.0], -0.5)])
+    q[3:7] = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
+    near = clearance.near(q, 10.0)
+    rows, room = near.rows.copy(), near.distances.copy()
+    assert len(rows) == 2
+    v = rng.normal(size=6)
+    for _ in range(20):  # by projections, until all rows are kept
+        for row in rows:
+            v -= max(row @ v, 0.0) / (row @ row) * row
+    v *= 1e-3 / np.linalg.norm(v)
+    after = clearance.distances(pin.integrate(tree.model, q, v))[0]
+    assert after >= room[0] - 1e-6
+
+
+def test_both_ends_of_a_link_along_a_wall_have_rows_of_their_own():
+    rod, q = Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8)), np.zeros(7)
+    clearance = Clearance(boat(), [rod], [wall([0.0, 0.0, 1.0], -0.3)])
+    q[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, 0.5 * np.pi - 0.01, 0.0]))).coeffs()
+    near = clearance.near(q, 10.0)
+    ends = 0.4 * np.sin(0.01)
+    assert sorted(near.distances) == pytest.approx([0.25 - ends, 0.25 + ends], abs=1e-9)
+    turning = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    along = near.rows @ turning
+    assert along[0] * along[1] < 0.0
+    assert np.abs(along) == pytest.approx(0.4 * np.cos(0.01), abs=1e-6)
+
+
+# --- all along a motion ------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=160)
+@given(seed=seeds, size=st.sampled_from([1e-3, 0.05, 0.5, 3.0]))
+def test_no_distance_changes_more_than_its_bound_anywhere_on_the_way(seed, size):
+    rng = np.random.default_rng(seed)
+    tree = random_tree(rng, int(rng.integers(1, 6)))
+    bodies = [
+        Body(f"link{j}", j, pin.SE3(pin.exp3(rng.normal(size=3)), 0.3 * rng.normal(size=3)), coal.Capsule(0.05, 0.4))
+        for j in range(1, tree.model.njoints)
+    ]
+    obstacles = [
+        some(kind, pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3)), 0.3)
+        for kind in ("ball", "box", "capsule")
+    ]
+    own = [(i, k) for k in range(len(bodies)) for i in range(k)]
+    clearance = Clearance(tree, bodies, [*obstacles, wall([0.0, 0.0, 1.0], -1.0)], own)
+    q = pin.integrate(tree.model, pin.neutral(tree.model), rng.normal(size=tree.model.nv))
+    motion = size * rng.normal(size=tree.model.nv)
+    to = pin.integrate(tree.model, q, motion)
+    before, ways = (found.copy() for found in clearance.bounds(q, to))
+    assert before == pytest.approx(measured(clearance, q), abs=1e-9)
+    seen = np.array([clearance.distances(pin.interpolate(tree.model, q, to, t)) for t in np.linspace(0.0, 1.0, 41)])
+    # coal looks for overlaps with a tolerance of its own
+    assert (np.abs(seen - before) <= ways + 1e-5).all()
+    assert (np.abs(np.diff(seen, axis=0)).sum(axis=0) <= ways + 4e-4).all()  # not even all ups and downs together
+
+
+@settings(max_examples=40)
+@given(seed=seeds)
+def test_a_bound_of_a_small_motion_is_hardly_more_than_what_points_really_do(seed):
+    """Not more than three times as far as the farthest point of a link goes, for an arm that turns one joint, and than
+    all of them together, for one that turns several."""
+    rng, model = np.random.default_rng(seed), load("arm7").model
+    clearance = among("arm7", [ball(0.1, 2.0, 0.0, 0.0)], own=False)
+    q, motion = within_limits("arm7", rng), 1e-4 * rng.normal(size=7)
+    _, ways = clearance.bounds(q, q + motion)
+    ways = ways.copy()
+    data, later = model.createData(), model.createData()
+    for k, (number, _) in enumerate(clearance.pairs):
+        one = clearance.bodies[int(number)]
+        far = 0.0
+        for j in range(7):  # one after the other: how far each moves the ends of the link
+            pin.forwardKinematics(model, data, q)
+            pin.forwardKinematics(model, later, q + motion * np.eye(7)[j])
+            here, there = (ends_in_world(clearance, some_data, int(number))[0] for some_data in (data, later))
+            far += float(np.linalg.norm(there - here, axis=1).max()) + abs(motion[j]) * one.shape.radius
+        assert ways[k] <= 3.0 * far
+
+
+def test_the_bound_of_a_ball_that_slides_is_its_way():
+    clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)], radius=0.2)
+    assert clearance.bounds(np.zeros(2), np.array([0.3, 0.0]))[1] == pytest.approx([0.3])
+
+
+def test_links_on_one_arm_do_not_come_nearer_by_what_moves_both():
+    clearance = among("arm7", [])
+    q = load("arm7").q_home
+    _, ways = clearance.bounds(q, q + 0.5 * np.eye(7)[0])
+    carried = [
+        (clearance.bodies[int(a)].joint > 0) and (clearance.bodies[int(b)].joint > 0) for a, b in clearance.pairs
+    ]
+    assert (ways[np.array(carried)] == 0.0).all()
+    assert any(carried)
+
+
+def test_how_a_motion_leads_nearest_points_is_what_they_do():
+    clearance, rng = among("two_arms", around("two_arms", 9)), np.random.default_rng(9)
+    model = load("two_arms").model
+    q, motion = configuration("two_arms", rng), rng.normal(size=model.nv)
+    clearance.see(q)
+    data, later = model.createData(), model.createData()
+    pin.forwardKinematics(model, data, q)
+    pin.forwardKinematics(model, later, q + 1e-7 * motion)
+    for k, (a, b) in enumerate(clearance.pairs):
+        one, other, _ = clearance.points(k)
+        found = np.zeros(3)
+        for number, point, sign in ((a, one, 1.0), (b, other, -1.0)):
+            joint = clearance.bodies[int(number)].joint
+            found += sign * ((later.oMi[joint] * data.oMi[joint].inverse()).act(point) - point) / 1e-7
+        assert clearance.motion_of(k, motion) == pytest.approx(found, abs=1e-5)

@@ -1,0 +1,255 @@
+"""No path is reported as reached on which the meshes touch, whatever the convex solids around them say."""
+
+from __future__ import annotations
+
+import sysconfig
+import warnings
+from functools import cache
+from itertools import combinations, pairwise
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from lxml import etree
+
+import cinegen
+from cinegen.collision import scene_of, surroundings
+from cinegen.collision.mesh_check import MeshCheck
+from cinegen.ik.seeker import Seeker
+from cinegen.planning import AvoidingSolver, Verdict, plan
+from cinegen.planning.planner.attempt import Attempt, checked
+
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356, 0, 1.571, -0.785], strict=True)) | {
+    "panda_finger_joint1": 0.04,
+    "panda_finger_joint2": 0.04,
+}
+FOLDED = READY | {"panda_joint6": 0.15}  # the hand is inside of link 5
+
+
+@cache
+def load(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cinegen.load(SHARE / name)
+
+
+def panda():
+    return load("panda_description/urdf/panda.urdf")
+
+
+def talos():
+    return load("talos_data/robots/talos_left_arm.urdf")
+
+
+def scene(mechanism, start, goal, **more):
+    there = mechanism.placement(goal, mechanism.end)
+    aim = {"point": there.translation.tolist(), "rpy": pin.rpy.matrixToRpy(there.rotation).tolist()}
+    return scene_of({"start": {"joints": start}, "goal": aim, "node": mechanism.end, **more}, mechanism=mechanism)
+
+
+class Meshes:
+    """Contact of meshes by coal alone, of all pairs but those that an SRDF calls adjacent, or never in contact.
+
+    Pairs that it disables by "Default" touch in the zero configuration and may touch elsewhere: they count.
+    """
+
+    def __init__(self, mechanism, srdf):
+        self.model, self.data = mechanism.model, mechanism.model.createData()
+        self.shapes = list(mechanism.collision.geometryObjects)
+        link = [self.model.frames[shape.parentFrame].name for shape in self.shapes]
+        disabled = {
+            frozenset((entry.get("link1"), entry.get("link2")))
+            for entry in etree.parse(SHARE / srdf).iter("disable_collisions")
+            if entry.get("reason") in ("Adjacent", "Never")
+        }
+        self.pairs = [
+            (i, k)
+            for i, k in combinations(range(len(self.shapes)), 2)
+            if link[i] != link[k] and frozenset((link[i], link[k])) not in disabled
+        ]
+
+    def touch(self, q):
+        pin.forwardKinematics(self.model, self.data, q)
+        poses = [self.data.oMi[shape.parentJoint] * shape.placement for shape in self.shapes]
+        at = [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
+        return any(
+            coal.collide(
+                self.shapes[i].geometry, at[i], self.shapes[k].geometry, at[k],
+                coal.CollisionRequest(), coal.CollisionResult(),
+            )
+            for i, k in self.pairs
+        )  # fmt: skip
+
+    def touch_along(self, path, parts=5):
+        return any(
+            self.touch(pin.interpolate(self.model, begin, end, part / parts))
+            for begin, end in pairwise(path)
+            for part in range(parts + 1)
+        )
+
+
+@cache
+def meshes():
+    return Meshes(panda(), "panda_description/srdf/panda.srdf")
+
+
+def straight(mechanism, begin, end, count=50):
+    ends = mechanism.configuration(begin), mechanism.configuration(end)
+    return np.array([pin.interpolate(mechanism.model, *ends, part) for part in np.linspace(0.0, 1.0, count + 1)])
+
+
+# --- the check -----------------------------------------------------------------------------------------------------
+
+
+def test_first_contact_is_where_coal_finds_it():
+    check = MeshCheck(scene(panda(), READY, panda().configuration(READY)))
+    path = straight(panda(), READY, FOLDED)
+    contact = check.first_contact(path)
+    first = next(i for i, q in enumerate(path) if meshes().touch(q))
+    assert contact is not None
+    assert contact.index in (first - 1, first - 2)  # it may begin between two configurations
+    assert "'panda_link5'" in contact.reason
+    assert check.first_contact(path[: contact.index + 1]) is None
+
+
+def test_contact_between_two_configurations_of_a_path_is_found():
+    wide = straight(panda(), READY, READY | {"panda_joint1": 1.0})
+    ball = {"kind": "sphere", "radius": 0.02, "point": panda().placement(wide[25], "panda_hand").translation.tolist()}
+    check = MeshCheck(scene(panda(), READY, panda().configuration(READY), obstacle=[ball]))
+    ends = wide[[0, -1]]
+    assert check.contact(ends[0]) == check.contact(ends[1]) == ""
+    contact = check.first_contact(ends)
+    assert contact is not None
+    assert contact.index == 0
+    assert "'sphere 1'" in contact.reason
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_no_random_configuration_with_touching_meshes_is_called_clear(seed):
+    model = panda().model
+    given = scene(panda(), READY, panda().configuration(READY))
+    check, (clearance, _) = MeshCheck(given), surroundings(given)
+    rng = np.random.default_rng(seed)
+    touching = 0
+    for q in rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(250, model.nq)):
+        if meshes().touch(q):
+            touching += 1
+            assert check.contact(q)
+            assert clearance.least(q) <= 0.0
+    assert touching >= 25
+
+
+def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
+    """The hull of Talos's arm_left_3 always holds a part of arm_left_5: only the meshes tell them apart."""
+    given = scene(talos(), {}, talos().q_home)
+    clearance, _ = surroundings(given)
+    both = frozenset(("arm_left_3_link", "arm_left_5_link"))
+    assert both not in {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
+    check = MeshCheck(given)
+    assert check.unchecked == ()
+    free = Seeker(talos()).spread(50, np.random.default_rng(3))
+    beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, talos().model.nq))  # limits apart
+    named = [[both <= set(check.contact(q).split("'")) for q in some] for some in (free, beyond)]
+    assert not any(named[0])
+    assert any(named[1])
+
+
+def test_links_that_touch_in_every_configuration_are_not_checked_and_named(tmp_path):
+    """The last link of two stays inside of a ball on the base, which it does not join."""
+    shape = '<collision><geometry><sphere radius="{}"/></geometry></collision>'
+    links = "".join(
+        f'<link name="{name}">{shape.format(r)}</link>' for name, r in zip("abc", (2, 0.1, 0.1), strict=True)
+    )
+    joint = '<joint name="{0}" type="revolute"><parent link="{1}"/><child link="{0}"/><origin xyz="0.5 0 0"/>'
+    joint += '<axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="1" effort="1"/></joint>'
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm">{links}{joint.format("b", "a")}{joint.format("c", "b")}</robot>')
+    arm = cinegen.load(path)
+    check = MeshCheck(scene(arm, {}, arm.q_home))
+    assert check.unchecked == (("a", "c"),)
+    assert check.contact(arm.q_home) == ""
+
+
+def test_collisions_that_a_scene_allows_are_not_checked():
+    named = {"allowed_collisions": [["panda_link5", "panda_hand"], ["panda_link7", "panda_link5"]]}
+    named["allowed_collisions"] += [["panda_link5", f"panda_{side}finger"] for side in ("left", "right")]
+    given = scene(panda(), READY, panda().configuration(READY), **named)
+    assert given.document()["allowed_collisions"] == named["allowed_collisions"]
+    folded = panda().configuration(FOLDED)
+    assert MeshCheck(scene(panda(), READY, panda().configuration(READY))).contact(folded)
+    assert MeshCheck(given).contact(folded) == ""
+    clearance, _ = surroundings(given)
+    names = {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
+    assert names.isdisjoint(map(frozenset, named["allowed_collisions"]))
+
+
+@pytest.mark.parametrize(
+    ("given", "reason"),
+    [
+        ([["panda_hand", "panda_link55"]], "'panda_link55' is no node of panda: did you mean 'panda_link5'?"),
+        ([["panda_hand", "panda_hand"]], "names 'panda_hand' twice"),
+        (["panda_hand", "panda_link5"], "list of lists of 2 names"),
+        ("panda_hand", "list of lists of 2 names"),
+        ([["panda_hand", 5]], "list of lists of 2 names"),
+    ],
+)
+def test_allowed_collisions_that_make_no_sense_are_refused(given, reason):
+    with pytest.raises(cinegen.CinegenError, match="allowed_collisions") as caught:
+        scene(panda(), READY, panda().configuration(READY), allowed_collisions=given)
+    assert reason in str(caught.value)
+
+
+# --- plans ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_plan_that_used_to_lead_the_hand_into_link_5_is_free_of_contact():
+    found = plan(scene(panda(), READY, panda().configuration(FOLDED)))
+    assert not meshes().touch_along(found.path)
+    assert found.verdict is Verdict.REACHED  # by another configuration: FOLDED itself is in collision
+
+
+def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
+    """Even if no pair of links were kept clear while planning."""
+    bodies = cinegen.collision.around.links_of(panda())[0]
+    monkeypatch.setattr(cinegen.collision.around, "links_of", lambda mechanism: (bodies, ()))
+    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2)
+    assert [one.verdict for one in found.attempts] == [Verdict.IN_COLLISION] * 2
+    assert not found
+    assert "check against the meshes" in found.reason
+    assert not meshes().touch_along(found.path)
+
+
+def test_an_attempt_is_cut_off_before_its_contact():
+    check = MeshCheck(scene(panda(), READY, panda().configuration(READY)))
+    made = Attempt("a test", Verdict.REACHED, straight(panda(), READY, FOLDED), (), "")
+    cut = checked(made, check)
+    assert cut.verdict is Verdict.IN_COLLISION
+    assert 1 < len(cut.path) < len(made.path)
+    assert not meshes().touch_along(cut.path)
+    back = Attempt("a test", Verdict.REACHED, made.path[::-1].copy(), (), "")
+    assert "at the start" in checked(back, check).reason
+    assert len(checked(back, check).path) == 1
+
+
+def test_a_start_in_which_meshes_touch_is_refused_with_the_way_out():
+    found = plan(scene(panda(), FOLDED, panda().configuration(READY)))
+    assert found.verdict is Verdict.START_IN_COLLISION
+    assert "allowed_collisions = [[" in found.reason
+
+
+# --- dragging ------------------------------------------------------------------------------------------------------
+
+
+def test_dragging_does_not_lead_the_hand_into_link_5():
+    given = scene(panda(), READY, panda().configuration(READY))
+    clearance, around = surroundings(given)
+    solver = AvoidingSolver(panda(), 1e-2, clearance, around, given.safety, q=given.start)
+    pull = solver.pull(panda().end)
+    pull.target = panda().placement(panda().configuration(FOLDED), panda().end)
+    for tick in range(600):
+        step = solver.step()
+        assert tick % 5 or not meshes().touch(step.q)
+    assert float(np.abs(step.q - given.start).max()) > 0.3

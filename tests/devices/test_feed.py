@@ -1,0 +1,125 @@
+"""What the sensors with a thread share: the newest reading without waiting, no press lost, and no end by an error."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+from played import wait
+
+from cinegen.devices import State
+from cinegen.devices import feed as module
+from cinegen.devices.feed import Feed
+from cinegen.devices.newest import Newest
+
+
+def test_the_newest_counts_and_every_press():
+    newest = Newest()
+    assert newest.take() is None
+    newest.put((1.0,) * 6)
+    newest.press(frozenset({2, 1}))
+    newest.press(frozenset())
+    newest.put((0.5,) * 6)
+    reading = newest.take()
+    assert reading.twist == (0.5,) * 6
+    assert reading.pressed == (1, 2)
+    assert newest.take() is None
+    newest.press(frozenset({3}))
+    assert newest.take().time == reading.time
+    newest.put()
+    assert newest.take().buttons == {3}
+
+
+def test_many_presses_take_no_memory():
+    newest = Newest()
+    for _ in range(1000):
+        newest.press(frozenset({1}))
+        newest.press(frozenset())
+    assert len(newest.take().pressed) == 64
+
+
+def test_between_threads_nothing_is_lost():
+    newest, found = Newest(), []
+    done = threading.Event()
+
+    def write() -> None:
+        for i in range(3000):
+            newest.press(frozenset({i % 50}))
+            newest.press(frozenset())
+            newest.put((i / 3000,) * 6)
+            while i - len(found) > 40:
+                time.sleep(0)
+        done.set()
+
+    thread = threading.Thread(target=write)
+    thread.start()
+    last = -1.0
+    ended = False
+    while not ended:
+        ended = done.is_set()  # once more after the last
+        reading = newest.take()
+        if reading is not None:
+            found += reading.pressed
+            if reading.twist is not None:
+                assert reading.twist[0] >= last
+                last = reading.twist[0]
+    thread.join()
+    assert found == [i % 50 for i in range(3000)]
+
+
+class Wild(Feed):
+    """Fails in every way."""
+
+    def __init__(self, errors) -> None:
+        super().__init__("wild:")
+        self.errors = list(errors)
+        self.served = 0
+        self.longest = 0.05
+
+    def serve(self) -> None:
+        self.served += 1
+        if self.errors:
+            raise self.errors.pop(0)
+        self.live("at last")
+        self.newest.put((1.0,) * 6, buttons=frozenset({1}))
+        self.wait(60)
+
+
+def test_no_error_ends_it():
+    sensor = Wild([OSError(5, "Input/output error"), ValueError("x"), RecursionError(), MemoryError()])
+    sensor.start()
+    sensor.start()  # once is enough
+    wait(lambda: sensor.status.state is State.LIVE)
+    assert sensor.served == 5
+    assert "live" in repr(sensor)
+    wait(lambda: sensor.status.state is State.SILENT)
+    sensor.close()
+    assert sensor.status.state is State.CLOSED
+
+
+def test_one_that_hangs_is_left_behind(monkeypatch):
+    monkeypatch.setattr(module, "_PATIENCE", 0.05)
+    release = threading.Event()
+
+    class Hanging(Feed):
+        def __init__(self) -> None:
+            super().__init__("hanging:")
+            self.ended: list[bool] = []
+
+        def serve(self) -> None:
+            release.wait(15)
+            self.ended.append(self.ending)
+            self.live("late")
+            self.wait(15)
+
+    sensor = Hanging()
+    sensor.start()
+    sensor.close()
+    assert sensor.status.state is State.CLOSED
+    sensor.start()
+    release.set()
+    wait(lambda: len(sensor.ended) == 2)
+    assert sorted(sensor.ended) == [False, True]
+    wait(lambda: sensor.status.state is State.LIVE)
+    sensor.close()
+    assert sensor.status.state is State.CLOSED

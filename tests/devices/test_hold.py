@@ -1,0 +1,253 @@
+"""What a sensor says becomes a target's motion: at rest when it is silent, the same in every frame."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cinegen import Solver, Verdict
+from cinegen.devices import Grip, Hold, Reading, Scripted, State, Status, fitted
+from cinegen.errors import CinegenError, UnknownNameError
+from cinegen.ik import Pull
+from cinegen.sensor import NO_TWIST
+
+DT = 0.001
+
+
+class Played:
+    """A sensor that says what a test wants."""
+
+    url = "played"
+    timeout = 0.25
+
+    def __init__(self) -> None:
+        self.next: Reading | None = None
+        self.state = State.LIVE
+        self.time = 0.0
+
+    def say(self, twist=None, target=None, **others) -> Played:
+        self.time += 0.01
+        self.next = Reading(self.time, twist, target, **others)
+        return self
+
+    def start(self) -> None: ...
+    def close(self) -> None: ...
+
+    def read(self) -> Reading | None:
+        reading, self.next = self.next, None
+        return reading
+
+    @property
+    def status(self) -> Status:
+        return Status(self.state, "played")
+
+
+def held(target: pin.SE3 | None = None, grip: Grip | None = None, frame: str = "world") -> tuple[Played, Hold]:
+    sensor = Played()
+    return sensor, Hold(sensor, Pull("tool", target or pin.SE3.Identity()), grip, frame)
+
+
+deflections = st.tuples(*[st.floats(-1, 1)] * 6)
+
+
+def placements(seed: int) -> pin.SE3:
+    pin.seed(seed)
+    return pin.SE3.Random()
+
+
+def test_full_deflection_is_the_grips_speed():
+    sensor, hold = held(grip=Grip(speed=0.2, turning=0.7))
+    sensor.say((0, 0, 1, 0, 0, -1))
+    for _ in range(100):
+        hold.advance(DT)
+    assert hold.pull.target.translation == pytest.approx([0, 0, 0.02])
+    assert pin.log3(hold.pull.target.rotation) == pytest.approx([0, 0, -0.07])
+
+
+@given(deflections, st.integers(0, 1000))
+def test_silence_brings_rest_within_a_tenth_of_a_second_and_nothing_drifts(twist, seed):
+    sensor, hold = held(placements(seed))
+    sensor.say(twist)
+    speeds, before = [], hold.pull.target.translation.copy()
+    for tick in range(420):
+        hold.advance(DT)
+        speeds.append(np.linalg.norm(hold.pull.target.translation - before) / DT)
+        before = hold.pull.target.translation.copy()
+        if tick == 300 and np.any(hold.grip.velocity(twist)):
+            assert hold.status.state is State.SILENT
+    assert np.ptp(speeds[:240]) < 1e-9  # as it was told, until the time-out
+    assert np.abs(np.diff(speeds[240:])).max() <= 0.02 * speeds[0] + 1e-9  # without a jerk
+    rest = hold.pull.target.copy()
+    for _ in range(1000):
+        hold.advance(DT)
+    assert np.array_equal(hold.pull.target.homogeneous, rest.homogeneous)
+    assert hold.status.state is State.LIVE
+    sensor.say((1, 0, 0, 0, 0, 0))
+    hold.advance(DT)
+    assert not np.array_equal(hold.pull.target.homogeneous, rest.homogeneous)
+
+
+@pytest.mark.parametrize("state", [State.LOST, State.CLOSED, State.REFUSED, State.OPENING])
+def test_a_sensor_that_is_lost_comes_to_rest_at_once(state):
+    sensor, hold = held()
+    sensor.say((1, 0, 0, 0, 0, 0))
+    for _ in range(10):
+        hold.advance(DT)
+    sensor.state = state
+    for _ in range(102):
+        hold.advance(DT)
+    rest = hold.pull.target.copy()
+    assert 0.001 < rest.translation[0] < 0.011
+    for _ in range(100):
+        hold.advance(DT)
+    assert hold.pull.target == rest
+
+
+def test_buttons_alone_keep_no_motion_alive():
+    sensor, hold = held()
+    sensor.say((1, 0, 0, 0, 0, 0))
+    hold.advance(DT)
+    for _ in range(500):
+        sensor.next = Reading(sensor.time, (1, 0, 0, 0, 0, 0), None, frozenset({1}), (1,))
+        assert hold.advance(DT).pressed == (1,)
+    assert hold.pull.target.translation[0] < 0.1 * 0.36
+
+
+@given(deflections, st.integers(0, 1000))
+def test_the_frame_of_command_turns_the_motion_with_it(twist, seed):
+    """In a frame that is turned, everything happens as in the world, turned."""
+    frame, start = placements(seed).rotation, placements(seed + 5000)
+    turned, plain = held(start, frame="base"), held(start)
+    turned[1].axes["base"] = frame
+    turned[0].say(twist)
+    x, y, z = frame @ np.array(plain[1].grip.velocity(twist)[:3])
+    turn = frame @ plain[1].grip.velocity(twist)[3:]
+    for _ in range(20):
+        turned[1].advance(DT)
+    moved = turned[1].pull.target
+    assert moved.translation - start.translation == pytest.approx(0.02 * np.array([x, y, z]), abs=1e-12)
+    assert pin.log3(moved.rotation @ start.rotation.T) == pytest.approx(0.02 * turn, abs=1e-9)
+
+
+@given(deflections, st.integers(0, 1000))
+def test_the_nodes_own_axes_go_with_it(twist, seed):
+    """What a tool does in its own axes does not depend on where it stands."""
+    start = placements(seed)
+    (one, here), (other, there) = held(frame="node"), held(start, frame="node")
+    one.say(twist)
+    other.say(twist)
+    for _ in range(200):
+        here.advance(DT)
+        there.advance(DT)
+    assert there.pull.target.isApprox(start * here.pull.target, 1e-9)
+
+
+@given(st.floats(0, 0.9), st.floats(-1, 1), st.floats(0, 1e-6))
+def test_the_dead_zone_is_continuous(dead, value, step):
+    def speed(deflection: float) -> float:
+        return float(Grip(speed=1.0, dead=dead).velocity((deflection, 0, 0, 0, 0, 0))[0])
+
+    assert abs(speed(min(1.0, value + step)) - speed(value)) <= step / (1.0 - dead) + 1e-12
+    assert speed(-value) == -speed(value)
+    assert speed(1.0) == 1.0
+    if abs(value) <= dead:
+        assert speed(value) == 0.0
+
+
+def test_the_dominant_axis_only():
+    velocity = Grip(dominant=True, dead=0.0, speed=1.0, turning=1.0).velocity((0.1, -0.2, 0.3, 0.4, -0.5, 0.1))
+    assert velocity == pytest.approx([0, 0, 0, 0, -0.5, 0])
+
+
+@pytest.mark.parametrize(
+    ("translation", "rotation", "free"),
+    [
+        (3, 3, (1, 1, 1, 1, 1, 1)),
+        (2, 0, (1, 1, 0, 0, 0, 0)),
+        (1, 1, (1, 0, 0, 0, 0, 1)),
+        (0, 2, (0, 0, 0, 1, 1, 0)),
+        (3, 0, (1, 1, 1, 0, 0, 0)),
+    ],
+)
+def test_raffs_freedoms(translation, rotation, free):
+    grip = Grip(speed=1.0, turning=1.0, dead=0.0, translation=translation, rotation=rotation)
+    assert grip.free == free
+    assert grip.velocity((0.5,) * 6) == pytest.approx([0.5 * one for one in free])
+    sensor, hold = held(grip=grip)
+    given_ = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
+    sensor.say(target=given_)
+    hold.advance(DT)
+    moved = np.concatenate([hold.pull.target.translation, pin.log3(hold.pull.target.rotation)])
+    assert moved == pytest.approx(np.array([1, 2, 3, 0.1, 0.2, 0.3]) * free)
+
+
+def test_what_makes_no_sense():
+    for wrong in ({"dead": 1.0}, {"speed": math.nan}, {"turning": -1.0}, {"rotation": 4}, {"translation": -1}):
+        with pytest.raises(CinegenError):
+            Grip(**wrong)
+    _, hold = held()
+    with pytest.raises(UnknownNameError, match="node"):
+        hold.frame = "tool"
+    hold.axes["view"] = np.eye(3)
+    hold.frame = "view"
+    hold.pull.target = "somewhere"
+    sensor = hold.sensor
+    sensor.say((1, 0, 0, 0, 0, 0))
+    hold.advance(DT)  # a target that is none stays what it is, and the solver says so
+    sensor.say(target=pin.SE3.Identity())
+    hold.advance(DT)
+    assert hold.pull.makes_sense()
+
+
+def test_a_rotation_stays_one_for_hours():
+    sensor, hold = held(grip=Grip(turning=3.0))
+    for tick in range(20_000):
+        if tick % 100 == 0:
+            sensor.say((0, 0, 0, 1.0, 0.5, -0.7))
+        hold.advance(DT)
+    rotation = hold.pull.target.rotation
+    assert np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-14
+
+
+def test_a_delta_follows_a_device(robot):
+    solver = Solver(robot("delta4"), DT)
+    pull = solver.pull("platform", rotation=0)
+    sensor = Played()
+    hold = Hold(sensor, pull, Grip(speed=0.2))
+    for tick in range(500):
+        if tick % 50 == 0:
+            sensor.say((0, 0, -1, 0, 0, 0))
+        hold.advance(DT)
+        step = solver.step()
+    assert step.verdict is Verdict.FOLLOWING
+    assert step.errors[0][0] < 1e-3
+    assert pull.target.translation[2] - robot("delta4").placement(robot("delta4").q_home, "platform").translation[
+        2
+    ] == pytest.approx(-0.1)
+
+
+def test_a_script_is_a_sensor(robot):
+    mechanism = robot("five_bar")
+    path = fitted(mechanism, "tool")
+    sensor = Scripted(path)
+    hold = Hold(sensor, Pull("tool", path.home))
+    assert hold.advance(DT) is None
+    assert sensor.status.state is State.CLOSED
+    sensor.start()
+    reading = hold.advance(DT)
+    assert reading.twist is None
+    assert hold.pull.target == reading.target
+    assert path.home.translation == pytest.approx(reading.target.translation, abs=0.01)
+    assert "circle" in sensor.status.words
+    assert hold.status.state is State.LIVE
+    sensor.close()
+    assert sensor.read() is None
+
+
+def test_zeros_are_no_reason_to_move():
+    assert not np.any(Grip().velocity(NO_TWIST))

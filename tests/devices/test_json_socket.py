@@ -1,0 +1,253 @@
+"""Programs as sensors, good ones and bad ones."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import socket
+import time
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from played import wait
+
+from cinegen.devices import State, open_sensor
+from cinegen.devices.json_line import LineError, parse, written
+from cinegen.devices.json_socket import CLIENTS
+from cinegen.sensor import Reading
+
+
+@pytest.fixture
+def sensor():
+    sensor = open_sensor("tcp://127.0.0.1:0")
+    sensor.start()
+    wait(lambda: sensor.status.state is State.LIVE)
+    yield sensor
+    sensor.close()
+    assert sensor.status.state is State.CLOSED
+
+
+class Program:
+    def __init__(self, sensor) -> None:
+        self.socket = socket.create_connection(("127.0.0.1", sensor.port), timeout=15)
+        self.lines = self.socket.makefile("rb")
+
+    def __enter__(self) -> Program:
+        return self
+
+    def __exit__(self, *_) -> None:
+        self.lines.close()
+        self.socket.close()
+
+    def send(self, *values) -> None:
+        for value in values:
+            self.socket.sendall(value if isinstance(value, bytes) else json.dumps(value).encode() + b"\n")
+
+    def answer(self) -> str:
+        """What is said; nothing if it was dropped."""
+        try:
+            line = self.lines.readline()
+        except ConnectionError:
+            return ""
+        return json.loads(line)["error"] if line else ""
+
+
+def comes(sensor, condition) -> Reading:
+    found = []
+
+    def there() -> bool:
+        reading = sensor.read()
+        found.append(reading)
+        return reading is not None and condition(reading)
+
+    wait(there)
+    return found[-1]
+
+
+def test_what_a_program_can_say(sensor):
+    with Program(sensor) as program:
+        program.send({"twist": [0, 0, 0.5, 0, 0, -3]})
+        assert comes(sensor, lambda r: True).twist == (0, 0, 0.5, 0, 0, -1.0)
+        program.send({"buttons": [1]}, {"buttons": []}, {"buttons": [2, 2]})
+        wait(lambda: sensor.newest.last.buttons == {2})
+        reading = sensor.read()
+        assert (reading.pressed, reading.twist) == ((1, 2), (0, 0, 0.5, 0, 0, -1.0))
+        placement = pin.SE3.Random()
+        program.send({"placement": placement.homogeneous.tolist(), "buttons": []})
+        assert comes(sensor, lambda r: r.target is not None).target.isApprox(placement, 1e-12)
+        quaternion = pin.Quaternion(placement.rotation).coeffs().tolist()
+        program.send({"translation": [1, 2, 3], "quaternion": quaternion})
+        target = comes(sensor, lambda r: True).target
+        assert target.isApprox(pin.SE3(placement.rotation, np.array([1.0, 2.0, 3.0])), 1e-9)
+    wait(lambda: "no programs" in sensor.status.words)
+
+
+@pytest.mark.parametrize(
+    ("line", "why"),
+    [
+        (b"hello", "no JSON"),
+        (b"\xff\xfe\x00\x01", "no JSON"),
+        (b'{"twist": [0, 0, NaN, 0, 0, 0]}', "NaN"),
+        (b'{"twist": [0, 0, Infinity, 0, 0, 0]}', "Infinity"),
+        (b'{"twist": [0, 0, 1e999, 0, 0, 0]}', "finite"),
+        (b'{"twist": [0, 0, 1' + b"0" * 400 + b", 0, 0, 0]}", "finite"),
+        (b'{"twist": [0, 0, 1]}', "list of 6"),
+        (b'{"twist": [0, 0, 1, 0, 0, "1"]}', "numbers"),
+        (b'{"twist": [0, 0, 1, 0, 0, true]}', "numbers"),
+        (b'{"twist": null}', "list of 6"),
+        (b"[1, 2]", "object"),
+        (b"[" * 4000, "no JSON"),
+        (b'{"twits": [0, 0, 0, 0, 0, 0]}', "means nothing"),
+        (b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0]]}', "four lists"),
+        (b'{"placement": [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 2]]}', "end with"),
+        (b'{"placement": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
+        (b'{"placement": [[1e300, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "rotation"),
+        (b'{"placement": [[-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "reflection"),
+        (b'{"placement": [[1, 0, 0, 1e9], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}', "away"),
+        (b'{"translation": [0, 0, 0], "quaternion": [0, 0, 0, 0]}', "quaternion"),
+        (b'{"translation": [0, 0, 0]}', "quaternion"),
+        (b'{"buttons": [64]}', "whole numbers"),
+        (b'{"buttons": [-1]}', "whole numbers"),
+        (b'{"buttons": 3}', "whole numbers"),
+    ],
+)
+def test_what_makes_no_sense_is_answered(sensor, line, why):
+    with Program(sensor) as program:
+        program.send(line + b"\n")
+        assert why in program.answer()
+        assert sensor.read() is None
+        program.send({"twist": [1, 0, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+    assert sensor.status.damaged == 1
+
+
+def test_whoever_goes_on_with_nonsense_is_dropped(sensor):
+    with Program(sensor) as good, Program(sensor) as bad:
+        good.send({"twist": [0, 1, 0, 0, 0, 0]})
+        bad.send(b"nonsense\n" * 30)
+        said = []
+        while answer := bad.answer():
+            said.append(answer)
+        assert "dropped" in said[-1]
+        good.send({"twist": [0, 0.5, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (0, 0.5, 0, 0, 0, 0))
+
+
+@pytest.mark.parametrize("noise", [b"x" * 200_000, os.urandom(300_000), b"\0" * 100_000])
+def test_a_line_without_end_is_dropped(sensor, noise):
+    with Program(sensor) as program:
+        try:
+            for _ in range(100):
+                program.send(noise)
+        except OSError:
+            pass
+        else:
+            pytest.fail("it was read to the end")
+    with Program(sensor) as program:
+        program.send({"twist": [1, 0, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+
+
+def test_a_flood_is_dropped(sensor):
+    line = b'{"twist": [1, 0, 0, 0, 0, 0]}\n'
+    with Program(sensor) as program, contextlib.suppress(OSError):  # it is cut off in the middle of a word
+        for _ in range(1000):
+            program.send(500 * line)
+    wait(lambda: sensor.status.damaged >= 1)
+    assert sensor.status.packets < 10_000
+    with Program(sensor) as program:
+        program.send({"twist": [0, 0, 1, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (0, 0, 1, 0, 0, 0))
+
+
+def test_a_client_that_never_listens_holds_nobody_up(sensor):
+    with Program(sensor) as deaf, Program(sensor) as good:
+        deaf.send(b"x\n" * 15)
+        good.send({"twist": [1, 0, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+
+
+def test_a_hundred_programs(sensor):
+    programs = [Program(sensor) for _ in range(100)]
+    told = []
+    for program in programs[CLIENTS:]:
+        told.append(program.answer())
+    assert all("already" in answer for answer in told)
+    programs[3].send({"twist": [1, 0, 0, 0, 0, 0]})
+    comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+    for program in programs:
+        program.__exit__()
+    wait(lambda: "no programs" in sensor.status.words)
+
+
+def test_the_newest_speaks(sensor):
+    with Program(sensor) as first:
+        first.send({"twist": [1, 0, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
+        with Program(sensor) as second:
+            second.send({"twist": [0, 1, 0, 0, 0, 0], "buttons": [7]})
+            comes(sensor, lambda r: r.twist == (0, 1, 0, 0, 0, 0))
+            first.send({"twist": [0.5, 0, 0, 0, 0, 0]})
+            assert "came later" in first.answer()
+            assert sensor.newest.last.twist == (0, 1, 0, 0, 0, 0)
+        reading = comes(sensor, lambda r: r.twist == (0,) * 6)  # at rest, and let go, when it goes
+        assert reading.buttons == frozenset()
+        first.send({"twist": [0.25, 0, 0, 0, 0, 0]})
+        comes(sensor, lambda r: r.twist == (0.25, 0, 0, 0, 0, 0))
+
+
+def test_two_on_one_port():
+    first = open_sensor("tcp://127.0.0.1:0")
+    first.start()
+    wait(lambda: first.status.state is State.LIVE)
+    second = open_sensor(f"tcp://127.0.0.1:{first.port}")
+    second.start()
+    wait(lambda: second.status.state is State.LOST)
+    assert "listen" in second.status.words
+    first.close()
+    wait(lambda: second.status.state is State.LIVE)
+    second.close()
+
+
+@given(st.binary(max_size=300))
+def test_no_line_raises_anything_else(line):
+    try:
+        parse(line)
+    except LineError as error:
+        assert str(error)  # noqa: PT017
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5), lambda v: st.lists(v, max_size=6)
+)
+names = st.sampled_from(["twist", "placement", "translation", "quaternion", "buttons"])
+
+
+@given(st.dictionaries(names, json_values))
+def test_no_value_raises_anything_else(values):
+    try:
+        said, _ = parse(json.dumps(values))
+    except LineError as error:
+        assert str(error)  # noqa: PT017
+    else:
+        assert said.twist is None or all(map(math.isfinite, said.twist))
+
+
+@given(
+    st.one_of(st.none(), st.tuples(*[st.floats(-1, 1)] * 6)),
+    st.booleans(),
+    st.frozensets(st.integers(0, 63)),
+    st.integers(0, 1000),
+)
+def test_what_is_written_is_read(twist, placed, buttons, seed):
+    pin.seed(seed)
+    target = pin.SE3.Random() if placed else None
+    said, _ = parse(json.dumps(written(Reading(time.monotonic(), twist, target, buttons))))
+    assert said.twist == twist
+    assert said.buttons == buttons
+    assert said.target is target is None or said.target.isApprox(target, 1e-12)

@@ -1,0 +1,209 @@
+"""Sensors by their URLs, and the command that lists and monitors them."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import re
+import socket
+import threading
+
+import pytest
+from played import PlayedMagellan
+
+from cinegen import CinegenWarning
+from cinegen.cli import main
+from cinegen.devices import Gamepad, SensorError, open_sensor, overrides
+from cinegen.devices.json_socket import JsonSocket
+from cinegen.devices.kinds import KINDS, scheme, what_is
+from cinegen.devices.report import bar, monitor
+from cinegen.devices.scripted import Scripted
+from cinegen.devices.serial_mouse import SerialMouse
+from cinegen.devices.spacenav import Spacenav
+
+
+@pytest.mark.parametrize(
+    ("url", "kind", "name"),
+    [
+        ("/dev/null", SerialMouse, ""),
+        ("COM3", SerialMouse, ""),
+        (r"\\.\COM12", SerialMouse, ""),
+        ("socket://h:1", SerialMouse, "socket"),
+        ("loop://", SerialMouse, "loop"),
+        ("spnav:", Spacenav, "spnav"),
+        ("spnav:/tmp/x", Spacenav, "spnav"),
+        ("tcp://127.0.0.1:7070", JsonSocket, "tcp"),
+        ("gamepad:", Gamepad, "gamepad"),
+        ("tcp://:7070", JsonSocket, "tcp"),
+        ("tcp://[::1]:7070", JsonSocket, "tcp"),
+    ],
+)
+def test_a_url_says_the_kind(url, kind, name):
+    assert scheme(url) == name
+    assert name in KINDS
+    sensor = open_sensor(url)
+    assert type(sensor) is kind
+    assert sensor.url == url
+    assert what_is(url)
+
+
+def test_a_path_needs_a_robot(robot):
+    assert isinstance(open_sensor("path:line", mechanism=robot("five_bar")), Scripted)
+    with pytest.raises(SensorError, match="needs a robot"):
+        open_sensor("path:circle")
+    with pytest.raises(SensorError, match="did you mean"):
+        open_sensor("path:circel", mechanism=robot("five_bar"))
+
+
+@pytest.mark.parametrize(
+    ("url", "why"),
+    [
+        ("spnaw:", "sensor 2, 'spnaw:': no kind of sensor 'spnaw:', did you mean 'spnav'"),
+        ("http://x", "no kind of sensor 'http:'"),
+        ("tcp://127.0.0.1", "write tcp://127.0.0.1:7070"),
+        ("tcp://127.0.0.1:99999", "write tcp://127.0.0.1:7070"),
+    ],
+)
+def test_what_there_can_not_be(url, why):
+    with pytest.raises(SensorError, match=re.escape(why).replace(re.escape(", did"), ".*did")):
+        open_sensor(url, 2)
+
+
+def test_what_a_url_is():
+    assert what_is("path:circle") == "a script"
+    assert what_is("spnaw:") is None
+
+
+def test_a_port_that_is_not_there_is_a_warning_with_a_hint():
+    with pytest.warns(CinegenWarning, match=r"IRIX.*--sensor 3=/dev/ttyUSB0"):
+        sensor = open_sensor("/dev/ttyd2", 3)
+    assert isinstance(sensor, SerialMouse)
+    with pytest.warns(CinegenWarning, match="there is no such port here; --sensor 1="):
+        open_sensor("/dev/ttyNONE")
+
+
+def test_overrides():
+    assert overrides(["1=/dev/ttyUSB0", "2=tcp://127.0.0.1:7=0"]) == {1: "/dev/ttyUSB0", 2: "tcp://127.0.0.1:7=0"}
+    for wrong in ("/dev/ttyUSB0", "x=/dev/ttyUSB0", "1="):
+        with pytest.raises(SensorError, match="--sensor 1=/dev/ttyUSB0"):
+            overrides([wrong])
+
+
+# --- the command -----------------------------------------------------------------------------------------------------
+
+
+def test_the_command_lists(root, capsys):
+    assert main(["sensors", str(root / "robots" / "delta4.raff")]) == 0
+    said = capsys.readouterr().out
+    assert "1: /dev/ttyd2 (translation 3, rotation 3) for platform" in said
+    assert "IRIX" in said
+    assert "--sensor 1=/dev/ttyUSB0" in said
+    assert "spacenav daemon:" in said
+    assert all(what in said for _, what in KINDS.values())
+
+
+def test_the_command_lists_as_json(root, capsys):
+    assert main(["sensors", str(root / "robots" / "two_arms.raff"), "--sensor", "1=spnav:", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    (sensors,) = said["files"].values()
+    assert sensors[0]["port"] == "spnav:"
+    assert sensors[0]["nodes"]
+    assert set(said["here"]) == {"ports", "spacenav"}
+
+
+@pytest.mark.filterwarnings("default::cinegen.CinegenWarning")
+def test_the_command_says_what_is_wrong(root, capsys):
+    file = str(root / "robots" / "delta4.raff")
+    assert main(["sensors", file, "--sensor", "7=spnav:"]) == 1
+    assert "no sensor '7'" in capsys.readouterr().err
+    assert main(["sensors", "--monitor", "spnaw:", "--seconds", "0"]) == 1
+    assert "no kind of sensor" in capsys.readouterr().err
+    assert main(["sensors", "--monitor", "path:circle", "--seconds", "0"]) == 1
+    assert main(["sensors", "--monitor", "/dev/ttyd2", "--seconds", "0.2"]) == 0
+    assert "IRIX" in capsys.readouterr().err
+
+
+class Watched:
+    """What a monitor says; presses Ctrl-C as soon as all that is expected was said."""
+
+    def __init__(self, *expected: str) -> None:
+        self.said, self.expected = "", expected
+
+    def __call__(self, text: str) -> None:
+        self.said += text
+        if all(one in self.said for one in self.expected):
+            raise KeyboardInterrupt
+
+
+def test_a_device_is_monitored(tmp_path):
+    device = PlayedMagellan(tmp_path / "port").plug()
+    ended = threading.Event()
+
+    def play() -> None:
+        device.started.wait(10)
+        while not ended.wait(0.02):
+            device.move((200, 0, 0, 0, 0, -400))
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    lines = Watched(
+        "live: a Magellan SpaceMouse with 11 buttons", "x +0.50 |     :##   |", "rz +0.00", "ry +1.00 |     :#####|"
+    )
+    one_line = Watched("\r\033[K", "ry +1.00")
+    recorded = Watched('"cinegen": "readings"', '"twist"')
+    try:
+        for watched, options in ((lines, {}), (one_line, {"rewrite": True}), (recorded, {"as_json": True})):
+            monitor(str(device.path), watched, 30.0, **options)
+            assert all(one in watched.said for one in watched.expected)
+    finally:
+        ended.set()
+        thread.join()
+        device.unplug()
+    assert json.loads(recorded.said.splitlines()[-1])["twist"] == [0.5, 0, 0, 0, 1, 0]
+
+
+def test_a_program_is_monitored():
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = free.getsockname()[1]
+    ended = threading.Event()
+
+    def play() -> None:
+        while not ended.wait(0.02):
+            with (
+                contextlib.suppress(OSError),
+                socket.create_connection(("127.0.0.1", port), timeout=1) as client,
+            ):
+                client.sendall(b'{"translation": [1, 2, 3], "quaternion": [0, 0, 0, 1], "buttons": [4]}\n')
+                ended.wait(5)
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    watched = Watched("at +1.000 +2.000 +3.000 m", "buttons 4")
+    monitor(f"tcp://127.0.0.1:{port}", watched, 30.0)
+    ended.set()
+    thread.join()
+    assert "at +1.000 +2.000 +3.000 m" in watched.said
+
+
+def test_the_command_monitors(capsys):
+    assert main(["sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.3", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out) == {"cinegen": "readings", "version": 1, "timeout": 0.25}
+
+
+def test_ctrl_c_ends_a_monitor(monkeypatch, capsys):
+    calls = []
+
+    def sleep(seconds: float) -> None:
+        calls.append(seconds)
+        if len(calls) > 3:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("cinegen.devices.report.time.sleep", sleep)
+    assert main(["sensors", "--monitor", "tcp://127.0.0.1:0"]) == 0
+    assert capsys.readouterr().err == ""
+
+
+def test_bars():
+    assert bar(0.0) == "+0.00 |     :     |"
+    assert bar(-1.0) == "-1.00 |#####:     |"
+    assert bar(0.4) == "+0.40 |     :##   |"

@@ -1,0 +1,150 @@
+"""Readings in a file: written as they come, read back as they were, whole lines whatever happens."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+
+import pinocchio as pin
+import pytest
+from played import wait
+
+from cinegen.devices import Reading, Recorder, RecordError, State, open_sensor
+from cinegen.devices.replay import Replay, load
+
+READINGS = [
+    Reading(100.0, (0, 0, 0.5, 0, 0, 0)),
+    Reading(100.05, (0, 0, 0.25, 0, 0, 0.125), None, frozenset({1}), (1,)),
+    Reading(100.05, None, pin.SE3.Random(), frozenset(), (2, 3)),
+    Reading(100.10, (1, 0, 0, 0, 0, 0)),
+]
+
+
+@pytest.fixture
+def recording(tmp_path):
+    path = tmp_path / "run.jsonl"
+    with Recorder(path, 0.2) as recorder:
+        for reading in READINGS:
+            recorder.write(reading)
+    return path
+
+
+def test_what_was_written_is_read(recording):
+    readings, timeout = load(recording)
+    assert timeout == 0.2
+    assert [r.time for r in readings] == pytest.approx([0.0, 0.05, 0.05, 0.1])
+    for said, written in zip(readings, READINGS, strict=True):
+        assert said[1] == written[1]
+        assert said[3:] == written[3:]
+    assert readings[2].target.isApprox(READINGS[2].target, 1e-12)
+
+
+def test_it_is_replayed_at_its_times(recording, monkeypatch):
+    sensor = open_sensor(f"replay:{recording}")
+    clock = [500.0]
+    monkeypatch.setattr("cinegen.devices.replay.time.monotonic", lambda: clock[0])
+    assert sensor.read() is None
+    assert sensor.status.state is State.CLOSED
+    sensor.start()
+    clock[0] += 0.001
+    first = sensor.read()
+    assert (first.time, first.twist) == (500.0, (0, 0, 0.5, 0, 0, 0))
+    assert sensor.read() is None
+    clock[0] = 500.06
+    second = sensor.read()  # the newest of two, with the presses of both
+    assert second.target is not None
+    assert second.pressed == (1, 2, 3)
+    assert sensor.status.state is State.LIVE
+    clock[0] = 501.0
+    assert sensor.read().twist == (0,) * 6  # it ends at rest
+    assert sensor.status.state is State.CLOSED
+    sensor.close()
+    sensor.start()
+    clock[0] += 0.01
+    assert sensor.read().twist == (0, 0, 0.5, 0, 0, 0)  # and can be played again
+
+
+def test_a_line_that_was_cut_is_left_out(recording):
+    whole = recording.read_bytes()
+    for length in range(whole.index(b"\n") + 1, len(whole), 7):
+        recording.write_bytes(whole[:length])
+        assert len(load(recording)[0]) == whole[:length].count(b"\n") - 1
+
+
+def test_a_process_that_is_killed_leaves_all_it_wrote(tmp_path):
+    path = tmp_path / "run.jsonl"
+    program = f"""
+from cinegen.devices import Reading, Recorder
+recorder = Recorder({str(path)!r})
+for i in range(10**9):
+    recorder.write(Reading(float(i), (0.5,) * 6))
+"""
+    with subprocess.Popen([sys.executable, "-c", program]) as process:
+        wait(lambda: path.exists() and path.stat().st_size > 10_000, 60)
+        process.send_signal(signal.SIGKILL)
+    readings, _ = load(path)
+    assert len(readings) > 50
+    assert [reading.time for reading in readings] == list(range(len(readings)))
+
+
+def test_a_full_disk_does_not_raise(device):
+    full = device("full")
+    recorder = Recorder(full)
+    recorder.write(READINGS[0])
+    assert "no space" in recorder.error
+    recorder.close()
+    recorder.write(READINGS[0])
+    assert full.is_char_device()
+
+
+def test_it_leaves_no_file_open(tmp_path):
+    if not os.path.isdir("/proc/self/fd"):
+        pytest.skip("no /proc here")
+    before = len(os.listdir("/proc/self/fd"))
+    for i in range(20):
+        Recorder(tmp_path / f"{i}").close()
+    assert len(os.listdir("/proc/self/fd")) == before
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("", "no recording"),
+        ("hello\n", "no recording"),
+        ("[]\n", "no recording"),
+        ('{"cinegen": "readings", "version": 2}\n', "version 2"),
+        ('{"cinegen": "readings", "version": 1, "timeout": "x"}\n', "time-out"),
+        ('{"cinegen": "readings", "version": 1}\n{"time": 1}\n\n{"time": 0}\n', ":4: its time is before"),
+        ('{"cinegen": "readings", "version": 1}\n{"twist": [0, 0, 0, 0, 0, 0]}\n', ":2: 'time'"),
+        ('{"cinegen": "readings", "version": 1}\n{"time": 0, "pressed": "x"}\n', ":2: 'pressed'"),
+        ('{"cinegen": "readings", "version": 1}\n{"time": 0, "twist": [NaN]}\n', ":2: no JSON"),
+    ],
+)
+def test_what_is_no_recording(tmp_path, text, why):
+    path = tmp_path / "run.jsonl"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(RecordError, match=why):
+        Replay(path)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(RecordError, match="no such file"):
+        Replay(tmp_path / "none")
+    with pytest.raises(RecordError, match="can't be written"):
+        Recorder(tmp_path)
+
+
+def test_an_empty_recording_and_one_without_time_out(tmp_path):
+    path = tmp_path / "run.jsonl"
+    with Recorder(path, math.inf):
+        pass
+    assert json.loads(path.read_text())["timeout"] is None
+    sensor = Replay(path)
+    sensor.start()
+    assert sensor.read() is None
+    assert sensor.timeout == math.inf
+    assert sensor.status.state is State.CLOSED

@@ -1,0 +1,213 @@
+"""Serial 3D mice on a real pseudo-terminal, with all that happens to them."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+
+import pytest
+from mouse_streams import magellan_motion, magellan_twist, spaceball_twist
+from played import Device, PlayedMagellan, PlayedSpaceball, wait
+
+from cinegen.devices import State
+from cinegen.devices.serial_mouse import SerialMouse
+
+KINDS = {"Magellan SpaceMouse": (PlayedMagellan, magellan_twist), "Spaceball 2003": (PlayedSpaceball, spaceball_twist)}
+
+
+@pytest.fixture(params=KINDS)
+def played(request, tmp_path):
+    """A device, its port, what its counts mean, and its name."""
+    kind, twist = KINDS[request.param]
+    device = kind(tmp_path / "port").plug()
+    mouse = SerialMouse(str(device.path), patience=0.3)
+    mouse.longest = 0.1
+    mouse.start()
+    yield device, mouse, twist, request.param
+    mouse.close()
+    device.unplug()
+
+
+def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: tuple[int, ...]) -> None:
+    """Waits until a movement is read; a device goes on sending while it is deflected."""
+    newest = []
+
+    def there() -> bool:
+        device.move(counts)
+        reading = mouse.read()
+        newest.append(reading)
+        return reading is not None and reading.twist == twist
+
+    wait(there)
+
+
+def test_it_is_found_started_and_read(played):
+    device, mouse, twist, name = played
+    wait(device.started.is_set)
+    wait(lambda: mouse.status.state is State.LIVE and name in mouse.status.words)
+    for counts in [(20, -30, 40, 50, -60, 70), (0, 0, 0, 0, 0, 0), (1, 2, 3, 4, 5, 6)]:
+        reads(mouse, twist(counts), device, counts)
+    assert mouse.status.state is State.LIVE
+    mouse.close()
+    assert mouse.status.state is State.CLOSED
+
+
+def test_unplugged_and_plugged_in_again(played):
+    device, mouse, twist, _ = played
+    counts = (20, -30, 40, 50, -60, 70)
+    for _ in range(2):
+        wait(device.started.is_set)
+        reads(mouse, twist(counts), device, counts)
+        device.unplug()
+        wait(lambda: mouse.status.state is State.LOST)
+        for _ in range(100):
+            mouse.read()
+        device.plug()
+    wait(lambda: mouse.status.state is State.LIVE)
+    reads(mouse, twist(counts), device, counts)
+
+
+def test_a_cable_that_is_pulled_is_noticed_by_its_silence(played):
+    """The port stays; the device behind it, plugged in anew, says nothing before it is started."""
+    device, mouse, twist, _ = played
+    wait(device.started.is_set)
+    reads(mouse, twist((1, 1, 1, 1, 1, 1)), device, (1, 1, 1, 1, 1, 1))
+    device.deaf = True
+    wait(lambda: mouse.status.state not in (State.LIVE, State.SILENT))
+    device.started.clear()
+    device.deaf = False
+    wait(device.started.is_set)
+    wait(lambda: mouse.status.state is State.LIVE)
+
+
+def test_garbage_and_halves_do_no_harm(played):
+    device, mouse, twist, _ = played
+    wait(device.started.is_set)
+    wait(lambda: mouse.status.state is State.LIVE)
+    chance = random.Random(0)
+    for _ in range(20):
+        device.send(bytes(chance.randrange(256) for _ in range(100)) + b"\r")
+    device.send(magellan_motion((1, 2, 3, 4, 5, 6))[:13] + b"\r")
+    counts = (9, 8, 7, 6, 5, 4)
+    reads(mouse, twist(counts), device, counts)
+    assert mouse.status.damaged > 0
+    assert mouse.status.state is State.LIVE
+
+
+def test_presses_are_kept_for_a_slow_reader_and_motion_is_not(tmp_path):
+    device = PlayedMagellan(tmp_path / "port").plug()
+    mouse = SerialMouse(str(device.path), patience=0.3)
+    mouse.start()
+    try:
+        wait(device.started.is_set)
+        wait(lambda: mouse.status.state is State.LIVE)
+        time.sleep(0.1)
+        before = mouse.status.packets
+        for keys in (1, 0, 2, 3, 0):
+            device.press(keys)
+            device.move((keys,) * 6)
+        wait(lambda: mouse.status.packets >= before + 10)
+        reading = mouse.read()
+        assert reading is not None
+        assert reading.twist == magellan_twist((0,) * 6)
+        assert reading.buttons == frozenset()
+        assert reading.pressed == (0, 1, 0)
+        assert mouse.read() is None
+    finally:
+        mouse.close()
+        device.unplug()
+
+
+def test_a_flood_leaves_the_newest(tmp_path):
+    device = PlayedMagellan(tmp_path / "port").plug()
+    mouse = SerialMouse(str(device.path), patience=0.3)
+    mouse.start()
+    try:
+        wait(device.started.is_set)
+        wait(lambda: mouse.status.state is State.LIVE)
+        for i in range(2000):
+            device.move((i % 400,) * 6)
+        device.move((111,) * 6)
+        last = None
+
+        def newest() -> bool:
+            nonlocal last
+            last = mouse.read() or last
+            return last is not None and last.twist == magellan_twist((111,) * 6)
+
+        wait(newest)
+    finally:
+        mouse.close()
+        device.unplug()
+
+
+def test_nobody_answers(tmp_path):
+    device = PlayedMagellan(tmp_path / "port")
+    device.deaf = True
+    device.plug()
+    mouse = SerialMouse(str(device.path), patience=0.1)
+    mouse.start()
+    try:
+        wait(lambda: mouse.status.state is State.REFUSED)
+        assert "no 3D mouse answers" in mouse.status.words
+        device.deaf = False
+        wait(lambda: mouse.status.state is State.LIVE)
+    finally:
+        mouse.close()
+        device.unplug()
+
+
+def test_no_port_and_closing_at_once(tmp_path):
+    mouse = SerialMouse(str(tmp_path / "none"))
+    assert mouse.status.state is State.CLOSED
+    assert mouse.read() is None
+    mouse.start()
+    wait(lambda: mouse.status.state is State.LOST)
+    assert "none" in mouse.status.words
+    mouse.close()
+    mouse.start()  # and again
+    mouse.close()
+    mouse.close()
+    assert mouse.status.state is State.CLOSED
+
+
+def test_a_port_that_hears_itself_is_no_mouse():
+    mouse = SerialMouse("loop://", patience=0.1)
+    mouse.start()
+    wait(lambda: mouse.status.state is State.REFUSED)
+    mouse.close()
+
+
+def test_a_mouse_behind_a_socket(tmp_path):
+    """pyserial's `socket://`, as a serial server offers it."""
+    import socket
+
+    server = socket.create_server(("127.0.0.1", 0))
+    ended = threading.Event()
+
+    def serve() -> None:
+        client, _ = server.accept()
+        waiting = b""
+        with client:
+            while not ended.is_set() and (data := client.recv(100)):
+                *asked, waiting = (waiting + data).split(b"\r")
+                for question in asked:
+                    if question == b"vQ":
+                        client.sendall(b"vMAGELLAN  Version 6.60\r")
+                    elif question == b"kQ":
+                        client.sendall(b"k000\r" + magellan_motion((40, 0, 0, 0, 0, 0)))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    mouse = SerialMouse(f"socket://127.0.0.1:{server.getsockname()[1]}", patience=0.5)
+    mouse.start()
+    try:
+        wait(lambda: mouse.newest.last.twist == (0.1, 0, 0, 0, 0, 0))
+        wait(lambda: mouse.status.state is State.SILENT)
+        assert "has said nothing" in mouse.status.words
+    finally:
+        ended.set()
+        mouse.close()
+        server.close()
+        thread.join(5)

@@ -1,0 +1,158 @@
+"""The Spaceball's language: without a checksum, so what gets through wrongly is counted."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mouse_streams import counts, cut, escaped, spaceball_motion, spaceball_twist
+
+from cinegen.devices.mouse_events import Fault, Keys, Model, Motion
+from cinegen.devices.spaceball import JUMP, Spaceball
+
+ALIVE = b"\r@1 Spaceball alive and well after a software reset.\r"
+FIRMWARE = b"@2 Firmware version 2.%02d created on 29-Jan-1992.\r"
+
+packets = st.one_of(
+    counts.map(spaceball_motion),
+    st.binary(min_size=2, max_size=2).map(lambda b: b"K" + escaped(b) + b"\r"),
+    st.binary(min_size=2, max_size=2).map(lambda b: b"." + escaped(b) + b"\r"),
+    st.sampled_from([ALIVE, FIRMWARE % 42, FIRMWARE % 35, b"MSSV\r", b"?\r", b"E1\r", b"^", b"^\r", b"\x11\x13"]),
+)
+
+
+@pytest.mark.parametrize(
+    ("minor", "name", "buttons"),
+    [(35, "Spaceball 3003", 2), (62, "Spaceball 3003", 2), (43, "Spaceball 4000FLX", 12), (45, "Spaceball 4000FLX", 12)]
+    + [(minor, "Spaceball 2003", 8) for minor in (2, 13, 15, 42)]
+    + [(99, "Spaceball", 8)],
+)
+def test_who_it_is(minor, name, buttons):
+    decoder = Spaceball()
+    assert decoder.feed(ALIVE + FIRMWARE % minor) == [Model("Spaceball", 8), Model(name, buttons)]
+
+
+def test_axes_are_right_away_and_up():
+    def only(axis: int) -> tuple[float, ...]:
+        decoder = Spaceball()
+        values = [0.1 * (8000 if axis < 3 else 1600) if i == axis else 0 for i in range(6)]
+        (event,) = decoder.feed(spaceball_motion([round(value) for value in values]))
+        return event.twist
+
+    assert only(0) == (0.1, 0, 0, 0, 0, 0)
+    assert only(1) == (0, 0, 0.1, 0, 0, 0)  # its y is up
+    assert only(2) == (0, 0.1, 0, 0, 0, 0)  # its z is away from the user
+    assert only(4) == (0, 0, 0, 0, 0, 0.1)
+    assert only(5) == (0, 0, 0, 0, 0.1, 0)
+
+
+def test_a_4000flx_is_known_by_its_keys():
+    decoder = Spaceball()
+    decoder.feed(ALIVE + FIRMWARE % 42)
+    assert decoder.feed(b"K\x10\x01\r") == [Keys(frozenset({0, 7}))]
+    assert decoder.feed(b".\x10\x81\r") == [Model("Spaceball 4000FLX", 12), Keys(frozenset({0, 6, 11}))]
+    assert decoder.feed(b"K\x00\x01\r") == []  # it says the same by '.'
+
+
+def test_left_and_right_of_a_3003():
+    decoder = Spaceball()
+    decoder.feed(ALIVE + FIRMWARE % 35)
+    assert decoder.feed(b"K\x00\x10\r") == [Keys(frozenset({0}))]
+    assert decoder.feed(b"K\x00\x20\r") == [Keys(frozenset({1}))]
+
+
+def test_errors_and_what_it_does_not_know():
+    decoder = Spaceball()
+    (fault,) = decoder.feed(b"?\rE12\r")
+    assert isinstance(fault, Fault)
+    assert decoder.damaged == 0
+    assert decoder.feed(b"hello\rD\r") == []
+    assert decoder.damaged == 2
+
+
+@given(st.lists(st.tuples(*[st.integers(-180, 180)] * 6), max_size=8))
+def test_what_was_sent_comes_out(sent):
+    """While the hand is not faster than one may be, escapes and all."""
+    decoder = Spaceball()
+    sent = [tuple(round(value / 2) for value in values) for values in sent]  # no two further apart than JUMP
+    events = decoder.feed(b"".join(map(spaceball_motion, sent)))
+    assert events == [Motion(spaceball_twist(values)) for values in sent]
+
+
+@settings(max_examples=200)
+@given(
+    st.one_of(st.binary(max_size=400), st.lists(packets).map(b"".join)), st.lists(st.integers(0, 10**6), max_size=12)
+)
+def test_however_it_is_cut_the_events_are_the_same(stream, places):
+    whole, parts = Spaceball(), Spaceball()
+    events = whole.feed(stream)
+    assert [event for part in cut(stream, places) for event in parts.feed(part)] == events
+    assert parts.damaged == whole.damaged
+
+
+def test_flow_control_of_the_line_is_no_data():
+    packet = spaceball_motion((0x11, 0x13, 0x0D, ord("^"), 5, 6))
+    mixed = b"\x11" + packet[:5] + b"\x13\x11" + packet[5:]
+    assert Spaceball().feed(mixed) == Spaceball().feed(packet) != []
+
+
+def test_a_fast_hand_is_followed_and_letting_go_is_never_doubted():
+    decoder = Spaceball()
+    ramp = [(2700 * i, 0, 0, 0, 0, 0) for i in range(4)] + [(8100, 0, 0, 0, 0, 0)] * 2
+    found = [decoder.feed(spaceball_motion(values)) for values in ramp]
+    assert found[-1] == [Motion((1.0, 0, 0, 0, 0, 0))]
+    assert sum(map(bool, found)) >= 4  # each second packet of a jump at the latest
+    assert decoder.feed(spaceball_motion((0,) * 6)) == [Motion((0.0,) * 6)]
+
+
+def test_a_single_wild_packet_is_left_out():
+    decoder = Spaceball()
+    still = spaceball_motion((100, 0, 0, 0, 0, 0))
+    assert decoder.feed(still)
+    assert decoder.feed(spaceball_motion((100, 5000, 0, 0, 0, 0))) == []
+    assert decoder.feed(spaceball_motion((100, 30000, 0, 0, 0, 0))) == []
+    assert decoder.feed(still)
+    assert decoder.damaged == 2
+
+
+def false_accepts(seed: int, packets: int = 20_000, share: float = 0.3) -> tuple[float, float, float]:
+    """What a hand's motion does through a line that damages packets: the shares of damaged packets that get through
+    with another value, and with one that is wrong by more than JUMP; and of whole packets that are used."""
+    chance = random.Random(seed)
+    decoder = Spaceball()
+    false = wild = damaged = used = 0
+    for tick in range(packets):
+        values = [round((8000 if i < 3 else 1600) * 0.7 * math.sin(0.05 * (1 + 0.3 * i) * tick + i)) for i in range(6)]
+        packet = spaceball_motion(values)
+        hurt = chance.random() < share
+        if hurt:
+            at = chance.randrange(len(packet))
+            kind = chance.randrange(4)
+            if kind == 0:
+                packet = packet[:at] + packet[at + 1 :]
+            elif kind == 1:
+                packet = packet[:at] + bytes([chance.randrange(256)]) + packet[at:]
+            elif kind == 2:
+                packet = packet[:at] + bytes([packet[at] ^ 1 << chance.randrange(8)]) + packet[at + 1 :]
+            else:
+                packet = packet[:at] + bytes([chance.randrange(256)]) + packet[at + 1 :]
+        damaged += hurt
+        truth = spaceball_twist(values)
+        for event in decoder.feed(packet):
+            if isinstance(event, Motion):
+                error = max(abs(a - b) for a, b in zip(event.twist, truth, strict=True))
+                false += error > 1e-12
+                wild += error > JUMP
+                used += error <= 1e-12 and not hurt
+    return false / max(damaged, 1), wild / max(damaged, 1), used / (packets - damaged)
+
+
+@pytest.mark.parametrize(("share", "least"), [(0.3, 0.78), (0.05, 0.95), (0.0, 0.999)])
+def test_how_much_of_what_is_damaged_gets_through(share, least):
+    false, wild, used = false_accepts(1, 10_000, share)
+    assert wild < 0.015
+    assert false < 0.25  # nearly all by no more than JUMP: in a low byte nothing tells
+    assert used >= least  # the others came behind a damaged one, in a jump

@@ -1,0 +1,99 @@
+"""Robots among obstacles, as tests of clearance and of what is held clear need them."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+import cinegen
+from cinegen.collision.bodies import bodies_of, pairs_of
+from cinegen.collision.body import Body
+from cinegen.collision.clearance import Clearance
+from cinegen.collision.scene.mobile import body, mobile
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+
+def at(*point: float) -> pin.SE3:
+    return pin.SE3(np.eye(3), np.array(point, dtype=float))
+
+
+def ball(radius: float, *point: float) -> Body:
+    return Body("ball", 0, at(*point), coal.Sphere(radius))
+
+
+def wall(normal, offset: float) -> Body:
+    """All x with normal x <= offset."""
+    return Body("wall", 0, pin.SE3.Identity(), coal.Halfspace(np.array(normal, dtype=float), offset))
+
+
+def some(kind: str, place: pin.SE3, size: float) -> Body:
+    shapes = {
+        "ball": lambda: coal.Sphere(size),
+        "box": lambda: coal.Box(size, 1.5 * size, 0.7 * size),
+        "capsule": lambda: coal.Capsule(0.4 * size, 2.0 * size),
+    }
+    return Body(kind, 0, place, shapes[kind]())
+
+
+@cache
+def load(name: str) -> cinegen.Mechanism:
+    return cinegen.load(ROBOTS / f"{name}.raff")
+
+
+@cache
+def links(name: str) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...]]:
+    mechanism = load(name)
+    bodies = bodies_of(mechanism)
+    return bodies, pairs_of(mechanism, bodies)
+
+
+def among(name: str, obstacles, own: bool = True) -> Clearance:
+    bodies, pairs = links(name)
+    return Clearance(load(name), bodies, obstacles, pairs if own else ())
+
+
+def point_among(obstacles, radius: float = 0.0) -> Clearance:
+    return Clearance(mobile(), [body(radius)], obstacles)
+
+
+def around(name: str, seed: int, count: int = 4, near: float = 0.4) -> list[Body]:
+    """Obstacles of all kinds about a robot, none of them near its home."""
+    mechanism, rng = load(name), np.random.default_rng(seed)
+    found: list[Body] = []
+    base = mechanism.placement(mechanism.q_home, mechanism.nodes[0]).translation
+    while len(found) < count:
+        way = rng.normal(size=3) * (1.0, 1.0, 0.0 if name in ("planar_3r", "five_bar") else 1.0)
+        place = pin.SE3(pin.exp3(rng.normal(size=3)), base + way / np.linalg.norm(way) * mechanism.length)
+        new = some(("ball", "box", "capsule")[len(found) % 3], place, rng.uniform(0.1, 0.25) * mechanism.length)
+        if among(name, [new], own=False).least(mechanism.q_home) > 0.1 * near * mechanism.length:
+            found.append(new)
+    return found
+
+
+def measured(clearance: Clearance, q) -> np.ndarray:
+    """(pairs,) distances by coal itself, each body placed by Pinocchio's kinematics of its own."""
+    model = clearance.mechanism.model
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    found = []
+    for pair in clearance.pairs:
+        shapes, places = [], []
+        for one in (clearance.bodies[int(i)] for i in pair):
+            place = data.oMi[one.joint] * one.placement
+            shapes.append(one.shape)
+            places.append(coal.Transform3s(place.rotation, place.translation))
+        result = coal.DistanceResult()
+        found.append(coal.distance(shapes[0], places[0], shapes[1], places[1], coal.DistanceRequest(), result))
+    return np.array(found)
+
+
+def within_limits(name: str, rng) -> np.ndarray:
+    """A random configuration within limits; loops open."""
+    model = load(name).model
+    low, high = np.maximum(model.lowerPositionLimit, -3.0), np.minimum(model.upperPositionLimit, 3.0)
+    return rng.uniform(low, high)

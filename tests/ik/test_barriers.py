@@ -1,0 +1,452 @@
+"""Barriers: bounds of velocity that no pull and no objective breaks."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog, minimize
+
+from cinegen import CinegenError, Solver, Verdict
+from cinegen.ik import Posture, plain
+from cinegen.ik.barrier import Bounds
+from cinegen.ik.damping import damping
+from cinegen.ik.resolve import free_motions
+from cinegen.ik.thresholds import RESTING
+
+DT = 0.01
+seeds = st.integers(0, 2**32 - 1)
+ROBOTS = ["planar_3r", "arm7", "rx90", "five_bar", "delta4", "gough"]
+EXACT = 1e-9
+
+
+class Linear:
+    """Keeps rows @ v <= most, whatever the configuration."""
+
+    def __init__(self, rows, most, clear=1.0):
+        self.rows, self.most, self.part = rows, most, clear
+
+    def bounds(self, state):
+        return Bounds(self.rows, self.most)
+
+    def clear(self, state, q):
+        return self.part
+
+
+class Odd(Linear):
+    """Its methods are given."""
+
+    def __init__(self, bounds=None, clear=None):
+        self._bounds, self._clear = bounds, clear
+
+    def bounds(self, state):
+        return self._bounds(state) if self._bounds else Bounds(np.zeros((0, len(state.q))), np.zeros(0))
+
+    def clear(self, state, q):
+        return self._clear(state, q) if self._clear else 1.0
+
+
+def away(mechanism, q, rng, lengths):
+    node = mechanism.nodes[-1]
+    here = mechanism.placement(q, node)
+    return pin.SE3(here.rotation, here.translation + lengths * mechanism.length * rng.normal(size=3))
+
+
+def pulled(mechanism, rng, lengths=0.3, rotation=0, **options):
+    solver = Solver(mechanism, DT, **options)
+    pull = solver.pull(mechanism.nodes[-1], rotation=rotation, axes="world")
+    pull.target = away(mechanism, solver.q, rng, lengths)
+    return solver, pull
+
+
+def fastest(mechanism):
+    """(nv,) rad/s and m/s that a tick may go at most."""
+    limits = mechanism.model.upperVelocityLimit
+    cap = 0.1 * mechanism.scale / DT
+    return np.where(limits > 0.0, np.minimum(limits, cap), cap)
+
+
+def random_rows(mechanism, rng, count):
+    """Some that a motion without any pull would keep, some that it would not, and that can be kept all together."""
+    nv = mechanism.model.nv
+    rows = rng.normal(size=(count, nv)) / mechanism.scale
+    motions, _ = free_motions(loops_at_home(mechanism), mechanism.loop_rank)
+    possible = motions @ rng.normal(size=motions.shape[1])
+    possible *= 0.2 * (fastest(mechanism) / mechanism.scale / np.maximum(np.abs(possible), 1e-9)).min()
+    least = rows @ (possible * mechanism.scale)
+    return rows, least + rng.uniform(0.0, 0.3, count) * np.abs(least)
+
+
+def loops_at_home(mechanism):
+    return mechanism.system.evaluate(mechanism.q_home)[1]
+
+
+def proposed(solver):
+    """(nv,) the velocity that the last tick set out with, before what closed its loops."""
+    return solver._memory.arrays["step"] * solver.mechanism.scale / DT
+
+
+# --- what is kept ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@settings(max_examples=40)
+@given(seed=seeds, wishing=st.booleans(), accelerated=st.booleans(), rotation=st.sampled_from([0, 3]))
+def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, accelerated, rotation):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    solver, pull = pulled(mechanism, rng, rotation=rotation, acceleration=30.0 if accelerated else None)
+    rows, most = random_rows(mechanism, rng, int(rng.integers(1, 6)))
+    most = np.maximum(most, 0.0)
+    solver.barriers = [Linear(rows[:2], most[:2]), Linear(rows[2:], most[2:])]
+    if wishing:
+        solver.objectives = [
+            Posture(mechanism.close(mechanism.q_home + 0.2 * rng.normal(size=mechanism.model.nq)), rate=5.0)
+        ]
+    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    size = np.abs(rows) @ mechanism.scale
+    for _ in range(15):
+        step = solver.step()
+        # what can't stop at once turns back by half, which is not quite within what the loops of this tick would allow
+        rounded = 1e-4 if accelerated and mechanism.loops else EXACT
+        assert (rows @ proposed(solver) <= most + rounded * size).all()
+        # closing the loops, and keeping pulls where wishes would move them, adds what is of second order
+        exact = not (mechanism.loops or wishing)
+        second = 0.0 if exact else 2.0 * (np.abs(step.v / mechanism.scale).max() * DT) ** 2 / DT
+        assert (rows @ step.v <= most + (rounded + second) * size).all()
+        assert (np.abs(step.v) <= fastest(mechanism) * (1.0 + 1e-9)).all()
+        assert (step.q >= low - 1e-9).all()
+        assert (step.q <= high + 1e-9).all()
+        assert step.closure <= EXACT
+        if rng.random() < 0.2:
+            pull.target = away(mechanism, solver.q, rng, 0.3)
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "arm7", "five_bar", "delta4"])
+@settings(max_examples=40)
+@given(seed=seeds)
+def test_where_it_has_to_go_back_it_does_at_once_if_it_can(robot, name, seed):
+    """Also where that costs the pull, and without any."""
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    solver, pull = pulled(mechanism, rng)
+    if rng.random() < 0.3:
+        solver.release(pull)
+    rows, most = random_rows(mechanism, rng, int(rng.integers(1, 4)))
+    most -= 0.01 * np.abs(most)
+    solver.barriers = [Linear(rows, most)]
+    loops = loops_at_home(mechanism) / mechanism.scale
+    reach = np.column_stack([-fastest(mechanism), fastest(mechanism)])
+    possible = linprog(
+        np.zeros(len(reach)), rows, most, loops if len(loops) else None, np.zeros(len(loops)) if len(loops) else None,
+        reach,
+    )  # fmt: skip
+    step = solver.step()
+    if possible.status == 0:
+        assert (rows @ proposed(solver) <= most + EXACT * (np.abs(rows) @ mechanism.scale)).all()
+    back = most < 0.0
+    assert (rows[back] @ step.v <= 1e-6 * (np.abs(rows[back]) @ mechanism.scale)).all()  # it never goes on
+
+
+def test_a_pull_that_loses_by_it_does_not_hold_it_there(robot):
+    mechanism = robot("planar_3r")
+    solver = Solver(mechanism, DT)
+    solver.pull("tool", rotation=0)
+    row = np.array([[1.0, 0.0, 0.0]])
+    solver.barriers = [Linear(row, np.array([-0.5]))]
+    step = solver.step()
+    assert step.v[0] <= -0.5 + 1e-9
+    assert step.verdict is Verdict.BARRED
+    assert step.barred == (0,)
+
+
+def test_where_joints_cant_go_back_so_fast_they_go_as_fast_as_they_can(robot):
+    mechanism = robot("planar_3r")
+    solver = Solver(mechanism, DT)
+    solver.pull("tool", rotation=0)
+    solver.barriers = [Linear(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.array([-1e3, -1.0]))]
+    assert solver.step().v[0] == pytest.approx(-mechanism.model.upperVelocityLimit[0], rel=1e-6)
+
+
+def test_it_goes_back_on_when_it_went_on_before(robot):
+    """Half of a step that turns round is no step back of the size that is asked for."""
+    mechanism = robot("planar_3r")
+    solver, _ = pulled(mechanism, np.random.default_rng(4))
+    v = solver.step().v
+    row = v[None] / np.linalg.norm(v)
+    solver.barriers = [Linear(row, np.array([-0.1]))]
+    assert row @ solver.step().v <= -0.1 + 1e-9
+
+
+# --- the best that bounds allow ----------------------------------------------------------------------------------
+
+
+def best_by_scipy(mechanism, solver, rows, most):
+    """(nv,) what does most for the pulls by the plain statement (`cinegen.ik.resolve`), by scipy's SLSQP."""
+    system = mechanism.system
+    _, loops = system.evaluate(solver.q)
+    pulls = [(pull, plain.axes_of(pull, mechanism, system)) for pull in solver.pulls]
+    error, jacobian = plain.equations(mechanism, system, pulls)
+    motions, _ = free_motions(loops, mechanism.loop_rank)
+    u, sigma, wt = np.linalg.svd(jacobian @ motions)
+    sigmas, along = np.zeros(motions.shape[1]), np.zeros(motions.shape[1])
+    rank = min(plain.pull_rank(mechanism, system, solver.pulls, slice(None)), len(sigma))
+    sigmas[:rank], along[:rank] = sigma[:rank], (u.T @ error)[:rank]
+    squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
+    squared[rank:] = RESTING
+    to_joints = motions @ wt.T / np.sqrt(squared)
+    wanted = sigmas / np.sqrt(squared) * along
+    longest = fastest(mechanism) * DT / mechanism.scale
+    scaled = rows * mechanism.scale @ to_joints
+    sides = np.vstack([to_joints, -to_joints, scaled])
+    room = np.concatenate([longest, longest, most * DT])
+    # joints without limits of position are compared: these are far
+    found = minimize(
+        lambda x: 0.5 * ((x - wanted) ** 2).sum(),
+        np.zeros_like(wanted),
+        jac=lambda x: x - wanted,
+        constraints={"type": "ineq", "fun": lambda x: room - sides @ x, "jac": lambda x: -sides},
+        method="SLSQP",
+        options={"ftol": 1e-16, "maxiter": 500},
+    )
+    return to_joints @ found.x * mechanism.scale / DT
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "arm7", "rx90", "five_bar", "delta4"])
+@settings(max_examples=60)
+@given(seed=seeds)
+def test_within_its_bounds_a_step_does_most_for_the_pulls(robot, name, seed):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    solver, _ = pulled(mechanism, rng, lengths=0.005, rotation=0 if name in ("five_bar", "delta4") else 3)
+    rows, most = random_rows(mechanism, rng, int(rng.integers(1, 5)))
+    most = 0.05 * np.maximum(most, 0.0)
+    best = best_by_scipy(mechanism, solver, rows, most)
+    solver.barriers = [Linear(rows, most)]
+    solver.step()
+    if solver._record[2] < 1.0:  # slower for a limit of velocity: then it wants something else
+        return
+    assert proposed(solver) / mechanism.scale == pytest.approx(
+        best / mechanism.scale, abs=2e-4 * np.abs(best).max() + 1e-6
+    )
+
+
+def test_a_bound_takes_no_more_from_a_pull_than_it_has_to(robot):
+    """One row across the way of a robot with a motion to spare: the pull feels nothing."""
+    mechanism = robot("arm7")
+    solver = Solver(mechanism, DT)
+    pull = solver.pull("tool", axes="world")
+    here = pull.target
+    row = np.eye(7)[:1]
+    solver.barriers = [Linear(row, np.array([0.0]))]
+    for tick in range(60):
+        pull.target = pin.SE3(here.rotation, here.translation + 0.0005 * tick * np.eye(3)[1])
+        step = solver.step()
+        assert step.v[0] <= 1e-9
+    assert step.errors[0][0] < 1e-5
+
+
+def test_what_redundancy_would_like_gives_way_to_a_bound_and_the_pull_does_not_feel_it(robot):
+    mechanism = robot("arm7")
+    solver = Solver(mechanism, DT)
+    solver.pull("tool")
+    solver.objectives = [Posture(mechanism.q_home + 0.3, rate=2.0)]
+    free = solver.step().v
+    assert np.abs(free).max() > 1e-3
+    row = free[None] / np.linalg.norm(free)
+    solver.barriers = [Linear(row, np.array([0.25 * np.linalg.norm(free)]))]
+    for _ in range(20):
+        step = solver.step()
+        assert (row @ step.v <= 0.25 * np.linalg.norm(free) + 1e-9).all()
+        assert step.errors[0][0] < 1e-9
+    assert np.abs(step.v).max() > 1e-4  # what is left of it goes on
+
+
+# --- steps are asked about ---------------------------------------------------------------------------------------
+
+
+def test_a_step_that_is_not_clear_is_made_shorter_until_it_is(robot):
+    mechanism = robot("planar_3r")
+    free, _ = pulled(mechanism, np.random.default_rng(0))
+    whole = free.step().v
+    asked = []
+
+    def clear(state, q):
+        assert (state.q == mechanism.q_home).all()
+        asked.append(q - state.q)
+        return 1.0 if np.abs(q - state.q).max() < 0.3 * np.abs(whole).max() * DT else 0.5
+
+    solver, _ = pulled(mechanism, np.random.default_rng(0))
+    solver.barriers = [Odd(clear=clear)]
+    step = solver.step()
+    assert len(asked) == 3
+    assert step.v == pytest.approx(0.25 * whole)
+    assert (step.q == mechanism.q_home + asked[-1]).all()
+
+
+def test_where_no_part_of_the_way_is_clear_it_stays_and_says_so(robot):
+    for name in ("planar_3r", "delta4"):
+        mechanism = robot(name)
+        solver, _ = pulled(mechanism, np.random.default_rng(0))
+        solver.barriers = [Odd(clear=lambda state, q: 0.5)]
+        for _ in range(3):
+            step = solver.step()
+            assert (step.q == mechanism.q_home).all()
+            assert step.verdict is Verdict.BARRED
+        solver.barriers = []
+        assert np.abs(solver.step().v).max() > 1e-3
+
+
+def test_all_barriers_are_asked_and_the_strictest_counts(robot):
+    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
+    for parts in ((1.0, 0.0), (0.0, 1.0)):
+        solver.barriers = [Odd(clear=lambda state, q, part=part: part) for part in parts]
+        assert not solver.step().v.any()
+
+
+def test_what_a_barrier_does_to_what_it_is_shown_changes_nothing(robot):
+    def spoil(state, q):
+        q[:] = 17.0
+        state.q[:] = 17.0
+        return 1.0
+
+    free, _ = pulled(robot("five_bar"), np.random.default_rng(0))
+    solver, _ = pulled(robot("five_bar"), np.random.default_rng(0))
+    solver.barriers = [Odd(clear=spoil)]
+    assert (solver.step().q == free.step().q).all()
+
+
+# --- barriers that make no sense -----------------------------------------------------------------------------------
+
+NAN, INF = np.nan, np.inf
+ONE = np.array([1.0])
+BROKEN = {
+    "raises": lambda nv: 1 / 0,
+    "nothing": lambda nv: None,
+    "nan in a row": lambda nv: Bounds(np.full((1, nv), NAN), ONE),
+    "a row without end": lambda nv: Bounds(np.full((1, nv), INF), ONE),
+    "nan for a bound": lambda nv: Bounds(np.ones((1, nv)), np.array([NAN])),
+    "one column": lambda nv: Bounds(np.ones((3, 1)), np.ones(3)),
+    "too many columns": lambda nv: Bounds(np.ones((1, nv + 1)), ONE),
+    "too few bounds": lambda nv: Bounds(np.ones((3, nv)), np.ones(2)),
+    "a number for bounds": lambda nv: Bounds(np.ones((1, nv)), 1.0),
+    "bounds as a column": lambda nv: Bounds(np.ones((3, nv)), np.ones((3, 1))),
+    "a flat row": lambda nv: Bounds(np.ones(nv), ONE),
+    "words": lambda nv: Bounds([["a"] * nv], ["b"]),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+@pytest.mark.parametrize("name", ["planar_3r", "delta4"])
+def test_a_barrier_whose_bounds_make_no_sense_lets_nothing_move(robot, what, name):
+    mechanism = robot(name)
+    solver, _ = pulled(mechanism, np.random.default_rng(0))
+    good = Linear(np.zeros((2, mechanism.model.nv)), np.zeros(2))
+    solver.barriers = [good, Odd(bounds=lambda state: BROKEN[what](mechanism.model.nv)), good]
+    for _ in range(2):
+        step = solver.step()
+        assert (step.q == mechanism.q_home).all()
+        assert step.verdict is Verdict.BARRED
+    solver.barriers = [good]
+    assert np.abs(solver.step().v).max() > 1e-3
+
+
+def test_bounds_that_only_fit_together_do_not_fit(robot):
+    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
+    solver.barriers = [Linear(np.zeros((2, 3)), np.ones(3)), Linear(np.zeros((3, 3)), np.ones(2))]
+    assert not solver.step().v.any()
+
+
+@pytest.mark.parametrize("part", [NAN, -1.0, None, "x", np.zeros(3)])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_part_of_the_way_that_makes_no_sense_is_none(robot, part, first):
+    mechanism = robot("planar_3r")
+    solver, _ = pulled(mechanism, np.random.default_rng(0))
+    odd, good = Odd(clear=lambda state, q: part), Odd()
+    solver.barriers = [odd, good] if first else [good, odd]
+    step = solver.step()
+    assert (step.q == mechanism.q_home).all()
+    assert step.verdict is Verdict.BARRED
+
+
+def test_one_that_does_not_know_at_first_is_no_reason_to_go_astray(robot):
+    """nan, and then 1."""
+    mechanism, said = robot("planar_3r"), iter([NAN, 1.0])
+    solver, _ = pulled(mechanism, np.random.default_rng(0))
+    solver.barriers = [Odd(clear=lambda state, q: next(said))]
+    assert np.isfinite(solver.step().q).all()
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "arm7", "delta4"])
+def test_bounds_that_contradict_each_other_hold_it_there(robot, name):
+    mechanism = robot(name)
+    nv = mechanism.model.nv
+    for accelerated in (None, 30.0):
+        solver, _ = pulled(mechanism, np.random.default_rng(0), acceleration=accelerated)
+        every = np.vstack([np.eye(nv), -np.eye(nv)])
+        for most in (np.full(2 * nv, -0.1), np.full(2 * nv, -np.inf), np.full(2 * nv, -1e9)):
+            solver.barriers = [Linear(every, most)]
+            step = solver.step()
+            assert np.abs(step.v / mechanism.scale).max() < 1e-8
+            assert step.verdict is Verdict.BARRED
+
+
+def test_bounds_at_infinity_bind_nothing(robot):
+    for name in ROBOTS:
+        mechanism, rng = robot(name), np.random.default_rng(5)
+        free, _ = pulled(mechanism, np.random.default_rng(3))
+        solver, _ = pulled(mechanism, np.random.default_rng(3))
+        nv = mechanism.model.nv
+        solver.barriers = [
+            Linear(rng.normal(size=(3, nv)), np.full(3, np.inf)),
+            Odd(lambda s, nv=nv: Bounds(np.zeros((0, nv)), [])),
+        ]
+        for _ in range(30):
+            one, other = free.step(), solver.step()
+            assert (one.q == other.q).all()
+            assert (one.v == other.v).all()
+            assert one.verdict is other.verdict or other.verdict is Verdict.FOLLOWING
+
+
+def test_more_rows_than_bits_are_told_from_none(robot):
+    mechanism = robot("planar_3r")
+    solver, _ = pulled(mechanism, np.random.default_rng(0))
+    v = solver.step().v
+    rows = np.zeros((200, 3))
+    rows[150] = v / np.linalg.norm(v)
+    solver.barriers = [Linear(rows, np.zeros(200))]
+    step = solver.step()
+    assert rows[150] @ step.v <= 1e-9
+    assert step.verdict is Verdict.BARRED
+    assert step.barred == (52,)
+
+
+@pytest.mark.parametrize("wrong", [object(), Posture, "bounds", 3.0])
+def test_what_is_no_barrier_is_refused_and_the_others_stay(robot, wrong):
+    solver, _ = pulled(robot("planar_3r"), np.random.default_rng(0))
+    good = Linear(np.zeros((1, 3)), np.zeros(1))
+    solver.barriers = [good]
+    with pytest.raises(CinegenError, match="a barrier has the methods `bounds` and `clear`"):
+        solver.barriers = [good, wrong]
+    assert solver.barriers == (good,)
+
+
+def test_a_base_that_rests_has_no_part_in_bounds(raff):
+    mechanism = raff("""
+      sensor 1 { port "x" translation 3 rotation 3 }
+      robot r { base { }
+        link 1 { parameters { theta 20 } type 2 pred 0 }
+        link 2 { parameters { theta 40 d 300 } type 2 pred 1 }
+        frame 3 { parameters { d 200 } pred 2 name "tool" }
+        constraint { base sensor ( 0 1 ) } }""")
+    solver = Solver(mechanism, DT)
+    pull = solver.pull("tool", rotation=0)
+    pull.target = pin.SE3(pull.target.rotation, pull.target.translation + np.array([0.05, 0.02, 0.0]))
+    free = solver.step().v
+    rows = np.zeros((1, mechanism.model.nv))
+    rows[0, 6:] = free[6:] / np.linalg.norm(free)
+    rows[0, :6] = 100.0
+    solver.barriers = [Linear(rows, np.zeros(1))]
+    step = solver.step()
+    assert not step.v[:6].any()
+    assert rows[0] @ step.v <= 1e-9
+    assert step.barred == (0,)

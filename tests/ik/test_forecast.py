@@ -1,0 +1,467 @@
+"""What lies ahead against closed forms, and against what then happens."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from planar import TWO_R, root, singular_values, two_r
+
+from cinegen import CinegenError, Solver
+from cinegen.ik import LimitMargin, Posture
+from cinegen.ik.forecast import EventKind
+from cinegen.ik.singular import NEAR_PASSIVE, passive_singular_values
+from cinegen.ik.thresholds import NEAR
+
+DT = 0.01
+A, B = 0.4, 0.3
+seeds = st.integers(0, 2**32 - 1)
+ROBOTS = ["planar_3r", "rx90", "arm7", "four_bar", "five_bar", "delta4", "gough", "hybrid", "sr400"]
+
+
+def _two_r(raff, second=60):
+    return raff(TWO_R % {"first": 20, "second": second, "a": 1000 * A, "b": 1000 * B})
+
+
+def _kinds(forecast):
+    return [event.kind for event in forecast.events]
+
+
+def _first(forecast, kind):
+    return next(event for event in forecast.events if event.kind is kind)
+
+
+# --- type 1 ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("how", ["target", "twist"])
+@pytest.mark.parametrize("dt", [None, DT, 3 * DT])
+def test_when_an_arm_is_stretched(raff, how, dt):
+    """Its end goes straight out at a constant speed: the law of cosines tells the elbow, and so the singular value."""
+    arm, speed, ran = _two_r(raff), 0.05, 5
+    solver = Solver(arm, DT)
+    pull = solver.pull("tool", rotation=0, axes="world")
+    begin = pull.target.translation.copy()
+    out = begin / np.linalg.norm(begin)
+    if how == "twist":
+        pull.twist = [*(speed * out), 0.0, 0.0, 0.0]
+    for tick in range(1, ran + 1):
+        if how == "target":
+            pull.target.translation = begin + speed * tick * DT * out
+        solver.step()
+    forecast = solver.forecast(3.0, dt)
+    here = np.linalg.norm(begin) + speed * ran * DT
+
+    def elbow(time):
+        return math.acos((max(here + speed * time, 0.0) ** 2 - A**2 - B**2) / (2.0 * A * B))
+
+    def sigma(time):
+        return singular_values(two_r(A, B, 0.0, elbow(time)) / arm.length)[1]
+
+    stretched = (A + B - here) / speed
+    near = root(lambda time: NEAR - sigma(time), 0.0, stretched)
+    event = _first(forecast, EventKind.TYPE_1)
+    assert event.time == pytest.approx(near, abs=0.2 * (dt or 0.03))
+    assert event.sigma == NEAR
+    assert event.q[1] == pytest.approx(elbow(near), abs=2e-2)
+    before = forecast.times < near
+    assert forecast.sigma_min[before] == pytest.approx([sigma(time) for time in forecast.times[before]], abs=4e-3)
+    assert forecast.sigma_min[-1] < 0.2 * NEAR
+    assert np.isinf(forecast.passive_sigma_min).all()
+    assert _kinds(solver.forecast(0.9 * near)) == []
+    assert _kinds(solver.forecast(3.0, moving=False)) == ([] if how == "target" else _kinds(solver.forecast(3.0)))
+
+
+def test_a_threshold_may_be_given(raff):
+    arm = _two_r(raff)
+    solver = Solver(arm, DT)
+    solver.pull("tool", rotation=0, axes="world").twist = [0.05, 0.02, 0.0, 0.0, 0.0, 0.0]
+    times = [_first(solver.forecast(4.0, threshold=t), EventKind.TYPE_1).time for t in (0.2, 0.1, 0.05)]
+    assert times == sorted(times)
+    assert times[0] < times[1] < times[2]
+
+
+def test_what_is_near_already_is_said_at_once(raff):
+    arm = _two_r(raff, second=1)
+    solver = Solver(arm, DT)
+    solver.pull("tool", rotation=0)
+    (event,) = solver.forecast(1.0).events
+    assert event.kind is EventKind.TYPE_1
+    assert event.time == 0.0
+    assert str(event) == "now a direction is about to be lost: type 1 singularity"
+    sigma = singular_values(two_r(A, B, 0.0, math.radians(1)) / arm.length)[1]
+    assert event.sigma == pytest.approx(sigma)
+
+
+# --- type 2 ----------------------------------------------------------------------------------------------------------
+
+ROCKER = """
+  robot r { base { }
+    link 1 { parameters { theta 20 } type 2 pred 0 }
+    link 2 { parameters { theta 10 d 120 } type 2 pred 1 }
+    link 3 { parameters { theta 100 d 400 } type 2 pred 0 actuated 1 }
+    frame 4 { parameters { d 360 } pred 2 }
+    frame 5 { parameters { d 240 } pred 3 }
+    constraint { frame 4 frame 5 type 2 } }"""
+
+
+def _rocker_singular(crank, side):
+    """Of a crank (0.12 m) and its coupler (0.36 m), whose end is 0.24 m from (0.4, 0): two circles meet."""
+    end = 0.12 * np.array([math.cos(crank), math.sin(crank)])
+    way = np.array([0.4, 0.0]) - end
+    far = float(np.linalg.norm(way))
+    along = (0.36**2 - 0.24**2 + far**2) / (2.0 * far)
+    across = side * math.sqrt(0.36**2 - along**2)
+    met = end + (along * way + across * np.array([-way[1], way[0]])) / far
+    rods = [met, met - end]
+    columns = np.column_stack([[-rod[1], rod[0]] for rod in rods])
+    return singular_values(columns), float(np.linalg.det(columns))
+
+
+@pytest.mark.parametrize("dt", [DT, 0.05])
+def test_when_a_four_bar_meets_its_dead_point(raff, dt):
+    """Its crank is turned evenly; its motor is on the rocker. A dead point is passed, not only approached: it is
+    found however low the threshold."""
+    bar = raff(ROCKER)
+    solver = Solver(bar, DT)
+    pull = solver.pull("link1", translation=0, rotation=1)
+    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # rad/s
+    start = bar.q_home[bar.q_index("joint1")]
+    values = passive_singular_values(bar, bar.q_home)
+    side = next(s for s in (1.0, -1.0) if _rocker_singular(start, s)[0][1] / bar.length == pytest.approx(values[1]))
+    sign = math.copysign(1.0, _rocker_singular(start, side)[1])
+    for threshold in (NEAR_PASSIVE, 1e-3, 1e-9):
+
+        def left(time, threshold=threshold):
+            (_, smaller), area = _rocker_singular(start + time, side)
+            return threshold - sign * math.copysign(smaller, area) / bar.length
+
+        time = root(left, 0.0, 2.0)
+        assert left(time) == pytest.approx(0.0, abs=1e-9)  # there is one
+        event = _first(solver.forecast(2.5, dt, passive_threshold=threshold), EventKind.TYPE_2)
+        assert event.time == pytest.approx(time, abs=0.05 * dt)
+        assert event.sigma == threshold
+        assert event.q[bar.q_index("joint1")] == pytest.approx(start + time, abs=0.05 * dt)
+        assert bar.closure(event.q) < 1e-12
+
+
+# --- limits ----------------------------------------------------------------------------------------------------------
+
+SWING = """
+  robot r { base { }
+    link 1 { parameters { theta 10 } type 2 pred 0 limits { -20 70 } %(velocity)s }
+    frame 2 { parameters { d 300 } pred 1 name "tool" } }"""
+
+
+@pytest.mark.parametrize("dt", [None, DT, 0.07])
+@pytest.mark.parametrize(("speed", "bound"), [(0.5, 70), (-0.3, -20), (1.4, 70)])
+def test_when_a_joint_meets_its_limit(raff, dt, speed, bound):
+    arm = raff(SWING % {"velocity": ""})
+    solver = Solver(arm, DT)
+    pull = solver.pull("tool", translation=0, rotation=1)
+    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
+    time = math.radians(bound - 10) / speed
+    for _ in range(2):
+        forecast = solver.forecast(3.0, dt)
+        event = _first(forecast, EventKind.LIMIT)
+        assert event.time == pytest.approx(time, abs=1e-9)
+        assert event.joint == "joint1"
+        assert event.q == pytest.approx(math.radians(bound), abs=1e-15)
+        assert _kinds(forecast) == [EventKind.LIMIT, EventKind.STOPPED]
+        for _ in range(5):
+            solver.step()
+        time -= 5 * DT
+
+
+def test_a_slide_and_a_limit_of_speed(raff):
+    arm = raff("""robot r { base { }
+        link 1 { parameters { r 100 } type 1 pred 0 limits { 0 400 } velocity 50 }
+        frame 2 { pred 1 name "tool" } }""")
+    solver = Solver(arm, DT)
+    solver.pull("tool").target.translation += [0.0, 0.0, 5.0]
+    assert _first(solver.forecast(8.0), EventKind.LIMIT).time == pytest.approx(6.0, abs=1e-6)
+
+
+def test_a_limit_of_acceleration(raff):
+    """Up to speed and down again in even ramps: the way takes d / v + v / a."""
+    arm, speed, most = raff(SWING % {"velocity": ""}), 0.5, 2.0
+    solver = Solver(arm, 1e-3, acceleration=most)
+    solver.pull("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
+    time = math.radians(60) / speed + speed / most
+    for dt in (1e-3, 0.02):
+        assert _first(solver.forecast(4.0, dt), EventKind.LIMIT).time == pytest.approx(time, abs=2.5 * dt)
+
+
+def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
+    arm = raff(SWING % {"velocity": ""})
+    solver = Solver(arm, DT, q=[math.radians(70)])
+    pull = solver.pull("tool", translation=0, rotation=1)
+    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+    assert [(event.kind, event.time) for event in solver.forecast(1.0).events] == [
+        (EventKind.LIMIT, 0.0),
+        (EventKind.STOPPED, 0.0),
+    ]
+    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, -0.5]  # it stands there, but is not held
+    assert solver.forecast(1.0).events == ()
+
+
+def test_limits_that_a_looped_robot_meets_are_met_closed(robot):
+    gough = robot("gough")
+    solver = Solver(gough, DT)
+    solver.pull(gough.end).twist = [0.0, 0.3 * gough.length, 0.1 * gough.length, 0.0, 0.0, 0.2]
+    events = [event for event in solver.forecast(4.0).events if event.kind is EventKind.LIMIT]
+    assert events
+    for event in events:
+        i = gough.q_index(event.joint)
+        assert event.q[i] in (gough.model.lowerPositionLimit[i], gough.model.upperPositionLimit[i])
+        assert gough.closure(event.q) < 1e-12
+
+
+def test_a_limit_that_holds_for_long_is_said_once(robot):
+    """While a joint is pressed against its limit, closing the loops moves it off by a hair now and then."""
+    bar = robot("five_bar")
+    solver = Solver(bar, 1 / 240)
+    solver.pull("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    forecast = solver.forecast(4.0)
+    assert [(event.kind, event.joint) for event in forecast.events] == [
+        (EventKind.TYPE_1, None),
+        (EventKind.LIMIT, "joint2"),
+    ]
+
+
+# --- the end of reach ------------------------------------------------------------------------------------------------
+
+
+def test_where_a_target_is_out_of_reach_all_comes_to_rest(raff):
+    arm = _two_r(raff)
+    solver = Solver(arm, DT)
+    solver.pull("tool", pin.SE3(np.eye(3), np.array([1.0, 0.5, 0.0])), rotation=0)
+    forecast = solver.forecast(30.0, DT)
+    event = _first(forecast, EventKind.STOPPED)
+    assert _kinds(forecast) == [EventKind.TYPE_1, EventKind.STOPPED]
+    reached = arm.placement(event.q, "tool").translation
+    assert np.linalg.norm(reached) == pytest.approx(A + B, rel=1e-3)
+    assert np.abs(forecast.q[-1] - event.q).max() < 1e-4
+
+
+# --- what then happens -----------------------------------------------------------------------------------------------
+
+
+def _play(solver, seed, ticks, each=lambda tick: None):
+    """Ticks with targets and twists at random; all configurations."""
+    rng = np.random.default_rng(seed)
+    mechanism = solver.mechanism
+    path = []
+    first = solver.pull(mechanism.end)
+    for tick in range(ticks):
+        if tick % 7 == 0:
+            move = 0.1 * mechanism.length * rng.normal(size=3)
+        if tick == 20:
+            second = solver.pull(mechanism.nodes[-2], rotation=int(rng.integers(0, 4)), weight=0.3)
+            second.target.translation += 0.1 * mechanism.length
+        if tick == 27:
+            first.twist = 0.2 * rng.normal(size=6)
+        if tick == 34:
+            second.weight = 2.0
+            first.target = mechanism.placement(solver.q, mechanism.end)
+        if tick == 40:
+            solver.release(second)
+        if first.twist is None:
+            first.target.translation += move * solver.dt
+        each(tick)
+        path.append(solver.step().q)
+    return np.array(path)
+
+
+@settings(max_examples=30)
+@given(seeds, st.sampled_from(ROBOTS), st.sampled_from([None, 5.0]))
+def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
+    """Not a bit of the ticks that follow; and what is foreseen does not depend on what was foreseen before."""
+    looking = Solver(robot(name), DT, gain=0.8, acceleration=acceleration)
+    other = Solver(robot(name), DT, gain=0.8, acceleration=acceleration)
+
+    def look(tick):
+        looking.forecast(0.05 + 0.01 * (tick % 3), moving=tick % 2 == 0)
+
+    assert np.array_equal(_play(looking, seed, 45, look), _play(other, seed, 45))
+    one, two = looking.forecast(0.2), other.forecast(0.2)
+    assert np.array_equal(one.q, two.q)
+    assert np.array_equal(one.sigma_min, two.sigma_min)
+    assert np.array_equal(one.passive_sigma_min, two.passive_sigma_min)
+
+
+@settings(max_examples=30)
+@given(seeds, st.sampled_from(ROBOTS))
+def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, name):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    solver = Solver(mechanism, DT, gain=0.7, acceleration=30.0)
+    pull = solver.pull(mechanism.end)
+    pull.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
+    for _ in range(4):
+        solver.step()
+    forecast = solver.forecast(0.3, DT)
+    assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
+    pull.twist = 0.2 * rng.normal(size=6)
+    for _ in range(4):
+        solver.step()
+    forecast = solver.forecast(0.3, DT)
+    assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
+
+
+def test_redundancy_goes_on_as_its_objectives_wish(robot):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    solver.objectives = [Posture(arm.q_home + 0.3), LimitMargin()]
+    solver.pull("tool", rotation=0).twist = [0.05, 0.0, 0.02, 0.0, 0.0, 0.0]
+    for _ in range(10):
+        solver.step()
+    forecast = solver.forecast(0.3, DT)
+    assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
+
+
+@settings(max_examples=30)
+@given(seeds, st.sampled_from(ROBOTS))
+def test_targets_go_on_as_they_moved(robot, seed, name):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    linear, angular = 0.1 * mechanism.length * rng.normal(size=3), 0.3 * rng.normal(size=3)
+    solver = Solver(mechanism, DT)
+    pull = solver.pull(mechanism.end)
+    begin = pull.target.copy()
+
+    def step(tick):
+        time = tick * DT
+        pull.target = pin.SE3(pin.exp3(angular * time) @ begin.rotation, begin.translation + linear * time)
+        return solver.step().q
+
+    for tick in range(1, 6):
+        step(tick)
+    forecast = solver.forecast(0.3, DT)
+    assert forecast.q == pytest.approx(np.array([solver.q, *(step(tick) for tick in range(6, 36))]), abs=1e-7)
+
+
+@settings(max_examples=20)
+@given(seeds, st.sampled_from(ROBOTS))
+def test_singular_values_are_those_of_the_path(robot, seed, name):
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    solver = Solver(mechanism, DT)
+    pull = solver.pull(mechanism.end, axes="world", rotation=int(rng.choice([0, 3])))
+    pull.twist = 0.3 * mechanism.length * rng.normal(size=6)
+    forecast = solver.forecast(0.5)
+    for q, sigma, passive in zip(forecast.q, forecast.sigma_min, forecast.passive_sigma_min, strict=True):
+        there = Solver(mechanism, DT, q=q)
+        there.pull(mechanism.end, axes="world", rotation=pull.rotation)
+        step = there.step()
+        assert step.losing.sigma == pytest.approx(sigma, abs=1e-9)
+        assert passive == (pytest.approx(step.gaining.sigma, abs=1e-9) if mechanism.loops else np.inf)
+
+
+def test_a_coarser_tick_makes_good_as_much_in_the_same_time(raff):
+    arm = raff(SWING % {"velocity": ""})
+    solver = Solver(arm, DT, gain=0.05)
+    pull = solver.pull("tool", translation=0, rotation=1)
+    pull.target.rotation = pull.target.rotation @ pin.exp3(np.array([0.0, 0.0, 0.1]))
+    left = 0.1 * 0.95 ** (np.arange(11) * 10)
+    assert math.radians(10) + 0.1 - solver.forecast(1.0, 10 * DT).q[:, 0] == pytest.approx(left, abs=1e-9)
+
+
+def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
+    delta = robot("delta4")
+    solver = Solver(delta, DT)
+    pull = solver.pull("platform")
+    solver.step()
+    pull.target.translation += [0.0, 0.0, 0.9]
+    solver.step()
+    assert np.array_equal(solver.forecast(0.5).q, solver.forecast(0.5, moving=False).q)
+    pull.twist = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0]
+    for _ in range(50):
+        step = solver.step()
+    pull.target = delta.placement(step.q, "platform")  # stop
+    assert np.array_equal(solver.forecast(0.5).q, solver.forecast(0.5, moving=False).q)
+
+
+def test_a_base_that_can_move_is_foreseen_too(raff):
+    mechanism = raff("""
+      sensor 1 { port "x" translation 3 rotation 3 }
+      robot r { base { }
+        link 1 { parameters { theta 20 } type 2 pred 0 }
+        link 2 { parameters { theta 40 d 300 } type 2 pred 1 }
+        frame 3 { parameters { d 200 } pred 2 name "tool" }
+        constraint { base sensor ( 0 1 ) } }""")
+    solver = Solver(mechanism, DT)
+    solver.pull("tool", rotation=0).twist = [0.05, 0.0, 0.0, 0.0, 0.0, 0.0]
+    for node in ("tool", "base"):
+        if node == "base":
+            solver.pull("base").twist = [0.1, 0.0, 0.2, 0.0, 0.3, 0.0]
+        forecast = solver.forecast(0.2, DT)
+        assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(20))])
+
+
+# --- what can't be followed ------------------------------------------------------------------------------------------
+
+
+def test_pulls_that_make_no_sense_are_left_out(robot):
+    arm = robot("arm7")
+    solver = Solver(arm, DT)
+    wrong = solver.pull("link3")
+    solver.pull("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    alone = Solver(arm, DT)
+    alone.pull("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    expected = alone.forecast(1.0)
+    nowhere = pin.SE3(np.eye(3), np.array([np.nan, 0.0, np.inf]))
+    for attribute, value in (("target", None), ("target", nowhere), ("weight", 0.0), ("rotation", 9), ("twist", "x")):
+        setattr(wrong, attribute, value)
+        for _ in range(3):
+            assert np.array_equal(solver.forecast(1.0).q, expected.q)
+    solver.step()
+    assert solver.forecast(1.0).q[-1] == pytest.approx(alone.forecast(1.01).q[-1], abs=1e-2)
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_a_rotation_that_is_none_raises_nothing(robot):
+    solver = Solver(robot("delta4"), DT)
+    pull = solver.pull("platform")
+    for number in (0.0, 7.0, 7.01, -1e200, 1e308):
+        pull.target.rotation = np.full((3, 3), number)
+        step = solver.step()
+        assert np.isfinite(solver.forecast(0.3).q).all()
+        assert step.losing is None or np.isfinite(step.losing.sigma)
+
+
+def test_where_nothing_is_pulled_nothing_lies_ahead(robot):
+    for name in ("arm7", "delta4"):
+        mechanism = robot(name)
+        forecast = Solver(mechanism, DT).forecast(1.0)
+        assert (forecast.q == mechanism.q_home).all()
+        assert np.isinf(forecast.sigma_min).all()
+        assert not forecast.events
+
+
+def test_times_that_make_no_sense_are_refused(robot):
+    solver = Solver(robot("arm7"), DT)
+    for seconds, dt in ((0.0, None), (-1.0, None), (math.nan, None), (math.inf, None), (1.0, 0.0), (1.0, math.nan)):
+        with pytest.raises(CinegenError, match="positive"):
+            solver.forecast(seconds, dt)
+
+
+def test_its_ticks_are_bounded_and_end_where_asked(robot):
+    solver = Solver(robot("arm7"), DT)
+    for seconds, ticks in ((0.004, 1), (0.01, 1), (0.05, 5), (0.055, 6), (1.0, 100), (1.3, 100), (1e3, 100)):
+        forecast = solver.forecast(seconds)
+        assert len(forecast.times) == len(forecast.q) == ticks + 1
+        assert forecast.times[-1] == pytest.approx(max(seconds, ticks * DT))
+    assert len(solver.forecast(3.0, 0.02).times) == 151
+
+
+def test_it_reads_well(raff):
+    arm = raff(SWING % {"velocity": ""})
+    solver = Solver(arm, DT)
+    assert repr(solver.forecast(1.0)) == "<Forecast of 1 s: nothing ahead>"
+    solver.pull("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+    forecast = solver.forecast(2.5)
+    assert str(forecast.events[0]) == "in 2.09 s joint1 meets its limit"
+    assert repr(forecast.events[0]) == "<Event LIMIT: in 2.09 s joint1 meets its limit>"
+    assert repr(forecast).startswith("<Forecast of 2.5 s: in 2.09 s joint1 meets its limit; in 2.1")

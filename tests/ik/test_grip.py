@@ -1,0 +1,91 @@
+"""A part may be pulled anywhere: `at` is as good as a frame of the file that stands there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+import raff2urdf
+from raff2urdf.document import Frame, Parameters
+from raff2urdf.kleinfinger import transform
+from raff2urdf.tree import kleinfinger
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+GRIP = Parameters(theta=30, r=120, d=80, alpha=50, gamma=-20, epsilon=40)  # mm and degrees
+
+
+@pytest.fixture(params=["arm7", "delta4", "planar_hybrid", "gough"])
+def twins(request, tmp_path):
+    """A robot with a frame `grip` on its last link, that link's name, and the frame's placement on it."""
+    path = ROBOTS / f"{request.param}.raff"
+    document = raff2urdf.load(path)
+    robot = document.robot()
+    father = robot.links[-1]
+    frame = Frame(9999, GRIP, father.number, "grip")
+    other = replace(robot, parts=(*robot.parts, frame))
+    text = raff2urdf.dumps(replace(document, robots=(other,)))
+    (tmp_path / "graphics").symlink_to(ROBOTS / "graphics")
+    (tmp_path / "twin.raff").write_text(text)
+    at = pin.SE3(transform(kleinfinger(document, frame)))
+    return cinegen.load(tmp_path / "twin.raff"), father.node, at
+
+
+@pytest.mark.parametrize("rotation", [0, 1, 2, 3])
+@pytest.mark.parametrize("axes", ["target", "world", "base"])
+def test_a_grip_moves_as_a_frame_does(twins, rotation, axes):
+    robot, node, at = twins
+    solver, other = cinegen.Solver(robot, 0.01), cinegen.Solver(robot, 0.01)
+    pull = solver.pull(node, rotation=rotation, axes=axes, at=at)
+    twin = other.pull("grip", rotation=rotation, axes=axes)
+    assert pull.target.isApprox(twin.target, 1e-9)
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        step = 0.01 * np.r_[robot.length * rng.normal(size=3), rng.normal(size=3)]
+        target = pull.target * pin.exp6(step)
+        pull.target, twin.target = target, target
+        ours, theirs = solver.step(), other.step()
+        assert np.allclose(ours.q, theirs.q, atol=1e-9)
+        assert ours.verdict is theirs.verdict
+        assert np.allclose(ours.errors, theirs.errors, atol=1e-9)
+        assert np.allclose(ours.singular_values, theirs.singular_values, atol=1e-9)
+
+
+def test_a_point_is_enough(robot):
+    arm = robot("arm7")
+    solver = cinegen.Solver(arm, 0.01)
+    point = np.array([0.05, -0.1, 0.02])
+    pull = solver.pull("link5", rotation=0, at=point)
+    pull.target.translation += [0.02, 0.03, -0.01]
+    for _ in range(200):
+        step = solver.step()
+    reached = arm.placement(step.q, "link5").act(point)
+    assert np.allclose(reached, pull.target.translation, atol=1e-6)
+
+
+def test_reach_and_forecast_know_of_it(twins):
+    robot, node, at = twins
+    q = robot.random_closed(1)[0]
+    there = robot.placement(q, node) * at
+    from cinegen.ik import Pull
+
+    found = cinegen.reach(robot, [Pull(node, there, rotation=0, at=at)], limits=False)
+    assert found
+    assert np.allclose((robot.placement(found.q, node) * at).translation, there.translation, atol=1e-6)
+    assert max(found.errors[0][:1]) < 1e-6
+    solver, other = cinegen.Solver(robot, 0.01), cinegen.Solver(robot, 0.01)
+    pull, twin = solver.pull(node, rotation=0, at=at), other.pull("grip", rotation=0)
+    for one in (pull, twin):
+        one.target = pin.SE3(one.target.rotation, one.target.translation + np.array([0.0, 0.0, 10.0 * robot.length]))
+    ahead, beyond = solver.forecast(1.0), other.forecast(1.0)
+    assert [event.kind for event in ahead.events] == [event.kind for event in beyond.events]
+
+
+@pytest.mark.parametrize("at", ["here", (1.0, 2.0), (0.0, np.nan, 0.0), pin.SE3(np.eye(3), np.full(3, np.inf))])
+def test_what_is_no_place_is_refused(robot, at):
+    with pytest.raises(cinegen.CinegenError, match="three finite numbers"):
+        cinegen.Solver(robot("arm7"), 0.01).pull("tool", at=at)

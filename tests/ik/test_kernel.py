@@ -1,0 +1,589 @@
+"""The kernels against what they must compute: plain numpy, `cinegen.ik.plain`, `cinegen.ik.resolve`, scipy."""
+
+from __future__ import annotations
+
+import gc
+import sys
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numba import types
+from scipy.optimize import linprog, nnls
+
+import cinegen
+import raff2urdf
+from cinegen import Solver
+from cinegen.ik import plain
+from cinegen.ik._kernels import aims, bounds
+from cinegen.ik._kernels import memory as m
+from cinegen.ik.resolve import resolve
+from cinegen.ik.thresholds import FULL, NEAR, REST
+from cinegen.jit import compiled, null_space, svd
+from cinegen.loops._kernels import closing
+from cinegen.loops.thresholds import HEALTHY
+from raff2urdf.loops import gap
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+EVERY = [
+    pytest.param(path.stem, robot.name, id=f"{path.stem}-{robot.name}")
+    for path in sorted(ROBOTS.glob("*.raff"))
+    for robot in raff2urdf.load(path).robots
+]
+every_robot = pytest.mark.parametrize(("name", "which"), EVERY)
+seeds = st.integers(0, 2**32 - 1)
+SCALES = (1e-60, 1e-9, 1.0, 1e9, 1e60)
+
+
+@cache
+def load(name: str, which: str) -> cinegen.Mechanism:
+    return cinegen.load(ROBOTS / f"{name}.raff", which)
+
+
+def law(examples: int):
+    return settings(max_examples=examples, deadline=None, derandomize=True, database=None)
+
+
+def near(mechanism: cinegen.Mechanism, pose: pin.SE3, rng: np.random.Generator, away: float) -> pin.SE3:
+    """A pose some way off another, in lengths and rad."""
+    turned = pose.rotation @ pin.exp3(away * rng.normal(size=3))
+    return pin.SE3(turned, pose.translation + away * mechanism.length * rng.normal(size=3))
+
+
+# --- loops -------------------------------------------------------------------------------------------------------
+
+
+@every_robot
+def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name, which):
+    mechanism = load(name, which)
+    if not mechanism.loops:
+        return
+    solver, rng = Solver(mechanism, 0.01), np.random.default_rng(0)
+    solver.step()
+    table, arrays = solver._table, solver._memory.arrays
+    unit = np.array([1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components])
+    for q in mechanism.random_closed(6, seed=1):
+        for bent in (0.0, 0.3, 3.0):
+            there = q + bent * rng.normal(size=len(q)) * mechanism.scale
+            pin.computeJointJacobians(mechanism.model, solver._data, there)
+            largest = closing.loop_rows(table, True)
+            residual = mechanism.loop_residual(there) / unit
+            assert arrays["c"] == pytest.approx(residual, abs=1e-13)
+            assert largest == np.abs(arrays["c"]).max()
+            rows = mechanism.loop_jacobian(there) * mechanism.scale / unit[:, None]
+            assert arrays["jc"] == pytest.approx(rows, abs=1e-11)
+            by_hand = []
+            for loop in mechanism.loops:
+                first = mechanism.placement(there, loop.first) * loop.first_placement
+                second = mechanism.placement(there, loop.second) * loop.second_placement
+                by_hand.append(gap(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
+            assert arrays["c"] == pytest.approx(np.concatenate(by_hand), abs=1e-13)
+
+
+# --- pulls -------------------------------------------------------------------------------------------------------
+
+
+def all_kinds_of_pulls(mechanism: cinegen.Mechanism, solver: Solver, rng: np.random.Generator) -> None:
+    """0 to 3 translations by 0 to 3 rotations, in the axes of the target, the world, and a node; near and far."""
+    for axes in ("target", "world", mechanism.nodes[len(mechanism.nodes) // 2]):
+        for translation in range(4):
+            for rotation in range(4):
+                node = str(rng.choice(mechanism.nodes[1:]))
+                there = mechanism.placement(solver.q, node)
+                target = near(mechanism, there, rng, float(rng.choice([1e-9, 1e-3, 0.1, 3.0])))
+                solver.pull(node, target, translation, rotation, float(rng.uniform(0.1, 10.0)), axes)
+
+
+def kernels_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
+    """What is wanted and the rows of all pulls, as the kernels compute them at the solver's q."""
+    solver._arrange()
+    pin.computeJointJacobians(solver.mechanism.model, solver._data, solver.q)
+    aims.holding(solver._table)
+    aims.aim_at(solver._table)
+    p, n = solver._table[m.P], solver._table[m.N]
+    return solver._memory.arrays["e"][:p].copy(), solver._memory.arrays["jp"].ravel()[: p * n].reshape(p, n).copy()
+
+
+def plain_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
+    mechanism = solver.mechanism
+    system = mechanism.system
+    system.evaluate(solver.q)
+    pulls = [(pull, plain.axes_of(pull, mechanism, system)) for pull in solver.pulls]
+    return plain.equations(mechanism, system, pulls)
+
+
+@every_robot
+def test_rows_and_errors_of_all_kinds_of_pulls_are_those_of_the_plain_statement(name, which):
+    mechanism, rng = load(name, which), np.random.default_rng(1)
+    for q in mechanism.random_closed(3, seed=2):
+        solver = Solver(mechanism, 0.01, q=q)
+        all_kinds_of_pulls(mechanism, solver, rng)
+        wanted, rows = kernels_equations(solver)
+        error, jacobian = plain_equations(solver)
+        assert wanted == pytest.approx(error, abs=1e-12)
+        assert rows == pytest.approx(jacobian, abs=1e-12)
+
+
+def test_a_base_that_rests_has_no_columns(raff):
+    mechanism = raff("""
+      sensor 1 { port "x" translation 3 rotation 3 }
+      robot r { base { }
+        link 1 { parameters { theta 20 } type 2 pred 0 }
+        link 2 { parameters { theta 40 d 300 } type 2 pred 1 }
+        frame 3 { parameters { d 200 } pred 2 name "tool" }
+        constraint { base sensor ( 0 1 ) } }""")
+    rng = np.random.default_rng(2)
+    for held in ("tool", "base"):
+        solver = Solver(mechanism, 0.01)
+        solver.pull(held, near(mechanism, mechanism.placement(solver.q, held), rng, 0.1))
+        wanted, rows = kernels_equations(solver)
+        error, jacobian = plain_equations(solver)
+        assert rows.shape == (6, 2 if held == "tool" else 8)
+        assert wanted == pytest.approx(error, abs=1e-12)
+        assert rows == pytest.approx(jacobian[:, 0 if held == "base" else 6 :], abs=1e-12)
+
+
+# --- the step of a tick ------------------------------------------------------------------------------------------
+
+
+def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np.ndarray) -> np.ndarray | None:
+    """By the plain statement: slowed down as a whole, then bent by positions. None where that can't be said plainly:
+    slowed, bent and damped at once; or bent where a direction is lost altogether, and what is redundant instead is
+    anyone's choice."""
+    mechanism = solver.mechanism
+    loops = mechanism.system.evaluate(solver.q)[1]
+    error, rows = plain_equations(solver)
+    rank, pull_rank = mechanism.loop_rank, plain.pull_rank(mechanism, mechanism.system, solver.pulls, slice(None))
+    infinite = np.full(len(low), np.inf)
+    found = resolve(loops, rank, rows, pull_rank, error, -infinite, infinite)
+    pace = min(1.0, FULL / float((np.abs(found.step) / longest).max(initial=1e-9)))
+    step = pace * found.step
+    if (step <= high).all() and (step >= low).all():
+        return step
+    lost = found.sigma[pull_rank - 1]
+    if (pace < 1.0 and lost < NEAR) or lost < 1e-9:
+        return None
+    return resolve(
+        loops, rank, rows, pull_rank, pace * error, np.maximum(low, -longest), np.minimum(high, longest)
+    ).step
+
+
+def steps_agree(solver: Solver, rng: np.random.Generator, tight: float) -> str:
+    """One tick from rest against the plain statement, with limits about as near as a step is long."""
+    mechanism, arrays = solver.mechanism, solver._memory.arrays
+    nv = mechanism.model.nv
+    on_it, free = rng.random(nv) < (0.2 if tight < 1.0 else 0.0), rng.random(nv) < 0.3
+    low, high = np.where(on_it, 0.0, rng.uniform(0.0, tight, (2, nv)))
+    low, high = np.where(free, -np.inf, -low), np.where(free, np.inf, high)
+    arrays["low"][:], arrays["high"][:] = solver.q + low * mechanism.scale, solver.q + high * mechanism.scale
+    low, high = (arrays["low"] - solver.q) / mechanism.scale, (arrays["high"] - solver.q) / mechanism.scale
+    expected = expected_step(solver, low, high, arrays["longest"])
+    if expected is None:
+        return "not compared"
+    step = solver.step()
+    if solver._table[m.NUDGED]:  # nothing else is to be won
+        assert np.abs(expected).max(initial=0.0) <= REST
+        return "nudged"
+    assert arrays["step"] == pytest.approx(expected, abs=1e-8)
+    return "bent" if step.saturated else "slowed" if step.pace < 1.0 else "free"
+
+
+@every_robot
+def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
+    """From home on: random closed places, random pulls, limits near and far."""
+    mechanism, rng = load(name, which), np.random.default_rng(3)
+    seen = []
+    for q in [mechanism.q_home, *mechanism.random_closed(30, seed=3)]:
+        solver = Solver(mechanism, 1.0, q=q)
+        for _ in range(int(rng.integers(1, 3))):
+            node = mechanism.nodes[-1] if rng.random() < 0.7 else str(rng.choice(mechanism.nodes[1:]))
+            target = near(mechanism, mechanism.placement(q, node), rng, float(rng.choice([1e-3, 1e-2, 0.3])))
+            kind = [(3, 3), (3, 0), (2, 1), (1, 2), (0, 3)][rng.integers(5)]
+            solver.pull(node, target, *kind, float(rng.uniform(0.3, 3.0)))
+        seen.append(steps_agree(solver, rng, float(rng.choice([1e-3, 0.03, 100.0]))))
+    assert seen.count("not compared") < 10
+    assert "bent" in seen
+    assert {"free", "slowed"} & set(seen)
+
+
+@pytest.mark.parametrize("bent", [0.0, 1e-12, 1e-6, 1e-3, 1e-2, 0.04])
+@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("rx90", "arm"), ("arm7", "arm"), ("sr400", "arm")])
+def test_near_singularities_too(name, which, bent):
+    """All joints at 0 but for a little: arms are stretched, wrists in line."""
+    mechanism, rng = load(name, which), np.random.default_rng(4)
+    zero = {joint: bent * float(rng.normal()) for joint in mechanism.actuated}
+    q = mechanism.close(mechanism.configuration(zero), mechanism.actuated)
+    damped = 0
+    for rotation in (0, 3):
+        for _ in range(6):
+            solver = Solver(mechanism, 1.0, q=q)
+            solver.pull("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, rotation)
+            damped += solver.step().singular_values[-1] < NEAR
+            solver.q = q
+            steps_agree(solver, rng, float(rng.choice([1e-3, 100.0])))
+    assert damped
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-6, 1e-5, 1e-3, 1e-2])
+def test_near_a_singularity_of_the_loops_too(raff, off):
+    """A parallelogram that lies flat could go on as an antiparallelogram: its loop loses a rank there."""
+    mechanism = raff("""robot r { base { }
+      link 1 { parameters { theta 20 } type 2 pred 0 }
+      link 2 { parameters { theta -20 d 200 } type 2 pred 1 }
+      link 3 { parameters { d 500 theta 20 } type 2 pred 0 }
+      frame 4 { parameters { d 500 } pred 2 }
+      frame 5 { parameters { d 200 } pred 3 }
+      frame 6 { parameters { d 250 r 100 } pred 2 name "tool" }
+      constraint { frame 4 frame 5 type 2 } }""")
+    q, rng = mechanism.configuration({"joint1": off, "joint2": -off, "joint3": off}), np.random.default_rng(5)
+    assert mechanism.closure(q) < 1e-14
+    smallest = Solver(mechanism, 1.0, q=q).step().loop_singular_values[-1]
+    assert smallest < 2.0 * off + 1e-12
+    for _ in range(5):
+        solver = Solver(mechanism, 1.0, q=q)
+        solver.pull("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, 0)
+        if off > 1e-8:  # where the rank is lost two motions are free, and which of them is taken is anyone's choice
+            steps_agree(solver, rng, 100.0)
+        else:
+            assert np.isfinite(solver.step().q).all()
+
+
+# --- singular values ---------------------------------------------------------------------------------------------
+
+
+def decomposed(matrix: np.ndarray, guess: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """u, b, sigma and the sweeps."""
+    n, width = matrix.shape
+    u = np.full((n, n), np.nan) if guess is None else guess.copy()
+    b, square = np.full((n, width), np.nan), np.full(n, np.nan)
+    sweeps = svd.decompose(np.ascontiguousarray(matrix), n, width, u, b, square, guess is not None)
+    assert (square >= 0.0).all()
+    return u, b, np.sqrt(square), sweeps
+
+
+def check_decomposition(matrix: np.ndarray, guess: np.ndarray | None = None, orthogonal_to: float = 1e-12) -> int:
+    u, b, sigma, sweeps = decomposed(matrix, guess)
+    n, size = len(matrix), np.linalg.norm(matrix)
+    assert u @ u.T == pytest.approx(np.eye(n), abs=1e-13)
+    assert b == pytest.approx(u @ matrix, abs=1e-14 * size)
+    assert sigma == pytest.approx(np.linalg.svd(matrix, compute_uv=False), abs=1e-14 * size)
+    assert (np.diff(sigma) <= 0.0).all()
+    if size > 0.0:
+        b = b / size
+        lengths = np.linalg.norm(b, axis=1)
+        real = b[lengths > 1e-14] / lengths[lengths > 1e-14, None]
+        assert real @ real.T == pytest.approx(np.eye(len(real)), abs=orthogonal_to)
+    return sweeps
+
+
+def random_matrix(seed: int) -> tuple[np.ndarray, np.random.Generator]:
+    """Of any shape from (1, 1) to (6, 12), any rank, and rows of very different length."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 7))
+    width = int(rng.integers(n, 13))
+    rank = int(rng.integers(0, n + 1))
+    matrix = rng.normal(size=(n, rank)) @ rng.normal(size=(rank, width))
+    if rng.random() < 0.3:
+        matrix *= 10.0 ** rng.uniform(-8.0, 0.0, n)[:, None]
+    if n > 1 and rng.random() < 0.3:
+        matrix[-1] = matrix[0] * rng.choice([1.0, -1.0, 1.0 + 1e-9])
+    return matrix, rng
+
+
+def orthogonal(rng: np.random.Generator, n: int) -> np.ndarray:
+    return np.linalg.qr(rng.normal(size=(n, n)))[0]
+
+
+@law(150)
+@given(seeds, st.sampled_from(SCALES))
+def test_singular_values_are_numpys_from_nothing(seed, scale):
+    matrix, _ = random_matrix(seed)
+    assert 1 <= check_decomposition(scale * matrix) <= 15
+
+
+@law(150)
+@given(seeds, st.sampled_from(SCALES))
+def test_singular_values_are_numpys_from_any_guess(seed, scale):
+    matrix, rng = random_matrix(seed)
+    assert 1 <= check_decomposition(scale * matrix, orthogonal(rng, len(matrix))) <= 6 + 15
+
+
+@law(100)
+@given(seeds)
+def test_a_guess_of_the_matrix_before_takes_a_sweep_or_two(seed):
+    rng = np.random.default_rng(seed)
+    before, (sigma, vt) = orthogonal(rng, 5), (np.array([2.0, 1.5, 1.0, 0.5, 0.1]), orthogonal(rng, 8)[:5])
+    matrix = before.T @ np.diag(sigma) @ vt
+    guess = decomposed(matrix)[0]
+    assert check_decomposition(matrix, guess) == 1
+    assert check_decomposition(matrix + 1e-3 * rng.normal(size=matrix.shape), guess, 1e-10) <= 4
+
+
+def test_a_stale_guess_costs_sweeps_and_nothing_else():
+    rng = np.random.default_rng(6)
+    guess = decomposed(rng.normal(size=(6, 7)))[0]
+    for _ in range(200):
+        check_decomposition(rng.normal(size=(6, 7)), guess)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_what_is_no_number_spoils_nothing_that_comes_after(bad):
+    rng = np.random.default_rng(9)
+    matrix = rng.normal(size=(4, 6))
+    check_decomposition(matrix, np.full((4, 4), bad))  # a guess
+    u, b, square, worse = np.eye(4), np.zeros((4, 6)), np.zeros(4), matrix.copy()
+    worse[1, 2] = bad
+    for each in (matrix, worse, matrix):
+        svd.decompose(each, 4, 6, u, b, square, True)
+    assert np.sqrt(square) == pytest.approx(np.linalg.svd(matrix, compute_uv=False), abs=1e-13)
+    assert u @ u.T == pytest.approx(np.eye(4), abs=1e-13)
+
+
+def test_singular_vectors_that_are_carried_on_for_long_stay_orthogonal():
+    rng = np.random.default_rng(7)
+    first, way = rng.normal(size=(6, 7)), rng.normal(size=(2, 6, 7))
+    u, b, square = np.eye(6), np.zeros((6, 7)), np.zeros(6)
+    worst = 0.0
+    for tick in range(100_000):
+        t = 1e-3 * tick
+        matrix = first + np.sin(t) * way[0] + np.cos(0.7 * t) * way[1]
+        if tick % 32 == 0:  # as in a tick
+            svd.straighten(u, 6)
+        svd.decompose(matrix, 6, 7, u, b, square, tick > 0)
+        if tick % 1000 == 31:
+            worst = max(worst, np.abs(u @ u.T - np.eye(6)).max())
+    assert worst < 1e-13
+    assert np.sqrt(square) == pytest.approx(np.linalg.svd(matrix, compute_uv=False), abs=1e-12)
+
+
+@law(50)
+@given(seeds, st.floats(0.0, 1e-3))
+def test_what_rounding_has_added_is_straightened(seed, off):
+    rng = np.random.default_rng(seed)
+    u = orthogonal(rng, 6)
+    bent = u + off * rng.uniform(-1.0, 1.0, (6, 6))
+    svd.straighten(bent, 6)
+    assert bent @ bent.T == pytest.approx(np.eye(6), abs=1e-13)
+    assert bent == pytest.approx(u, abs=20.0 * off + 1e-14)
+
+
+# --- null space --------------------------------------------------------------------------------------------------
+
+
+def factored(rows: np.ndarray, rank: int) -> tuple[float, np.ndarray, dict]:
+    """What the rows added at least, the free motions, and the factors."""
+    count, n = rows.shape
+    f, order, left = rows.copy(), np.zeros(count), np.zeros(count)
+    tau, h = np.zeros(max(n, rank)), np.zeros((max(rank, 1), n))
+    added = null_space.factor(f, count, n, rank, order, left, tau, h)
+    free = np.zeros((max(n - rank, 1), n))
+    null_space.free_motions(n, rank, tau, h, free)
+    return added, free[: n - rank], {"f": f, "n": n, "rank": rank, "order": order, "tau": tau, "h": h}
+
+
+def random_rows(seed: int) -> tuple[np.ndarray, int, np.random.Generator]:
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 15))
+    rank = int(rng.integers(1, n))
+    count = int(rng.integers(rank, rank + 6))
+    return rng.normal(size=(count, rank)) @ rng.normal(size=(rank, n)), rank, rng
+
+
+@law(150)
+@given(seeds, st.sampled_from((1e-9, 1.0, 1e9)))
+def test_free_motions_are_orthonormal_and_open_no_loop(seed, scale):
+    rows, rank, _ = random_rows(seed)
+    added, free, _ = factored(scale * rows, rank)
+    assert free @ free.T == pytest.approx(np.eye(len(free)), abs=1e-13)
+    assert rows @ free.T == pytest.approx(np.zeros((len(rows), len(free))), abs=1e-12 * np.linalg.norm(rows))
+    sigma = np.linalg.svd(rows, compute_uv=False)
+    assert 0.0 < added <= 1.0
+    assert added >= sigma[rank - 1] / sigma[0] / 4.0**rank  # column pivoting knows the rank no worse than that
+
+
+@law(150)
+@given(seeds)
+def test_the_shortest_correction_is_the_pseudoinverses(seed):
+    rows, rank, rng = random_rows(seed)
+    added, _, factors = factored(rows, rank)
+    if added < HEALTHY:
+        return
+    residual, step = rows @ rng.normal(size=rows.shape[1]), np.zeros(rows.shape[1])
+    null_space.shortest_correction(residual=residual, out=step, **factors)
+    assert step == pytest.approx(-np.linalg.pinv(rows, rcond=1e-9) @ residual, abs=1e-10)
+    assert rows @ step == pytest.approx(-residual, abs=1e-11 * np.linalg.norm(rows))
+
+
+@pytest.mark.parametrize("rank", [1, 2, 3])
+def test_rows_that_add_nothing_are_known_and_left_out(rank):
+    rows = np.outer([1.0, 2.0, -1.0, 0.0], [0.0, 3.0, 4.0, 0.0, 1.0])
+    added, free, factors = factored(rows, rank)
+    assert added == (1.0 if rank == 1 else 0.0)
+    assert free.shape == (5 - rank, 5)
+    assert free @ free.T == pytest.approx(np.eye(5 - rank), abs=1e-15)
+    assert rows @ free.T == pytest.approx(np.zeros((4, 5 - rank)), abs=1e-14)
+    step = np.zeros(5)
+    null_space.shortest_correction(residual=rows @ np.ones(5), out=step, **factors)
+    assert step == pytest.approx(-np.linalg.pinv(rows) @ rows @ np.ones(5), abs=1e-13)
+    assert factored(np.zeros((4, 5)), rank)[0] == 0.0
+
+
+# --- bounds ------------------------------------------------------------------------------------------------------
+
+
+def nearest(
+    wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[bool, np.ndarray, np.ndarray]:
+    """Whether it was found, the point, and what holds it."""
+    n, k = g.shape
+    x, held = wanted.copy(), np.full(n, np.nan)
+    work = np.full((3, k, k), np.nan)
+    found = bounds.nearest(x, g, low, high, n, k, held, work[0], work[1], work[2], np.full((6, k), np.nan))
+    return found, x, held
+
+
+def check_nearest(wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Inside, and optimal: what pulls it away from where it was wanted is held by bounds that push inwards (Karush,
+    Kuhn and Tucker; the problem is strictly convex, so nothing else is to be shown)."""
+    found, x, held = nearest(wanted, g, low, high)
+    size = max(1.0, np.abs(wanted).max())
+    assert found
+    assert (g @ x <= high + 1e-10 * size).all()
+    assert (g @ x >= low - 1e-10 * size).all()
+    on = np.flatnonzero(held)
+    where = np.where(held > 0.0, high, low)[on]
+    assert g[on] @ x == pytest.approx(where, abs=1e-10 * size)
+    left = nnls((g[on] * held[on, None]).T, wanted - x)[1] if len(on) else np.linalg.norm(wanted - x)
+    assert left <= 1e-8 * size
+    return x
+
+
+def by_nnls(wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The same point: least distance programming (Lawson and Hanson, 1974, chapter 23)."""
+    sides = np.concatenate([-g[np.isfinite(high)], g[np.isfinite(low)]])
+    if not len(sides):  # scipy 1.17's nnls crashes on a matrix without columns
+        return wanted
+    least = np.concatenate([g @ wanted - high, low - g @ wanted])[np.isfinite(np.concatenate([high, low]))]
+    target = np.zeros(len(wanted) + 1)
+    target[-1] = 1.0
+    stacked = np.vstack([sides.T, least])
+    push, _ = nnls(stacked, target)
+    rest = target - stacked @ push
+    return wanted + (-rest[:-1] / rest[-1])
+
+
+def random_bounds(seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """As a tick meets them: 0 is inside, or on the border."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(1, 16)), int(rng.integers(1, 9))
+    g, wanted = rng.normal(size=(n, k)), rng.normal(size=k) * 10.0 ** rng.uniform(-2.0, 1.0)
+    low, high = -rng.uniform(0.0, 1.0, n), rng.uniform(0.0, 1.0, n)
+    low[rng.random(n) < 0.3], high[rng.random(n) < 0.3] = -np.inf, np.inf
+    low[rng.random(n) < 0.2], high[rng.random(n) < 0.2] = 0.0, 0.0
+    return wanted, g, low, high
+
+
+@law(150)
+@given(seeds)
+def test_the_nearest_point_is_inside_and_none_is_nearer(seed):
+    wanted, g, low, high = random_bounds(seed)
+    x = check_nearest(wanted, g, low, high)
+    assert x == pytest.approx(by_nnls(wanted, g, low, high), abs=1e-6 * max(1.0, np.abs(wanted).max()))
+
+
+@law(150)
+@given(seeds)
+def test_bounds_that_are_parallel_doubled_or_nothing_do_no_harm(seed):
+    """As a loop makes them: joints that turn together, against each other, or not at all; all on their bounds."""
+    wanted, g, low, high = random_bounds(seed)
+    rng = np.random.default_rng(seed)
+    for i in range(len(g)):
+        j = int(rng.integers(len(g)))
+        g[i] = [g[i], g[j], -g[j], 2.0 * g[j], np.zeros(g.shape[1]), g[j] * (1.0 + 1e-13)][rng.integers(6)]
+        if rng.random() < 0.3:
+            low[i], high[i] = low[j], high[j]
+    check_nearest(wanted, g, low, high)
+
+
+@law(150)
+@given(seeds)
+def test_a_corner_where_more_bounds_meet_than_there_are_dimensions(seed):
+    rng = np.random.default_rng(seed)
+    k = int(rng.integers(1, 6))
+    g, corner = rng.normal(size=(3 * k, k)), rng.normal(size=k)
+    x = check_nearest(corner + rng.normal(size=k), g, np.full(3 * k, -np.inf), g @ corner)
+    assert (g @ x <= g @ corner + 1e-9).all()
+    out = g.T @ rng.uniform(0.1, 1.0, 3 * k)  # straight out of the corner: it is the nearest
+    assert check_nearest(corner + out, g, np.full(3 * k, -np.inf), g @ corner) == pytest.approx(corner, abs=1e-8)
+
+
+@law(150)
+@given(seeds)
+def test_bounds_that_contradict_each_other_are_known(seed):
+    """Acceleration limits can ask for what position limits forbid: 0 need not be inside."""
+    rng = np.random.default_rng(seed)
+    n, k = int(rng.integers(2, 10)), int(rng.integers(1, 5))
+    g, centre, half = rng.normal(size=(n, k)), rng.normal(size=n), rng.uniform(0.0, 1.0, n)
+    low, high = centre - half, centre + half
+    # the most that all bounds can be kept by, at once
+    rows = np.vstack([np.c_[g, np.ones(n)], np.c_[-g, np.ones(n)]])
+    room = linprog([*np.zeros(k), -1.0], rows, [*high, *-low], bounds=(None, None))
+    wanted = rng.normal(size=k)
+    if room.x[-1] > 1e-6:
+        check_nearest(wanted, g, low, high)
+    elif room.x[-1] < -1e-6:
+        assert not nearest(wanted, g, low, high)[0]
+
+
+def test_a_wish_that_keeps_all_bounds_is_granted_as_it_is():
+    wanted, g = np.array([0.1, -0.2]), np.eye(2)
+    found, x, held = nearest(wanted, g, np.full(2, -0.2), np.full(2, 0.1))
+    assert found
+    assert np.array_equal(x, wanted)
+    assert not held.any()
+
+
+# --- memory ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "which"), [("planar_3r", "arm"), ("five_bar", "linkage")])
+def test_ticks_leave_nothing_behind(name, which):
+    mechanism = load(name, which)
+    solver = Solver(mechanism, 0.01)
+    pull = solver.pull("tool", rotation=0)
+    targets = [near(mechanism, pull.target, np.random.default_rng(8), 0.1) for _ in range(50)]
+
+    def run(ticks: int) -> int:
+        for tick in range(ticks):
+            pull.target = targets[tick // 20 % 50]
+            solver.step()
+        gc.collect()
+        return sys.getallocatedblocks()
+
+    before = run(2000)
+    collected = gc.get_stats()[0]["collections"]
+    assert run(50_000) - before < 100
+    assert gc.get_stats()[0]["collections"] - collected < 200  # a step is no cycle that the collector has to find
+
+
+def test_where_nothing_can_be_kept_kernels_run_all_the_same(monkeypatch):
+    compile_it = compiled.njit
+
+    def nowhere(**options):
+        if options.pop("cache", False):
+            raise RuntimeError("no locator available")
+        return compile_it(**options)
+
+    monkeypatch.setattr(compiled, "njit", nowhere)
+
+    @compiled.entry
+    def twice(x: int) -> int:
+        return 2 * x
+
+    compiled.prepare(twice, types.int64)
+    assert twice(21) == 42
+    assert len(twice.signatures) == 1

@@ -1,0 +1,437 @@
+"""What redundancy does: it serves its objectives, and neither pulls nor loops feel it."""
+
+from __future__ import annotations
+
+import math
+import sysconfig
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen import Solver, Verdict
+from cinegen.ik import LimitMargin, Manipulability, Posture, State
+from cinegen.ik.resolve import free_motions
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*should mimic another joint")  # the panda's second finger
+
+DT = 0.01
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+PANDA = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf"
+
+
+@cache
+def load(name: str) -> cinegen.Mechanism:
+    if name == "panda":
+        return cinegen.load(PANDA / "panda.urdf")
+    return cinegen.load(ROBOTS / f"{name}.raff")
+
+
+def begin(mechanism: cinegen.Mechanism, seed: int = 1, far: float = 0.15) -> np.ndarray:
+    """A closed configuration a little way from home, within limits."""
+    model, rng = mechanism.model, np.random.default_rng(seed)
+    home = mechanism.q_home
+    if mechanism.name.startswith("panda"):
+        home = np.array([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8, *[0.02] * (model.nq - 7)])
+    while True:
+        q = mechanism.close(home + far * rng.uniform(-1.0, 1.0, model.nq) * mechanism.scale)
+        if (q > model.lowerPositionLimit).all() and (q < model.upperPositionLimit).all():
+            return q
+
+
+def elsewhere(mechanism: cinegen.Mechanism) -> np.ndarray:
+    """Another one: a posture to be wished for."""
+    return begin(mechanism, seed=7, far=0.25)
+
+
+def target(home: pin.SE3, length: float, time: float) -> pin.SE3:
+    """A smooth path in the plane of x and y, turning about z."""
+    turn = pin.exp3(np.array([0.0, 0.0, 0.1 * math.sin(time)]))
+    way = 0.03 * length * np.array([math.sin(2.0 * time), math.sin(time), 0.0])
+    return pin.SE3(turn @ home.rotation, home.translation + way)
+
+
+REDUNDANT = [  # robot, node, translation, rotation
+    ("arm7", "tool", 3, 3),
+    ("arm7", "tool", 3, 0),
+    ("panda", "panda_hand", 3, 3),
+    ("planar_hybrid", "tool", 3, 0),
+    ("planar_hybrid", "tool", 2, 1),
+    ("sr400", None, 3, 0),
+    ("hybrid", None, 2, 0),
+    ("gough", None, 3, 0),
+    ("delta4", "platform", 2, 0),
+]
+redundant = pytest.mark.parametrize(("name", "node", "translation", "rotation"), REDUNDANT)
+
+
+def made(kind: type, mechanism: cinegen.Mechanism):
+    if kind is Posture:
+        return Posture(elsewhere(mechanism), rate=2.0)
+    return LimitMargin(0.45, rate=2.0) if kind is LimitMargin else Manipulability(rate=2.0)
+
+
+kinds = pytest.mark.parametrize("kind", [Posture, LimitMargin, Manipulability])
+
+
+@redundant
+@kinds
+def test_pulls_that_move_do_not_feel_an_objective(name, node, translation, rotation, kind):
+    mechanism = load(name)
+    node, q = node or mechanism.nodes[-1], begin(mechanism)
+    errors, ends = [], []
+    for objectives in ((), (made(kind, mechanism),)):
+        solver = Solver(mechanism, DT, q=q)
+        pull = solver.pull(node, translation=translation, rotation=rotation, axes="world")
+        solver.objectives = objectives
+        home, off = pull.target.copy(), []
+        for tick in range(200):
+            pull.target = target(home, mechanism.length, tick * DT)
+            step = solver.step()
+            metres, radians = step.errors[0]
+            off.append(max(metres / mechanism.length, radians))
+            assert step.closure <= 1e-10
+            assert not step.left_out
+        errors.append(np.array(off))
+        ends.append(step.q)
+    assert (errors[1] - errors[0]).max() < 1e-9  # not further from its targets than without
+    assert errors[1].max() < 1e-9  # that is, there
+    if kind is not LimitMargin:
+        assert np.abs(ends[1] - ends[0]).max() > 1e-3  # something did happen
+
+
+@redundant
+@kinds
+def test_an_objective_gets_better_and_better_until_the_robot_rests(name, node, translation, rotation, kind):
+    mechanism = load(name)
+    solver = Solver(mechanism, 0.05, q=begin(mechanism))
+    solver.pull(node or mechanism.nodes[-1], translation=translation, rotation=rotation)
+    objective = made(kind, mechanism)
+    solver.objectives = [objective]
+    values, speeds = [objective.value(solver.state)], []
+    for _ in range(300):
+        step = solver.step()
+        values.append(objective.value(solver.state))
+        speeds.append(float(np.abs(step.v / mechanism.scale).max()))
+    assert np.diff(values).max() < 1e-11
+    assert values[-1] < values[0] or values[0] == 0.0
+    if kind is not Manipulability or name == "gough":  # the measure's maximum may be far and flat
+        assert max(speeds[-20:]) < max(1e-2 * max(speeds), 1e-9)
+    assert step.verdict is Verdict.FOLLOWING
+
+
+@pytest.mark.parametrize("name", ["arm7", "panda", "delta4", "planar_hybrid", "gough"])
+def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
+    mechanism = load(name)
+    posture, solver = elsewhere(mechanism), Solver(mechanism, DT, q=begin(mechanism))
+    solver.objectives = [Posture(posture, rate=5.0)]
+    for _ in range(1000):
+        step = solver.step()
+        assert step.verdict is Verdict.IDLE
+        assert step.closure <= 1e-10
+    assert step.q == pytest.approx(posture, abs=1e-9 * max(1.0, mechanism.length))
+    assert np.abs(step.v / mechanism.scale).max() < 1e-9
+    solver.objectives = ()
+    before = solver.q
+    assert (solver.step().q == before).all()
+
+
+def test_a_posture_is_reached_exactly_with_the_tool_held_where_the_null_space_allows():
+    arm = load("arm7")
+    solver = Solver(arm, DT)
+    solver.pull("tool")
+    solver.objectives = [Manipulability(rate=3.0)]
+    for _ in range(100):
+        solver.step()  # swings its elbow
+    assert np.abs(solver.q - arm.q_home).max() > 0.01
+    solver.objectives = [Posture(rate=5.0)]
+    for _ in range(1000):
+        step = solver.step()
+    assert step.q == pytest.approx(arm.q_home, abs=1e-8)
+    assert step.verdict is Verdict.FOLLOWING
+
+
+def test_only_the_joints_that_are_named_go_back():
+    arm = load("arm7")
+    q = begin(arm)
+    solver = Solver(arm, DT, q=q)
+    solver.objectives = [Posture(joints={"joint2": 1.0, "joint4": 0.5}, rate=5.0)]
+    for _ in range(600):
+        step = solver.step()
+    named = [arm.q_index("joint2"), arm.q_index("joint4")]
+    others = [i for i in range(arm.model.nq) if i not in named]
+    assert step.q[named] == pytest.approx(arm.q_home[named], abs=1e-5)
+    assert (step.q[others] == q[others]).all()
+
+
+def test_the_elbow_takes_a_joint_away_from_its_limit_while_the_tool_stands():
+    arm = load("arm7")
+    low, high = arm.model.lowerPositionLimit, arm.model.upperPositionLimit
+    i = arm.q_index("joint1")
+    q = begin(arm)
+    q[i] = high[i] - 0.01 * (high[i] - low[i])
+    solver = Solver(arm, DT, q=q)
+    solver.pull("tool")
+    solver.objectives = [LimitMargin(0.1, joints="joint1", rate=5.0)]
+    for _ in range(2000):
+        step = solver.step()
+        assert step.errors[0][1] < 1e-9
+    assert high[i] - step.q[i] == pytest.approx(0.1 * (high[i] - low[i]), rel=1e-3)
+
+
+def test_a_margin_is_kept_by_loops_too_and_finite_at_a_limit_and_beyond():
+    delta = load("delta4")
+    margin = LimitMargin(0.1)
+    low, high = delta.model.lowerPositionLimit, delta.model.upperPositionLimit
+    limited = np.isfinite(low) & np.isfinite(high)
+    assert limited.any()
+    for beyond in (0.0, 0.5):
+        q = np.where(limited, high + beyond, delta.q_home)
+        velocity = margin.velocity(State(delta, q, DT))
+        assert np.isfinite(velocity).all()
+        assert (velocity[limited] < 0.0).all()
+        assert (velocity[~limited] == 0.0).all()
+    middle = np.where(limited, 0.5 * (low + high), delta.q_home)
+    assert not margin.velocity(State(delta, middle, DT)).any()
+
+
+def test_an_objective_that_pushes_against_a_limit_disturbs_nobody():
+    arm = load("arm7")
+    q = begin(arm)
+    solver = Solver(arm, DT, q=q)
+    pull = solver.pull("tool", rotation=0)
+    home = pull.target.copy()
+    beyond = arm.q_home.copy()
+    i = arm.q_index("joint1")
+    beyond[i] = arm.model.upperPositionLimit[i] + 1.0
+    solver.objectives = [Posture(beyond, rate=3.0)]
+    for tick in range(1500):
+        pull.target = target(home, arm.length, tick * DT)
+        step = solver.step()
+        assert step.errors[0][0] < 1e-9
+        assert (step.q <= arm.model.upperPositionLimit).all()
+        assert (np.abs(step.v) <= arm.model.upperVelocityLimit).all()
+
+
+def test_it_keeps_limits_of_speed_and_acceleration_without_slowing_the_pulls_down():
+    arm = load("arm7")
+    ends = []
+    for objectives in ((), (Posture(elsewhere(arm) + 1.0, rate=50.0),)):
+        solver = Solver(arm, DT, q=begin(arm), acceleration=8.0)
+        pull = solver.pull("tool", rotation=0)
+        solver.objectives = objectives
+        home, last = pull.target.copy(), np.zeros(arm.model.nv)
+        for tick in range(150):
+            pull.target = target(home, arm.length, tick * DT)
+            step = solver.step()
+            assert (np.abs(step.v) <= arm.model.upperVelocityLimit * (1.0 + 1e-9)).all()
+            assert np.abs(step.v - last).max() <= 8.0 * DT * 1.1
+            last = step.v
+        ends.append(step.errors[0][0])
+    assert ends[1] < max(ends[0], 1e-9)
+
+
+# --- manipulability ------------------------------------------------------------------------------------------------
+
+
+def logarithm(mechanism: cinegen.Mechanism, q: np.ndarray, node: str, rows: int) -> float:
+    """Of Yoshikawa's measure of the first rows of a node, by numpy alone, at a closed configuration."""
+    jacobian = mechanism.jacobian(q, node) * mechanism.scale
+    jacobian[:3] /= mechanism.length
+    loops = mechanism.system.evaluate(q)[1]
+    motions, _ = free_motions(loops, mechanism.loop_rank)
+    sigma = np.linalg.svd(jacobian[:rows] @ motions, compute_uv=False)
+    return float(np.log(sigma[sigma > 1e-6 * sigma[0]]).sum())
+
+
+@pytest.mark.parametrize(
+    ("name", "node", "rows"),
+    [("arm7", "tool", 6), ("panda", "panda_hand", 6), ("planar_hybrid", "tool", 3), ("sr400", None, 3),
+     ("hybrid", None, 3), ("gough", None, 3), ("delta4", "platform", 3), ("five_bar", "tool", 3)],
+)  # fmt: skip
+@pytest.mark.parametrize("pulled", [True, False])
+def test_its_gradient_is_that_of_finite_differences_over_closed_configurations(name, node, rows, pulled):
+    mechanism = load(name)
+    node, rotation = node or mechanism.nodes[-1], 3 * (rows == 6)
+    for seed in range(3):
+        q = begin(mechanism, seed)
+        solver = Solver(mechanism, DT, q=q)
+        if pulled:
+            solver.pull(node, rotation=rotation)
+        objective = Manipulability(None if pulled else node, rotation=rotation)
+        gradient = objective.gradient(solver.state)
+        assert -objective.value(solver.state) == pytest.approx(logarithm(mechanism, q, node, rows), abs=1e-9)
+        loops = mechanism.system.evaluate(q)[1]
+        motions, _ = free_motions(loops, mechanism.loop_rank)
+        if pulled:
+            jacobian = (mechanism.jacobian(q, node) * mechanism.scale)[:rows]
+            jacobian[:3] /= mechanism.length
+            _, sigma, wt = np.linalg.svd(jacobian @ motions)
+            motions = motions @ wt[int((sigma > 1e-6 * sigma[0]).sum()) :].T
+        assert np.linalg.norm(gradient - motions @ (motions.T @ gradient)) < 1e-8 * (1.0 + np.linalg.norm(gradient))
+        for way in motions.T:
+            ahead, behind = (
+                mechanism.close(pin.integrate(mechanism.model, q, sign * 1e-4 * way * mechanism.scale))
+                for sign in (1.0, -1.0)
+            )
+            slope = (logarithm(mechanism, ahead, node, rows) - logarithm(mechanism, behind, node, rows)) / 2e-4
+            assert gradient @ way == pytest.approx(slope, abs=1e-5 * (1.0 + abs(slope)))
+
+
+# --- laws ----------------------------------------------------------------------------------------------------------
+
+TWIN = """
+  robot r { base { }
+    link 1 { parameters { theta 20 r %(a)s } type 2 pred 0 limits { -170 170 } }
+    link 2 { parameters { theta 30 d %(b)s alpha 90 } type 2 pred 1 limits { -100 100 } }
+    link 3 { parameters { theta 40 d %(b)s } type 2 pred 2 limits { -150 150 } }
+    link 4 { parameters { r %(a)s alpha 90 } type 1 pred 3 limits { 0 %(b)s } }
+    link 5 { parameters { theta -20 d %(a)s } type 2 pred 4 limits { -150 150 } }
+    frame 6 { name "tool" parameters { d %(b)s } pred 5 }
+  }
+"""
+
+
+@pytest.mark.parametrize("objective", [Posture, LimitMargin, Manipulability])
+def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff, objective):
+    ways = []
+    for name, factor in (("large", 1.0), ("small", 1e-6)):
+        twin = raff(f"units m\n{TWIN % {'a': repr(0.2 * factor), 'b': repr(0.5 * factor)}}", name)
+        given = {LimitMargin: (0.5,), Posture: (twin.q_home + 0.3 * twin.scale,)}.get(objective, ())
+        solver = Solver(twin, DT)
+        solver.pull("tool", rotation=0)
+        solver.objectives = [objective(*given, rate=2.0)]
+        way = [solver.step().q for _ in range(200)]
+        ways.append(pin.difference(twin.model, twin.q_home, way[-1]) / twin.scale)
+    assert np.abs(ways[0]).max() > 1e-3
+    assert ways[1] == pytest.approx(ways[0], abs=1e-6)
+
+
+@kinds
+def test_how_long_a_tick_is_does_not_matter(kind):
+    arm = load("arm7")
+    ends = []
+    for dt in (0.05, 0.01):
+        solver = Solver(arm, dt, q=begin(arm))
+        solver.pull("tool")
+        solver.objectives = [made(kind, arm)]
+        for _ in range(round(1.0 / dt)):
+            step = solver.step()
+        ends.append(step.q)
+    assert ends[0] == pytest.approx(ends[1], abs=0.05 * np.abs(ends[1] - begin(arm)).max() + 1e-12)
+
+
+@settings(max_examples=40)
+@given(
+    st.sampled_from(["arm7", "planar_hybrid", "delta4", "hybrid"]),
+    st.integers(0, 2**32 - 1),
+    st.lists(st.sampled_from(["posture", "margin", "manipulability", "random"]), min_size=1, max_size=3),
+)
+def test_whatever_is_wished_for_the_tool_stands_and_no_loop_opens(name, seed, wishes):
+    mechanism, rng = load(name), np.random.default_rng(seed)
+
+    class Random:
+        def velocity(self, state):
+            return rng.normal(size=state.mechanism.model.nv) * state.mechanism.scale * 10.0 ** rng.integers(-9, 9)
+
+    kinds = {
+        "posture": Posture(mechanism.q_home + rng.normal(size=mechanism.model.nq) * mechanism.scale),
+        "margin": LimitMargin(0.5),
+        "manipulability": Manipulability(),
+        "random": Random(),
+    }
+    solver = Solver(mechanism, DT, q=begin(mechanism, seed % 5))
+    solver.pull(mechanism.nodes[-1], translation=2, rotation=0, axes="world")
+    solver.objectives = [kinds[wish] for wish in wishes]
+    low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
+    for _ in range(30):
+        step = solver.step()
+        assert step.errors[0][0] / mechanism.length < 1e-9
+        assert step.closure <= 1e-10
+        assert (step.q >= low).all()
+        assert (step.q <= high).all()
+        fastest = mechanism.model.upperVelocityLimit
+        assert (np.abs(step.v) <= np.where(fastest > 0.0, fastest, np.inf) * (1.0 + 1e-9)).all()
+
+
+# --- objectives that make no sense ---------------------------------------------------------------------------------
+
+
+class Bad:
+    """Returns or raises what it is given, once the solver has it."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def velocity(self, state):
+        if isinstance(self.answer, Exception):
+            raise self.answer
+        return self.answer
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [ValueError("no"), np.full(7, math.nan), np.full(7, math.inf), np.full(7, 1e300), np.zeros(3), None, "fast", 1.0,
+     cinegen.CinegenError("no")],
+    ids=str,
+)  # fmt: skip
+def test_one_that_fails_is_left_out_and_the_others_go_on(answer):
+    arm = load("arm7")
+    good, both = Solver(arm, DT, q=begin(arm)), Solver(arm, DT, q=begin(arm))
+    bad = Bad(np.zeros(7))
+    for solver, objectives in ((good, [Posture()]), (both, [bad, Posture(), bad])):
+        solver.pull("tool")
+        solver.objectives = objectives
+    bad.answer = answer
+    for _ in range(20):
+        one, other = good.step(), both.step()
+        assert (one.q == other.q).all()
+        assert one.left_out == ()
+        assert other.left_out == (0, 2)
+    bad.answer = np.zeros(7)
+    assert both.step().left_out == ()
+    both.objectives = []
+    assert both.step().left_out == ()
+
+
+def test_wrong_objectives_are_refused_when_they_are_set():
+    solver = Solver(load("arm7"), DT)
+    for wrong in ([1.0], [None], [Posture(joints=["jont1"])], [Posture([0.0, 0.0])], [Manipulability("tol")]):
+        with pytest.raises(cinegen.CinegenError):
+            solver.objectives = wrong
+        assert solver.objectives == ()
+    for make in (
+        lambda: Posture(rate=0.0),
+        lambda: Posture(rate=math.nan),
+        lambda: Posture(joints={"joint1": -1.0}),
+        lambda: LimitMargin(0.6),
+        lambda: LimitMargin(0.0),
+        lambda: Manipulability(rotation=4),
+    ):
+        with pytest.raises(cinegen.CinegenError):
+            make()
+
+
+def test_a_base_that_rests_stays_where_it_is(raff):
+    free = raff("""
+      sensor 1 { port "x" translation 3 rotation 3 }
+      robot r { base { }
+        link 1 { parameters { theta 20 d 100 } type 2 pred 0 }
+        link 2 { parameters { theta 30 d 200 } type 2 pred 1 }
+        link 3 { parameters { theta 30 d 200 } type 2 pred 2 }
+        frame 4 { name "tool" parameters { d 200 } pred 3 }
+        constraint { base sensor ( 0 1 ) } }""")
+    assert free.floating
+    solver = Solver(free, DT)
+    solver.pull("tool", rotation=0)
+    solver.objectives = [Manipulability(), Posture(rate=0.1), LimitMargin()]
+    for _ in range(50):
+        step = solver.step()
+    assert not step.left_out
+    assert (step.q[:7] == free.q_home[:7]).all()
+    assert np.abs(step.q[7:] - free.q_home[7:]).max() > 1e-3

@@ -1,0 +1,86 @@
+"""Gain and damping, set while a robot moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cinegen import CinegenError, Solver, Verdict, load
+from cinegen.ik.damping import damping
+
+ARM = load("robots/planar_3r.raff")
+END = ARM.nodes[-1]
+
+
+def _pulled(near=None, gain=1.0):
+    """An arm pulled outwards near where it is stretched, one tick on: its step, and how far that went."""
+    q = ARM.configuration(dict(zip(ARM.joints, (0.3, 0.02, 0.02), strict=True)))
+    solver = Solver(ARM, 0.01, q=q, gain=gain)
+    if near is not None:
+        solver.near = near
+    pull = solver.pull(END, translation=2, rotation=0)
+    pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.0, -1e-4, 0.0]))
+    before = ARM.placement(q, END).translation
+    step = solver.step()
+    return step, float(np.linalg.norm(ARM.placement(step.q, END).translation - before))
+
+
+@given(st.floats(0.01, 1.0))
+def test_gain_is_the_part_of_an_error_that_a_tick_makes_good(gain):
+    solver = Solver(ARM, 0.01)
+    solver.gain = gain
+    pull = solver.pull(END, rotation=0, translation=2)
+    pull.target = pull.target * pin.SE3(np.eye(3), np.array([1e-5, 0.0, 0.0]))
+    assert solver.gain == gain
+    assert solver.step().errors[0][0] == pytest.approx((1.0 - gain) * 1e-5, abs=1e-9)
+
+
+def test_damping_sets_in_below_the_value_that_is_set():
+    sigma = _pulled()[0].singular_values[-1]
+    assert 1e-3 < sigma < 0.1
+    lively, usual, calm = (_pulled(near)[1] for near in (0.5 * sigma, 2.0 * sigma, 0.3))
+    assert calm < usual < lively
+    assert lively == pytest.approx(1e-4, rel=1e-2)  # not damped at all
+
+
+def test_the_plain_damping_has_the_same_setting():
+    sigma = np.linspace(0.0, 0.2, 50)
+    assert np.array_equal(damping(sigma, 0.1, 0.05), damping(sigma, 0.1))
+    assert not damping(sigma, 0.1, 0.1)[sigma >= 0.1].any()
+    assert (damping(sigma, 0.1, 0.1)[sigma < 0.1] > 0.0).all()
+
+
+def test_a_forecast_goes_by_the_same_settings():
+    solver = Solver(ARM, 0.01)
+    solver.gain, solver.near = 0.2, 0.2
+    pull = solver.pull(END, rotation=0, translation=2)
+    pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.05, 0.02, 0.0]))
+    ahead = solver.forecast(0.1, dt=0.01)
+    for tick in range(1, 11):
+        assert np.allclose(solver.step().q, ahead.q[tick], atol=1e-12)
+        if tick == 1:
+            assert solver.near == 0.2
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, 1.5, math.nan])
+def test_what_makes_no_sense_is_refused_and_nothing_changes(value):
+    solver = Solver(ARM, 0.01, gain=0.5)
+    with pytest.raises(CinegenError, match="gain"):
+        solver.gain = value
+    with pytest.raises(CinegenError, match="damping"):
+        solver.near = value
+    assert (solver.gain, solver.near) == (0.5, 0.05)
+
+
+def test_a_gentle_pull_is_followed_to_the_end_and_never_said_to_be_out_of_reach():
+    solver = Solver(ARM, 0.001, gain=0.02)
+    pull = solver.pull(END, translation=2, rotation=0)
+    pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.01, 0.01, 0.0]))
+    verdicts = {solver.step().verdict for _ in range(2000)}
+    assert verdicts == {Verdict.FOLLOWING}
+    assert solver.step().errors[0][0] < 1e-6 * ARM.length

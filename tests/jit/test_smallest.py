@@ -1,0 +1,66 @@
+"""The smallest singular value alone: of matrices whose singular values are known, and as a sampler gives it."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numba import njit
+
+from cinegen.ik.batch import Sampler
+from cinegen.jit.smallest import smallest_singular_value
+
+
+@njit
+def _of(a, x, y):
+    return smallest_singular_value(a, a.shape[0], a.shape[1], x, y)
+
+
+def smallest(a):
+    n = a.shape[1]
+    return _of(np.array(a, order="C"), np.zeros(n), np.zeros(n))
+
+
+def with_values(rng, rows, values):
+    n = len(values)
+    left, right = np.linalg.qr(rng.normal(size=(rows, n)))[0], np.linalg.qr(rng.normal(size=(n, n)))[0]
+    return (left * values) @ right
+
+
+@given(st.integers(0, 2**32), st.integers(1, 18), st.integers(0, 6), st.floats(-17.0, 0.0), st.integers(1, 3))
+def test_it_is_right_to_rounding_however_small_and_however_often_it_occurs(seed, n, more, power, times):
+    rng = np.random.default_rng(seed)
+    values = rng.uniform(1.0, 2.0, n)
+    values[:times] = 10.0**power
+    assert smallest(with_values(rng, n + more, values)) == pytest.approx(values.min(), rel=1e-12, abs=2e-15 * n)
+
+
+@given(st.integers(0, 2**32), st.floats(-8.0, 8.0))
+def test_it_grows_with_the_matrix(seed, power):
+    a = np.random.default_rng(seed).normal(size=(9, 6))
+    assert smallest(10.0**power * a) == pytest.approx(10.0**power * smallest(a), rel=1e-11)
+
+
+@pytest.mark.parametrize("a", [np.eye(4), np.diag([3.0, 1.0, 2.0]), np.ones((5, 1)), np.eye(7)[:, ::-1][:, :4]])
+def test_simple_matrices(a):
+    assert smallest(a) == pytest.approx(np.linalg.svd(a, compute_uv=False)[-1], rel=1e-14)
+
+
+@pytest.mark.parametrize("a", [np.zeros((3, 2)), np.ones((4, 3)), np.c_[np.eye(5), np.zeros(5)]])
+def test_dependent_columns_have_0(a):
+    assert smallest(a) <= 1e-15
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "rx90", "five_bar", "delta4", "gough"])
+@pytest.mark.parametrize("counted", [(3, 3), (3, 0), (2, 1)])
+def test_a_sampler_that_is_asked_for_less_gives_the_same(robot, name, counted):
+    mechanism = robot(name)
+    home = [mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated]
+    steps = np.random.default_rng(0).normal(size=(20, len(home))) * 0.01
+    motors = home + np.cumsum(steps, axis=0)
+    whole = Sampler(mechanism, mechanism.end, *counted, (), True).led(motors)
+    less = Sampler(mechanism, mechanism.end, *counted, (), True, whole=False).led(motors)
+    assert np.isfinite(whole.q).any()
+    for one in ("q", "closure", "second"):
+        np.testing.assert_array_equal(getattr(whole, one), getattr(less, one))
+    np.testing.assert_allclose(less.singular_values[:, -1], whole.singular_values[:, -1], atol=1e-13)
+    assert less.placements.shape == less.jacobians.shape == (20, 0, 0)

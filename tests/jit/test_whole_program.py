@@ -1,0 +1,143 @@
+"""Entries are compiled without machine code for their helpers, and do the same; helpers can still be called."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from numba import float64
+from numba.core.caching import NullCache
+
+from cinegen.jit import compiled as kernels
+from cinegen.jit import whole_program
+from cinegen.jit.compiled import compiled, entry, together
+from cinegen.jit.smallest import smallest_singular_value
+
+VECTOR = float64[::1]
+
+
+def kernels_of_our_own():
+    """A helper, and an entry that calls it, not compiled yet."""
+
+    def weighted(x, weight):
+        total = 0.0
+        for value in x:
+            total += weight * value * value
+        return total
+
+    def sum_of_squares(x):
+        return weighted(x, 1.0) + weighted(x, 0.5)
+
+    weighted = compiled(weighted)
+    return weighted, not_kept(entry(sum_of_squares))
+
+
+def not_kept(function):
+    """An entry that neither reads nor writes its code on disk."""
+    function._cache = NullCache()
+    return function
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch):
+    """Kernels of tests are forgotten afterwards."""
+    monkeypatch.setattr(kernels, "_ENTRIES", list(kernels._ENTRIES))
+    monkeypatch.setattr(kernels, "_HELPERS", list(kernels._HELPERS))
+
+
+def test_the_version_of_numba_that_is_installed_is_supported():
+    assert whole_program.is_supported(), "numba is newer than what was tested: test it, and add it to TESTED"
+
+
+def test_an_entry_needs_no_machine_code_of_its_helpers():
+    helper, function = kernels_of_our_own()
+    function.compile((VECTOR,))
+    assert function(np.arange(4.0)) == 1.5 * 14.0
+    assert not helper.overloads
+
+
+def test_a_helper_can_be_called_after_an_entry_was_compiled():
+    helper, function = kernels_of_our_own()
+    function.compile((VECTOR,))
+    assert helper(np.arange(4.0), 2.0) == 28.0
+    assert function(np.arange(4.0)) == 21.0
+
+
+def test_a_helper_that_was_compiled_before_stays():
+    helper, function = kernels_of_our_own()
+    assert helper(np.arange(4.0), 2.0) == 28.0
+    before = dict(helper.overloads)
+    function.compile((VECTOR,))
+    assert dict(helper.overloads).items() >= before.items()
+    assert helper(np.arange(4.0), 3.0) == 42.0
+
+
+def test_entries_compiled_together_share_helpers():
+    helper, first = kernels_of_our_own()
+
+    def half(x):
+        return helper(x, 0.5)
+
+    second = not_kept(entry(half))
+    with together():
+        first.compile((VECTOR,))
+        compiled_once = dict(helper.overloads)
+        second.compile((VECTOR,))
+        assert dict(helper.overloads) == compiled_once
+    assert (first(np.arange(3.0)), second(np.arange(3.0))) == (7.5, 2.5)
+    assert helper(np.arange(3.0), 1.0) == 5.0
+
+
+@pytest.mark.parametrize("missing", ["version", "attribute"])
+def test_with_another_numba_compilation_is_the_usual_one(monkeypatch, missing):
+    if missing == "version":
+        monkeypatch.setattr(whole_program, "TESTED", ("0.0",))
+    else:
+        monkeypatch.setattr(whole_program, "_NEEDED", {whole_program.JITCodeLibrary: ("_no_such_name",)})
+    assert not whole_program.is_supported()
+    helper, function = kernels_of_our_own()
+    function.compile((VECTOR,))
+    assert helper.overloads
+    assert function(np.arange(4.0)) == 21.0
+
+
+def test_numba_is_as_before_even_after_an_error():
+    codegen = whole_program.cpu_target.target_context.codegen()
+    before = codegen._library_class, whole_program.JITCPUCodegen.set_env, whole_program.gc.isenabled()
+    with pytest.raises(ZeroDivisionError), together():
+        raise ZeroDivisionError
+    assert (codegen._library_class, whole_program.JITCPUCodegen.set_env, whole_program.gc.isenabled()) == before
+
+
+def test_two_threads_may_compile_at_once():
+    pairs = [kernels_of_our_own() for _ in range(4)]
+    threads = [threading.Thread(target=function.compile, args=((VECTOR,),)) for _, function in pairs]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [function(np.arange(4.0)) for _, function in pairs] == [21.0] * 4
+    assert [helper(np.arange(4.0), 1.0) for helper, _ in pairs] == [14.0] * 4
+
+
+def test_a_kernel_finds_the_same_either_way(monkeypatch):
+    """Multiplication and addition may be fused in other places: equal but for rounding."""
+
+    def new_entry():
+        def smallest(a, x, y):
+            return smallest_singular_value(a, a.shape[0], a.shape[1], x, y)
+
+        function = not_kept(entry(smallest))
+        function.compile((float64[:, ::1], VECTOR, VECTOR))
+        return function
+
+    whole = new_entry()
+    monkeypatch.setattr(whole_program, "TESTED", ())
+    usual = new_entry()
+    assert smallest_singular_value.overloads
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        a = rng.normal(size=(9, 6))
+        found = [function(a.copy(), np.empty(6), np.empty(6)) for function in (whole, usual)]
+        assert found == pytest.approx([np.linalg.svd(a, compute_uv=False)[-1]] * 2, rel=1e-12)

@@ -1,0 +1,143 @@
+"""`AvoidingSolver`: never too near while it is pulled about, and round what is in the way."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from clearings import load
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cinegen.collision import scene_of, surroundings
+from cinegen.ik import Solver, Verdict
+from cinegen.ik.objectives import Posture
+from cinegen.planning import AvoidingSolver
+from cinegen.planning.keep import is_clear
+
+SAFETY = 0.01
+
+
+def scene(name, *obstacles, **more):
+    mechanism = load(name)
+    listed = [{"name": f"o{i}", **one} for i, one in enumerate(obstacles)]
+    document = {"safety": SAFETY, "start": {}, "goal": {"point": [0.0, 0.0, 0.0]}, "obstacle": listed, **more}
+    return scene_of(document, mechanism=mechanism)
+
+
+def hand(scene_):
+    clearance, around = surroundings(scene_)
+    return AvoidingSolver(scene_.mechanism, 1e-3, clearance, around, scene_.safety, q=scene_.start), clearance
+
+
+def pole(x, y):
+    return {"kind": "cylinder", "radius": 0.03, "length": 1.2, "point": [x, y, 0.4]}
+
+
+def moved(pull, translation):
+    pull.target = pin.SE3(pull.target.rotation, np.asarray(translation, dtype=float))
+
+
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("planar_3r", "tool"), ("delta4", "platform")])
+@settings(max_examples=6)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_however_it_is_pulled_it_stays_clear_all_along(name, node, seed):
+    """Wild drags among balls: no step comes nearer than the safety distance, anywhere on it; loops stay closed."""
+    rng, mechanism = np.random.default_rng(seed), load(name)
+    home = mechanism.placement(mechanism.q_home, node).translation
+    bare = surroundings(scene(name))[0]
+    balls = []
+    while len(balls) < 4:
+        place = home + rng.uniform(-1.0, 1.0, 3) * mechanism.length * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
+        ball = {"kind": "sphere", "radius": 0.08 * mechanism.length, "point": place.tolist()}
+        if surroundings(scene(name, ball))[0].least(mechanism.q_home) > 1.5 * SAFETY:
+            balls.append(ball)
+    assert bare.least(mechanism.q_home) > SAFETY
+    solver, clearance = hand(scene(name, *balls))
+    pull = solver.pull(node, translation=3, rotation=0, axes="world")
+    before = solver.q
+    for tick in range(240):
+        if tick % 40 == 0:
+            moved(pull, home + rng.uniform(-1.0, 1.0, 3) * mechanism.length)
+        step = solver.step()
+        assert is_clear(clearance, before, step.q, SAFETY * (1.0 - 1e-9))
+        assert clearance.least(step.q) >= SAFETY
+        assert mechanism.closure(step.q) <= 1e-9
+        before = step.q
+
+
+def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
+    """A rod across the way of a planar arm, the paper's figures 5 and 6, in the hand."""
+    rod = {"kind": "box", "size": [0.24, 0.01], "point": [0.62, 0.0]}
+    start = {"joints": {"joint1": -1.18, "joint2": 0.99, "joint3": 0.88}}
+    goal = [0.6, 0.3, 0.0]
+
+    def pulled(solver, ticks=6000):
+        pull = solver.pull("tool", translation=2, rotation=0, axes="world")
+        moved(pull, goal)
+        seen = set()
+        for _ in range(ticks):
+            step = solver.step()
+            seen.add(step.verdict)
+            if step.errors[0][0] < 1e-3:
+                break
+        return step, seen
+
+    avoiding, clearance = hand(scene("planar_3r", rod, start=start))
+    step, seen = pulled(avoiding)
+    assert step.errors[0][0] < 1e-3
+    assert Verdict.DETOUR in seen
+    alone = Solver(avoiding.mechanism, 1e-3, scene("planar_3r", rod, start=start).start)
+    alone.barriers = avoiding.barriers
+    step, seen = pulled(alone)
+    assert step.errors[0][0] > 0.1
+    assert step.verdict is Verdict.BARRED
+    assert clearance.least(step.q) >= SAFETY
+
+
+def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
+    """Neither raises, nor moves what it must not."""
+    solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))
+    tool = solver.pull("tool", translation=3, rotation=0)
+    other = solver.pull("link4", translation=3, rotation=0)
+    x, y, z = tool.target.translation
+    for wrong in ("nowhere", None, pin.SE3(np.eye(3), np.full(3, np.nan))):
+        other.target = wrong
+        moved(tool, [x, -y - 0.6, z])
+        for _ in range(400):
+            step = solver.step()
+            assert step.verdict is Verdict.BAD_TARGET
+        assert clearance.least(step.q) >= SAFETY
+
+
+def test_where_nothing_leads_on_an_obstacle_that_goes_away_is_noticed():
+    """A mobile point in a box: it waits; a wall is taken away, and it goes."""
+    walls = [([0.0, 0.5], [1.2, 0.1]), ([0.0, -0.5], [1.2, 0.1]), ([-0.5, 0.0], [0.1, 1.2]), ([0.5, 0.0], [0.1, 1.2])]
+    listed = [{"name": f"w{i}", "kind": "box", "point": at, "size": size} for i, (at, size) in enumerate(walls)]
+    around_ = scene_of(
+        {"mobile": {"radius": 0.05}, "safety": SAFETY, "start": {"point": [0.0, 0.0]}, "goal": {"point": [2.0, 0.0]},
+         "obstacle": listed}
+    )  # fmt: skip
+    solver, clearance = hand(around_)
+    pull = solver.pull("mobile", translation=2, rotation=0, axes="world")
+    moved(pull, [2.0, 0.0, 0.0])
+    for _ in range(6000):
+        step = solver.step()
+    assert np.abs(step.q).max() < 0.45
+    last = len(clearance.bodies) - 1
+    solver.move(last, pin.SE3(np.eye(3), np.array([0.5, 5.0, 0.0])))
+    for _ in range(6000):
+        step = solver.step()
+    assert step.errors[0][0] < 1e-3
+
+
+def test_objectives_wait_and_are_kept():
+    solver, _ = hand(scene("arm7", pole(0.45, 0.0)))
+    posture = Posture()
+    solver.objectives = (posture,)
+    pull = solver.pull("tool", translation=3, rotation=0)
+    x, y, z = pull.target.translation
+    moved(pull, [x, -y - 0.6, z])
+    for _ in range(800):
+        solver.step()
+        assert solver.objectives == (posture,)

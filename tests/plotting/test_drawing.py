@@ -1,0 +1,306 @@
+"""Pictures on paper: what a skeleton is, how it is seen, and what stands on the sheet."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from scipy.spatial import ConvexHull
+
+from cinegen.assembly import assembly_modes
+from cinegen.model.limits import outside, unwound
+from cinegen.plotting import DrawingError, Skeleton, View, draw_modes, views
+from cinegen.plotting.stick import outline
+
+PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
+coordinates = st.floats(-10.0, 10.0).map(lambda value: round(value, 3))
+
+
+@pytest.fixture(scope="module")
+def modes(robot):
+    """`modes("tssm")`: all of them, the motors at home."""
+    return cache(lambda name: assembly_modes(robot(name)))
+
+
+@pytest.fixture(scope="module")
+def drawn(modes):
+    """`drawn("tssm")`: the figure, and how it is rendered."""
+
+    @cache
+    def draw(name):
+        figure = draw_modes(modes(name))
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return figure, canvas
+
+    return draw
+
+
+# --- skeletons ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", PARALLEL)
+def test_parts_are_rigid_in_all_modes_and_the_base_stands_still(robot, modes, name):
+    skeleton = Skeleton(robot(name))
+    home = skeleton.at(robot(name).q_home)
+    for q in modes(name):
+        there = skeleton.at(q)
+        for one, other in zip(home.parts, there.parts, strict=True):
+            apart = [np.linalg.norm(part.points[:, None] - part.points[None], axis=2) for part in (one, other)]
+            np.testing.assert_allclose(*apart, atol=1e-9)
+            if one.is_base:
+                np.testing.assert_array_equal(one.points, other.points)
+        assert np.allclose(there.end, robot(name).placement(q, robot(name).end).translation)
+
+
+@pytest.mark.parametrize("name", PARALLEL)
+def test_every_joint_is_a_point_of_two_parts_or_of_a_part_and_a_slide(robot, modes, name):
+    skeleton = Skeleton(robot(name))
+    for q in modes(name):
+        pose = skeleton.at(q)
+        met = [part.points for part in pose.parts] + [slide.points for slide in pose.slides]
+        corners = [(k, point) for k, points in enumerate(met) for point in points]
+        for slide in pose.slides:
+            for point in slide.points:
+                assert sum(np.linalg.norm(point - other) < 1e-9 for _, other in corners) > 1
+        for motor in pose.motors:
+            assert len({k for k, point in corners if np.linalg.norm(motor - point) < 1e-9}) > 1
+
+
+@pytest.mark.parametrize("name", ["tssm", "gough"])
+def test_a_jack_is_as_long_as_its_motor_says(robot, modes, name):
+    skeleton = Skeleton(robot(name))
+    for q in modes(name):
+        slides = {slide.joint: slide for slide in skeleton.at(q).slides}
+        assert set(slides) == set(robot(name).actuated)
+        for joint, length in zip(robot(name).actuated, modes(name).actuated, strict=True):
+            assert math.dist(*slides[joint].points) == pytest.approx(length, abs=1e-12)
+            assert slides[joint].motor
+
+
+def test_links_of_the_delta_are_as_long_as_its_file_says(robot):
+    pose = Skeleton(robot("delta4")).at(robot("delta4").q_home)
+    bars = sorted(math.dist(*part.points) for part in pose.parts if len(part.points) == 2)
+    assert bars == pytest.approx([2.0] * 3 + [3.5] * 3)
+    plates = [part for part in pose.parts if part.normal is not None]
+    assert [len(plate.points) for plate in plates] == [3, 3]
+    for plate, radius in zip(plates, (1.5, 0.50654), strict=True):
+        assert np.linalg.norm(plate.points[:, :2], axis=1) == pytest.approx([radius] * 3, abs=1e-5)
+        np.testing.assert_allclose(plate.normal, [0.0, 0.0, 1.0], atol=1e-9)
+
+
+def test_a_plate_keeps_its_side(robot, modes):
+    """The delta's platform never turns over; the TSSM's does."""
+    for name, turned in (("delta4", {True}), ("tssm", {True, False})):
+        skeleton = Skeleton(robot(name))
+        sides = set()
+        for q in modes(name):
+            (plate,) = [part for part in skeleton.at(q).parts if part.normal is not None and not part.is_base]
+            assert np.linalg.norm(plate.normal) == pytest.approx(1.0)
+            assert np.ptp(plate.points @ plate.normal) < 1e-9
+            sides.add(bool(plate.normal[2] > 0.0))
+        assert sides == turned
+
+
+def test_a_wrist_stands_on_its_plate_as_a_stalk(robot):
+    pose = Skeleton(robot("hybrid")).at(robot("hybrid").q_home)
+    plates = [part for part in pose.parts if part.normal is not None and not part.is_base]
+    stalks = [part for part in pose.parts if part.is_stalk]
+    assert len(plates) == len(stalks) == 1
+    np.testing.assert_allclose(stalks[0].points[0], plates[0].points.mean(axis=0))
+
+
+@pytest.mark.parametrize(
+    ("name", "plane"), [("five_bar", [0, 0, 1]), ("planar_hybrid", [0, 0, 1]), ("sr400", None), ("tssm", None)]
+)
+def test_what_moves_in_a_plane_is_known(robot, name, plane):
+    found = Skeleton(robot(name)).plane
+    assert (found is None) == (plane is None)
+    if plane is not None:
+        np.testing.assert_allclose(found, plane, atol=1e-12)
+
+
+# --- views -------------------------------------------------------------------------------------------------------
+
+
+@given(arrays(float, (6, 3), elements=coordinates))
+def test_a_point_is_seen_where_the_ray_from_the_eye_meets_the_picture(points):
+    if np.ptp(points, axis=0).max() < 0.1:
+        return
+    for view in views(points):
+        np.testing.assert_allclose(view.axes @ view.axes.T, np.eye(3), atol=1e-12)
+        assert np.linalg.det(view.axes) > 0.0  # no mirror
+        flat, near = view.project(points)
+        for point, (x, y), depth in zip(points, flat, near, strict=True):
+            right, up, towards = view.axes
+            if math.isinf(view.distance):
+                ray = towards
+            else:
+                eye = view.centre + view.distance * towards
+                assert depth < 0.5 * view.distance
+                ray = eye - point
+            part = (view.centre - point) @ towards / (ray @ towards)
+            there = point + part * ray
+            np.testing.assert_allclose(there, view.centre + x * right + y * up, atol=1e-9)
+
+
+@given(arrays(float, (3, 3), elements=coordinates))
+def test_a_front_is_seen_where_its_corners_turn_left(corners):
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    if np.linalg.norm(normal) < 1e-2:
+        return
+    for view in views(corners):
+        (a, b, c), _ = view.project(corners)
+        area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+        if abs(area) > 1e-6:
+            assert view.shows_front(corners.mean(axis=0), normal) == (area > 0.0)
+
+
+@settings(max_examples=50)
+@given(arrays(float, st.tuples(st.integers(3, 12), st.just(2)), elements=coordinates))
+def test_an_outline_is_the_convex_hull(points):
+    centred = points - points.mean(axis=0)
+    if np.linalg.svd(centred)[1][1] < 1e-2:
+        return
+    found = outline(points)
+    hull = ConvexHull(points)
+    area = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, np.roll(found, -1, axis=0), strict=True))
+    assert area == pytest.approx(hull.volume, rel=1e-9)
+    assert {tuple(corner) for corner in found} <= {tuple(point) for point in points}
+
+
+def test_a_plate_seen_on_its_edge_is_a_line():
+    line = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
+    assert {tuple(corner) for corner in outline(line)} == {(0.0, 0.0), (3.0, 6.0)}
+
+
+# --- sheets ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "seen"), [("tssm", 3), ("gough", 3), ("delta4", 3), ("five_bar", 1)])
+def test_a_sheet_has_a_panel_for_each_mode_and_view(modes, drawn, name, seen):
+    figure, _ = drawn(name)
+    count = len(modes(name))
+    assert len(figure.axes) == count * seen
+    numbers = [axes.get_label().split()[1] for axes in figure.axes]
+    assert numbers == [str(k + 1) for k in range(count) for _ in range(seen)]
+    written = [text.get_text() for text in figure.texts]
+    assert [word for word in written if word.isdecimal()] == [str(k + 1) for k in range(count)]
+    assert f"{count} assembly modes" in written[0]
+
+
+@pytest.mark.parametrize("name", ["tssm", "delta4", "five_bar"])
+def test_all_panels_have_one_scale_and_hide_nothing(robot, modes, drawn, name):
+    figure, _ = drawn(name)
+    skeleton = Skeleton(robot(name))
+    poses = [skeleton.at(q) for q in modes(name)]
+    seen = views(np.vstack([pose.points for pose in poses]), skeleton.plane)
+    scales = []
+    for panel, axes in enumerate(figure.axes):
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        box = axes.get_position()
+        scales.append(box.width * figure.get_figwidth() / (right - left))
+        scales.append(box.height * figure.get_figheight() / (high - low))
+        flat, _ = seen[panel % len(seen)].project(poses[panel // len(seen)].points)
+        assert flat[:, 0].min() > left
+        assert flat[:, 0].max() < right
+        assert flat[:, 1].min() > low
+        assert flat[:, 1].max() < high
+    assert scales == pytest.approx([scales[0]] * len(scales))
+
+
+@pytest.mark.parametrize("name", ["tssm", "five_bar"])
+def test_every_panel_shows_something_and_stands_for_itself(drawn, name):
+    figure, canvas = drawn(name)
+    pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+    taken = np.zeros(pixels.shape[:2], dtype=int)
+    for axes in figure.axes:
+        box = axes.get_window_extent()
+        rows = slice(round(pixels.shape[0] - box.y1), round(pixels.shape[0] - box.y0))
+        columns = slice(round(box.x0), round(box.x1))
+        assert (pixels[rows, columns] < 200).any(axis=2).mean() > 0.005
+        taken[rows, columns] += 1
+    assert (taken > 1).sum() <= 2 * sum(pixels.shape[:2]) * len(figure.axes)  # a pixel at their edges
+
+
+def _overlap(one, other):
+    return one.x0 < other.x1 and other.x0 < one.x1 and one.y0 < other.y1 and other.y0 < one.y1
+
+
+@pytest.mark.parametrize("name", ["tssm", "gough", "delta4", "five_bar"])
+def test_words_are_on_the_sheet_and_not_on_each_other(drawn, name):
+    figure, _ = drawn(name)
+    boxes = [text.get_window_extent() for text in figure.texts if text.get_text()]
+    sheet = figure.bbox
+    for k, box in enumerate(boxes):
+        assert box.x0 >= 0
+        assert box.y0 >= 0
+        assert box.x1 <= sheet.width
+        assert box.y1 <= sheet.height
+        assert not any(_overlap(box, other) for other in boxes[:k])
+
+
+def test_forty_modes_are_still_a_sheet(modes):
+    few = modes("delta4")
+    many = replace(few, configurations=few.configurations * 20, coincident=(1, 2) + (1,) * 38)
+    figure = draw_modes(many, name="a robot of forty")
+    assert len(figure.axes) == 120
+    assert max(figure.get_size_inches()) < 25.0
+    FigureCanvasAgg(figure)
+    boxes = [text.get_window_extent() for text in figure.texts if text.get_text()]
+    assert not any(_overlap(box, other) for k, box in enumerate(boxes) for other in boxes[:k])
+    assert any("×2" in text.get_text() for text in figure.texts)
+
+
+def test_what_is_outside_its_limits_is_marked(robot, modes, drawn):
+    figure, _ = drawn("tssm")
+    marked = sum("outside" in text.get_text() for text in figure.texts)
+    assert marked == sum(bool(outside(robot("tssm"), q)) for q in modes("tssm"))
+
+
+def test_nothing_can_be_drawn_of_no_mode(modes):
+    none = replace(modes("five_bar"), configurations=(), coincident=())
+    with pytest.raises(DrawingError, match="no assembly mode"):
+        draw_modes(none)
+
+
+# --- limits ------------------------------------------------------------------------------------------------------
+
+
+@given(st.data())
+def test_a_joint_is_outside_if_no_number_of_turns_brings_it_inside(robot, data):
+    arm = robot("five_bar")
+    q = np.array(data.draw(st.lists(st.floats(-20.0, 20.0), min_size=arm.model.nq, max_size=arm.model.nq)))
+    beyond = outside(arm, q)
+    for joint in arm.joints:
+        i = arm.q_index(joint)
+        low, high = arm.model.lowerPositionLimit[i], arm.model.upperPositionLimit[i]
+        inside = any(low <= q[i] + 2.0 * math.pi * turns <= high for turns in range(-6, 7))
+        assert inside == (joint not in beyond)
+    there = unwound(arm, q)
+    for node in arm.nodes:
+        np.testing.assert_allclose(
+            arm.placement(there, node).homogeneous, arm.placement(q, node).homogeneous, atol=1e-12
+        )
+
+
+def test_the_nearer_limit_is_said(robot):
+    arm = robot("five_bar")  # joint1 may be at 60 to 200 degrees
+    q = arm.configuration({"joint1": math.radians(45.0)})
+    assert outside(arm, q)["joint1"] == pytest.approx(math.radians(60.0))
+    q = arm.configuration({"joint1": math.radians(-140.0)})
+    assert outside(arm, q)["joint1"] == pytest.approx(math.radians(200.0))
+
+
+def test_a_view_is_told_by_its_name():
+    assert [view.name for view in views(np.eye(3))] == ["perspective", "top", "side"]
+    (flat,) = views(np.eye(3), np.array([0.0, 0.0, 1.0]))
+    assert isinstance(flat, View)
+    np.testing.assert_allclose(flat.axes, np.eye(3), atol=1e-12)

@@ -1,0 +1,511 @@
+"""Maps as pictures: singular curves against closed forms, and what stands on the sheet."""
+
+import math
+import warnings
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
+from matplotlib.text import Text
+
+from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
+from cinegen.plotting.heading import printed
+from cinegen.plotting.loci import TYPE_1, TYPE_2
+from cinegen.plotting.map import draw_map
+from cinegen.plotting.panel import fitted
+from cinegen.plotting.plane import ROBOT
+from cinegen.plotting.shades import differing
+from cinegen.plotting.solid import net
+from cinegen.singularities import Kind, singularity
+from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
+from cinegen.workspace.dataset import survey_of
+from cinegen.workspace.extent import Extent, extent
+from cinegen.workspace.loci import loci
+
+
+@pytest.fixture(scope="module")
+def made(robot, tmp_path_factory):
+    """`made("five_bar", ("x", -1, 1, 20), ..., at={}, quantities=...)`: a map."""
+    folder = tmp_path_factory.mktemp("maps")
+
+    def make(name, *axes, at=None, quantities=("sigma_1", "sigma_2"), limits=False, centre=None, **more):
+        region = Region(tuple(GridAxis(*axis) for axis in axes), at or {}, centre=centre)
+        survey = Survey(robot(name), region, quantities, limits=limits, **more)
+        return make_map(survey, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def five_bar(made):
+    """The whole plane of its tool, in cells that are not square."""
+    return made(
+        "five_bar", ("x", -0.7, 0.7, 34), ("y", -0.75, 0.75, 40), quantities=("sigma_1", "sigma_2", "condition")
+    )
+
+
+@pytest.fixture(scope="module")
+def wrist(made):
+    """planar_3r with its tool along x: an arm of 400 and 300 whose wrist is 200 behind."""
+    return made("planar_3r", ("x", -0.75, 1.15, 38), ("y", -0.9, 0.9, 36), at={"rz": 0.0})
+
+
+@pytest.fixture(scope="module")
+def drawn(five_bar):
+    return rendered(draw_map(five_bar))
+
+
+def rendered(figure):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", UserWarning)  # that its layout does not fit
+        FigureCanvasAgg(figure).draw()
+    return figure
+
+
+def cut_off(figure):
+    """What is written, but for numbers of solids, and sticks out of the sheet."""
+    solid = {text for axes in figure.axes if axes.name == "3d" for text in axes.findobj(Text)}
+    found = [text for text in set(figure.findobj(Text)) - solid if text.get_text() and text.get_visible()]
+    page = figure.bbox.padded(1.0)
+    return [text.get_text() for text in found if page.count_contains(text.get_window_extent().corners()) < 4]
+
+
+def running_together(axis):
+    """Neighbouring numbers of an axis that overlap."""
+    boxes = [label.get_window_extent() for label in axis.get_ticklabels() if label.get_text()]
+    return sum(one.overlaps(other) for one, other in pairwise(boxes))
+
+
+def points_of(curves, kind):
+    return np.vstack([np.zeros((0, 2)), *(curve.points for curve in curves if curve.kind is kind)])
+
+
+def words(figure):
+    """All that is written."""
+    found = [text.get_text() for text in figure.findobj(Text)]
+    return "\n".join(text for text in found if text)
+
+
+# --- singular curves ---------------------------------------------------------------------------------------------
+
+
+def test_a_five_bars_curves_are_circles(five_bar, robot):
+    """Arms of 250 and 400 about (-150, 0) and (150, 0), stretched at 650 or folded at 150; and of type 2 those of 400
+    about (0, 200) and (0, -200), where the elbows fall together."""
+    curves = loci(five_bar)
+    first, second = points_of(curves, Kind.TYPE_1), points_of(curves, Kind.TYPE_2)
+    away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-0.15, 0.15)])
+    assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
+    for x in (-0.15, 0.15):
+        for radius in (0.65, 0.15):
+            assert (np.abs(np.hypot(first[:, 0] - x, first[:, 1]) - radius) < 1e-5).sum() > 15
+    off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 0.4 for y in (-0.2, 0.2)]).min(axis=0)
+    assert off.max() < 1e-6
+    assert len(second) > 20
+    for curve in curves:
+        for point, q in zip(curve.points[::5], curve.q[::5], strict=True):
+            np.testing.assert_allclose(robot("five_bar").placement(q, "tool").translation[:2], point, atol=1e-7)
+            assert singularity(robot("five_bar"), q, tolerance=0.01).kind in (curve.kind, Kind.BOTH)
+
+
+def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
+    """sin q2 = 0 on circles of 700 and 100 about (200, 0), all of them."""
+    curves = loci(wrist)
+    assert {curve.kind for curve in curves} == {Kind.TYPE_1}
+    points = points_of(curves, Kind.TYPE_1)
+    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
+    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
+    turned = np.sort(np.arctan2(points[:, 1], points[:, 0] - 0.2)[radii > 0.4])
+    assert np.diff(turned).max() < 0.1
+    assert (radii < 0.4).sum() >= 8
+
+
+def test_over_its_motors_it_is_singular_on_a_line(made):
+    """Of place and direction in the plane: where joint 2 is 0, whatever joint 3 is."""
+    turns = made("planar_3r", ("joint2", -0.8, 0.9, 12), ("joint3", -0.9, 0.8, 9), at={"joint1": 0.3})
+    (curve,) = loci(turns)
+    assert (curve.kind, curve.border) == (Kind.TYPE_1, False)
+    assert np.abs(curve.points[:, 0]).max() < 1e-6
+    assert len(curve.points) == 9
+    assert all(abs(b - a) == pytest.approx(1.7 / 9.0) for a, b in pairwise(curve.points[:, 1]))
+
+
+def test_a_joints_limit_is_no_singularity(made, robot):
+    """Joint 2 within 5 to 170 degrees either way stops five_bar's arms before they are stretched."""
+    curves = loci(made("five_bar", ("x", -0.5, 0.5, 25), ("y", 0.0, 0.7, 20), limits=True))
+    assert {(curve.kind, curve.border) for curve in curves} == {(Kind.NONE, True)}
+    model = robot("five_bar").model
+    for curve in curves:
+        near = np.minimum(curve.q - model.lowerPositionLimit, model.upperPositionLimit - curve.q).min(axis=1)
+        assert (near > -1e-8).all()
+        assert (near < 1e-3).all()
+
+
+def test_a_fine_map_is_thinned(wrist, monkeypatch):
+    monkeypatch.setattr("cinegen.workspace.loci.MOST", 19)
+    points = points_of(loci(wrist), Kind.TYPE_1)
+    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
+    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
+    assert 20 < len(points) < 110
+
+
+def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
+    part = wrist.load().copy(deep=True)
+    part["settled"][:, 18:] = 0
+    part["reachable"][:, 18:] = False
+    part["configuration"][:, 18:] = np.nan
+    points = points_of(loci(part), Kind.TYPE_1)
+    assert (points[:, 1] < 0.0).all()
+    radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
+    assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
+
+
+def test_a_line_has_no_curves(made):
+    with pytest.raises(MapError, match="a map of two axes with two cells or more, and this has x, 3 cells"):
+        loci(made("planar_3r", ("x", 0.2, 0.4, 3)))
+
+
+# --- two axes ----------------------------------------------------------------------------------------------------
+
+
+def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar):
+    axes = drawn.axes[0]
+    out, shades = [mesh for mesh in axes.collections if type(mesh).__name__ == "QuadMesh"]
+    reached = five_bar.reachable.values
+    np.testing.assert_allclose(np.ma.compressed(shades.get_array()), five_bar.sigma_1.values.T[reached.T], rtol=1e-6)
+    assert np.ma.count(out.get_array()) == (~reached).sum()
+    assert to_hex(out.get_cmap()(1.0)) == "#e9ebee"
+    assert any(type(lines).__name__ == "QuadContourSet" and len(lines.levels) for lines in axes.collections)
+    assert axes.get_aspect() == 1.0
+    assert any(artist.get_gid() == ROBOT for artist in axes.get_children())
+
+
+def test_its_curves_are_where_they_should_be_in_mm(drawn):
+    axes = drawn.axes[0]
+    second = np.vstack([np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == TYPE_2])
+    off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 400.0 for y in (-200.0, 200.0)]).min(axis=0)
+    assert off.max() < 1e-3
+    first = np.vstack([np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == TYPE_1 and
+                       line.get_gid() != ROBOT])  # fmt: skip
+    away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-150.0, 150.0)])
+    assert np.abs(away[:, :, None] - [650.0, 150.0]).min(axis=(0, 2)).max() < 1e-2
+
+
+def test_the_robot_is_where_it_is_at_home(drawn, robot):
+    tool = robot("five_bar").placement(robot("five_bar").q_home, "tool").translation[:2]
+    ends = [np.column_stack(artist.get_data()) for artist in drawn.axes[0].lines if artist.get_gid() == ROBOT]
+    assert min(np.abs(points - 1e3 * tool).max(axis=1).min() for points in ends) < 1e-9
+
+
+def test_its_words_say_what_it_is(drawn, five_bar):
+    said = words(drawn)
+    survey = survey_of(five_bar)
+    measured = extent(five_bar)
+    for part in ("x (mm)", "y (mm)", "σ₁: smallest singular value of type 1", f"{survey.mechanism.name}: reach of tool",
+                 str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: motion lost",
+                 "type 2: motion gained", "robot at home", "out of reach"):  # fmt: skip
+        assert part in said
+    assert draw_map(five_bar, name="a linkage", curves=False).get_suptitle() == "a linkage: reach of tool"
+
+
+def test_what_is_left_out_is_not_there(five_bar):
+    axes = draw_map(five_bar, curves=False, robot=False).axes[0]
+    assert not [line for line in axes.lines if len(line.get_xdata())]
+    assert not [artist for artist in axes.get_children() if artist.get_gid() == ROBOT]
+
+
+def test_each_quantity_has_its_scale(made, five_bar):
+    condition = draw_map(five_bar, "condition", curves=False)
+    shades = [mesh for mesh in condition.axes[0].collections if type(mesh).__name__ == "QuadMesh"][-1]
+    assert isinstance(shades.norm, LogNorm)
+    modes = made("planar_3r", ("x", 0.0, 0.9, 12), ("y", -0.2, 0.2, 4), at={"rz": 0.0}, quantities=("solutions",))
+    solutions = rendered(draw_map(modes, "solutions", curves=False))
+    meshes = [mesh for mesh in solutions.axes[0].collections if type(mesh).__name__ == "QuadMesh"]
+    assert isinstance(meshes[-1].norm, BoundaryNorm)
+    assert [tick.get_text() for tick in solutions.axes[1].get_yticklabels()] == ["2"]
+    reachable = draw_map(modes, "reachable", curves=False)
+    assert len(reachable.axes) == 1  # one colour needs no bar
+    settled = draw_map(modes, None, curves=False)
+    assert {"neighbour", "search"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
+    with pytest.raises(MapError, match="this map tells no 'sigma_3': did you mean 'sigma_2'"):
+        draw_map(five_bar, "sigma_3")
+
+
+def test_turns_are_in_degrees_and_have_no_robot(made):
+    turns = made("planar_3r", ("joint2", -0.8, 0.9, 5), ("joint3", -0.9, 0.8, 4), at={"joint1": 0.3})
+    figure = rendered(draw_map(turns))
+    axes = figure.axes[0]
+    assert axes.get_xlabel() == "joint2 (°)"
+    np.testing.assert_allclose(axes.get_xlim(), np.degrees([-0.8, 0.9]))
+    assert not [artist for artist in axes.get_children() if artist.get_gid() == ROBOT]
+    (line,) = [line for line in axes.lines if len(line.get_xdata())]
+    assert np.abs(line.get_xdata()).max() < 1e-4
+    assert "joint1 17.19°" in words(figure)
+
+
+def test_a_map_that_reaches_nothing_is_drawn_all_the_same(made):
+    far = made("planar_3r", ("x", 2.0, 3.0, 4), ("y", 2.0, 3.0, 5))
+    said = words(rendered(draw_map(far)))
+    assert "reached: 0 m²" in said
+    assert "out of reach" in said
+
+
+def test_a_robot_out_of_the_picture_is_not_in_the_legend(made):
+    away = made("planar_3r", ("x", 0.2, 0.3, 3), ("y", -0.8, -0.7, 3))
+    figure = rendered(draw_map(away, curves=False))
+    assert "robot at home" not in words(figure)
+    assert not [artist for artist in figure.axes[0].get_children() if artist.get_gid() == ROBOT]
+
+
+@pytest.mark.parametrize("sides", [(2.0, 0.4), (0.1, 0.2), (0.1, 0.7)])
+def test_a_long_name_takes_nothing_from_the_picture(made, sides):
+    """And neither it nor any other word sticks out of the sheet."""
+    axes = [(name, -0.5 * side, 0.5 * side, 4) for name, side in zip("xy", sides, strict=True)]
+    region = made("planar_3r", *axes, at={"rz": 0.0}, quantities=("solutions", "sigma_1"))
+    short, long = (rendered(draw_map(region, "settled", curves=False, name=name)) for name in ("arm", "a_name" * 20))
+    sizes = [figure.axes[0].get_window_extent().size for figure in (short, long)]
+    np.testing.assert_allclose(*sizes, rtol=0.02)
+    assert sizes[0].max() > 0.45 * min(short.bbox.size)
+    counts = rendered(draw_map(region, "solutions", curves=False))
+    assert cut_off(short) == cut_off(long) == cut_off(counts) == []
+
+
+@given(st.text("Wiaou_ ", min_size=1, max_size=80), st.floats(0.5, 6.0), st.floats(6.0, 12.0))
+@settings(max_examples=60, deadline=None)
+def test_words_are_put_in_lines_that_fit(said, room, points):
+    from matplotlib.figure import Figure
+
+    lines = fitted(said, room, points)
+    assert "".join(lines.split()) == "".join(said.split())
+    figure = Figure(dpi=150)
+    FigureCanvasAgg(figure)
+    assert figure.text(0.0, 0.0, lines, fontsize=points).get_window_extent().width <= 1.02 * 150.0 * room + 2.0
+
+
+@given(st.floats(-1e4, 1e4), st.floats(-5.0, 3.0))
+@settings(max_examples=60, deadline=None)
+def test_ticks_have_as_many_digits_as_tell_them_apart(middle, magnitude):
+    look = replace(differing("", "1", "force", np.ones(3)), ticks=middle + 10.0**magnitude * np.arange(5))
+    assert len({look.number(tick) for tick in look.ticks}) == 5
+    assert differing("", "1", "force", np.ones(3)).number(0.5) == "0.5"
+
+
+def test_an_error_that_is_rounding_is_not_written():
+    ball = Extent(4.524, 4.524 - 8.9e-16, 4.524 + 8.9e-16, "m^2", 12)
+    assert printed(ball) == "4.524 m²"
+    assert printed(replace(ball, low=4.4)) == "4.52 ± 0.12 m²"
+    assert printed(Extent(0.0, 0.0, 0.5, "m^2", 0)) == "0.00 ± 0.50 m²"
+
+
+# --- other numbers of axes ---------------------------------------------------------------------------------------
+
+
+def test_over_a_line_it_is_a_curve(made):
+    line = made("planar_3r", ("x", -1.2, 1.2, 48), at={"y": 0.0, "rz": 0.0}, quantities=("manipulability",))
+    figure = rendered(draw_map(line, "manipulability"))
+    axes = figure.axes[0]
+    (curve,) = axes.lines
+    x, m = curve.get_data()
+    np.testing.assert_allclose(x, 1e3 * line.x.values)
+    np.testing.assert_array_equal(np.isfinite(m), line.reachable.values)
+    grey = [patch.get_bbox().intervalx for patch in axes.patches]
+    np.testing.assert_allclose(
+        sorted(map(tuple, grey)), [(-1200.0, -500.0), (100.0, 300.0), (900.0, 1200.0)], atol=25.0
+    )
+    assert axes.get_xlabel() == "x (mm)"
+
+
+@pytest.mark.parametrize("quantity", ["force", "solutions"])
+def test_long_words_beside_a_line_are_whole(made, quantity):
+    line = made("planar_3r", ("x", 0.2, 0.8, 7), at={"y": 0.0, "rz": 0.0}, quantities=("force", "solutions"))
+    figure = rendered(draw_map(line, quantity, name="a_name" * 20))
+    assert cut_off(figure) == []
+    label = figure.axes[0].yaxis.label.get_window_extent()
+    assert label.y1 < min(box.get_window_extent().y0 for box in figure.findobj(Text) if "a_name" in box.get_text())
+
+
+def test_a_single_cell_in_a_line_is_seen(made):
+    line = made("planar_3r", ("x", 0.0, 1.2, 3), at={"y": 0.0, "rz": 0.0})
+    assert list(line.reachable.values) == [False, True, False]
+    for figure in (draw_map(line), draw_comparison(line, line)):
+        dots = [artist for artist in figure.axes[0].lines if artist.get_marker() == "."]
+        assert [list(dot.get_xdata()) for dot in dots] == [pytest.approx([600.0])]
+
+
+def test_directions_seen_from_a_centre_are_on_a_map_of_the_sphere(made):
+    sphere = made("rx90", ("azimuth", -math.pi, math.pi, 12), ("elevation", -math.pi / 2, math.pi / 2, 6),
+                  at={"radius": 0.5}, centre=(0.0, 0.0, 0.42))  # fmt: skip
+    figure = rendered(draw_map(sphere, curves=False))
+    assert figure.axes[0].name == "hammer"
+    assert "radius 500 mm; seen from x 0 mm, y 0 mm, z 420 mm" in words(figure)
+    two = rendered(draw_comparison(sphere, sphere))
+    assert [axes.name for axes in two.axes[:2]] == ["hammer", "hammer"]
+
+
+@pytest.mark.parametrize("low", [-180.0, 0.0, -90.0, 37.0])
+def test_wherever_azimuths_begin_the_sphere_is_whole_and_its_numbers_are_right(made, low):
+    azimuths = ("azimuth", math.radians(low), math.radians(low + 360.0), 12)
+    sphere = made("rx90", azimuths, ("elevation", -math.pi / 2, math.pi / 2, 6), at={"radius": 0.6},
+                  centre=(0.2, 0.2, 0.0))  # fmt: skip
+    axes = rendered(draw_map(sphere, curves=False)).axes[0]
+    (mesh,) = [mesh for mesh in axes.collections if type(mesh).__name__ == "QuadMesh" and mesh.get_array().count() > 1]
+    borders = mesh.get_coordinates()[0, :, 0]
+    np.testing.assert_allclose(borders[[0, -1]], [-math.pi, math.pi])
+    shown = [float(label.get_text()[:-1].replace("−", "-")) for label in axes.get_xticklabels()]
+    assert len(shown) >= 5
+    for place, degrees in zip(axes.get_xticks(), shown, strict=True):
+        turned = math.radians(degrees) - place - math.radians(low) - math.pi
+        assert math.remainder(turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_whole_ball_is_drawn(made):
+    ball = made("rx90", ("azimuth", -math.pi, math.pi, 6), ("elevation", -math.pi / 2, math.pi / 2, 4),
+                ("radius", 0.0, 1.0, 4), quantities=("sigma_1",))  # fmt: skip
+    figure = rendered(draw_map(ball, curves=False))
+    assert [axes.name for axes in figure.axes].count("hammer") > 1
+    assert cut_off(figure) == []
+
+
+@pytest.mark.parametrize("layers", [1, 2])
+def test_a_solid_is_within_its_axes(made, layers):
+    """Whose limits are those of its cells and a little room, and as thick as these are."""
+    slab = made("rx90", ("x", -1.0, 1.0, 8), ("y", -1.0, 1.0, 8), ("z", 0.2, 0.2 + 0.1 * layers, layers),
+                quantities=("sigma_1",))  # fmt: skip
+    figure = rendered(draw_map(slab, curves=False))
+    (solid,) = [axes for axes in figure.axes if axes.name == "3d"]
+    limits = np.array([solid.get_xlim(), solid.get_ylim(), solid.get_zlim()])
+    assert limits[2] == pytest.approx([200.0, 200.0 + 100.0 * layers], abs=0.05 * 100.0 * layers)
+    body = np.column_stack([solid.xy_dataLim.get_points(), solid.zz_dataLim.intervalx]).T
+    assert (body[:, 0] >= limits[:, 0]).all()
+    assert (body[:, 1] <= limits[:, 1]).all()
+    assert solid._box_aspect[2] < 0.2 * solid._box_aspect[:2].max()
+    assert [running_together(axis) for axis in (solid.xaxis, solid.yaxis, solid.zaxis)] == [0, 0, 0]
+
+
+def test_numbers_of_slices_of_angles_stay_apart(made):
+    turns = made("rx90", *((f"joint{k}", -2.5, 2.5, 6) for k in (1, 2, 3)), quantities=("sigma_1",))
+    figure = rendered(draw_map(turns, curves=False))
+    slices = [axes for axes in figure.axes if axes.get_title().startswith("joint3 ")]
+    assert len(slices) > 2
+    assert not any(running_together(axis) for axes in slices for axis in (axes.xaxis, axes.yaxis))
+
+
+def test_over_three_axes_there_are_slices_and_a_solid(made):
+    box = made("planar_3r", ("x", -1.0, 1.0, 10), ("y", -1.0, 1.0, 9), ("rz", -3.0, 3.0, 7), quantities=("sigma_1",))
+    figure = rendered(draw_map(box, curves=False))
+    (solid,) = [axes for axes in figure.axes if axes.name == "3d"]
+    assert len(solid.collections[0].get_facecolors()) > 50
+    slices = [axes for axes in figure.axes if axes.get_title().startswith("rz ")]
+    assert len(slices) == 6
+    for axes in slices:
+        value = math.radians(float(axes.get_title()[3:-1].replace("−", "-")))
+        cells = box.sel(rz=value, method="nearest")
+        (shades,) = axes.collections[-1:]
+        assert np.ma.count(shades.get_array()) == int(cells.reachable.sum())
+    assert str(extent(box)).replace("m^2", "m²") in words(figure)
+
+
+@pytest.mark.parametrize("thin", ["x", "y"])
+def test_a_sliver_of_space_has_a_picture_of_usual_size(made, thin):
+    """Were what is as long drawn as long, it would be a kilometre high."""
+    sides = {"x": 0.8, "y": 0.8, "z": 0.4, thin: 0.0004}
+    for names in ("xy", "xyz"):
+        axes = [(name, -0.5 * sides[name] - (1.8 if name == "z" else 0.0),
+                 0.5 * sides[name] - (1.8 if name == "z" else 0.0), 4) for name in names]  # fmt: skip
+        wide, tall = draw_map(made("delta4", *axes, at={} if len(names) == 3 else {"z": -1.8})).get_size_inches()
+        assert 0.2 < tall / wide < 1.5
+
+
+def test_over_more_axes_the_middle_is_shown_and_said(made):
+    full = made("arm7", ("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 3), ("z", 0.2, 0.6, 3), ("rz", -1.0, 1.0, 3),
+                quantities=("sigma_1",))  # fmt: skip
+    said = words(rendered(draw_map(full, curves=False)))
+    assert "middle slice; in all reached:" in said
+    assert "z 400 mm" in said
+    assert "rz 0°" in said
+
+
+# --- solids ------------------------------------------------------------------------------------------------------
+
+
+@given(arrays(bool, st.tuples(*[st.integers(1, 5)] * 3)))
+@settings(max_examples=120)
+def test_a_solids_surface_is_closed_and_looks_outwards(cells):
+    """Each edge is gone along once in both directions; before it is smoothed it holds just its cells."""
+    plain = net(cells, rounds=0)
+    edges = np.concatenate([np.roll(plain.quads, -k, axis=1)[:, :2] for k in range(4)])
+    there, back = (sorted(map(tuple, pairs)) for pairs in (edges, edges[:, ::-1]))
+    assert there == back
+    assert volume(plain) == pytest.approx(cells.sum())
+    assert all(cells[tuple(cell)] for cell in plain.inside)
+    smooth = net(cells)
+    assert np.abs(smooth.points - plain.points).max(initial=0.0) <= 0.5 + 1e-12
+
+
+def volume(surface):
+    """By the divergence theorem, of triangles that make up the quads."""
+    total = 0.0
+    for a, b, c in ((0, 1, 2), (0, 2, 3)):
+        corners = surface.points[surface.quads]
+        total += np.einsum("ni,ni->", corners[:, a], np.cross(corners[:, b], corners[:, c])) / 6.0
+    return total
+
+
+def test_a_ball_of_cells_becomes_a_ball():
+    cells = np.linalg.norm(np.moveaxis(np.indices((21, 21, 21)), 0, -1) - 10.0, axis=-1) <= 8.3
+    radii = np.linalg.norm(net(cells).points - 10.0, axis=1)
+    assert np.abs(radii - 8.3).max() < 0.5
+    assert volume(net(cells)) == pytest.approx(4.0 / 3.0 * math.pi * 8.3**3, rel=0.03)
+
+
+# --- two maps ----------------------------------------------------------------------------------------------------
+
+
+def test_two_maps_show_what_each_reaches_alone(made, wrist):
+    """Rings about x = 200 and -200: alone on the right, alone on the left."""
+    other = made("planar_3r", ("x", -0.75, 1.15, 38), ("y", -0.9, 0.9, 36), at={"rz": math.pi})
+    figure = rendered(draw_comparison(wrist, other))
+    parts, difference = figure.axes[:2]
+    cells = {to_hex(mesh.get_cmap()(1.0)): ~np.ma.getmaskarray(mesh.get_array()) for mesh in parts.collections}
+    a, b = wrist.reachable.values.T, other.reachable.values.T
+    np.testing.assert_array_equal(cells[FIRST].reshape(a.shape), a & ~b)
+    np.testing.assert_array_equal(cells[SECOND].reshape(a.shape), b & ~a)
+    np.testing.assert_array_equal(cells[BOTH].reshape(a.shape), a & b)
+    shades = [mesh for mesh in difference.collections if type(mesh).__name__ == "QuadMesh"][-1]
+    expected = (other.sigma_1 - wrist.sigma_1).values.T[a & b]
+    np.testing.assert_allclose(np.ma.compressed(shades.get_array()), expected, atol=1e-6)
+    assert shades.norm.vmin == -shades.norm.vmax
+    said = words(figure)
+    assert "both" in said
+    assert "alone" in said
+    with pytest.raises(MapError, match="both maps don't tell 'force'"):
+        draw_comparison(wrist, other, "force")
+
+
+@pytest.mark.parametrize("letters", [19, 49])
+def test_long_names_of_two_maps_take_nothing_from_their_picture(made, wrist, letters, monkeypatch):
+    from cinegen.plotting import comparison
+
+    def drawn_as(*names):
+        monkeypatch.setattr(comparison, "compare", lambda one, other: replace(measured, names=names))
+        return rendered(draw_comparison(wrist, wrist))
+
+    measured = comparison.compare(wrist, wrist)
+    short, long = drawn_as("a", "b"), drawn_as("a" * letters, "b" * letters)
+    sizes = [[axes.get_window_extent().size for axes in figure.axes[:2]] for figure in (short, long)]
+    np.testing.assert_allclose(*sizes, rtol=0.02)
+    assert cut_off(long) == []
+
+
+def test_two_lines_show_it_too(made):
+    lines = [made("planar_3r", ("x", -1.2, 1.2, 24), at={"y": 0.0, "rz": rz}) for rz in (0.0, math.pi)]
+    axes = rendered(draw_comparison(*lines)).axes[0]
+    values = axes.lines[0].get_ydata()
+    both = lines[0].reachable.values & lines[1].reachable.values
+    np.testing.assert_array_equal(np.isfinite(values), both)

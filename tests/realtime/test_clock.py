@@ -1,0 +1,717 @@
+"""The clock: deadlines, skipped ticks, errors and records. No test asks how punctual this machine is."""
+
+from __future__ import annotations
+
+import functools
+import gc
+import json
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.realtime import Clock, ClockError, Tick, quiet
+from cinegen.realtime.board import LARGEST, Mailbox, SharedBoard
+from cinegen.realtime.record import BINS, WIDTH, Histogram, Record
+
+TIMES = st.floats(1e-9, 99.0)
+
+
+@pytest.fixture
+def scene(monkeypatch):
+    """A time that passes only when somebody sleeps or works: `scene.now`, `scene.work(s)`, `scene.oversleep` (s)."""
+    made = SimpleNamespace(now=100.0, oversleep=0.0)
+
+    def perf_counter():
+        made.now += 1e-9
+        return made.now
+
+    def sleep(seconds):
+        made.now += seconds + made.oversleep
+        made.oversleep = 0.0
+
+    def work(seconds):
+        made.now += seconds
+
+    made.work = work
+    module = SimpleNamespace(perf_counter=perf_counter, sleep=sleep)
+    monkeypatch.setattr("cinegen.realtime.clock.time", module)
+    return made
+
+
+def _ended(clock):
+    """Waits for a loop that ends by itself, whatever by."""
+    deadline = time.monotonic() + 30.0
+    while clock.running:
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+
+
+# --- deadlines -------------------------------------------------------------------------------------------------------
+
+
+def test_every_deadline_has_its_tick_or_is_skipped_and_counted():
+    ticks = list(Clock(0.002).ticks(0.1))
+    numbers = [tick.number for tick in ticks]
+    assert numbers[-1] == 49
+    assert (np.diff(numbers) > 0).all()
+    assert len(ticks) + sum(tick.skipped for tick in ticks) == 50
+    assert all(tick.time == tick.number * 0.002 for tick in ticks)
+    assert all(tick.late >= 0.0 for tick in ticks)
+
+
+@pytest.mark.parametrize(("period", "seconds", "count"), [(0.1, 0.3, 3), (0.1, 0.0, 0), (0.1, 0.01, 1), (0.07, 0.2, 3)])
+def test_seconds_hold_the_deadlines_within_them(scene, period, seconds, count):
+    assert [tick.number for tick in Clock(period, spin=0.0).ticks(seconds)] == list(range(count))
+
+
+def test_nothing_drifts(scene):
+    begin, lateness = scene.now, np.random.default_rng(0).uniform(0.0, 0.009, 1000)
+    for tick in Clock(0.01, spin=0.0).ticks(10.0):
+        assert scene.now == pytest.approx(begin + 0.01 * tick.number + tick.late, abs=1e-6)
+        assert 0.0 <= tick.late < 0.0091
+        scene.work(0.0005)
+        scene.oversleep = lateness[tick.number]
+    assert tick.number == 999
+
+
+def test_a_tick_that_takes_too_long_costs_ticks_and_no_burst_follows(scene):
+    clock, begun = Clock(0.01, spin=0.0), []
+    for tick in clock.ticks(0.12):
+        begun.append((tick.number, tick.skipped, round(tick.late, 6)))
+        scene.work({3: 0.035, 8: 0.013}.get(tick.number, 0.001))
+    assert begun == [
+        (0, 0, 0.0), (1, 0, 0.0), (2, 0, 0.0), (3, 0, 0.0), (6, 2, 0.005), (7, 0, 0.0), (8, 0, 0.0),
+        (9, 0, 0.003), (10, 0, 0.0), (11, 0, 0.0),
+    ]  # fmt: skip
+    report = clock.report()
+    assert (report.ticks, report.skipped, report.overruns) == (10, 2, 2)
+    assert report.longest == pytest.approx(0.025, abs=1e-6)
+    assert report.work.max == pytest.approx(0.035, abs=1e-6)
+    assert report.late.max == pytest.approx(0.025, abs=1e-6)
+    assert report.busy == pytest.approx((0.035 + 0.013 + 8 * 0.001) / 0.111, rel=1e-4)
+
+
+def test_being_held_up_in_ones_sleep_is_an_overrun_too(scene):
+    clock, skipped = Clock(0.01, spin=0.0), {}
+    for tick in clock.ticks(0.2):
+        skipped[tick.number] = tick.skipped
+        scene.oversleep = {4: 0.042, 12: 0.006}.get(tick.number, 0.0)
+    assert {number: count for number, count in skipped.items() if count} == {9: 4}
+    report = clock.report()
+    assert (report.overruns, report.skipped) == (1, 4)
+    assert report.longest == report.late.max == pytest.approx(0.042, abs=1e-6)
+    assert report.error.max == pytest.approx(0.042, abs=1e-6)
+
+
+def test_ticks_that_always_take_too_long_follow_each_other_at_once(scene):
+    clock = Clock(0.01, spin=0.0)
+    report = clock.run(lambda tick: scene.work(0.026), seconds=1.0)
+    assert report.ticks == 40
+    assert report.skipped == 60
+    assert report.overruns == 40
+    assert report.busy == pytest.approx(1.0, abs=1e-6)
+    assert report.mean == pytest.approx(0.026, rel=1e-6)
+
+
+def test_a_slow_function_is_told_of(robot):
+    report = Clock(0.001).run(lambda tick: time.sleep(0.005 if tick.number == 10 else 0.0), seconds=0.05)
+    assert report.overruns >= 1
+    assert report.skipped >= 4
+    assert report.longest >= 0.004
+    assert report.ticks + report.skipped == 50
+
+
+def test_a_spin_ends_on_the_deadline(scene):
+    for tick in Clock(0.01, spin=0.002).ticks(0.1):
+        scene.oversleep = 0.0015 if tick.number % 2 else 0.0
+        assert tick.late < 1e-7
+
+
+# --- records ---------------------------------------------------------------------------------------------------------
+
+
+def _close_above(told, true):
+    """Whether a percentile is told as promised: not too small, and too large by a bin at most."""
+    return true * (1.0 - 1e-12) <= told <= max(1e-7, true * WIDTH) * (1.0 + 1e-12)
+
+
+@given(st.lists(TIMES, min_size=1, max_size=300), st.sampled_from([0.01, 0.5, 0.9, 0.99, 1.0]))
+def test_a_percentile_is_true_to_a_bin(times, part):
+    histogram = Histogram(memoryview(bytearray(8 * BINS)).cast("q"))
+    for one in times:
+        histogram.add(one)
+    assert _close_above(histogram.quantile(part), float(np.quantile(times, part, method="inverted_cdf")))
+
+
+@given(st.lists(st.tuples(TIMES, TIMES), min_size=2, max_size=50), st.floats(1e-4, 1.0))
+def test_a_report_is_what_numpy_makes_of_the_list(pairs, period):
+    works, rests = np.array(pairs).T
+    starts = 1000.0 + np.concatenate([[0.0], np.cumsum(works + rests)[:-1]])
+    dues = starts + period
+    record = Record(period)
+    for start, work, rest, due in zip(starts, works, rests, dues, strict=True):
+        record.begun(start, rest, 0)
+        record.ended(start + work, due)
+    report = record.report("as it is")
+    periods = np.diff(starts)
+    errors = np.abs(periods - period)
+    works = starts + works - starts  # as rounded
+    assert report.ticks == len(pairs)
+    assert report.mean == pytest.approx(periods.mean(), rel=1e-9, abs=1e-9)
+    assert report.jitter == pytest.approx(periods.std(), rel=1e-6, abs=1e-9)
+    assert report.seconds == starts[-1] - starts[0]
+    assert report.busy == pytest.approx(works.sum() / max(period, starts[-1] + works[-1] - starts[0]), rel=1e-9)
+    for spread, values in ((report.error, errors), (report.late, rests), (report.work, works)):
+        assert spread.max == values.max()
+        for told, part in ((spread.p50, 0.5), (spread.p99, 0.99)):
+            assert _close_above(told, float(np.quantile(values, part, method="inverted_cdf"))) or told == spread.max
+    beyond = starts + works - dues
+    assert report.overruns == (beyond > 0.0).sum()
+    assert report.scheduling == "as it is"
+
+
+def test_a_record_takes_no_more_memory_as_it_grows():
+    memory = memoryview(bytearray(Record.SIZE))
+    record = Record(0.001, memory)
+    for i in range(1000):
+        record.begun(0.001 * i, 1e-5 * i, 0)
+        record.ended(0.001 * i + 1e-4, 0.001 * (i + 1))
+    assert Record(0.001, memory).report() == record.report()  # all of it is there
+    assert Record.SIZE < 20_000
+
+
+def test_a_report_can_be_read_by_a_person(scene):
+    clock = Clock(0.001, spin=0.0, priority=0)
+    assert str(clock.report()) == "no tick of 1 ms yet"
+    assert math.isnan(clock.report().mean)
+    text = str(clock.run(lambda tick: scene.work(0.0062 if tick.number == 7 else 0.0003), seconds=0.1))
+    for part in ("95 ticks of 1 ms", "5 skipped", "mean 1.0", "1 overruns, the longest 5.2 ms", "ordinary scheduling"):
+        assert part in text
+
+
+def test_a_report_can_be_had_while_the_loop_runs():
+    with Clock(0.002).start(lambda tick: None) as clock:
+        while clock.report().ticks < 5:
+            time.sleep(0.01)
+        assert clock.running
+    report = clock.report()
+    assert report.ticks >= 5
+    assert report == clock.report()
+
+
+# --- threads ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_loop_in_the_calling_thread_ends_from_inside_or_is_left():
+    clock = Clock(0.001)
+    for tick in clock:
+        assert tick.clock is clock
+        assert clock.running
+        if tick.number >= 5:
+            clock.stop()
+    assert clock.report().ticks >= 2
+    for _ in clock:
+        break
+    assert not clock.running
+    assert clock.report().ticks == 1
+    assert clock.run(lambda tick: tick.clock.stop()).ticks == 1
+
+
+def test_a_loop_in_the_calling_thread_ends_from_outside():
+    clock = Clock(0.001)
+    timer = threading.Timer(0.05, clock.stop)
+    timer.start()
+    assert clock.run(lambda tick: None).ticks > 0
+    timer.join()
+
+
+def test_a_thread_of_its_own_begins_at_once_and_ends_when_told():
+    seen = []
+    clock = Clock(0.001)
+    with clock:
+        assert clock.start(lambda tick: seen.append((tick.number, threading.current_thread().name))) is clock
+        assert clock.running
+        while len(seen) < 10:
+            time.sleep(0.005)
+    assert not clock.running
+    count = len(seen)
+    assert clock.report().ticks == count
+    assert {name for _, name in seen} == {"cinegen clock"}
+    time.sleep(0.02)
+    assert len(seen) == count
+    clock.stop()  # once more does no harm
+
+
+def test_a_thread_of_its_own_ends_from_inside_and_after_its_time():
+    clock = Clock(0.001).start(lambda tick: tick.clock.stop() if tick.number >= 3 else None)
+    assert clock.join(30.0)
+    assert not clock.running
+    clock.start(lambda tick: None, seconds=0.05)
+    assert clock.join()
+    report = clock.report()
+    assert report.ticks + report.skipped == 50
+
+
+def test_a_slow_clock_stops_soon():
+    clock = Clock(3600.0).start(lambda tick: None)
+    assert not clock.join(0.05)
+    clock.stop(timeout=5.0)
+    assert clock.report().ticks == 1
+
+
+def test_a_thread_whose_tick_does_not_end_is_told_of():
+    go = threading.Event()
+    clock = Clock(0.001).start(lambda tick: go.wait(30.0))
+    with pytest.raises(ClockError, match=r"longer than 0\.05 s: its thread still runs"):
+        clock.stop(timeout=0.05)
+    go.set()
+    clock.stop()
+
+
+def test_commands_go_in_and_states_come_out():
+    clock = Clock(0.001)
+    assert clock.state is None
+    assert clock.command is None
+    clock.command = 1
+    with clock.start(lambda tick: tick.command * 10 if tick.number % 2 else None):
+        while clock.state != 10:
+            time.sleep(0.002)
+        clock.command = 2
+        while clock.state != 20:
+            time.sleep(0.002)
+    assert clock.command == 2
+    assert clock.state == 20
+    assert clock.run(lambda tick: tick.command + 1, seconds=0.001).ticks == 1
+    assert clock.state == 3
+
+
+def test_one_loop_at_a_time():
+    with Clock(0.001).start(lambda tick: None) as clock:
+        for begin in (clock.ticks, lambda: clock.run(print), lambda: clock.start(print), lambda: clock.spawn(print)):
+            with pytest.raises(ClockError, match="one loop at a time"):
+                begin()
+    assert list(clock.ticks(0.0)) == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"period": 0.0}, {"period": math.nan}, {"spin": -1e-4}, {"spin": 0.002}, {"priority": 100}, {"priority": -1}],
+)
+def test_what_makes_no_sense_is_refused(wrong):
+    with pytest.raises(ClockError, match=next(iter(wrong))):
+        Clock(**wrong)
+    with pytest.raises(ClockError, match="0 seconds or more"):
+        Clock().ticks(-1.0)
+    assert issubclass(ClockError, cinegen.CinegenError)
+
+
+# --- errors ----------------------------------------------------------------------------------------------------------
+
+
+def _trip(tick):
+    if tick.number >= 3:
+        raise RuntimeError("tripped")
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda clock: clock.stop(),
+        lambda clock: clock.join(),
+        lambda clock: clock.state,
+        lambda clock: setattr(clock, "command", 1),
+        lambda clock: clock.__exit__(None, None, None),
+        lambda clock: clock.run(print, 0.0),
+    ],
+    ids=["stop", "join", "state", "command", "with", "next"],
+)
+def test_an_error_in_the_thread_is_raised_by_whatever_asks_first_and_once(ask):
+    clock = Clock(0.001).start(_trip)
+    _ended(clock)
+    with pytest.raises(RuntimeError, match="tripped") as caught:
+        ask(clock)
+    assert any(entry.name == "_trip" for entry in caught.traceback)
+    clock.stop()
+    assert clock.join()
+    assert clock.report().ticks >= 2
+
+
+def test_an_error_in_the_calling_thread_passes_through():
+    clock = Clock(0.001)
+    with pytest.raises(RuntimeError, match="tripped"):
+        clock.run(_trip)
+    assert not clock.running
+    with pytest.raises(RuntimeError, match="tripped"):
+        list(map(_trip, clock))
+    assert not clock.running
+    assert sys.getswitchinterval() == pytest.approx(0.005)
+
+
+def test_an_error_of_the_block_is_not_covered_by_the_loops():
+    def block():
+        with Clock(0.001).start(_trip) as clock:
+            _ended(clock)
+            raise ValueError("in the block")
+
+    with pytest.raises(ValueError, match="in the block") as caught:
+        block()
+    assert "tripped" in caught.value.__notes__[0]
+
+
+def test_an_error_that_nobody_asked_for_is_printed_in_the_end(root):
+    done = _program(
+        root,
+        """
+        import time
+        from cinegen.realtime import Clock
+
+        def trip(tick):
+            raise RuntimeError("tripped")
+
+        clock = Clock(0.001).start(trip)
+        while clock.running:
+            time.sleep(0.01)
+        """,
+    )
+    assert done.returncode == 0
+    assert "RuntimeError: tripped" in done.stderr
+    assert "nobody had asked" in done.stderr
+
+
+def _program(root, text, **options):
+    """Runs a program to its end."""
+    lines = text.splitlines()
+    indent = min(len(line) - len(line.lstrip()) for line in lines if line.strip())
+    path = options.pop("path", None)
+    command = ["-c", "\n".join(line[indent:] for line in lines)]
+    if path is not None:
+        path.write_text(command[1], encoding="utf-8")
+        command = [str(path)]
+    return subprocess.run(
+        [sys.executable, *command], cwd=root, capture_output=True, text=True, timeout=60, check=False, **options
+    )
+
+
+# --- what is borrowed is given back ----------------------------------------------------------------------------------
+
+
+def _borrowed():
+    scheduling = (os.sched_getscheduler(0), os.sched_getaffinity(0)) if hasattr(os, "sched_getscheduler") else ()
+    return sys.getswitchinterval(), gc.get_freeze_count(), scheduling
+
+
+def test_what_is_borrowed_is_given_back_however_the_loop_ends():
+    before = _borrowed()
+    clock = Clock(0.001)
+    for _ in clock:
+        assert sys.getswitchinterval() < 0.005
+        break
+    assert _borrowed() == before
+    with pytest.raises(RuntimeError):
+        clock.run(_trip)
+    assert _borrowed() == before
+    with clock.start(lambda tick: None):
+        for _ in Clock(0.001).ticks(0.02):
+            pass
+        assert sys.getswitchinterval() < 0.005  # the other one still needs it
+        assert gc.get_freeze_count() > 0
+    assert _borrowed() == before
+
+
+def test_a_program_that_freezes_its_garbage_itself_keeps_it(monkeypatch):
+    """(How many are frozen may fall by itself: what nobody needs any more goes all the same.)"""
+    changed = []
+    gc.freeze()
+    try:
+        monkeypatch.setattr(gc, "freeze", lambda: changed.append("freeze"))
+        monkeypatch.setattr(gc, "unfreeze", lambda: changed.append("unfreeze"))
+        Clock(0.001).run(lambda tick: None, 0.005)
+        assert changed == []
+        assert gc.get_freeze_count() > 0
+    finally:
+        monkeypatch.undo()
+        gc.unfreeze()
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setscheduler"), reason="this system has no such scheduling")
+def test_the_report_says_how_the_loop_was_scheduled(monkeypatch):
+    assert Clock().run(lambda tick: None, 0.001).scheduling == "ordinary scheduling"  # unless it is asked for
+    asked = []
+    monkeypatch.setattr(os, "sched_setscheduler", lambda *arguments: asked.append(arguments))
+    assert Clock(priority=7).run(lambda tick: None, 0.001).scheduling == "SCHED_FIFO 7"
+    assert asked[0][1] & os.SCHED_FIFO
+
+    def refuse(*arguments):
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    scheduling = Clock(priority=7).run(lambda tick: None, 0.001).scheduling
+    assert scheduling == "ordinary scheduling (no real time: operation not permitted)"
+    monkeypatch.delattr(os, "sched_setscheduler")
+    assert "offers no other" in Clock(priority=7).run(lambda tick: None, 0.001).scheduling
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no such choice")
+def test_a_loop_runs_on_the_cores_it_is_given():
+    core = min(os.sched_getaffinity(0))
+    seen = set()
+    report = Clock(0.001, cores=[core]).run(lambda tick: seen.update(os.sched_getaffinity(0)), 0.005)
+    assert seen == {core}
+    assert report.scheduling.endswith(f"on cores {core}")
+    for impossible in ([4095], [-1]):
+        with pytest.raises(ClockError, match="can't run on cores"):
+            Clock(cores=impossible).run(lambda tick: None, 0.001)
+
+
+def test_quiet_loops_may_nest():
+    before = sys.getswitchinterval()
+    with quiet.quiet_interpreter():
+        with quiet.quiet_interpreter():
+            quiet.asleep()
+        assert sys.getswitchinterval() < before
+    assert sys.getswitchinterval() == before
+
+
+# --- mailboxes -------------------------------------------------------------------------------------------------------
+
+
+def test_a_mailbox_holds_the_newest_whole_value_and_nobody_waits():
+    memory = memoryview(bytearray(Mailbox.SIZE))
+    writer, reader = Mailbox(memory), Mailbox(memory)
+    assert reader.read() is None
+    seen = []
+    done = threading.Event()
+
+    def read():
+        while not done.is_set():
+            seen.append(reader.read())
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    for i in range(3000):
+        writer.write((i, [i] * (i % 500)), "value")
+    done.set()
+    thread.join()
+    seen = [value for value in seen if value is not None]
+    assert all(many == [i] * (i % 500) for i, many in seen)
+    assert [i for i, _ in seen] == sorted(i for i, _ in seen)
+    assert reader.read()[0] == 2999
+    assert reader.read() is reader.read()
+
+
+def test_a_value_that_is_torn_is_not_read():
+    memory = memoryview(bytearray(Mailbox.SIZE))
+    mailbox = Mailbox(memory)
+    mailbox.write("first", "value")
+    assert mailbox.read() == "first"
+    mailbox.write("second", "value")
+    slot = bytes(memory).index(b"second")
+    memory[slot] ^= 1
+    assert mailbox.read() == "first"
+    memory[slot] ^= 1
+    assert mailbox.read() == "second"
+
+
+def test_what_cant_be_sent_is_said():
+    board = SharedBoard(0.001)
+    with pytest.raises(ClockError, match=rf"a state has \d+ bytes when pickled: send {LARGEST} at most"):
+        board.state = np.zeros(LARGEST)
+    with pytest.raises(ClockError, match="a command for another process must be picklable, function is not"):
+        board.command = lambda: None
+    assert board.state is None
+
+
+# --- processes -------------------------------------------------------------------------------------------------------
+
+
+def follower(mechanism, period):
+    """Made in the clock's process: a robot whose end follows the command, an offset from home in m."""
+    solver = cinegen.Solver(mechanism, period)
+    hand = solver.pull(mechanism.end, rotation=0)
+    home = hand.target.copy()
+    solver.step()  # what is made at first use is made before the clock runs
+
+    def step(tick: Tick):
+        if tick.command is not None:
+            hand.target = pin.SE3(home.rotation, home.translation + tick.command)
+        step = solver.step()
+        return {"process": os.getpid(), "q": step.q, "closure": step.closure, "number": tick.number}
+
+    return step
+
+
+def test_a_robot_moves_in_a_process_of_its_own(robot):
+    delta = robot("delta4")
+    home = delta.placement(delta.q_home, delta.end).translation
+    offset = np.array([0.02, -0.01, 0.03])
+    with Clock(0.002).spawn(follower, delta, 0.002) as clock:
+        while clock.state is None:
+            time.sleep(0.01)
+        assert clock.state["process"] != os.getpid()
+        before = clock.state["number"]
+        clock.command = offset
+        deadline = time.monotonic() + 30.0
+        while np.linalg.norm(delta.placement(clock.state["q"], delta.end).translation - home - offset) > 1e-6:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        state = clock.state
+        assert state["number"] > before
+        assert state["closure"] <= 1e-10
+        assert delta.closure(state["q"]) <= 1e-10
+        assert clock.report().ticks > 0
+        assert clock.running
+    assert not clock.running
+    report = clock.report()
+    assert report.ticks + report.skipped > state["number"]
+    assert report.scheduling
+    assert clock.state["number"] >= state["number"]  # the last one stays
+
+
+class UnsendableError(Exception):
+    def __init__(self, first, second):
+        super().__init__(first)
+
+
+def troubled(kind):
+    """Made in the clock's process: what goes wrong there."""
+
+    def step(tick):
+        if kind == "stop":
+            if tick.number >= 10:
+                tick.clock.stop()
+        elif kind == "raise":
+            _trip(tick)
+        elif kind == "unsendable":
+            raise UnsendableError("one", "two")
+        elif kind == "exit":
+            os._exit(3)
+        elif kind == "hang":
+            time.sleep(60.0)
+        elif kind == "large":
+            return np.zeros(LARGEST)
+        return tick.number
+
+    if kind == "factory":
+        raise RuntimeError("not made")
+    return step
+
+
+def test_a_process_ends_from_inside_or_after_its_time():
+    clock = Clock(0.001).spawn(troubled, "stop")
+    assert clock.join(60.0)
+    assert clock.state >= 10
+    clock.spawn(troubled, "none", seconds=0.05)
+    assert clock.join(60.0)
+    report = clock.report()
+    assert report.ticks + report.skipped == 50
+    assert clock.state == 49
+
+
+def test_an_error_in_the_process_is_raised_with_its_traceback():
+    clock = Clock(0.001).spawn(troubled, "raise")
+    with pytest.raises(RuntimeError, match="tripped") as caught:
+        clock.join(60.0)
+    assert "in _trip" in caught.value.__notes__[0]
+    clock.stop()
+    assert clock.state >= 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [("unsendable", "UnsendableError in a clock's process: one"), ("exit", "exit code 3"), ("large", "a state has")],
+)
+def test_whatever_ends_a_process_is_said(kind, words):
+    clock = Clock(0.001).spawn(troubled, kind)
+    with pytest.raises(ClockError, match=words):
+        clock.join(60.0)
+    assert not clock.running
+
+
+def test_what_the_factory_raises_is_raised_at_once():
+    clock = Clock()
+    with pytest.raises(RuntimeError, match="not made"):
+        clock.spawn(troubled, "factory")
+    assert not clock.running
+    with pytest.raises(ClockError, match="function at the top of a module"):
+        clock.spawn(lambda: print)
+    assert not clock.running
+    with pytest.raises(ClockError, match="can't run on cores"):
+        Clock(cores=[-1]).spawn(functools.partial(troubled, "none"))
+
+
+def test_a_process_that_does_not_end_is_ended():
+    clock = Clock(0.001).spawn(troubled, "hang")
+    with pytest.raises(ClockError, match="ended by force"):
+        clock.stop(timeout=0.2)
+    assert not clock.running
+    clock.stop()
+
+
+def test_a_program_without_its_guard_is_told_of_it(root, tmp_path):
+    program = """
+        import sys
+        sys.path.insert(0, ".")
+        from cinegen.realtime import Clock
+
+        def make():
+            return print
+
+        Clock().spawn(make)
+        """
+    done = _program(root, program, path=tmp_path / "unguarded.py")
+    assert done.returncode == 1
+    assert done.stderr.rstrip().endswith("if __name__ == '__main__'")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills as POSIX does")
+def test_a_process_ends_with_its_parent(root, tmp_path):
+    path = tmp_path / "parent.py"
+    path.write_text(
+        """if True:
+        import json, sys, time
+        sys.path.insert(0, ".")
+        from cinegen.realtime import Clock
+
+        def make():
+            import os
+            return lambda tick: os.getpid()
+
+        if __name__ == "__main__":
+            clock = Clock(0.002).spawn(make)
+            while clock.state is None:
+                time.sleep(0.01)
+            print(json.dumps(clock.state), flush=True)
+            time.sleep(60.0)
+        """,
+        encoding="utf-8",
+    )
+    parent = subprocess.Popen([sys.executable, path], cwd=root, stdout=subprocess.PIPE, text=True)
+    child = json.loads(parent.stdout.readline())
+    os.kill(child, 0)
+    parent.send_signal(signal.SIGKILL)
+    parent.wait()
+    parent.stdout.close()
+    deadline = time.monotonic() + 30.0
+    while _lives(child):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def _lives(process):
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return True

@@ -1,0 +1,377 @@
+"""Grassmann's varieties: lines made to lie in one are recognised, and no others."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import varieties
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cinegen.singularities.lines import Line, LineAtInfinity, LineError, Variety, classify, near, nearness
+
+seeds = st.integers(0, 2**32 - 1)
+HOME, X, Y, Z = np.zeros(3), *np.eye(3)
+makers = pytest.mark.parametrize("maker", varieties.ALL)
+
+
+def _vectors(lines, length, origin):
+    return np.array([[*x.direction, *np.cross(x.nearest(origin) - origin, x.direction) / length] for x in lines])
+
+
+def _off(line, ends):
+    """How far a line is from the worse of two points."""
+    return max(np.linalg.norm(line.nearest(end) - end) for end in ends)
+
+
+# --- every variety ---------------------------------------------------------------------------------------------------
+
+
+@makers
+@pytest.mark.parametrize("seed", range(8))
+def test_lines_of_a_variety_are_recognised_among_others(maker, seed):
+    given = varieties.placed(maker, np.random.default_rng(seed))
+    found = classify(given.lines, given.length)
+    assert found.variety is given.built.variety
+    assert len(found.sets) == 1
+    assert found.lines == given.where
+    assert found.sets[0].smallest == (given.where,)
+    assert found.rank == len(given.lines) - 1
+    assert found.variety.rank == len(given.where) - 1
+    assert found.sigma < 1e-12
+
+
+@makers
+@pytest.mark.parametrize("seed", range(3))
+def test_what_defines_a_variety_is_found(maker, seed):
+    given = varieties.placed(maker, np.random.default_rng(100 + seed))
+    built, some = given.built, classify(given.lines, given.length).sets[0]
+    slack = (1e-5 if built.variety is Variety.PARABOLIC_CONGRUENCE else 1e-9) * given.length
+    finite = [point.xyz for point in some.points if not point.at_infinity]
+    far = [point.xyz for point in some.points if point.at_infinity]
+    for expected in built.points:
+        assert min(np.linalg.norm(point - given.point(expected)) for point in finite) < slack
+    for expected in built.directions:
+        assert max(abs(direction @ given.turn @ expected) for direction in far) == pytest.approx(1.0)
+    if built.pitch is None:
+        assert len(finite) >= len(built.points)
+        directors = some.directors
+    else:
+        assert some.screw.pitch == pytest.approx(built.pitch * given.length, rel=1e-9)
+        directors = (some.screw.axis,)
+        assert [line.coordinates.tolist() for line in some.directors] == (
+            [some.screw.axis.coordinates.tolist()] if built.variety is Variety.SPECIAL_COMPLEX else []
+        )
+    assert len(directors) == len(built.directors) + len(built.normals)
+    near_lines = [line for line in directors if isinstance(line, Line)]
+    far_lines = [line for line in directors if isinstance(line, LineAtInfinity)]
+    for ends in built.directors:
+        assert min(_off(line, [given.point(end) for end in ends]) for line in near_lines) < slack
+    for normal in built.normals:
+        assert max(abs(line.normal @ given.turn @ normal) for line in far_lines) == pytest.approx(1.0)
+    groups = some.groups[-len(some.planes) :] or (some.lines,)  # those of a plane come last
+    for plane, group in zip(some.planes, groups, strict=False):
+        for line in (given.lines[i] for i in group):
+            assert plane.normal @ line.direction == pytest.approx(0.0, abs=1e-9)
+            assert plane.normal @ line.point == pytest.approx(plane.offset, abs=slack)
+    assert sorted(line for group in some.groups for line in group) == list(some.lines if some.groups else ())
+
+
+@makers
+def test_forces_of_the_coefficients_hold_each_other(maker):
+    given = varieties.placed(maker, np.random.default_rng(7))
+    some = classify(given.lines, given.length).sets[0]
+    forces = [c * given.lines[i].direction for c, i in zip(some.coefficients, some.smallest[0], strict=True)]
+    moments = [np.cross(given.lines[i].point, f) for f, i in zip(forces, some.smallest[0], strict=True)]
+    assert np.linalg.norm(some.coefficients) == pytest.approx(1.0)
+    assert np.abs(some.coefficients).min() > 1e-3
+    assert sum(forces) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert sum(moments) == pytest.approx(np.zeros(3), abs=1e-11 * given.length)
+
+
+@makers
+@pytest.mark.parametrize("seed", range(2))
+def test_the_gained_motion_lengthens_no_leg(maker, seed):
+    given = varieties.placed(maker, np.random.default_rng(50 + seed))
+    found = classify(given.lines, given.length)
+    assert len(found.gained) == 6 - found.rank
+    for screw in found.gained:
+        w, v = screw.coordinates[:3], screw.coordinates[3:]
+        size = np.linalg.norm(v + np.cross(w, given.lines[0].point)) + given.length * np.linalg.norm(w)
+        for line in given.lines:
+            assert line.direction @ (v + np.cross(w, line.point)) == pytest.approx(0.0, abs=1e-9 * size)
+
+
+@makers
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_that_are_accurate_to_a_billionth_are_in_it_still(maker, seed):
+    given = varieties.placed(maker, np.random.default_rng(200 + seed), noise=1e-9)
+    found = classify(given.lines, given.length)
+    assert found.variety is given.built.variety
+    assert found.lines == given.where
+    assert found.sigma > 1e-13  # which is not what they are told by
+
+
+@makers
+@pytest.mark.parametrize("seed", range(3))
+def test_lines_beside_a_variety_are_near_not_in(maker, seed):
+    given = varieties.placed(maker, np.random.default_rng(300 + seed), noise=1e-4)
+    assert classify(given.lines, given.length) is None
+    found = near(given.lines, given.length, 3e-3)
+    assert found.variety is given.built.variety
+    assert found.lines == given.where
+    assert 1e-7 < found.sigma < 3e-3
+    assert found.reason.startswith("nearly: ")
+    assert found.sigma == pytest.approx(nearness(given.lines, given.length))
+
+
+SIGNATURES = {  # of the Klein form on the span: positive, negative, zero; that on its complement follows
+    Variety.ONE_LINE: {(0, 0, 1)},
+    Variety.FLAT_PENCIL: {(0, 0, 2)},
+    Variety.REGULUS: {(2, 1, 0), (1, 2, 0)},
+    Variety.TWO_PENCILS: {(1, 1, 1)},
+    Variety.BUNDLE: {(0, 0, 3)},
+    Variety.PLANE: {(0, 0, 3)},
+    Variety.ELLIPTIC_CONGRUENCE: {(3, 1, 0), (1, 3, 0)},
+    Variety.HYPERBOLIC_CONGRUENCE: {(2, 2, 0)},
+    Variety.PARABOLIC_CONGRUENCE: {(2, 1, 1), (1, 2, 1)},
+    Variety.DEGENERATE_CONGRUENCE: {(1, 1, 2)},
+    Variety.GENERAL_COMPLEX: {(3, 2, 0), (2, 3, 0)},
+    Variety.SPECIAL_COMPLEX: {(2, 2, 1)},
+}
+
+
+@makers
+def test_the_klein_form_has_the_signature_of_the_variety(maker):
+    built = maker(np.random.default_rng(3))
+    vectors = np.array([Line.through(*ends).coordinates for ends in built.segments])
+    basis = np.linalg.svd(vectors)[2][: built.variety.rank]
+    values = np.linalg.eigvalsh(basis @ np.roll(np.eye(6), 3, axis=0) @ basis.T)
+    counts = (int((values > 1e-9).sum()), int((values < -1e-9).sum()), int((np.abs(values) <= 1e-9).sum()))
+    assert counts in SIGNATURES[built.variety]
+
+
+# --- none, several, larger -------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=200)
+@given(seeds, st.integers(1, 6), st.floats(1e-3, 1e3))
+def test_lines_at_random_are_independent(seed, count, length):
+    rng = np.random.default_rng(seed)
+    lines = [Line.through(*(length * rng.normal(size=(2, 3)))) for _ in range(count)]
+    if nearness(lines, length) > 1e-5:  # all but one in a hundred thousand
+        assert classify(lines, length) is None
+        assert near(lines, length, 1e-5) is None
+
+
+def test_a_thousand_random_sixes_are_independent():
+    rng = np.random.default_rng(5)
+    lines = [[Line.through(*rng.normal(size=(2, 3))) for _ in range(6)] for _ in range(1000)]
+    assert min(nearness(six, 1.0) for six in lines) > 1e-6
+
+
+def test_lines_in_a_variety_are_not_only_near_to_it():
+    given = varieties.placed(varieties.bundle, np.random.default_rng(0))
+    assert near(given.lines, given.length, 1e-2) is None
+
+
+@settings(max_examples=25)
+@given(seeds, st.sampled_from(varieties.ALL), st.sampled_from([1e-3, 1.0, 1e3]))
+def test_nothing_depends_on_where_and_in_which_unit(seed, maker, scale):
+    rng = np.random.default_rng(seed)
+    given = varieties.placed(maker, rng, noise=1e-5)
+    turn, shift = varieties.rotation(rng), given.length * rng.normal(size=3)
+    moved = [
+        Line.along(scale * line.point, line.direction).moved(turn, scale * shift) for line in given.lines
+    ]  # the same lines in other axes and another unit
+    assert nearness(moved, scale * given.length) == pytest.approx(nearness(given.lines, given.length), abs=1e-12)
+
+
+def test_two_sets_that_span_different_varieties_are_both_named():
+    rng = np.random.default_rng(3)
+    first, second = varieties.flat_pencil(rng), varieties.parallels_in_plane(rng)
+    turn = varieties.rotation(rng)
+    ends = first.segments + [tuple(turn @ end + [3, 1, 2] for end in segment) for segment in second.segments]
+    found = classify([Line.through(*ends[i]) for i in (0, 3, 1, 4, 2, 5)], 1.0)
+    assert [some.lines for some in found.sets] == [(0, 2, 4), (1, 3, 5)]
+    assert found.rank == 4
+    assert found.reason.startswith("legs 1, 3 and 5 meet in one point")
+    assert "; legs 2, 4 and 6 are parallel" in found.reason
+
+
+@pytest.mark.parametrize(
+    ("maker", "count"),
+    [
+        (varieties.one_line, 4),
+        (varieties.flat_pencil, 5),
+        (varieties.hyperboloid, 6),
+        (varieties.bundle, 5),
+        (varieties.plane, 6),
+        (varieties.elliptic, 6),
+        (varieties.hyperbolic, 6),
+        (varieties.parabolic, 6),
+    ],
+)
+def test_more_lines_of_one_variety_are_one_set(maker, count):
+    built = maker(np.random.default_rng(11), count)
+    found = classify([Line.through(*ends) for ends in built.segments], 1.0)
+    size = built.variety.rank + 1
+    assert found.variety is built.variety
+    assert [some.lines for some in found.sets] == [tuple(range(count))]
+    assert len(found.sets[0].smallest) == math.comb(count, size)
+    assert found.rank == size - 1
+
+
+def test_three_lines_through_a_point_and_three_in_a_plane_through_it():
+    rng = np.random.default_rng(2)
+    through = [Line.along([0, 0, 0], rng.normal(size=3)) for _ in range(3)]
+    inside = [Line.along([*rng.normal(size=2), 0], [*rng.normal(size=2), 0]) for _ in range(3)]
+    found = classify(through + inside, 1.0)
+    assert found.variety is Variety.DEGENERATE_CONGRUENCE
+    assert found.rank == 4
+    assert found.lines == (0, 1, 2, 3, 4, 5)
+    assert found.sets[0].groups == ((0, 1, 2), (3, 4, 5))
+
+
+def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
+    """Four lines through a point of a line that two others meet: all six meet it, but four are dependent already."""
+    rng = np.random.default_rng(1)
+    bundle = [Line.along([0, 0, 1], rng.normal(size=3)) for _ in range(4)]
+    others = [Line.along([0, 0, z], rng.normal(size=3)) for z in (3.0, -2.0)]
+    found = classify(bundle + others, 1.0)
+    assert found.variety is Variety.BUNDLE
+    assert found.lines == (0, 1, 2, 3)
+    assert found.rank == 5
+    assert found.gained[0].rotates
+    assert found.gained[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
+
+
+def test_what_the_smallest_set_does_not_explain_a_larger_one_does():
+    """Of six lines that meet two lines three make a flat pencil: the rank is 4, not 5."""
+    found = classify(
+        [Line.through(s * X, Z + t * Y) for s, t in ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))], 1.0
+    )
+    assert found.rank == 4
+    assert [some.variety for some in found.sets] == [Variety.FLAT_PENCIL, Variety.HYPERBOLIC_CONGRUENCE]
+    assert [some.lines for some in found.sets] == [(0, 1, 2), (0, 1, 3, 4, 5)]
+    pencil = [Line.along(HOME, direction) for direction in (X, Y, X + Y, X - Y)]
+    found = classify([*pencil, Line.along(Z, X + Y), Line.along(Z, Y + Z)], 1.0)
+    assert [some.lines for some in found.sets] == [(0, 1, 2, 3)]  # nothing is left to be explained
+    assert found.rank == 4
+
+
+def test_lines_must_change_by_at_least_their_nearness():
+    for seed in range(50):
+        rng = np.random.default_rng(seed)
+        given = varieties.placed(varieties.ALL[seed % len(varieties.ALL)], rng, others=0)
+        size = 10.0 ** rng.uniform(-6, -1)
+        ends = [
+            (line.point - line.direction * given.length, line.point + line.direction * given.length)
+            for line in given.lines
+        ]
+        moved = [Line.through(*(end + size * given.length * rng.normal(size=3) for end in pair)) for pair in ends]
+        origin = given.shift
+        change = np.linalg.norm(_vectors(moved, given.length, origin) - _vectors(given.lines, given.length, origin))
+        assert nearness(moved, given.length, origin) <= change * (1.0 + 1e-9)
+
+
+# --- words and errors ------------------------------------------------------------------------------------------------
+
+
+def _along(*pairs):
+    return [Line.along(*pair) for pair in pairs]
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (_along((HOME, X), (2 * X, -X)), "legs 1 and 2 are one line, the line through (1, 0, 0) mm along (1, 0, 0)"),
+        (
+            _along((Z, X), (Z, Y), (Z, X + Y)),
+            "all three legs meet in one point, (0, 0, 1) mm, and lie in one plane, with normal (0, 0, 1) at 1 mm from"
+            " the origin",
+        ),
+        (
+            _along((HOME, X), (Y, X), (2 * Y, X), (Z, X + Y)),
+            "legs 1, 2 and 3 are parallel, along (1, 0, 0), and lie in one plane, with normal (0, 0, 1) at 0 mm from"
+            " the origin",
+        ),
+        (_along((Y, X), (Y, Y), (Y, Z), (Y, X + Y + Z)), "all four legs meet in one point, (0, 1, 0) mm"),
+        (_along((HOME, Z), (X, Z), (Y, Z), (X + Y, -Z)), "all four legs are parallel, along (0, 0, 1)"),
+        (
+            _along((HOME, X), (Y, X), (HOME, Y), (X, X + 2 * Y), (Z, Z)),
+            "legs 1, 2, 3 and 4 lie in one plane, with normal (0, 0, 1) at 0 mm from the origin",
+        ),
+        (
+            _along(
+                (HOME, X), (Y, X + 2 * Y), (Z, X - Y), (X, 3 * X + Y), (X + 5 * Z, X - 7 * Y), (7 * Z, 3 * X + 2 * Y)
+            ),
+            "all six legs are parallel to the planes with normal (0, 0, 1)",
+        ),
+        (
+            _along(
+                (HOME, X + Z), (Z, Y + Z), (2 * Z, X + Y), (3 * Z, X - Y), (4 * Z, X + 2 * Y), (5 * Z, 3 * X + Y + Z)
+            ),
+            "all six legs meet the line through (0, 0, 2.5) mm along (0, 0, 1)",
+        ),
+        (
+            _along(
+                (X, X + Y - Z),
+                (Y, X + 2 * Y + Z),
+                (-X, 2 * X + Y + Z),
+                (2 * X, X + Y - 2 * Z),
+                (2 * Y, X - 3 * Y + 2 * Z),
+                (X + Y, X + 2 * Y - Z),
+            ),
+            "all six legs belong to one linear complex, of pitch 1 mm/rad about the line through (0, 0, 0) mm along"
+            " (0, 0, 1)",
+        ),
+        (
+            _along((HOME, X), (Z, Y), (2 * Z, X + Y), (3 * Z, X - Y), (5 * Z, X + 3 * Y)),
+            "all five legs meet the line through (0, 0, 2.2) mm along (0, 0, 1), and are parallel to the planes with"
+            " normal (0, 0, 1)",
+        ),
+        (
+            _along((HOME, Y), (HOME, X + Y), (X, X + Z), (X, Z), (Z, X + 3 * Y + Z)),
+            "legs 1 and 2 meet in one point, (0, 0, 0) mm, legs 3 and 4 meet in one point, (1, 0, 0) mm, and the planes"
+            " of both pairs hold the line through (0.4, 0, 0) mm along (1, 0, 0), on which these points lie (two flat"
+            " pencils with a common line)",
+        ),
+        (
+            _along((HOME, X + 2 * Z), (HOME, Y + 3 * Z), (HOME, X - 2 * Y + Z), (X, Y), (2 * X + Y, X + 3 * Y)),
+            "legs 1, 2 and 3 meet in one point, (0, 0, 0) mm, and legs 4 and 5 lie in one plane through it, with normal"
+            " (0, 0, 1) at 0 mm from the origin",
+        ),
+        (
+            [Line.through(s * X, Z + t * Y) for s, t in ((1, 1), (2, -1), (-1, 2), (3, 3), (-2, -3))],
+            "all five legs meet two lines, the line through (0.3, 0, 0) mm along (1, 0, 0) and the line through (0,"
+            " 0.2, 1) mm along (0, 1, 0)",
+        ),
+    ],
+)
+def test_the_reason_in_words(lines, says):
+    assert classify(lines, 1.0).words(unit="mm") == says
+
+
+def test_names_nouns_and_units():
+    lines = _along((Y, X), (Y, Y), (Y, Z), (HOME, X), (Y, X + Y + Z))
+    found = classify(lines, 0.1, names=["front", "left", "right", "arm", "rear"])
+    assert found.reason == "legs front, left, right and rear meet in one point, (0, 1, 0)"
+    assert found.words("line", "m") == "lines front, left, right and rear meet in one point, (0, 1, 0) m"
+
+
+@pytest.mark.parametrize(
+    ("ask", "says"),
+    [
+        (lambda: classify([], 1.0), "0 lines"),
+        (lambda: classify(_along(*[(HOME, X)] * 7), 1.0), "7 lines"),
+        (lambda: classify(_along((HOME, X), (HOME, Y)), 1.0, names=["one"]), "2 lines have 1 names"),
+        (lambda: nearness(_along((HOME, X)), -1.0), "positive"),
+        (lambda: near(_along((HOME, X)), 1.0, 3.0), "between 0 and 1"),
+    ],
+)
+def test_what_can_not_be_asked_says_why(ask, says):
+    with pytest.raises(LineError, match=says):
+        ask()

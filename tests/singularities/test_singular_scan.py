@@ -1,0 +1,189 @@
+"""Singular curves on slices, against closed forms; and the command that draws and writes them."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cinegen.cli import main
+from cinegen.mission import Motion, Recorder
+from cinegen.plotting.loci import draw_loci
+from cinegen.singularities import Kind, singularity
+from cinegen.singularities.scan import scan
+from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError, about_home
+
+
+@pytest.fixture(scope="module")
+def five_bar(robot):
+    """The whole plane of the five-bar's tool."""
+    of = Slice(robot("five_bar"), (Axis("x", -0.7, 0.7), Axis("y", -0.55, 0.72)))
+    return scan(of, 35)
+
+
+def test_a_five_bar_is_singular_of_type_1_on_circles_about_its_motors(five_bar):
+    """Arms of 250 and 400 about (-150, 0) and (150, 0): stretched at 650, folded at 150."""
+    curves = [curve for curve in five_bar.curves if curve.kind is Kind.TYPE_1]
+    assert {curve.kind for curve in five_bar.curves if curve.border} == {Kind.TYPE_1}
+    points = np.vstack([curve.points for curve in curves])
+    away = np.array([np.hypot(points[:, 0] - x, points[:, 1]) for x in (-0.15, 0.15)])
+    off = np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2))
+    assert off.max() < 1e-6
+    # all four circles, as far as they bound what can be reached
+    for x in (-0.15, 0.15):
+        for radius in (0.65, 0.15):
+            assert (np.abs(np.hypot(points[:, 0] - x, points[:, 1]) - radius) < 1e-6).sum() > 10
+    inside = (np.hypot(*np.meshgrid(five_bar.u + 0.15, five_bar.v, indexing="ij")) < 0.65) & (
+        np.hypot(*np.meshgrid(five_bar.u - 0.15, five_bar.v, indexing="ij")) < 0.65
+    )
+    for x in (-0.15, 0.15):
+        inside &= np.hypot(*np.meshgrid(five_bar.u - x, five_bar.v, indexing="ij")) > 0.15
+    assert (five_bar.reached == inside).all()
+
+
+def test_and_of_type_2_on_the_circle_about_elbows_that_fall_together(five_bar):
+    """Inner bars of 250 let the elbows meet at (0, 200), and at (0, -200), whose circle is below this slice."""
+    curves = [curve for curve in five_bar.curves if curve.kind is Kind.TYPE_2]
+    assert sum(len(curve.points) for curve in curves) > 5
+    for curve in curves:
+        for (u, v), q in zip(curve.points, curve.q, strict=True):
+            assert np.hypot(u, v - 0.2) == pytest.approx(0.4, abs=1e-6)
+            assert singularity(five_bar.of.mechanism, q, tolerance=1e-5).kind in (Kind.TYPE_2, Kind.BOTH)
+            assert np.allclose(five_bar.of.mechanism.placement(q, "tool").translation[:2], (u, v), atol=1e-9)
+
+
+def test_fichters_curve_on_a_slice_of_the_tssm(robot):
+    """At theta = phi = 0 the platform's turn alone makes it singular, at 90 degrees, wherever it is."""
+    of = Slice(robot("tssm"), (Axis("x", -0.006, 0.006), Axis("rz", -2.2, 2.2)), {"rx": 0.0, "ry": 0.0, "z": 0.018})
+    assert set(of.held) == {"x", "y", "z", "rx", "ry", "rz"}
+    loci = scan(of, 9)
+    assert loci.reached.all()
+    points = np.vstack([curve.points for curve in loci.curves if curve.kind is Kind.TYPE_2])
+    assert np.abs(np.abs(points[:, 1]) - 0.5 * math.pi).max() < 1e-6
+    assert len(points) == 2 * 9  # once on each line of the grid, at both angles
+    assert not [curve for curve in loci.curves if curve.kind is Kind.TYPE_1]
+
+
+def test_over_two_motors_a_serial_arm_is_singular_where_it_is_stretched(robot):
+    of = Slice(robot("planar_3r"), (Axis("joint2", -0.8, 0.9), Axis("joint3", -0.9, 0.8)), {"joint1": 0.3})
+    loci = scan(of, 8)
+    points = np.vstack([curve.points for curve in loci.curves])
+    assert {curve.kind for curve in loci.curves} == {Kind.TYPE_1}
+    assert np.abs(points[:, 0]).max() < 1e-6  # of a 3R with its orientation: joint 2 alone decides
+
+
+def test_the_picture_and_the_numbers_say_the_same(five_bar):
+    figure = draw_loci(five_bar)
+    axes = figure.axes[0]
+    drawn = sum(len(line.get_xdata()) for line in axes.lines)
+    assert drawn == sum(len(curve.points) for curve in five_bar.curves) + 1  # and home
+    assert axes.get_xlabel() == "x (mm)"
+    said = five_bar.as_dict()
+    assert json.loads(json.dumps(said)) == said
+    assert len(said["type 1"]) == len(said["u"])
+
+
+@pytest.mark.parametrize(
+    ("name", "axes", "fixed", "words"),
+    [
+        ("five_bar", ("x", "w"), {}, "no coordinate 'w' here: there are x, y, z, rx, ry, rz"),
+        ("five_bar", ("x", "joint1"), {}, "no coordinate 'joint1' here"),
+        ("delta4", ("x", "rz"), {}, "rz of platform can't be given independently of x, y, z"),
+        ("gough", ("x", "x"), {}, "given twice: x, x"),
+        ("gough", ("x", "y"), {"y": 0.0}, "given twice: x, y, y"),
+    ],
+)
+def test_coordinates_that_make_no_slice_are_told(robot, name, axes, fixed, words):
+    with pytest.raises(SliceError, match=words.replace("(", r"\(")):
+        Slice(robot(name), (Axis(axes[0], -0.1, 0.1), Axis(axes[1], -0.1, 0.1)), fixed)
+
+
+def test_a_slice_out_of_reach_and_a_range_without_extent_are_told(robot):
+    far = Slice(robot("five_bar"), (Axis("x", 3.0, 4.0), Axis("y", -0.1, 0.1)))
+    with pytest.raises(SliceError, match="no point of this slice over x and y can be reached from home"):
+        scan(far, 5)
+    with pytest.raises(SliceError, match="x from 1 to 1 is no range"):
+        Slice(robot("five_bar"), (Axis("x", 1.0, 1.0), Axis("y", -0.1, 0.1)))
+    with pytest.raises(SliceError, match="a grid of 1 points has no cells"):
+        scan(Slice(robot("five_bar"), (about_home(robot("five_bar"), "x"), about_home(robot("five_bar"), "y"))), 1)
+
+
+def test_motors_have_their_limits_about_home(robot):
+    mechanism = robot("five_bar")
+    axis = about_home(mechanism, "joint1")
+    at = mechanism.q_index("joint1")
+    assert axis.low >= mechanism.model.lowerPositionLimit[at]
+    assert axis.high <= mechanism.model.upperPositionLimit[at]
+
+
+# --- the command -------------------------------------------------------------------------------------------------
+
+
+def test_the_command_says_what_is_singular_at_a_pose(root, capsys):
+    assert main(["singular", str(root / "robots/tssm.raff"), "--at", "x=0,y=0,z=20,rx=0,ry=0,rz=90"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("tssm: type 2")
+    assert "general complex (5a): all six legs belong to one linear complex" in said
+    assert main(["singular", str(root / "robots/tssm.raff"), "--json"]) == 0
+    (report,) = json.loads(capsys.readouterr().out)
+    assert (report["name"], report["kind"], report["class"]) == ("tssm", "regular", None)
+
+
+def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    file = str(root / "robots/five_bar.raff")
+    assert main(["singular", file, "--scan", "x=-650..650,y=-500..650", "--grid", "9"]) == 0
+    said = capsys.readouterr().out
+    assert "five_bar-singular.png and five_bar-singular.json are written" in said
+    assert (tmp_path / "five_bar-singular.png").read_bytes().startswith(b"\x89PNG")
+    written = json.loads((tmp_path / "five_bar-singular.json").read_text())
+    assert written["axes"] == ["x", "y"]
+    assert {curve["kind"] for curve in written["curves"]} >= {"type 1"}
+
+
+def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(robot, tmp_path, capsys):
+    """The TSSM's platform turned from 80 degrees to 100 over the base: Fichter's singularity is at 90."""
+    mechanism = robot("tssm")
+    pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}
+    turns = np.radians([80.0, 84.0, 88.0, 92.0, 96.0, 100.0])
+    coordinates = Coordinates(mechanism, (*pose, "rz"))
+    with Recorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
+        for k, turn in enumerate(turns):
+            recorder.write(float(k), {"tssm": Motion(coordinates.led({**pose, "rz": turn}))})
+    assert main(["singular", str(tmp_path / "run.jsonl"), "--json"]) == 0
+    (report,) = json.loads(capsys.readouterr().out)
+    (passed,) = [one for one in report["found"] if "passed" in one["kind"] and "type 2" in one["kind"]]
+    assert 2.0 < passed["time"] < 3.0
+    assert coordinates.coordinates(np.array(passed["q"]))["rz"] == pytest.approx(0.5 * math.pi, abs=1e-3)
+    assert main(["singular", str(tmp_path / "run.jsonl")]) == 0
+    assert "type 2" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--scan", "x"], "--scan x: name two coordinates"),
+        (["--scan", "x=1,y"], "'x=1': write NAME=LOW..HIGH"),
+        (["--scan", "x=1..b,y"], "--scan: 'b' is no number"),
+        (["--at", "x"], "'x': write NAME=VALUE, mm or degrees"),
+        (["--at", "x=1,y"], "'y': write NAME=VALUE, mm or degrees"),
+        (["--at", "x=nan"], "--at: 'nan' is no number"),
+        (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
+        (["--at", "jont1=10"], "or motors alone: joint1, joint3"),
+        (["--at", "joint1=10,jont3=10"], "no coordinate 'jont3' here (did you mean 'joint3'?)"),
+        (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
+        (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
+        (["--at", "nose=10"], "no coordinate 'nose' here: there are"),
+        (["--at", "x=1,x=2"], "--at: x is given twice"),
+        (["--at", "jont1=10", "--scan", "x,y"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
+        (["--scan", "jont1,joint3"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
+        (["--at", "x=9000"], "--at x=9000 can't be reached straight from home on its branch"),
+        (["--scan", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
+    ],
+)
+def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 1
+    assert words in capsys.readouterr().err

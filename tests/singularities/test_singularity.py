@@ -1,0 +1,269 @@
+"""Singularities of whole mechanisms, against closed forms, screw theory and what then moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.singularities import Kind, leg_lines, singularity
+from cinegen.singularities.counted import counted
+from cinegen.singularities.lines import Line, Variety
+from cinegen.singularities.slice import Coordinates
+
+CLOSED = ["five_bar", "four_bar", "planar_hybrid", "sr400", "hybrid", "delta4", "delta4_linear", "tssm", "gough"]
+
+
+def three_rrr(elbows, platform, base=((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))) -> str:
+    """A planar 3-RRR as RAFF: pivots on the base, elbows and the platform's points, all (3, 2) in the world, m."""
+
+    def angle(a, b):
+        return math.degrees(math.atan2(b[1] - a[1], b[0] - a[0]))
+
+    def away(a, b):
+        return 1000.0 * math.dist(a, b)
+
+    lines, origin = ["robot r {", "base { }"], (0.0, 0.0)
+    for leg, (foot, elbow, head) in enumerate(zip(base, elbows, platform, strict=True)):
+        n = 10 * leg
+        first, second = angle(foot, elbow), angle(elbow, head)
+        foot_angle, foot_away = angle(origin, foot), away(origin, foot)
+        lines.append(
+            f"link {n + 1} {{ parameters {{ gamma {foot_angle!r} d {foot_away!r} theta {first - foot_angle!r} }} "
+            "type 2 pred 0 actuated 1 }"
+        )
+        bar, turn = away(foot, elbow), second - first
+        bar, turn = away(foot, elbow), second - first
+        lines.append(f"link {n + 2} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 1} }}")
+        if leg == 0:
+            bar, turn = away(elbow, head), angle(head, platform[1]) - second
+            lines.append(f"link {n + 3} {{ parameters {{ d {bar!r} theta {turn!r} }} type 2 pred {n + 2} }}")
+        else:
+            turned = angle(platform[0], head) - angle(platform[0], platform[1])
+            lines.append(f"frame {n + 4} {{ parameters {{ d {away(elbow, head)!r} }} pred {n + 2} }}")
+            lines.append(f"frame {n + 5} {{ parameters {{ gamma {turned!r} d {away(platform[0], head)!r} }} pred 3 }}")
+            lines.append(f"constraint {{ frame {n + 4} frame {n + 5} type 2 }}")
+    lines.append('frame 40 { name "tool" parameters { d 100.0 } pred 3 } constraint { frame 40 sensor ( 0 1 ) } }')
+    return "\n".join([*lines, 'sensor 1 { port "/dev/null" translation 3 rotation 3 }'])
+
+
+ELBOWS, HEADS = ((0.1, 0.5), (1.2, 0.5), (0.8, 1.1)), ((0.35, 0.4), (0.75, 0.45), (0.5, 0.75))
+
+
+@pytest.mark.parametrize("name", [*CLOSED, "arm7", "planar_3r"])
+@given(seed=st.integers(0, 2**32 - 1))
+def test_random_poses_are_regular(robot, name, seed):
+    mechanism = robot(name)
+    q = mechanism.random_closed(1, seed)[0]
+    found = singularity(mechanism, q)
+    assert not found
+    assert found.kind is Kind.NONE
+    assert found.dependence is None or found.dependence.nearly
+
+
+@pytest.mark.parametrize("name", ["five_bar", "hybrid", "delta4", "tssm", "gough"])
+def test_the_gained_motion_opens_loops_least_and_moves_the_node_as_its_screw_says(robot, name):
+    mechanism = robot(name)
+    q = mechanism.random_closed(1, 7)[0]
+    found = singularity(mechanism, q)
+    if found.gained is None:
+        assert name == "delta4"  # it has one: never here
+    step = 1e-6
+    size = np.abs(found.motion / mechanism.scale).max()
+    assert all(found.motion[mechanism.v_index(motor)] == 0.0 for motor in mechanism.actuated)
+    ends = [
+        mechanism.placement(pin.integrate(mechanism.model, q, s * step * found.motion), mechanism.end) for s in (-1, 1)
+    ]
+    w = pin.log3(ends[1].rotation @ ends[0].rotation.T) / (2.0 * step)
+    v = (ends[1].translation - ends[0].translation) / (2.0 * step)
+    p = mechanism.placement(q, mechanism.end).translation
+    twist = np.concatenate([w, v + np.cross(p, w)])  # the origin's velocity
+    screw = found.gained.coordinates
+    assert np.allclose(twist / np.linalg.norm(twist), screw / np.linalg.norm(screw), atol=1e-6 * size) or np.allclose(
+        twist / np.linalg.norm(twist), -screw / np.linalg.norm(screw), atol=1e-6 * size
+    )
+
+
+def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
+    """Both outer bars on one line: elbows a distance 2 * 400 or 0 apart; here 0, at (0, -200)."""
+    mechanism = robot("five_bar")
+    elbow = math.atan2(-200.0, 150.0)
+    q = mechanism.close(
+        mechanism.configuration({"joint1": elbow, "joint3": math.pi - elbow, "joint2": 0.3, "joint4": 2.0}),
+        ["joint1", "joint3"],
+    )
+    tool, elbow_at = mechanism.placement(q, "tool").translation, mechanism.placement(q, "link2").translation
+    assert np.allclose(elbow_at, mechanism.placement(q, "link4").translation, atol=1e-9)
+    found = singularity(mechanism, q)
+    assert found.kind is Kind.TYPE_2
+    assert found.sigma[1] < 1e-12
+    # the tool turns about the elbows, which are in one place
+    assert found.gained.pitch == pytest.approx(0.0, abs=1e-12)
+    assert np.allclose(found.gained.axis.nearest(np.zeros(3)), elbow_at, atol=1e-9)
+    # ... and no force along its circle is borne
+    along = np.cross([0.0, 0.0, 1.0], tool - elbow_at)
+    force = found.unheld.coordinates[:3]
+    assert abs(force @ along) > 1e-3 * np.linalg.norm(along)
+    assert "with all motors held tool still makes a rotation about the axis" in found.words
+
+
+def test_type_1_of_a_five_bar_is_where_an_arm_is_stretched(robot):
+    mechanism = robot("five_bar")
+    q = mechanism.close(mechanism.configuration({"joint2": 0.0}), ["joint2"])
+    found = singularity(mechanism, q)
+    assert found.kind is Kind.TYPE_1
+    arm = mechanism.placement(q, "tool").translation - mechanism.placement(q, "link1").translation
+    assert found.lost.translates
+    lost = found.lost.axis.coordinates[3:]
+    assert abs(lost @ arm) == pytest.approx(np.linalg.norm(arm), rel=1e-9)  # along the stretched arm
+    line = found.carried.axis
+    assert found.carried.pitch == pytest.approx(0.0, abs=1e-9)
+    assert np.allclose(np.cross(line.direction, arm), 0.0, atol=1e-9)  # which bears a force along itself
+
+
+def test_a_3rrr_is_regular_where_its_outer_bars_go_nowhere_together(raff):
+    mechanism = raff(three_rrr(ELBOWS, HEADS))
+    assert mechanism.mobility == 3
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.kind is Kind.NONE
+    for line, elbow, head in zip(found.legs, ELBOWS, HEADS, strict=True):
+        expected = Line.through([*elbow, 0.0], [*head, 0.0])
+        assert np.allclose(line.coordinates, expected.coordinates, atol=1e-9) or np.allclose(
+            line.coordinates, -expected.coordinates, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("parallel", [False, True])
+def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_parallel(raff, parallel):
+    heads = np.array(HEADS)
+    centre, way = np.array([0.3, 0.6]), np.array([0.3, 1.0])
+    ways = np.array([way] * 3) if parallel else heads - centre
+    elbows = heads + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
+    mechanism = raff(three_rrr(elbows, heads))
+    found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
+    assert found.kind is Kind.TYPE_2
+    assert found.dependence.variety is Variety.FLAT_PENCIL
+    assert found.dependence.lines == (0, 1, 2)
+    if parallel:
+        assert found.gained.translates
+        assert abs(found.gained.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
+        assert "parallel" in found.words
+    else:
+        assert found.gained.pitch == pytest.approx(0.0, abs=1e-7)
+        assert np.allclose(found.gained.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
+        assert "meet in one point" in found.words
+
+
+def test_a_3rrr_loses_a_motion_where_a_leg_is_stretched(raff):
+    feet, heads = np.array(((0.0, 0.0), (1.0, 0.1), (0.4, 0.9))), np.array(HEADS)
+    elbows = np.array(ELBOWS)
+    elbows[0] = feet[0] + 0.55 * (heads[0] - feet[0])
+    mechanism = raff(three_rrr(elbows, heads))
+    found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
+    assert found.kind is Kind.TYPE_1
+    # the structure bears a force along the stretched leg, and the lost motion does work on it
+    assert found.carried.pitch == pytest.approx(0.0, abs=1e-7)
+    along = heads[0] - feet[0]
+    expected = Line.along([*feet[0], 0.0], [*along, 0.0])
+    assert abs(found.carried.axis.direction @ expected.direction) == pytest.approx(1.0, abs=1e-12)
+    assert np.allclose(found.carried.axis.nearest(np.zeros(3)), expected.nearest(np.zeros(3)), atol=1e-7)
+
+
+# --- legs that are lines -----------------------------------------------------------------------------------------
+
+
+def at(mechanism: cinegen.Mechanism, **pose: float) -> np.ndarray:
+    """The configuration with the platform at a pose (mm, degrees)."""
+    given = {name: value * (1e-3 if len(name) == 1 else math.pi / 180.0) for name, value in pose.items()}
+    q = Coordinates(mechanism, tuple(given)).led(given)
+    assert q is not None
+    return q
+
+
+def test_the_legs_are_the_lines_between_their_joints(robot):
+    """Of Merlet's TSSM, whose base points are those of table 1's geometry."""
+    mechanism = robot("tssm")
+    feet = 1e-3 * np.array([[-9.7, 9.1], [9.7, 9.1], [12.76, 3.9], [3.0, -13.0], [-3.0, -13.0], [-12.76, 3.9]])
+    corners = 1e-3 * np.array([[0.0, 7.3, 0.0], [4.822, -5.480722, 0.0], [-4.822, -5.480722, 0.0]])
+    q = at(mechanism, x=1.0, y=-2.0, z=18.0, rx=5.0, ry=3.0, rz=10.0)
+    platform = mechanism.placement(q, "platform")
+    found = singularity(mechanism, q)
+    for line, foot, corner in zip(found.legs, feet, np.repeat(corners, 2, axis=0), strict=True):
+        expected = Line.through([*foot, 0.0], platform.act(corner)).coordinates
+        assert np.allclose(line.coordinates, expected, atol=1e-8) or np.allclose(line.coordinates, -expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 20.0), (2.0, -3.0, 14.0)])
+@pytest.mark.parametrize("side", [90.0, -90.0])
+def test_fichters_singularity(robot, place, side):
+    """The platform turned by 90 degrees over the base: all six legs belong to one complex, wherever it is."""
+    mechanism = robot("tssm")
+    q = at(mechanism, x=place[0], y=place[1], z=place[2], rx=0.0, ry=0.0, rz=side)
+    found = singularity(mechanism, q)
+    assert found.kind is Kind.TYPE_2
+    assert found.dependence.variety is Variety.GENERAL_COMPLEX
+    assert found.dependence.lines == (0, 1, 2, 3, 4, 5)
+    # what is gained does no work with forces along the legs (Merlet, section 3)
+    for line in leg_lines(mechanism, q):
+        w, v = np.split(found.gained.coordinates, 2)
+        assert abs(line.direction @ v + line.moment @ w) < 1e-9
+    assert "all six legs belong to one linear complex" in found.words
+
+
+def test_hunts_singularity(robot):
+    """The platform's plane goes through feet 1 and 2: all six legs meet its side B3 B5, about which it turns."""
+    mechanism = robot("tssm")
+    q = at(mechanism, x=0.5, y=0.0, z=15.0, rx=-math.degrees(math.atan2(15.0, 9.1)), ry=0.0, rz=0.0)
+    platform = mechanism.placement(q, "platform")
+    side = [platform.act(1e-3 * np.array([x, -5.480722, 0.0])) for x in (4.822, -4.822)]
+    found = singularity(mechanism, q)
+    assert found.kind is Kind.TYPE_2
+    assert found.dependence.variety is Variety.SPECIAL_COMPLEX
+    assert found.gained.pitch == pytest.approx(0.0, abs=1e-9)
+    for corner in side:
+        assert np.linalg.norm(found.gained.axis.nearest(corner) - corner) < 1e-8
+    assert "special complex (5b): all six legs meet the line through" in found.words
+
+
+@pytest.mark.parametrize("name", ["tssm", "gough"])
+def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot, name):
+    mechanism = robot(name)
+    q = mechanism.close(mechanism.configuration({"joint5": 0.0}), ["joint5"])
+    passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
+    assert np.linalg.svd(passive, compute_uv=False)[-1] < 1e-12
+    assert singularity(mechanism, q).near is Kind.NONE
+
+
+@pytest.mark.parametrize("name", ["tssm", "gough", "hybrid"])
+def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, name):
+    mechanism = robot(name)
+    q = mechanism.random_closed(1, 3)[0]
+    matrices = counted(mechanism, q, mechanism.end)
+    back = np.linalg.inv(matrices.joints)
+    placement = mechanism.placement(q, mechanism.end)
+    local = mechanism.jacobian(q, mechanism.end) * mechanism.scale
+    node = np.vstack([placement.rotation @ local[:3] / mechanism.length, placement.rotation @ local[3:]])
+    assert np.allclose(matrices.loops @ back, mechanism.system.evaluate(q)[1], atol=1e-12)
+    assert np.allclose(matrices.node @ back, node, atol=1e-12)
+
+
+def test_a_stretched_arm_is_singular_of_type_1(robot):
+    mechanism = robot("planar_3r")
+    found = singularity(mechanism, np.zeros(3))
+    assert found.kind is Kind.TYPE_1
+    assert found.second.size == 0
+    assert found.gained is None
+    assert found.as_dict()["kind"] == "type 1"
+
+
+def test_open_loops_are_told(robot):
+    mechanism = robot("five_bar")
+    q = mechanism.q_home.copy()
+    q[0] += 0.1
+    with pytest.raises(cinegen.ClosureError, match=r"stand open by 0\.\d+ .*close\(q\) first"):
+        singularity(mechanism, q)

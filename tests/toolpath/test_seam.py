@@ -1,0 +1,396 @@
+"""Along a seam: distances and angles measured back from where the tool stands are those that were asked for."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from test_curve import flat, wandering
+
+from cinegen import Solver, Verdict
+from cinegen.devices import Grip, Hold, SensorError, State
+from cinegen.toolpath import Seam
+from cinegen.toolpath.curve import PointError
+
+UP = np.array([0.0, 0.0, 1.0])
+SQUARE = np.array([[0, 0, 0], [0.1, 0, 0], [0.1, 0.1, 0], [0, 0.1, 0], [0, 0, 0]])
+
+tilts = st.floats(-1.2, 1.2)
+distances = st.floats(-0.05, 0.2)
+seeds = st.integers(0, 10_000)
+
+
+def angles(tool: pin.SE3, tangent: np.ndarray, normal: np.ndarray) -> tuple[float, float]:
+    """Work and travel angle (rad) as AWS A3.0 says, from nothing but the tool's axis, the seam's and the normal."""
+    axis = tool.rotation[:, 2]
+    travel = 0.5 * math.pi - math.acos(np.clip(axis @ tangent, -1, 1))  # to the perpendicular of the seam
+    across = np.cross(tangent, axis)  # perpendicular to the plane of the seam and the axis
+    work = 0.5 * math.pi - math.acos(np.clip(normal @ across / np.linalg.norm(across), -1, 1))
+    return work, travel
+
+
+def foot(tool: pin.SE3, distance: float) -> np.ndarray:
+    """The point on the tool's axis at a distance in front of it."""
+    return tool.translation + distance * tool.rotation[:, 2]
+
+
+def random_seam(seed: int, bend: float = 29.0) -> tuple[np.ndarray, np.ndarray]:
+    """Points (m) and normals: a normal that wanders, and a line that stays more or less across it."""
+    random = np.random.default_rng(seed)
+    points = wandering(seed, math.radians(bend), 6) * [1, 1, 0.2]
+    return points, UP + 0.3 * random.uniform(-1, 1, (6, 3))
+
+
+def times(seam: Seam, count: int) -> np.ndarray:
+    return np.linspace(0, 1.0 + seam.duration, count)
+
+
+# --- where the tool stands -------------------------------------------------------------------------------------------
+
+
+@given(seeds, distances, tilts, tilts, st.floats(-4, 4))
+def test_distance_and_angles_are_what_was_asked_for(seed, distance, work, travel, roll):
+    """On a straight seam with a normal that turns about it, where all is known exactly."""
+    random = np.random.default_rng(seed)
+    way, normal, _ = np.linalg.qr(random.normal(size=(3, 3)))[0].T
+    aside = np.cross(way, normal)
+    begin, length, turn = random.normal(size=3), random.uniform(0.01, 1), random.uniform(-2, 2)
+    last = math.cos(turn) * normal + math.sin(turn) * aside
+    seam = Seam([begin, begin + length * way], [7 * normal, 1e-3 * last], distance, work, travel, roll=roll)
+    for tool, part in zip(seam.targets(length / 7), np.linspace(0, 1, 8), strict=True):
+        assert foot(tool, distance) == pytest.approx(begin + part * length * way, abs=1e-9)
+        there = math.cos(part * turn) * normal + math.sin(part * turn) * aside
+        assert angles(tool, way, there) == pytest.approx((work, travel), abs=1e-7)
+        assert tool.rotation.T @ tool.rotation == pytest.approx(np.eye(3), abs=1e-12)
+        assert np.linalg.det(tool.rotation) > 0
+
+
+@settings(max_examples=20)
+@given(seeds, distances, tilts, tilts)
+def test_they_are_so_on_any_curve(seed, distance, work, travel):
+    """The seam's direction by differences along what the tools point at, the normals as given at its points."""
+    points, normals = random_seam(seed)
+    try:
+        seam = Seam(points, normals, distance, work, travel)
+    except PointError:
+        assume(False)
+    tools = [seam.at(s) for s in np.linspace(0, seam.length, 601)]
+    feet = np.array([foot(tool, distance) for tool in tools])
+    h = 1e-7 * seam.length
+    for point, normal in zip(points[1:-1], normals[1:-1] / np.linalg.norm(normals[1:-1], axis=1)[:, None], strict=True):
+        nearest = np.argmin(np.linalg.norm(feet - point, axis=1))
+        s = seam.length * nearest / 600
+        for _ in range(5):  # Newton's steps to the point
+            before, behind = foot(seam.at(s - h), distance), foot(seam.at(s + h), distance)
+            tangent = (behind - before) / np.linalg.norm(behind - before)
+            s += (point - foot(seam.at(s), distance)) @ tangent
+        assert foot(seam.at(s), distance) == pytest.approx(point, abs=1e-7)
+        across = tangent - (tangent @ normal) * normal
+        assert angles(seam.at(s), across / np.linalg.norm(across), normal) == pytest.approx((work, travel), abs=2e-3)
+
+
+def test_conventions():
+    """North, with the surface below: what is right, ahead and down."""
+    points, normals = [[0, 0, 0], [0, 1, 0]], [UP, UP]
+    plain = Seam(points, normals, 0.1).at(0.0)
+    assert plain.translation == pytest.approx([0, 0, 0.1])
+    assert plain.rotation == pytest.approx(np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]))  # x ahead, y right, z down
+    leaning = Seam(points, normals, 0.1, work=0.3).at(0.0)
+    assert leaning.translation == pytest.approx([0.1 * math.sin(0.3), 0, 0.1 * math.cos(0.3)])  # to the right
+    pushing = Seam(points, normals, 0.1, travel=0.3).at(0.0)
+    assert pushing.translation == pytest.approx([0, -0.1 * math.sin(0.3), 0.1 * math.cos(0.3)])  # points ahead
+    assert pushing.rotation[1, 0] > 0.9
+    rolled = Seam(points, normals, 0.1, 0.3, 0.2, roll=0.5 * math.pi).at(0.5)
+    other = Seam(points, normals, 0.1, 0.3, 0.2).at(0.5)
+    assert rolled.translation == pytest.approx(other.translation)
+    assert rolled.rotation[:, 0] == pytest.approx(other.rotation[:, 1])
+
+
+@settings(max_examples=30)
+@given(seeds, distances, tilts, tilts, st.floats(20, 120))
+def test_it_goes_with_the_work(seed, distance, work, travel, bend):
+    points, normals = random_seam(seed, bend)
+    moved = pin.SE3.Interpolate(
+        pin.SE3.Identity(), pin.SE3(pin.exp3(np.random.default_rng(seed).normal(size=3)), UP), 0.7
+    )
+    try:
+        here = Seam(points, normals, distance, work, travel, approach=0.01)
+    except PointError:
+        assume(False)
+    there = Seam(
+        points @ moved.rotation.T + moved.translation, normals @ moved.rotation.T, distance, work, travel, approach=0.01
+    )
+    for time in times(here, 40):
+        assert there.target(time).isApprox(moved * here.target(time), 1e-6)
+
+
+@settings(max_examples=30)
+@given(seeds, distances, tilts, tilts)
+def test_the_other_way_along_it_is_the_same_with_angles_reversed(seed, distance, work, travel):
+    points, normals = random_seam(seed)
+    try:
+        there = Seam(points, normals, distance, work, travel)
+    except PointError:
+        assume(False)
+    back = Seam(points[::-1], normals[::-1], distance, -work, -travel, roll=math.pi)
+    assert back.length == pytest.approx(there.length, rel=1e-6)
+    for part in np.linspace(0, 1, 20):
+        one, other = there.at(part * there.length), back.at((1 - part) * there.length)
+        assert one.isApprox(other, 1e-4)
+
+
+def test_targets_are_at_equal_distances():
+    turn = np.linspace(0, math.pi, 40)
+    arc = np.stack([0.1 * np.cos(turn), 0.1 * np.sin(turn), 0 * turn], axis=1)
+    seam = Seam(arc, flat(arc), 0.02)
+    for step, count in ((0.01, 33), (seam.length, 2), (seam.length / 4, 5), (1.0, 2)):
+        tools = seam.targets(step)
+        assert len(tools) == count
+        assert tools[0] == seam.at(0.0)
+        assert tools[-1] == seam.at(seam.length)
+        lengths = [np.linalg.norm(b.translation - a.translation) for a, b in pairwise(tools)]
+        assert np.ptp(lengths) < 1e-4
+    for wrong in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(SensorError, match="a step along a seam"):
+            seam.targets(wrong)
+
+
+# --- how it moves ----------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=30)
+@given(seeds, st.floats(0.005, 0.2), distances, tilts, tilts)
+def test_its_speed_along_the_seam_is_constant(seed, speed, distance, work, travel):
+    points, normals = random_seam(seed)
+    points[:, 2] = 0.0  # one smooth curve
+    try:
+        seam = Seam(points, normals, distance, work, travel, speed)
+    except PointError:
+        assume(False)
+    assume(seam.duration == pytest.approx(seam.length / speed + 0.25) and seam.length > 0.3 * speed)
+    dt = 1e-5
+    for time in np.linspace(1.25, 1.0 + seam.duration - 0.25 - dt, 50):
+        step = foot(seam.target(time + dt), distance) - foot(seam.target(time), distance)
+        assert np.linalg.norm(step) == pytest.approx(speed * dt, rel=1e-5)
+    rests = (0.0, 1.0, 1.0 + seam.duration, 1e6)
+    for time in rests:
+        step = foot(seam.target(time + dt), distance) - foot(seam.target(time), distance)
+        assert np.linalg.norm(step) < 1e-3 * speed * dt
+
+
+@settings(max_examples=10)
+@given(seeds, st.sampled_from(["stay", "back", "loop"]), tilts, tilts, st.sampled_from([0.0, 0.03]))
+def test_no_target_jumps(seed, again, work, travel, approach):
+    """Corners, edges, approach and return: in a fourth of the time it moves a fourth as far."""
+    random = np.random.default_rng(seed)
+    turns = np.cumsum(random.uniform(-2, 2, 5))
+    points = np.cumsum(0.05 * np.stack([np.cos(turns), np.sin(turns), random.uniform(-0.2, 0.2, 5)], axis=1), axis=0)
+    normals = UP + 0.3 * random.uniform(-1, 1, (5, 3))
+    points, normals = np.insert(points, 3, points[3], axis=0), np.insert(normals, 3, [0.5, 0, 1], axis=0)
+    seam = Seam(points, normals, 0.02, work, travel, 0.1, approach=approach, again=again, wait=0.0)
+
+    def largest(count: int) -> float:
+        places = [seam.target(time) for time in np.linspace(0, 2.2 * seam.duration, count)]
+        return max(
+            float(np.linalg.norm(b.translation - a.translation) + np.linalg.norm(b.rotation - a.rotation))
+            for a, b in pairwise(places)
+        )
+
+    count = 50 * math.ceil(seam.duration)
+    assert largest(4 * count) < 0.3 * largest(count)
+
+
+def test_at_a_corner_it_stops_and_turns_no_faster_than_it_may():
+    seam = Seam(SQUARE, flat(SQUARE), 0.02, 0.4, -0.3, speed=0.05, turning=0.6)
+    dt = 0.01
+    places = [seam.target(time) for time in np.arange(0, 1.0 + seam.duration, dt)]
+    moving = 0
+    for a, b in pairwise(places):
+        turn = np.linalg.norm(pin.log3(a.rotation.T @ b.rotation)) / dt
+        step = np.linalg.norm(foot(b, 0.02) - foot(a, 0.02)) / dt
+        assert turn <= 0.6 * (1 + 1e-9)
+        assert step <= 0.05 * (1 + 1e-6)
+        moving += turn > 1e-9 and step > 1e-9
+        assert abs(foot(b, 0.02)[2]) < 1e-12
+    assert moving <= 6  # of all ticks, those in which it begins or ends to turn
+    corner = 0.5 * math.pi / 0.6 + 0.25
+    assert seam.duration == pytest.approx(4 * (0.1 / 0.05 + 0.25) + 3 * corner)
+
+
+def test_an_edge_turns_the_tool_over():
+    points = [[0, 0, 0], [0.1, 0, 0], [0.1, 0, 0], [0.1, 0, -0.1]]
+    seam = Seam(points, [UP, UP, [1, 0, 0], [1, 0, 0]], 0.02)
+    assert seam.length == pytest.approx(0.2)
+    assert seam.at(0.05).rotation[:, 2] == pytest.approx([0, 0, -1])
+    assert seam.at(0.15).rotation[:, 2] == pytest.approx([-1, 0, 0])
+    assert seam.at(0.15).rotation[:, 0] == pytest.approx([0, 0, -1])
+
+
+@given(st.floats(0, 30))
+def test_back_is_the_same_in_reverse(time):
+    seam = Seam(SQUARE, flat(SQUARE), 0.02, 0.4, -0.3, speed=0.05, approach=0.01, again="back")
+    turned = 1.0 + seam.duration
+    assert seam.target(1.0 + time + 2 * seam.duration).isApprox(seam.target(1.0 + time), 1e-9)
+    if time < seam.duration:
+        assert seam.target(turned + time).isApprox(seam.target(turned - time), 1e-9)
+
+
+def test_loops():
+    closed = Seam(SQUARE * 0.3, flat(SQUARE), 0.02, turning=3.0, again="loop")
+    plain = Seam(SQUARE * 0.3, flat(SQUARE), 0.02, turning=3.0)
+    home = 0.5 * math.pi / 3.0 + 0.25  # it only has to turn by a corner
+    for time in np.linspace(0, plain.duration, 40):
+        assert closed.target(1.0 + time) == plain.target(1.0 + time)
+        again = closed.target(1.0 + plain.duration + home + time)
+        assert again.isApprox(plain.target(1.0 + time), 1e-6)
+    round_ = np.radians(np.arange(0, 361, 15))
+    ring = 0.1 * np.stack([np.cos(round_), np.sin(round_), 0 * round_], axis=1)
+    seam = Seam(ring, flat(ring), 0.02, approach=0.05, again="loop")
+    for time in np.linspace(0, seam.duration, 40):
+        assert seam.target(1.0 + seam.duration + time).isApprox(seam.target(1.0 + time), 1e-6)
+    line = Seam([[0, 0, 0], [0.1, 0, 0]], [UP, UP], 0.02, speed=0.1, approach=0.05, again="loop")
+    halfway = line.target(1.0 + line.duration + 0.5 * (1.0 + 0.25))  # on its way through the air
+    assert halfway.translation == pytest.approx([0.05, 0, 0.07], abs=1e-9)
+
+
+def test_the_approach_is_along_the_tools_axis():
+    seam = Seam([[0, 0, 0], [0.1, 0, 0]], [UP, UP], 0.01, 0.3, 0.2, 0.05, approach=0.04, wait=0.5, ramp=0.1)
+    for time, along in ((0.0, 0.0), (0.4, 0.0), (0.5 + seam.duration, 0.1), (1e9, 0.1)):
+        tool, close = seam.target(time), seam.at(along)
+        assert tool.rotation == pytest.approx(close.rotation)
+        assert tool.translation == pytest.approx(close.translation - 0.04 * close.rotation[:, 2])
+    assert seam.duration == pytest.approx(2 * (0.04 / 0.05 + 0.1) + 0.1 / 0.05 + 0.1)
+    assert seam.target(0.5 + 0.04 / 0.05 + 0.1).isApprox(seam.at(0.0))
+
+
+# --- as a sensor -----------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """`clock[0]`: what time it is, s."""
+    now = [100.0]
+    monkeypatch.setattr("cinegen.toolpath.seam.time.monotonic", lambda: now[0])
+    return now
+
+
+def test_a_seam_is_a_sensor(clock):
+    seam = Seam([[0, 0, 0], [0.35, 0, 0]], [UP, UP], speed=0.1, approach=0.01, url="seam:weld.csv")
+    assert seam.status.state is State.CLOSED
+    assert seam.status.words == "seam:weld.csv is not started"
+    assert seam.read() is None
+    seam.start()
+    clock[0] += 0.5
+    seam.start()  # is started already
+    first = seam.read()
+    assert (first.time, first.twist, first.target) == (100.5, None, seam.target(0.0))
+    assert seam.status == (State.LIVE, "seam:weld.csv: 0 of 350 mm", 1, 0)
+    clock[0] = 100.0 + 1.0 + 2 * 0.25 + 0.125 + 1.2  # an approach that is all ramps, a ramp, 120 mm
+    assert seam.read().target.translation == pytest.approx([0.12, 0, 0])
+    assert seam.status.words == "seam:weld.csv: 120 of 350 mm"
+    clock[0] += 100.0
+    assert seam.read().target.translation == pytest.approx([0.35, 0, 0.01])  # it says its end, and no more
+    assert seam.read() is None
+    assert seam.status == (State.CLOSED, "seam:weld.csv is at its end", 3, 0)
+    seam.close()
+    seam.start()
+    assert seam.read().target == first.target
+    assert repr(seam) == "<Seam seam:weld.csv, 350 mm in 4.8 s>"
+
+
+def test_again_never_ends(clock):
+    for again in ("back", "loop"):
+        seam = Seam(SQUARE[:3], flat(SQUARE[:3]), again=again)
+        seam.start()
+        for _ in range(50):
+            clock[0] += 7.0
+            assert seam.read() is not None
+            assert seam.status.state is State.LIVE
+            assert 0 <= float(seam.status.words.split()[1]) <= 200
+
+
+def follow(mechanism, node, seam, clock, dt=0.002, grip=None, rotation=3):
+    """How far (m, rad) the node was off its target at each tick after the wait, and where it was."""
+    solver = Solver(mechanism, dt)
+    hold = Hold(seam, solver.pull(node, rotation=rotation), grip)
+    seam.start()
+    errors, places = [], []
+    while hold.status.state is State.LIVE:
+        hold.advance(dt)
+        clock[0] += dt
+        step = solver.step()
+        if clock[0] > 101.0:
+            assert step.verdict is Verdict.FOLLOWING
+            errors.append(step.errors[0])
+            places.append(mechanism.placement(step.q, node))
+    return np.array(errors), places
+
+
+def test_an_arm_follows_a_seam(robot, clock):
+    """Over a corner, on a plate that is tilted, to a micrometre; distance and angles from where its tool was."""
+    plate = pin.SE3(pin.utils.rotate("y", -0.5), np.array([0.6, 0.05, 0.2]))
+    points = np.array([[0, -0.1, 0], [0.01, -0.05, 0], [0, 0, 0], [0.05, 0, 0]])
+    normal = plate.rotation[:, 2]
+    seam = Seam([plate.act(point) for point in points], [normal] * 4, 0.012, 0.2, 0.3, 0.15, approach=0.02)
+    errors, places = follow(robot("rx90"), "tool", seam, clock)
+    assert errors[:, 0].max() < 1e-6
+    assert np.abs(errors[:, 1]).max() < 2e-6
+    near = [plate.actInv(place) for place in places if abs(plate.actInv(foot(place, 0.012))[2]) < 2e-6]
+    assert len(near) > 0.7 * len(places)
+    assert all(place.rotation[2, 2] == pytest.approx(-math.cos(0.2) * math.cos(0.3), abs=1e-5) for place in near)
+
+
+def test_a_delta_follows_what_it_can(robot, clock):
+    """It can't turn: with a grip of three translations its platform goes where the tool should, upright."""
+    delta = robot("delta4")
+    home = delta.placement(delta.q_home, "platform")
+    points = home.translation + np.array([[0, 0, -0.1], [0.2, 0, -0.1], [0.2, 0.2, -0.15]])
+    seam = Seam(points, [[0.3, 0, 1]] * 3, 0.05, speed=0.3)
+    errors, places = follow(delta, "platform", seam, clock, grip=Grip(rotation=0), rotation=0)
+    assert np.abs(errors).max() < 1e-6
+    assert places[-1].translation == pytest.approx(seam.at(seam.length).translation, abs=1e-6)
+    assert places[-1].rotation == pytest.approx(home.rotation, abs=1e-9)
+
+
+# --- what is no seam -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ({"speed": 0.0}, "speed must be more than 0"),
+        ({"turning": -1.0}, "turning must be more than 0"),
+        ({"work": 1.6}, "work must be less than 90 degrees"),
+        ({"travel": -1.5708}, "travel must be less than 90 degrees"),
+        ({"approach": -0.1}, "approach must be 0 or more"),
+        ({"ramp": -0.1}, "ramp must be 0 or more"),
+        ({"wait": math.inf}, "wait must be a number, not inf"),
+        ({"distance": math.nan}, "distance must be a number, not nan"),
+        ({"roll": "1"}, "roll must be a number, not 1"),
+        ({"again": "bakc"}, "again: no 'bakc': did you mean 'back'"),
+        ({"points": [[0, 0, 0]], "normals": [UP]}, "two points at least"),
+        ({"points": [[0, 0], [1, 0]]}, "as many normals as points"),
+        ({"normals": [UP]}, "as many normals as points"),
+        ({"normals": [UP, "up"]}, "must be numbers"),
+        ({"normals": [UP, [0, 0, 0]]}, "point 2: its normal is 0 0 0"),
+        ({"points": [[0, math.nan, 0], [1, 0, 0]]}, "point 1: its numbers must be finite"),
+        ({"normals": [UP, [0, 0, math.inf]]}, "point 2: its numbers must be finite"),
+        ({"points": [[0, 0, 0], [1e7, 0, 0]]}, r"point 2: it is more than 1e\+06 m away"),
+        ({"normals": [UP, [1, 0, 0]]}, "point 2: the seam goes along its normal"),
+        ({"points": np.zeros((100_001, 3)), "normals": np.zeros((100_001, 3))}, "more than 100000 points"),
+    ],
+)
+def test_what_is_no_seam(options, why):
+    values = {"points": [[0, 0, 0], [1, 0, 0]], "normals": [UP, UP], **options}
+    with pytest.raises(SensorError, match=why):
+        Seam(**values)
+
+
+def test_normals_of_any_length():
+    seam = Seam([[0, 0, 0], [1, 0, 0]], [[0, 0, 1e-300], [0, 0, 1e300]], 1.0)
+    assert seam.at(0.5).translation == pytest.approx([0.5, 0, 1])

@@ -1,0 +1,366 @@
+"""Maps against inverse kinematics in closed form: every cell that is farther than a cell from a boundary is right."""
+
+import math
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from closed_forms import delta4, five_bar, gough, planar_3r, rx90, two_bars, within
+from mapped import mapped, middles, over
+from scipy.ndimage import label, maximum_filter, minimum_filter
+
+from cinegen.assembly import assembly_modes
+from cinegen.workspace import GridAxis, How, MapError, Region, Survey, make_map, straight
+from cinegen.workspace.shells import Shells
+
+
+def agree(got, wanted, few=0.02):
+    """Cells whose neighbours want the same are right; of the others few are not."""
+    got, wanted = np.asarray(got, dtype=int), np.asarray(wanted, dtype=int)
+    inner = maximum_filter(wanted, 3, mode="nearest") == minimum_filter(wanted, 3, mode="nearest")
+    wrong = got != wanted
+    assert not wrong[inner].any(), np.argwhere(wrong & inner)[:5]
+    assert wrong[~inner].sum() <= few * max(1, (~inner).sum())
+    assert wanted.any()
+    assert not wanted.all()
+
+
+def searched(found):
+    """Whoever is out of reach was looked for, or that is certain; there are configurations of all others alone."""
+    settled = found["settled"]
+    assert np.isin(settled[~found["reachable"]], (How.NOT_FOUND, How.TOO_FAR)).all()
+    assert np.isin(settled[found["reachable"]], (How.NEIGHBOUR, How.SEARCH)).all()
+    assert (np.isfinite(found["configuration"][..., 0]) == found["reachable"]).all()
+
+
+PLANE = ("x", -0.83, 0.81, 36), ("y", -0.83, 0.82, 36)
+
+
+@pytest.mark.parametrize("limits", [True, False])
+@pytest.mark.parametrize("most", [10**6, 50])
+def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, limits, most):
+    region = over(*PLANE)
+    found = mapped(Survey(robot("five_bar"), region, ("solutions",), limits=limits), most)
+    agree(found["solutions"], five_bar(*middles(region), limits))
+    agree(found["reachable"], five_bar(*middles(region), limits) > 0)
+    searched(found)
+
+
+@pytest.mark.parametrize("limits", [True, False])
+@pytest.mark.parametrize("turned", [0.5, -2.0])
+def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, limits, turned):
+    region = over(("x", -1.01, 1.02, 36), ("y", -1.01, 1.03, 36), at={"rz": turned})
+    found = mapped(Survey(robot("planar_3r"), region, ("solutions",), limits=limits))
+    agree(found["solutions"], planar_3r(*middles(region), turned, limits))
+    agree(found["reachable"], planar_3r(*middles(region), turned, limits) > 0)
+    searched(found)
+    if not limits:
+        x, y = middles(region)
+        away = np.hypot(x - 0.2 * math.cos(turned), y - 0.2 * math.sin(turned))
+        np.testing.assert_array_equal(found["reachable"], (away >= 0.1) & (away <= 0.7))
+
+
+def test_planar_3r_however_it_is_turned_reaches_a_disc(robot):
+    region = over(("x", -1.01, 1.02, 40), ("y", -1.01, 1.03, 40))
+    found = mapped(Survey(robot("planar_3r"), region, (), limits=False))
+    np.testing.assert_array_equal(found["reachable"], np.hypot(*middles(region)) <= 0.9)
+
+
+def test_planar_3r_over_place_and_angle(robot):
+    region = over(("x", -1.01, 1.02, 16), ("y", -1.01, 1.03, 14), ("rz", -math.pi, math.pi, 12))
+    found = mapped(Survey(robot("planar_3r"), region, ("solutions",)), 500)
+    agree(found["solutions"], planar_3r(*middles(region)))
+
+
+@pytest.mark.parametrize(("counts", "most"), [((14, 13, 12), 10**6), ((14, 13, 12), 60), ((7, 6, 5), 10**6)])
+def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most):
+    lows, highs = (-5.0, -5.0, -6.0), (5.1, 5.2, 3.0)
+    region = over(*zip("xyz", lows, highs, counts, strict=True))
+    found = mapped(Survey(robot("delta4"), region, ()), most)
+    agree(found["reachable"], delta4(*middles(region)) > 0)
+    searched(found)
+
+
+def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
+    region = over(("x", -5.0, 5.1, 20), ("y", -5.0, 5.2, 20), at={"z": -1.8, "rx": 0.0, "ry": 0.0, "rz": 0.0})
+    for limits in (True, False):
+        found = mapped(Survey(robot("delta4"), region, ("solutions",), limits=limits))
+        wanted = delta4(*middles(region), -1.8, limits)
+        assert wanted.max() == (1 if limits else 8)
+        agree(found["solutions"], wanted)
+
+
+POSES = ({}, {"rx": 0.2, "ry": -0.3, "rz": 0.5}, {"z": 0.6, "rx": 0.0, "ry": 0.4, "rz": 0.0}, {"z": 0.85, "rz": 1.2})
+
+
+@pytest.mark.parametrize("at", POSES)
+@pytest.mark.parametrize("passive", [True, False])
+def test_gough_at_a_fixed_orientation_reaches_what_is_in_six_shells(robot, raff, root, at, passive):
+    mechanism = robot("gough")
+    if not passive:  # universal and ball joints go anywhere
+        text = (root / "robots/gough.raff").read_text(encoding="utf-8").split("\n", 1)[1]
+        mechanism = raff(re.sub(r"(type 2\s+pred \d+\s+)limits \{[^}]*\}", r"\1", text))
+    region = over(("x", -0.8, 0.81, 50), ("y", -0.8, 0.82, 50), at=at, orientation="fixed")
+    found = mapped(Survey(mechanism, region, ()))
+    points, rotations = region.poses(mechanism.placement(mechanism.q_home, "platform"), (slice(None), slice(None)))
+    wanted = gough(points, rotations[0], passive).reshape(region.shape)
+    if passive:
+        agree(found["reachable"], wanted)
+    else:
+        np.testing.assert_array_equal(found["reachable"], wanted)
+        np.testing.assert_array_equal(found["settled"] == How.TOO_FAR, ~wanted)
+    searched(found)
+
+
+def test_gough_s_orientations_at_a_point(robot):
+    at = np.array([-0.1, 0.1, 0.45])
+    place = dict(zip("xyz", at.tolist(), strict=True))
+    region = over(("rx", -1.3, 1.3, 10), ("ry", -1.3, 1.3, 10), ("rz", -1.5, 2.0, 10), at=place)
+    found = mapped(Survey(robot("gough"), region, ("solutions",)))
+    angles = np.stack(middles(region), axis=-1).reshape(-1, 3)
+    wanted = [gough(at[None], pin.rpy.rpyToMatrix(*each))[0] for each in angles]
+    bare = [gough(at[None], pin.rpy.rpyToMatrix(*each), passive=False)[0] for each in angles]
+    assert wanted != bare  # limits of universal and ball joints matter here
+    agree(found["reachable"], np.reshape(wanted, region.shape))
+    assert set(np.unique(found["solutions"])) == {0, 1}
+
+
+# --- other regions ---------------------------------------------------------------------------------------------------
+
+
+def test_a_line(robot):
+    region = straight((-0.8, 0.1, 0.0), (0.8, 0.5, 0.0), 200)
+    found = mapped(Survey(robot("five_bar"), region, ("solutions",), limits=False))
+    way = middles(region)[0] / math.hypot(1.6, 0.4)
+    agree(found["solutions"], five_bar(-0.8 + 1.6 * way, 0.1 + 0.4 * way, limits=False))
+
+
+def test_a_sphere_seen_from_a_centre(robot):
+    axes = ("azimuth", -math.pi, math.pi, 14), ("elevation", -1.5, 1.5, 11), ("radius", 0.1, 3.0, 8)
+    region = over(*axes, centre=(0.1, 0.2, -2.0))
+    found = mapped(Survey(robot("delta4"), region, ()))
+    azimuth, elevation, radius = middles(region)
+    x = 0.1 + radius * np.cos(elevation) * np.cos(azimuth)
+    y = 0.2 + radius * np.cos(elevation) * np.sin(azimuth)
+    agree(found["reachable"], delta4(x, y, -2.0 + radius * np.sin(elevation)) > 0)
+
+
+def test_a_layer_that_is_one_cell_thin(robot):
+    region = over(("x", -0.83, 0.81, 300), ("y", 0.41, 0.411, 1))
+    found = mapped(Survey(robot("five_bar"), region, ()))
+    agree(found["reachable"][:, 0], five_bar(*middles(region))[:, 0] > 0)
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_rx90_s_full_pose_at_a_fixed_orientation(robot, limits):
+    region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -1.0, 1.0, 8), at={"rx": 0.4, "ry": 1.9, "rz": -0.3})
+    found = mapped(Survey(robot("rx90"), region, ("solutions",), limits=limits))
+    points, rotations = region.poses(pin.SE3.Identity(), (slice(None),) * 3)
+    agree(found["solutions"], rx90(points, rotations, limits).reshape(region.shape))
+
+
+def test_rx90_s_axis_at_a_point(robot):
+    at = {"x": 0.5, "y": -0.1, "z": 0.5}
+    region = over(("rx", -math.pi, math.pi, 24), ("ry", -1.5, 1.5, 12), at=at, orientation="axis")
+    found = mapped(Survey(robot("rx90"), region, ()))
+    points, rotations = region.poses(robot("rx90").placement(robot("rx90").q_home, "tool"), (slice(None),) * 2)
+    agree(found["reachable"], rx90(points, rotations, order=False).reshape(region.shape))
+
+
+def test_seven_joints_without_limits_reach_a_ball(robot):
+    region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -0.7, 1.4, 9))
+    found = mapped(Survey(robot("arm7"), region, (), limits=False))
+    x, y, z = middles(region)
+    np.testing.assert_array_equal(found["reachable"], np.sqrt(x**2 + y**2 + (z - 0.34) ** 2) <= 0.926)
+
+
+# --- what is apart ---------------------------------------------------------------------------------------------------
+
+
+def variant(raff, root, name, *changes):
+    text = (root / f"robots/{name}.raff").read_text(encoding="utf-8").split("\n", 1)[1]
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    return raff(text)
+
+
+@pytest.mark.parametrize("most", [10**6, 100])
+def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root, most):
+    arm = variant(
+        raff, root, "planar_3r", ("theta 25.0", "theta 60.0"), ("theta 50.0", "theta 40.0"),
+        ("theta -70.0", "theta 0.0"), ("{ -170.0 170.0 }", "{ -120.0 120.0 }"),
+        ("{ -160.0 160.0 }\n    velocity 150", "{ -100.0 100.0 }\n    velocity 150"),
+        ("{ -160.0 160.0 }\n    velocity 180", "{ -30.0 30.0 }\n    velocity 180"),
+    )  # fmt: skip
+    region = over(("x", -1.01, 1.02, 60), ("y", -1.01, 1.03, 60), at={"rz": math.pi})
+    x, y = middles(region)
+    wanted = np.zeros(region.shape, dtype=bool)
+    for elbow in (1, -1):
+        one, two, ok = two_bars(x + 0.2, y, 0.4, 0.3, elbow)
+        wanted |= ok & within(one, -120, 120) & within(two, -100, 100) & within(math.pi - one - two, -30, 30)
+    assert label(wanted)[1] == 2
+    found = mapped(Survey(arm, region, ()), most)
+    agree(found["reachable"], wanted)
+    searched(found)
+
+
+def test_both_parts_are_found_where_bars_are_too_long_for_what_is_between(raff, root):
+    bars = variant(
+        raff, root, "five_bar", ("d -150.0", "d -300.0"), ("d 150.0", "d 300.0"), ("d 250.0", "d 100.0"),
+        ("d 400.0", "d 500.0"), ("theta 125.0", "theta 90.0"), ("theta -85.310313", "theta -50.0"),
+        ("theta 50.0", "theta 90.0"), ("theta 87.792189", "theta 50.0"),
+    )  # fmt: skip
+    region = over(*PLANE)
+    x, y = middles(region)
+    away = np.array([np.hypot(x + 0.3, y), np.hypot(x - 0.3, y)])
+    wanted = ((away >= 0.4) & (away <= 0.6)).all(axis=0)
+    assert label(wanted)[1] == 2
+    np.testing.assert_array_equal(mapped(Survey(bars, region, (), limits=False))["reachable"], wanted)
+
+
+# --- certainty -------------------------------------------------------------------------------------------------------
+
+ROBOTS = ("arm7", "delta4", "delta4_linear", "five_bar", "four_bar", "gough", "hybrid", "planar_3r", "planar_hybrid",
+          "rx90", "serial_5dof", "sr400", "tssm", "two_arms")  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("limits", [True, False])
+def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
+    from cinegen.ik.seeker import Seeker
+
+    mechanism = robot(name)
+    some = Seeker(mechanism, (), limits).spread(25, np.random.default_rng(1))
+    for node in mechanism.nodes[1:]:
+        placements = [mechanism.placement(q, node) for q in some]
+        points, rotations = (np.array([getattr(p, part) for p in placements]) for part in ("translation", "rotation"))
+        for rotation in (0, 2, 3):
+            shells = Shells(mechanism, node, limits, rotation)
+            assert not shells.exclude(points, rotations).any(), (node, rotation)
+            counted = rotations if rotation else np.eye(3)[None]  # what is not given makes no difference
+            assert not shells.exclude(points, counted).any()
+
+
+def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
+    """A shell for each leg of a gough; the annuli of both arms of a five-bar, whose elbows don't straighten."""
+    gough_s = Shells(robot("gough"), "platform", True, 3)
+    np.testing.assert_allclose(gough_s.inner, 0.7, atol=1e-8)
+    np.testing.assert_allclose(gough_s.outer, 1.3, atol=1e-8)
+    arms = Shells(robot("five_bar"), "tool")
+    elbow = [math.sqrt(0.25**2 + 0.4**2 + 0.2 * math.cos(math.radians(bent))) for bent in (170.0, 5.0)]
+    np.testing.assert_allclose(np.c_[arms.inner, arms.outer], [elbow, elbow], atol=1e-8)
+    np.testing.assert_allclose(sorted(arms.centres[:, 0]), [-0.15, 0.15], atol=1e-12)
+    free = Shells(robot("gough"), "platform", False, 3)
+    assert np.isinf(free.outer).all()  # jacks without limits
+
+
+# --- motors ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("limits", [True, False])
+@pytest.mark.parametrize("most", [10**6, 77])
+def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
+    region = over(("joint1", -math.pi, math.pi, 30), ("joint3", -math.pi, math.pi, 30))
+    found = mapped(Survey(robot("five_bar"), region, (), limits=limits), most)
+    left, right = middles(region)
+    elbows = np.array([-0.3 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right))])
+    half, base = np.arccos(np.linalg.norm(elbows, axis=0) / 0.8), np.arctan2(*-elbows[::-1])
+    tool = np.array([-0.15 + 0.25 * np.cos(left), 0.25 * np.sin(left)]) + 0.4 * np.array(
+        [np.cos(base + half), np.sin(base + half)]
+    )
+    wanted = np.ones(region.shape, dtype=bool)
+    if limits:
+        two = base + half - left
+        four = np.arctan2(tool[1] - 0.25 * np.sin(right), tool[0] - 0.15 - 0.25 * np.cos(right)) - right
+        wanted = within(two, -170, -5) & within(four, 5, 170) & within(left + two - right - four, -175, -5)
+        for motor, low, high in ((left, 60, 200), (right, -20, 120)):
+            wanted &= (motor >= math.radians(low)) & (motor <= math.radians(high))
+    np.testing.assert_array_equal(found["reachable"], wanted)
+    assert (found["settled"] == np.where(wanted, How.GIVEN, How.BEYOND)).all()
+    mechanism = robot("five_bar")
+    for q, x, y in zip(found["configuration"][wanted], tool[0][wanted], tool[1][wanted], strict=True):
+        np.testing.assert_allclose(mechanism.placement(q, "tool").translation, [x, y, 0.0], atol=1e-9)
+
+
+def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common(robot, raff, root):
+    apart = ("d -150.0", "d -300.0"), ("d 150.0", "d 300.0"), ("theta 125.0", "theta 90"), ("theta 50.0", "theta 90")
+    bars = variant(raff, root, "five_bar", *apart)
+    region = over(("joint1", 0.0, math.pi, 9), ("joint3", 0.0, math.pi, 9))
+    found = mapped(Survey(bars, region, ("solutions",), limits=False))
+    left, right = middles(region)
+    elbows = np.hypot(-0.6 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right)))
+    wanted = np.where(elbows < 0.8, 2, 0)
+    assert set(np.unique(wanted)) == {0, 2}
+    np.testing.assert_array_equal(found["solutions"], wanted)
+    np.testing.assert_array_equal(found["reachable"], wanted > 0)
+    assert (found["settled"][wanted == 0] == How.OPEN).all()
+
+
+def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_common(robot):
+    names = robot("delta4").actuated
+    nearly_in_line = (2.4, 3.9), (0.3, 1.6), (-1.6, 0.3)  # elbows
+    region = over(*((name, *ends, 4) for name, ends in zip(names, nearly_in_line, strict=True)))
+    found = mapped(Survey(robot("delta4"), region, ("solutions",), limits=False))
+    wanted = []
+    for angles in np.stack(middles(region), axis=-1).reshape(-1, 3):
+        out, turn = 1.5 - 0.50654 + 2.0 * np.cos(angles), np.radians([0.0, 120.0, 240.0])
+        centres = np.column_stack([out * np.cos(turn), out * np.sin(turn), 2.0 * np.sin(angles)])
+        one, two = centres[1] - centres[0], centres[2] - centres[0]
+        gram = np.array([[one @ one, one @ two], [one @ two, two @ two]])
+        middle = np.linalg.solve(gram, [one @ one / 2.0, two @ two / 2.0]) @ np.array([one, two])  # of the circumcircle
+        wanted.append(2 if np.linalg.norm(middle) < 3.5 else 0)
+    assert set(wanted) == {0, 2}
+    values = region.motors(robot("delta4"), (slice(None),) * 3)
+    for count, level, motors in zip(found["solutions"].ravel(), wanted, values, strict=True):
+        if count != level:  # there is none with the platform level, and one in which it has turned
+            (q,) = assembly_modes(robot("delta4"), motors)
+            assert (count, level) == (1, 0)
+            assert np.abs(robot("delta4").placement(q, "platform").rotation - np.eye(3)).max() > 0.05
+
+
+# --- the whole way ---------------------------------------------------------------------------------------------------
+
+
+def test_what_is_written_is_what_was_found(robot, tmp_path):
+    region = over(("x", -0.83, 0.81, 20), ("y", -0.83, 0.82, 20))
+    survey = Survey(robot("five_bar"), region, ("solutions",), limits=False)
+    dataset = make_map(survey, tmp_path / "map.zarr", workers=1, most=150)
+    agree(dataset["solutions"].values, five_bar(*middles(region), limits=False))
+    np.testing.assert_allclose(dataset["x"].values, region.axes[0].middles())
+
+
+def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
+    far = over(("x", 3.0, 4.0, 5), ("y", 3.0, 4.0, 5))
+    found = mapped(Survey(robot("five_bar"), far, ("solutions", "sigma_1", "sigma_2", "velocity", "margin")))
+    assert not found["reachable"].any()
+    assert (found["settled"] == How.TOO_FAR).all()
+    assert (found["solutions"] == 0).all()
+    assert all(np.isnan(found[name]).all() for name in ("sigma_1", "sigma_2", "velocity", "margin"))
+
+
+@pytest.mark.parametrize(
+    ("name", "region", "quantities", "more", "said"),
+    [
+        ("five_bar", over(("z", 0.0, 1.0, 3)), (), {}, "can't move along z"),
+        ("five_bar", over(("x", 0.0, 1.0, 3), at={"z": 0.1}), (), {}, "can't move along z"),
+        ("five_bar", over(("x", 0.0, 1.0, 3)), ("sigma",), {}, "no quantity 'sigma'"),
+        ("arm7", over(("x", 0.0, 1.0, 3)), ("solutions",), {}, "infinitely many solutions"),
+        ("planar_3r", over(("x", 0.0, 1.0, 3)), ("solutions",), {}, "infinitely many solutions"),
+        ("rx90", over(("x", 0.0, 1.0, 3)), ("clearance",), {}, "clearance"),
+        ("rx90", over(("x", 0.0, 1.0, 3)), ("clearance",), {"scene": {"nonsense": 1}}, "scene can't be read"),
+        ("rx90", over(("rx", 0.0, 1.0, 3)), ("solid_angle",), {}, "leave its orientation free"),
+        ("rx90", over(("joint1", 0.0, 1.0, 3)), ("solid_angle",), {}, "leave its orientation free"),
+        ("rx90", over(("x", 0.0, 1.0, 3)), (), {"along": (0.0, 0.0, 0.0)}, "direction"),
+        ("rx90", over(("x", 0.0, 1.0, 3)), (), {"starts": -1}, "starts"),
+    ],
+)
+def test_what_makes_no_sense_is_said_before_anything_is_done(robot, name, region, quantities, more, said):
+    with pytest.raises(MapError, match=said):
+        Survey(robot(name), region, quantities, **more)
+
+
+def test_a_coordinate_that_stays_may_be_given_as_it_is(robot):
+    region = Region((GridAxis("x", -0.1, 0.1, 3),), {"y": 0.4, "z": 0.0})
+    assert mapped(Survey(robot("five_bar"), region, ()))["reachable"].all()

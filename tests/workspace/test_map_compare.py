@@ -1,0 +1,152 @@
+"""Two maps compared: what one of both reaches, and by how much they differ."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
+from cinegen.workspace.compare import compare
+
+LENS = 2.0 * 0.7**2 * math.acos(0.2 / 0.7) - 0.2 * math.sqrt(4.0 * 0.7**2 - 0.4**2)
+"""Of two discs of 700 whose middles are 400 apart: r^2 2 acos(d / 2r) - d/2 sqrt(4r^2 - d^2)."""
+
+
+@pytest.fixture(scope="module")
+def made(robot, tmp_path_factory):
+    """`made(rz, x, y)`: what planar_3r reaches where its tool looks that way, over some ranges."""
+    folder = tmp_path_factory.mktemp("compare")
+
+    def make(rz, x=(-1.0, 1.0, 50), y=(-1.0, 1.0, 50), quantities=("manipulability",), name="planar_3r", **more):
+        at = {} if rz is None else {"rz": rz}
+        survey = Survey(robot(name), Region((GridAxis("x", *x), GridAxis("y", *y)), at), quantities, **more)
+        return make_map(survey, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def both(made):
+    """Tools that look along x, and against it: rings of 100 to 700 about 200 and -200 of x."""
+    return [made(rz, limits=False) for rz in (0.0, math.pi)]
+
+
+def test_rings_that_overlap(both):
+    found = compare(*both)
+    ring = math.pi * (0.7**2 - 0.1**2)
+    lens = LENS - 2.0 * math.pi * 0.1**2  # both holes are in it
+    for extent, exact in ((found.first, ring), (found.second, ring), (found.both, lens),
+                          (found.only_first, ring - lens), (found.only_second, ring - lens)):  # fmt: skip
+        assert extent.low < exact < extent.high
+        assert extent.value == pytest.approx(exact, rel=0.04)
+    assert found.first.value == pytest.approx(found.both.value + found.only_first.value)
+    assert found.second.value == pytest.approx(found.both.value + found.only_second.value)
+    assert found.remarks == ("rz: 0.0 and 3.141592653589793",)
+
+
+def test_quantities_differ_as_the_closed_form_says(both, robot):
+    """l1 l2 |sin q2| by the wrist's distance from the base, here and there."""
+    found = compare(*both)
+    x, y = np.meshgrid(*(axis.middles() for axis in found.region.axes), indexing="ij")
+    scale = robot("planar_3r").length ** 2
+
+    def manipulability(middle):
+        cos = (np.hypot(x - middle, y) ** 2 - 0.4**2 - 0.3**2) / (2.0 * 0.4 * 0.3)
+        return 0.4 * 0.3 * np.sqrt(1.0 - np.where(np.abs(cos) < 1.0, cos, np.nan) ** 2) / scale
+
+    difference = found.differences["manipulability"]
+    np.testing.assert_allclose(difference.values, manipulability(-0.2) - manipulability(0.2), atol=1e-6)
+    least, median, most = difference.spread
+    assert least == pytest.approx(-most, abs=1e-6)  # mirrored
+    assert median == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_map_and_itself_differ_in_nothing(both):
+    found = compare(both[0], both[0])
+    assert found.both.value == found.first.value
+    assert found.only_first.cells == found.only_second.cells == 0
+    assert found.differences["manipulability"].spread == (0.0, 0.0, 0.0)
+    assert not found.remarks
+
+
+def test_grids_that_overlap_are_compared_where_they_do(made, both):
+    """The same robot, cut finer and elsewhere: on the coarser cells both say the same, but for cells on the border."""
+    fine = made(0.0, (-0.3, 1.5, 90), (-1.5, 1.5, 150), limits=False)
+    found = compare(both[0], fine)
+    assert [(a.low, a.high, a.count) for a in found.region.axes] == [
+        (-0.3, pytest.approx(0.98), 32),
+        (-1.0, pytest.approx(1.0), 50),
+    ]
+    right = found.region.axes[0].middles()  # of the ring, what is beyond x = -0.3: less a piece of its outer circle
+    piece = 0.7**2 * math.acos(0.5 / 0.7) - 0.5 * math.sqrt(0.7**2 - 0.5**2)
+    exact = math.pi * (0.7**2 - 0.1**2) - piece
+    assert right[0] > -0.3
+    for extent in (found.first, found.second):
+        assert extent.low < exact < extent.high
+        assert extent.value == pytest.approx(exact, rel=0.05)
+    assert found.only_first.value + found.only_second.value < 0.1 * found.both.value
+
+
+def test_grids_that_are_parts_of_one_agree_to_the_bit(made, both):
+    part = made(0.0, (-0.2, 0.6, 20), (-1.0, 1.0, 50), limits=False)
+    found = compare(both[0], part)
+    assert found.region.shape == (20, 50)
+    assert (found.only_first.cells, found.only_second.cells) == (0, 0)
+    assert max(map(abs, found.differences["manipulability"].spread)) < 1e-6
+
+
+def test_it_is_said_in_words_and_as_json(both):
+    found = compare(*both)
+    said = str(found)
+    assert "50 x 50 cells over x -1 to 1, y -1 to 1" in said
+    lines = {line.split("  ")[1]: line for line in said.splitlines() if line.startswith("  ")}
+    assert lines["both"].endswith(f"  {found.both}")
+    assert "second less first" in lines["manipulability"]
+    told = json.loads(json.dumps(found.as_dict()))
+    assert told["extents"]["both"]["value"] == found.both.value
+    assert told["differences"]["manipulability"]["least"] == found.differences["manipulability"].spread[0]
+
+
+def test_what_nobody_has_looked_at_is_in_the_bound(both):
+    part = both[1].load().copy(deep=True)
+    part["settled"][20:30] = 0
+    part["reachable"][20:30] = False
+    found, whole = compare(both[0], part), compare(*both)
+    assert found.both.value < whole.both.value <= found.both.high
+    assert found.only_first.low <= whole.only_first.value
+
+
+def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
+    def small(*axes, name="planar_3r", at=None, centre=None):
+        survey = Survey(robot(name), Region(axes, at or {}, centre=centre), ())
+        return make_map(survey, tmp_path / f"{len(list(tmp_path.iterdir()))}.zarr", workers=1)
+
+    turns = small(GridAxis("joint1", 0.0, 1.0, 2), GridAxis("joint2", 0.0, 1.0, 2))
+    with pytest.raises(MapError, match="a map over x, y can't be compared with one over joint1, joint2"):
+        compare(both[0], turns)
+    far = small(GridAxis("x", 2.0, 3.0, 4), GridAxis("y", -1.0, 1.0, 4))
+    with pytest.raises(
+        MapError, match="x goes from -1 to 1 in one map and from 2 to 3 in the other: they have no cell"
+    ):
+        compare(both[0], far)
+    around = [
+        small(GridAxis("azimuth", -1.0, 1.0, 2), GridAxis("elevation", -1.0, 1.0, 2), at={"radius": radius})
+        for radius in (0.5, 0.6)
+    ]
+    with pytest.raises(MapError, match=r"spheres of radius 0.5 and 0.6 m"):
+        compare(*around)
+    slide = next(name for name in robot("delta4_linear").actuated if name in robot("planar_3r").actuated)
+    one, other = (small(GridAxis(slide, 0.0, 0.1, 2), name=name) for name in ("planar_3r", "delta4_linear"))
+    with pytest.raises(MapError, match="measured in rad, the other's in m: they can't be compared"):
+        compare(one, other)
+
+
+def test_other_robots_are_named(made):
+    """A tool that is nearer, in a robot of another name."""
+    one = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1", "sigma_2"), name="five_bar", limits=False)
+    other = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1",), limits=False)
+    found = compare(one, other)
+    assert found.names == (one.attrs["robot"], other.attrs["robot"])
+    assert "the robots are different" in found.remarks
+    assert list(found.differences) == ["sigma_1"]  # the arm has nothing passive

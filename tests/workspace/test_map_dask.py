@@ -1,0 +1,223 @@
+"""Maps made by several processes: the same bytes as one makes, whatever dies meanwhile, and without a word."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import pytest
+from folders import digest, files, of_delta, of_motors
+
+from cinegen.workspace import MapError, cluster, make_map, open_map, store
+
+HERE = Path(__file__).parent
+MOST = 10  # cells of a piece
+PATIENCE = 60.0  # s, on a busy machine
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Two processes, and who asks them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with cluster.connected(None, 2) as client:
+            client.run(lambda path: sys.path.insert(0, path), str(HERE))
+            yield client
+
+
+@pytest.fixture(scope="module")
+def address(client):
+    return client.scheduler.address
+
+
+@pytest.fixture(scope="module")
+def survey(robot):
+    return of_motors(robot("planar_3r"), 6)
+
+
+@pytest.fixture(scope="module")
+def whole(survey, tmp_path_factory):
+    """The map that one process makes."""
+    path = tmp_path_factory.mktemp("whole") / "map.zarr"
+    make_map(survey, path, workers=1, most=MOST)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def small_tasks(monkeypatch):
+    monkeypatch.setattr("cinegen.workspace.make.BY_MOTORS", MOST)
+    monkeypatch.setattr("cinegen.workspace.make._QUICK", 2)
+
+
+def until(true):
+    """Waits for something."""
+    end = time.monotonic() + PATIENCE
+    while not true():
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
+def pids(client):
+    return set(client.run(os.getpid).values())
+
+
+def alive(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+@pytest.mark.parametrize(("name", "of"), [("planar_3r", of_motors), ("delta4", of_motors), ("delta4", of_delta)])
+def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd, name, of):
+    survey = of(robot(name))
+    make_map(survey, tmp_path / "one.zarr", workers=1, most=MOST)
+    told = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        make_map(survey, tmp_path / "two.zarr", scheduler=address, most=MOST, say=lambda *done: told.append(done))
+    assert digest(tmp_path / "one.zarr") == digest(tmp_path / "two.zarr")
+    assert [told[0], told[-1]] == [(0, survey.region.size), (survey.region.size, survey.region.size)]
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert set(os.listdir(tmp_path)) == {"one.zarr", "two.zarr"}
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(survey, whole, client, address, tmp_path, capfd):
+    before, killed = pids(client), []
+
+    def kill(done, size):
+        if 0 < done < size and not killed:
+            killed.append(min(before))
+            os.kill(killed[0], signal.SIGKILL)
+
+    make_map(survey, tmp_path / "map.zarr", scheduler=address, most=MOST, say=kill)
+    assert killed
+    assert digest(tmp_path / "map.zarr") == digest(whole)
+    assert capfd.readouterr() == ("", "")
+    until(lambda: len(pids(client)) == 2)
+    assert len(pids(client) & before) == 1
+
+
+def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays(
+    survey, whole, client, address, tmp_path, capfd
+):
+    path, before = tmp_path / "map.zarr", {}
+
+    def limit(size):
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, resource.RLIM_INFINITY))
+
+    def fill(done, _):
+        if done and not before:
+            before.update(files(path / "settled"))
+            client.run(limit, 50)
+
+    with pytest.raises(MapError, match=r"map.zarr can't be written: File too large. What was finished stays"):
+        make_map(survey, path, scheduler=address, most=MOST, say=fill)
+    client.run(limit, resource.RLIM_INFINITY)
+    assert 0 < store.Store(path).done < survey.region.size
+    make_map(survey, path, scheduler=address, most=MOST)
+    assert digest(path) == digest(whole)
+    assert before.items() <= files(path / "settled").items()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_damaged_pieces_are_found_by_those_who_read(survey, whole, address, tmp_path):
+    path = Path(shutil.copytree(whole, tmp_path / "map.zarr"))
+    (path / "margin/c.0.2.0").write_bytes(b"")
+    store.Store(path).forget((0, 0, 0))
+    before = files(path)
+    make_map(survey, path, scheduler=address)
+    assert digest(path) == digest(whole)
+    changed = {name for name, file in files(path).items() if before.get(name) != file}
+    assert changed == {f"{name}/c.{index}{more}" for index in ("0.0.0", "0.2.0")
+                       for name, more in (("sigma_1", ""), ("margin", ""), ("configuration", ".0"), ("reachable", ""),
+                                          ("settled", ""))}  # fmt: skip
+
+
+def test_few_tasks_are_under_way_however_many_there_are(client):
+    begun, most = 0, 0
+
+    def tasks():
+        nonlocal begun
+        for k in range(200):
+            begun += 1
+            yield k
+
+    seen = set()
+    for done, (task, made) in enumerate(cluster.each(client, pow, tasks(), 1)):
+        most = max(most, begun - done)
+        seen.add(task)
+        assert made.result() == 1
+    assert seen == set(range(200))
+    assert most <= 3 * 2  # of each process
+
+
+def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
+    with pytest.raises(MapError, match=r"a task could not be done: .*division.*What was finished stays"):
+        list(cluster.each(client, divmod, [0], 1))
+    with pytest.raises(MapError, match="there is no map at /proc/nowhere"):
+        list(cluster.each(client, open_map, ["/proc/nowhere"]))
+
+
+def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(survey, whole, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(cluster, "_COME", 1.5)
+    path = tmp_path / "map.zarr"
+    for wrong in ("tcp://127.0.0.1:9", "nonsense://there", "tcp://no.such.host.invalid:8786"):
+        with pytest.raises(MapError, match=f"no Dask scheduler answers at {wrong}"):
+            make_map(survey, path, scheduler=wrong, most=MOST)
+    assert capfd.readouterr() == ("", "")
+    make_map(survey, path, workers=1)
+    assert digest(path) == digest(whole)
+
+
+SCRIPT = f"""
+import sys
+sys.path.insert(0, {str(HERE)!r})
+import cinegen
+from cinegen.workspace import make, make_map
+from folders import of_motors
+make.BY_MOTORS, make._QUICK = {MOST}, 2
+def say(done, size):
+    print(done, flush=True)
+    if done:
+        input()
+make_map(of_motors(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most={MOST}, say=say)
+"""
+
+
+def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(survey, whole, address, tmp_path, root):
+    script, robot = tmp_path / "script.py", root / "robots/planar_3r.raff"
+    script.write_text(SCRIPT)
+    running = {}
+    for how in (signal.SIGKILL, signal.SIGINT):
+        command = [sys.executable, str(script), str(robot), str(tmp_path / f"{how}.zarr")]
+        running[how] = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    for how, process in running.items():
+        path = tmp_path / f"{how}.zarr"
+        assert process.stdout.readline() == b"0\n"
+        assert int(process.stdout.readline()) > 0
+        others = [pid for pid in children(process.pid) if alive(pid)]
+        assert len(others) == 2
+        process.send_signal(how)
+        said = process.communicate()[1].decode()
+        until(lambda others=others: not any(map(alive, others)))
+        assert process.returncode == -how
+        assert said.count("Traceback") == (how == signal.SIGINT)  # Python's own
+        assert said.rstrip().endswith("KeyboardInterrupt" if how == signal.SIGINT else "")
+        done = store.Store(path).done
+        assert 0 < done < survey.region.size
+        before = files(path / "settled")
+        make_map(survey, path, scheduler=address)
+        assert digest(path) == digest(whole)
+        assert before.items() <= files(path / "settled").items()
+    assert set(os.listdir(tmp_path)) == {"script.py", f"{signal.SIGKILL}.zarr", f"{signal.SIGINT}.zarr"}

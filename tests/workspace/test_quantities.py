@@ -1,0 +1,437 @@
+"""What maps tell of cells: against the study of single configurations, numpy, linear programmes and closed forms."""
+
+import functools
+import itertools
+import math
+import re
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from closed_forms import rx90
+from hypothesis import given
+from hypothesis import strategies as st
+from mapped import mapped, middles, over
+from scipy.optimize import linprog
+
+import cinegen
+from cinegen.model.load import build
+from cinegen.singularities import singularity
+from cinegen.workspace import QUANTITIES, MapError, Survey, make_map
+from cinegen.workspace.by_pose import sphere
+
+SURVEYS = {
+    "five_bar": over(("x", -0.5, 0.5, 6), ("y", -0.5, 0.5, 6)),
+    "delta4": over(("x", -1.5, 1.4, 4), ("y", -1.5, 1.3, 4), ("z", -3.0, -1.0, 3)),
+    "gough": over(("x", -0.3, 0.3, 5), ("rz", -0.3, 0.3, 5)),
+    "rx90": over(("x", 0.2, 0.7, 4), ("z", -0.5, 0.6, 4), orientation="fixed"),
+    "planar_3r": over(("x", -0.8, 0.8, 6), ("y", -0.8, 0.8, 6)),
+    "arm7": over(("x", -0.8, 0.8, 5), ("z", -0.4, 1.1, 5)),
+    "hybrid": over(("x", -0.5, 0.5, 4), ("y", -0.5, 0.5, 4)),
+    "tssm": over(("x", -0.01, 0.01, 4), ("y", -0.01, 0.01, 4)),
+    "sr400": over(("x", 0.4, 1.4, 4), ("z", 0.0, 1.4, 4)),
+}
+
+
+def cells(survey):
+    """Each cell that is reached: its configuration, and by quantity its value."""
+    found = mapped(survey)
+    reached = found["reachable"]
+    assert reached.sum() > 3
+    rows = zip(*(found[name][reached] for name in survey.quantities), strict=True)
+    values = [dict(zip(survey.quantities, row, strict=True)) for row in rows]
+    return list(zip(found["configuration"][reached], values, strict=True))
+
+
+def by_motors(survey, q):
+    """(6, motors) how motors move the node, in its own axes: the loops solved by least squares."""
+    mechanism = survey.mechanism
+    loops = mechanism.system.evaluate(q)[1] if mechanism.loops else np.zeros((0, mechanism.model.nv))
+    motors = [mechanism.v_index(name) for name in mechanism.actuated]
+    moved = np.zeros((mechanism.model.nv, len(motors)))
+    for k, motor in enumerate(motors):
+        rows = np.zeros((len(motors), mechanism.model.nv))
+        rows[range(len(motors)), motors] = 1.0
+        wanted = np.zeros(len(loops) + len(motors))
+        wanted[len(loops) + k] = 1.0 / mechanism.scale[motor]
+        moved[:, k] = mechanism.scale * np.linalg.lstsq(np.vstack([loops, rows]), wanted, rcond=1e-10)[0]
+    return mechanism.jacobian(q, survey.node) @ moved
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot, name):
+    mechanism = robot(name)
+    region = SURVEYS[name]
+    survey = Survey(mechanism, region, ("sigma_1", "sigma_2"))
+    assert ("sigma_2" in survey.quantities) == bool(mechanism.passive_rank)
+    for q, values in cells(survey):
+        studied = singularity(mechanism, q)
+        if survey.counted == (3, 3) or survey._rank(6) == survey._rank(3):
+            assert values["sigma_1"] == pytest.approx(studied.sigma[0], rel=1e-5, abs=1e-7)
+        if mechanism.passive_rank:
+            assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_condition_and_manipulability_are_numpy_s(robot, name):
+    survey = Survey(robot(name), SURVEYS[name], ("sigma_1", "condition", "manipulability"))
+    straight, turn = survey.counted
+    length = survey.mechanism.length
+    scale = survey.mechanism.scale[[survey.mechanism.v_index(n) for n in survey.mechanism.actuated]]
+    for q, values in cells(survey):
+        matrix = (np.repeat([1.0 / length, 1.0], 3)[:, None] * by_motors(survey, q) * scale)[: straight + turn]
+        sigma = np.linalg.svd(matrix, compute_uv=False)[: survey.rank]
+        assert values["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-4)
+        assert values["manipulability"] == pytest.approx(np.prod(sigma), rel=1e-4, abs=1e-9)
+        if not survey.mechanism.loops:
+            assert values["sigma_1"] == pytest.approx(sigma[-1], rel=1e-4, abs=1e-7)
+
+
+TWO_BARS = """
+robot arm {
+  base { }
+  link 1 { parameters { theta 30.0 } type 2 pred 0 velocity 90.0 }
+  link 2 { parameters { theta 40.0 d 500.0 } type 2 pred 1 velocity 180.0 }
+  frame 20 { name "tool" parameters { d 300.0 } pred 2 }
+  constraint { frame 20 sensor ( 0 1 ) }
+}
+sensor 1 { port "/dev/null" translation 3 rotation 3 }
+"""
+
+
+def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_them(raff):
+    """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
+    arm = raff(TWO_BARS)
+    region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
+    survey = Survey(arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0))
+    speeds = np.radians([90.0, 180.0])
+    for q, values in cells(survey):
+        one, both = q[0], q[0] + q[1]
+        j = np.array([[-0.5 * math.sin(one) - 0.3 * math.sin(both), -0.3 * math.sin(both)],
+                      [0.5 * math.cos(one) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
+        assert values["manipulability"] == pytest.approx(abs(0.15 * math.sin(q[1])) / arm.length**2, rel=1e-5)
+        assert values["sigma_1"] == pytest.approx(np.linalg.svd(j / arm.length)[1][-1], rel=1e-5)
+        assert values["velocity"] == pytest.approx(np.abs(j.T @ [0.6, 0.8]) @ speeds, rel=1e-5)
+        assert values["force"] == pytest.approx(1.0 / np.abs(j.T @ [0.6, 0.8]).max(), rel=1e-5)
+        assert values["margin"] == 1.0  # no limits
+
+
+def test_five_bar_is_singular_where_a_leg_is_stretched_and_where_its_outer_bars_are_in_line(robot):
+    """Both kinds of loci: the smallest singular values are as small as the sines that vanish there."""
+    region = over(("x", -0.83, 0.81, 60), ("y", -0.83, 0.82, 60))
+    found = mapped(Survey(robot("five_bar"), region, ("sigma_1", "sigma_2"), limits=False))
+    reached = found["reachable"]
+    q = found["configuration"][reached]
+    first = np.minimum(np.abs(np.sin(q[:, 1])), np.abs(np.sin(q[:, 3])))
+    second = np.abs(np.sin(q[:, 0] + q[:, 1] - q[:, 2] - q[:, 3]))
+    for sigma, sine in ((found["sigma_1"][reached], first), (found["sigma_2"][reached], second)):
+        assert sine.min() < 0.05  # cells come near
+        ratio = sigma / sine
+        assert ratio.min() > 0.02
+        assert ratio.max() < 2.0
+
+
+# --- capability ------------------------------------------------------------------------------------------------------
+
+
+def limits_of(mechanism, given):
+    """(nv,) what motors are allowed, 1 where nothing is said; without bound for joints that have no motor."""
+    columns = [mechanism.v_index(name) for name in mechanism.actuated]
+    found = np.full(mechanism.model.nv, np.inf)
+    found[columns] = np.where((given[columns] > 0.0) & (given[columns] < 1e8), given[columns], 1.0)
+    return found
+
+
+def greatest_speed(mechanism, q, node, along):
+    """m/s: of all joint velocities that keep the loops closed and motors within their limits."""
+    limits = limits_of(mechanism, mechanism.model.upperVelocityLimit)
+    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.loops else np.zeros((0, len(limits)))
+    own = mechanism.placement(q, node).rotation.T @ along
+    best = linprog(
+        -own @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
+        method="highs",
+    )  # fmt: skip
+    return -best.fun
+
+
+def greatest_force(mechanism, q, node, along):
+    """N: of all efforts of motors and loops that balance it; joints without a motor bear nothing."""
+    limits = limits_of(mechanism, mechanism.model.upperEffortLimit)
+    limits[np.isinf(limits)] = 0.0
+    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.loops else np.zeros((0, len(limits)))
+    pushed = mechanism.jacobian(q, node)[:3].T @ (mechanism.placement(q, node).rotation.T @ along)
+    bounds = [(0.0, None), *zip(-limits, limits, strict=True), *[(None, None)] * len(rows)]
+    best = linprog(
+        np.r_[-1.0, np.zeros(len(limits) + len(rows))], A_eq=np.c_[pushed, -np.eye(len(limits)), rows.T],
+        b_eq=np.zeros(len(limits)), bounds=bounds, method="highs",
+    )  # fmt: skip
+    return -best.fun
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
+    """In all joints' velocities and all loops' forces, not in what motors do."""
+    along = (0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0)
+    mechanism = robot(name)
+    survey = Survey(mechanism, SURVEYS[name], ("velocity", "force"), along=along)
+    for q, values in cells(survey):
+        assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, survey.node, along), rel=1e-4)
+        assert values["force"] == pytest.approx(greatest_force(mechanism, q, survey.node, along), rel=1e-4)
+
+
+BAR = "parameters { theta 40 } type 2 pred 0 limits { 5 85 } velocity 30"
+FOOT = "parameters { gamma 90 alpha 90 r 306.418 } type 1 pred 0 velocity 50"
+SCISSOR = """
+robot scissor {
+  base { }
+  link 1 { %s } // a bar of 400 mm, in the plane x, y
+  link 2 { %s } // the other one's foot, along x
+  link 3 { parameters { alpha -90 theta 50 } type 2 pred 2 }
+  frame 4 { parameters { d 200 } pred 1 }
+  frame 5 { parameters { d 200 } pred 3 }
+  constraint { frame 4 frame 5 type 2 } // they are pinned at their middles
+  frame 6 { name "corner" parameters { d 400 } pred 1 } // of the table, above the foot: it moves sideways too
+}
+"""
+
+
+@pytest.mark.parametrize(("motor", "low", "high"), [("joint1", 0.2, 1.3), ("joint2", 0.1, 0.38)])
+def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low, high):
+    lift = raff(SCISSOR % ((BAR + " actuated 1", FOOT) if motor == "joint1" else (BAR, FOOT + " actuated 1")))
+    assert lift.actuated == (motor,)
+    speed = lift.model.upperVelocityLimit[lift.v_index(motor)]
+    survey = Survey(lift, over((motor, low, high, 6)), ("velocity", "force"), along=(0.0, 1.0, 0.0))
+    for q, values in cells(survey):
+        heights = []
+        for step in (1e-6, -1e-6):
+            moved = q.copy()
+            moved[lift.q_index(motor)] += step
+            heights.append(lift.placement(lift.close(moved, [motor]), "corner").translation[1])
+        rate = abs(heights[0] - heights[1]) / 2e-6
+        assert values["velocity"] == pytest.approx(rate * speed, rel=1e-4)
+        assert values["velocity"] > 0.005
+        assert values["force"] == pytest.approx(1.0 / rate, rel=1e-4)
+
+
+def test_no_motors_at_random_are_faster_and_some_are_as_fast(robot):
+    """Of the redundant arm: speeds are greatest at the corners of what limits allow."""
+    survey = Survey(robot("planar_3r"), SURVEYS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
+    limits = robot("planar_3r").model.upperVelocityLimit
+    for q, values in cells(survey):
+        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(survey, q)[:3])[0]
+        corners = [jacobian @ (np.array(signs) * limits) for signs in itertools.product((-1.0, 1.0), repeat=3)]
+        assert values["velocity"] == pytest.approx(max(corners), rel=1e-5)
+
+
+def test_what_motors_do_not_determine_has_no_speed_and_no_force(raff):
+    """The second bar swings as it likes."""
+    arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
+    assert arm.actuated == ("joint1",)
+    found = mapped(Survey(arm, over(("joint1", 0.0, 1.0, 3)), ("velocity", "force")))
+    assert np.isnan(found["velocity"]).all()
+    assert np.isnan(found["force"]).all()
+
+
+def test_an_arm_that_is_stretched_can_t_move_outward(robot):
+    region = over(("joint2", -1e-12, 1e-12, 1), at={"joint1": 0.0, "joint3": 0.0})
+    stretched = Survey(robot("planar_3r"), region, ("velocity", "condition", "force"), along=(1.0, 0.0, 0.0))
+    values = {name: v.item() for name, v in mapped(stretched).items() if v.size == 1}
+    assert values["velocity"] == pytest.approx(0.0, abs=1e-9)
+    assert values["force"] > 1e9  # the structure bears it alone
+    assert values["condition"] > 1e9
+
+
+# --- limits, directions, obstacles -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SURVEYS)
+def test_margin_is_the_least_of_all_joints(robot, name):
+    mechanism = robot(name)
+    for q, values in cells(Survey(mechanism, SURVEYS[name], ("margin",))):
+        margins = []
+        for joint in mechanism.joints:
+            low, high = (getattr(mechanism.model, f"{end}PositionLimit")[mechanism.q_index(joint)]
+                         for end in ("lower", "upper"))  # fmt: skip
+            if math.isfinite(high - low):
+                margins.append(1.0 - abs(q[mechanism.q_index(joint)] - 0.5 * (low + high)) / (0.5 * (high - low)))
+        assert values["margin"] == pytest.approx(min(margins), abs=1e-6)
+        assert -1e-6 <= values["margin"] <= 1.0
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
+    """The directions of a wrist that bends by 120 degrees are caps about its forearm, one for each way of the arm."""
+    region = over(("x", 0.1, 0.8, 4), at={"y": 0.1, "z": -0.3})
+    survey = Survey(robot("rx90"), region, ("solid_angle",), limits=limits, directions=80)
+    angles = mapped(survey)["solid_angle"]
+    if not limits:
+        np.testing.assert_allclose(angles, 4.0 * math.pi, rtol=1e-6)
+    turns = np.array([pin.Quaternion.FromTwoVectors(np.eye(3)[2], d).matrix() for d in sphere(80)])
+    for x, angle in zip(*middles(region), angles, strict=True):
+        points = np.tile([x, 0.1, -0.3], (80, 1))
+        wanted = rx90(points, turns, limits, order=False).mean() * 4.0 * math.pi
+        assert angle == pytest.approx(wanted, abs=1.01 * 4.0 * math.pi / 80)
+
+
+def test_directions_are_even_and_of_unit_length():
+    directions = sphere(500)
+    np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
+    np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=5e-3)
+    np.testing.assert_allclose(3.0 * directions.T @ directions / 500, np.eye(3), atol=2e-2)
+
+
+def test_clearance_is_what_coal_measures_between_shapes(robot):
+    ball, size = np.array([0.3, 0.3, 0.4]), 0.15
+    scene = {
+        "goal": {"point": [0.4, 0.4, 0.4]},
+        "obstacle": [{"kind": "sphere", "radius": size, "point": ball.tolist()}],
+    }
+    mechanism = robot("arm7")
+    survey = Survey(mechanism, SURVEYS["arm7"], ("clearance",), scene=scene)
+    from cinegen.collision.around import links_of
+
+    bodies, links = links_of(mechanism)
+    for q, values in cells(survey):
+        pin.forwardKinematics(mechanism.model, data := mechanism.model.createData(), q)
+        places = [data.oMi[body.joint] * body.placement for body in bodies]
+        obstacle = coal.Sphere(size), pin.SE3(np.eye(3), ball)
+        pairs = [((body.shape, at), obstacle) for body, at in zip(bodies, places, strict=True)]
+        pairs += [((bodies[a].shape, places[a]), (bodies[b].shape, places[b])) for a, b in links]
+        least = min(
+            coal.distance(
+                one[0], coal.Transform3s(one[1].rotation, one[1].translation),
+                two[0], coal.Transform3s(two[1].rotation, two[1].translation),
+                coal.DistanceRequest(), coal.DistanceResult(),
+            )
+            for one, two in pairs
+        )  # fmt: skip
+        assert values["clearance"] == pytest.approx(least, abs=1e-5)
+
+
+def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
+    region = over(("x", -0.5, 0.5, 5), ("y", -0.5, 0.5, 5))
+    names = [name for name in QUANTITIES if name not in ("clearance", "solid_angle")]
+    together = mapped(Survey(robot("five_bar"), region, tuple(names)))
+    for name in names:
+        np.testing.assert_array_equal(mapped(Survey(robot("five_bar"), region, (name,)))[name], together[name])
+
+
+def test_a_mechanism_of_another_process_says_the_same(robot):
+    survey = Survey(robot("five_bar"), SURVEYS["five_bar"], ("sigma_1", "velocity"))
+    again = Survey.of_attributes(survey.attributes)
+    assert isinstance(again.mechanism, cinegen.Mechanism)
+    one, two = mapped(survey), mapped(again)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, two[name])
+
+
+BALL = {"name": "ball", "kind": "sphere", "radius": 0.1, "point": [0.4, 0.0, 0.3]}
+
+
+def test_clearance_is_of_shapes_that_lie_in_files_beside_the_robot(tmp_path):
+    """What others describe names its meshes as seen from its folder: whoever makes the map finds them there."""
+    trimesh.creation.box((0.1, 0.1, 0.4)).export(tmp_path / "bar.stl")
+    link = '<collision><geometry><mesh filename="bar.stl"/></geometry></collision>'
+    (tmp_path / "arm.urdf").write_text(
+        f"""<robot name="arm"><link name="base"/><link name="tool">{link}</link>
+        <joint name="slide" type="prismatic"><parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    )
+    arm = cinegen.load(tmp_path / "arm.urdf")
+    scene = {"name": "ball", "goal": {"point": [0, 0, 0]}, "obstacle": [BALL]}
+    survey = Survey(arm, over(("x", -0.4, 0.2, 6)), ("clearance",), "tool", scene=scene)
+    found = make_map(survey, tmp_path / "arm.zarr", workers=1)
+    across, above = np.maximum(np.abs(found.x.values - 0.4) - 0.05, 0.0), 0.3 - 0.2
+    np.testing.assert_allclose(found.clearance, np.hypot(across, above) - 0.1, atol=1e-5)
+
+
+@pytest.mark.parametrize("name", ["delta4", "rx90", "gough"])
+def test_a_robot_is_the_same_wherever_its_file_and_its_shapes_lie(root, robot, tmp_path, name):
+    """RAFF's graphics become files whose paths differ from machine to machine: no number of a map depends on them."""
+    source = robot(name).source
+    elsewhere = re.sub(r'filename="[^"]*/', 'filename="/elsewhere/', source.urdf)
+    assert (elsewhere != source.urdf) == (name != "gough")  # which has no graphics
+    moved = build(elsewhere, source.constraints, str(tmp_path), "another name")
+    one, two = (Survey(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot(name), moved))
+    assert one.text == two.text
+    assert one.robot_hash == two.robot_hash
+
+
+def test_a_robot_that_moves_in_another_way_is_another(robot):
+    source = robot("five_bar").source
+    longer = build(source.urdf.replace("0.25", "0.26"), source.constraints)
+    one, two = (Survey(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot("five_bar"), longer))
+    assert one.robot_hash != two.robot_hash
+
+
+@functools.cache
+def _slide(name):
+    return build(
+        f"""<robot name="arm"><link name="base"/><link name="tool"/><joint name="{name}" type="prismatic">
+        <parent link="base"/><child link="tool"/><axis xyz="1 0 0"/>
+        <limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>""",
+        None,
+    )
+
+
+@pytest.mark.parametrize("name", ["sigma_1", "settled", "joint", "left/elbow"])
+def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
+    arm = _slide(name)
+    with pytest.raises(MapError, match=f"no map over motor '{name}', whose name .*: rename it"):
+        Survey(arm, over((name, -0.5, 0.5, 3)))
+    assert Survey(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
+
+
+@pytest.mark.parametrize("name", ["hybrid", "gough", "tssm"])
+def test_a_quantity_is_the_same_whatever_others_are_asked_for(robot, name):
+    """Ball joints that are written as three joints count as balls for all of them."""
+    mechanism = robot(name)
+    home = mechanism.placement(mechanism.q_home, mechanism.end).translation
+    size = 0.03 * mechanism.length
+    region = over(*((axis, at - size, at + size, 2) for axis, at in zip("xyz", home, strict=True)))
+    alone = mapped(Survey(mechanism, region, ("sigma_1",)))
+    both = mapped(Survey(mechanism, region, ("sigma_1", "sigma_2")))
+    np.testing.assert_allclose(alone["sigma_1"], both["sigma_1"], rtol=1e-6)
+
+
+def test_where_it_is_singular_speed_is_what_a_linear_programme_finds(robot):
+    """rx90 with its wrist straight: axes 4 and 6 are one."""
+    rx90 = robot("rx90")
+    axes = (("joint1", -0.5, 0.5, 2), ("joint2", -0.4, 0.4, 2), ("joint3", 1.2, 1.6, 2))
+    survey = Survey(
+        rx90, over(*axes, at={"joint5": 0.0}), ("velocity", "condition"), along=(0.0, 1.0, 1.0), limits=False
+    )
+    found = mapped(survey)
+    assert np.isinf(found["condition"]).all()
+    for q, speed in zip(found["configuration"].reshape(-1, 6), found["velocity"].ravel(), strict=True):
+        assert speed == pytest.approx(greatest_speed(rx90, q, rx90.end, survey.along), rel=1e-5)
+
+
+def test_where_the_direction_of_z_is_held_it_counts(robot):
+    """Five rows: as with a tool that may spin about its axis, and nothing else."""
+    rx90 = robot("rx90")
+    at = rx90.placement(rx90.q_home, rx90.end).translation
+    region = over(("x", at[0] - 0.1, at[0] - 0.05, 2), at={"y": at[1], "z": at[2]}, orientation="axis")
+    survey = Survey(rx90, region, ("sigma_1",))
+    found = mapped(survey)
+    assert survey.counted == (3, 2)
+    units = np.repeat([1.0 / rx90.length, 1.0], 3)[:, None] * rx90.scale
+    for q, sigma in zip(found["configuration"], found["sigma_1"], strict=True):
+        jacobian = rx90.jacobian(q, rx90.end)
+        assert sigma == pytest.approx(np.linalg.svd((jacobian * units)[:5])[1][4], rel=1e-5)
+
+
+def test_solutions_without_end_are_refused_in_a_plane_too(robot):
+    """z of a planar arm's tool says nothing about its angle."""
+    with pytest.raises(MapError, match="infinitely many solutions"):
+        Survey(robot("planar_3r"), over(("x", 0.2, 0.6, 2), ("y", 0.2, 0.6, 2), orientation="axis"), ("solutions",))
+
+
+@given(st.tuples(*(st.floats(-3.0, 3.0),) * 3).filter(lambda along: math.hypot(*along) > 0.01))
+def test_what_is_written_of_a_survey_is_read_back_to_the_last_bit(along):
+    one = Survey(_slide("slide"), over(("x", -0.5, 0.5, 3)), ("velocity",), along=along)
+    again = Survey.of_attributes(one.attributes)
+    assert again.text == one.text
+    assert Survey(again.mechanism, again.region, again.quantities, along=again.along).text == one.text

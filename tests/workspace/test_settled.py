@@ -1,0 +1,111 @@
+"""How cells come to their configurations: on home's branch, and none is lost for the way that was taken."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mapped import mapped, over
+
+from cinegen.model.load import build
+from cinegen.singularities import Kind
+from cinegen.singularities.crossing import of_node
+from cinegen.workspace import MapError, Survey
+from cinegen.workspace.loci import loci
+from cinegen.workspace.make import make_map
+
+FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link name="a"/><link name="tool"/>
+  <joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>
+  <joint name="slide" type="prismatic"><parent link="base"/><child link="a"/><axis xyz="1 0 0"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+  <joint name="turn" type="revolute"><parent link="a"/><child link="tool"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 0.3"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+</robot>"""
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot, limits):
+    """Each cell on its own straight way from home is the least that a whole piece must hold."""
+    axes = (("joint1", -2.5, 2.5, 14), ("joint6", -2.5, 2.5, 14))
+    survey = Survey(robot("delta4"), over(*axes), ("sigma_1",), limits=limits)
+    together, alone = mapped(survey), mapped(survey, most=1)
+    assert (together["reachable"] >= alone["reachable"]).all()
+    assert together["reachable"].sum() <= 1.1 * alone["reachable"].sum()
+    model, q = robot("delta4").model, together["configuration"][together["reachable"]]
+    if limits:
+        assert (q >= model.lowerPositionLimit - 1e-8).all()
+        assert (q <= model.upperPositionLimit + 1e-8).all()
+
+
+@pytest.mark.parametrize("count", [10, 11, 16])
+def test_the_share_that_closes_does_not_depend_on_the_grid(robot, count):
+    axes = (("joint3", 0.018, 0.048, count), ("joint9", 0.018, 0.048, count))
+    tssm = robot("tssm")
+    survey = Survey(tssm, over(*axes), ("sigma_1",))
+    together, alone = mapped(survey)["reachable"], mapped(survey, most=1)["reachable"]
+    assert (together >= alone).all()
+
+
+@pytest.mark.parametrize("count", [35, 36])
+def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
+    """With odd counts a cell of this grid is exactly where both arms of the five-bar are folded."""
+    five_bar = robot("five_bar")
+    survey = Survey(five_bar, over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count)), ("sigma_1",), limits=False)
+    found = mapped(survey)
+    q = found["configuration"][found["reachable"] & (found["sigma_1"] > 1e-3)]
+    for joint in ("joint2", "joint4"):
+        at = five_bar.q_index(joint)
+        assert (np.sign(np.sin(q[:, at])) == np.sign(np.sin(five_bar.q_home[at]))).all()
+
+
+@pytest.mark.parametrize("count", [20, 21, 40])
+@pytest.mark.parametrize("names", [("joint1", "joint2"), ("joint2", "joint3")])
+def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_path, names, count):
+    """An arm whose elbow is straight, over a range with that in its middle: at a point of the grid, or between two."""
+    survey = Survey(robot("planar_3r"), over(*((name, -1.0, 1.0, count) for name in names)), ("sigma_1",))
+    curves = loci(make_map(survey, tmp_path / "map.zarr", workers=1), survey)
+    (curve,) = [curve for curve in curves if curve.kind is Kind.TYPE_1]
+    assert len(curve.points) == count
+    np.testing.assert_allclose(curve.points[:, names.index("joint2")], 0.0, atol=1e-6)
+
+
+def test_a_base_that_floats_rests(tmp_path):
+    flying = build(FLOATING, None)
+    assert flying.floating
+    of_motors = mapped(Survey(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), node="tool"))
+    assert np.isfinite(of_motors["sigma_1"]).all()
+    region = over(("x", -1.5, 1.5, 9), ("ry", -0.5, 0.5, 3))
+    found = mapped(Survey(flying, region, ("solutions", "sigma_1"), node="tool"))
+    within = np.abs(region.axes[0].middles()) <= 1.0
+    np.testing.assert_array_equal(found["solutions"], np.repeat(within[:, None], 3, axis=1).astype(int))
+    survey = Survey(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), ("sigma_1",), node="tool")
+    assert loci(make_map(survey, tmp_path / "map.zarr", workers=1), survey) == ()
+    rows = of_node(flying, "tool", 6)(flying.q_home)
+    assert np.linalg.matrix_rank(rows) == 2
+    with pytest.raises(MapError, match="can't move along y"):
+        Survey(flying, over(("y", -1.0, 1.0, 3)), node="tool")
+
+
+def test_roll_pitch_and_yaw_can_be_given_where_they_change():
+    """An arm that turns about y, whose tool is turned by 90 degrees about z: its angle is a roll."""
+    limit = '<limit lower="-0.6" upper="0.6" effort="1" velocity="1"/>'
+    arm = build(
+        f"""<robot name="arm"><link name="base"/><link name="a"/><link name="b"/><link name="tool"/>
+        <joint name="one" type="revolute"><parent link="base"/><child link="a"/><axis xyz="0 1 0"/>{limit}</joint>
+        <joint name="two" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/>
+          <origin xyz="0.3 0 0"/>{limit}</joint>
+        <joint name="end" type="fixed"><parent link="b"/><child link="tool"/>
+          <origin xyz="0.2 0 0" rpy="0 0 1.5707963267948966"/></joint></robot>""",
+        None,
+    )
+    changes = np.ptp(_angles(arm), axis=0) > 1e-9
+    np.testing.assert_array_equal(changes, [True, False, False])
+    for name, can in zip(("rx", "ry", "rz"), changes, strict=True):
+        if can:
+            assert Survey(arm, over((name, -1.0, 1.0, 3))).region.size == 3
+        else:
+            with pytest.raises(MapError, match=f"can't move along {name}"):
+                Survey(arm, over((name, -1.0, 1.0, 3)))
+
+
+def _angles(arm):
+    rng = np.random.default_rng(0)
+    return np.array([pin.rpy.matrixToRpy(arm.placement(rng.uniform(-1, 1, 2), arm.end).rotation) for _ in range(9)])

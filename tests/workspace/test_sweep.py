@@ -1,0 +1,575 @@
+"""Design sweeps: variants are RAFF files, their figures are true, and a folder is gone on with or refused."""
+
+import csv
+import io
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import cinegen
+import raff2urdf
+from cinegen.plotting import DrawingError
+from cinegen.plotting.sweep import check_drawable, draw_table
+from cinegen.singularities.singularity import Kind
+from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map, open_map
+from cinegen.workspace.sweep import Box, Parameter, Variation, sweep, variants
+from cinegen.workspace.sweep.dexterity import dexterity
+from cinegen.workspace.sweep.field import Field
+from cinegen.workspace.sweep.parameter import KLEINFINGER
+from cinegen.workspace.sweep.regular import Regularity, regularity
+
+ARM = """RAFF Arm
+robot arm {{
+  base {{ }}
+  link 1 {{ parameters {{ theta 20 }} type 2 pred 0 limits {{ {limits} }} }}
+  link 2 {{ parameters {{ theta 60 d 400 }} type 2 pred 1 velocity 90 }}
+  frame 20 {{ name "tool" parameters {{ d 250 }} pred 2 }}
+}}
+"""
+
+FOUR_BAR = """RAFF Bars
+units cm
+robot bars {
+  base { }
+  link 1 { parameters { theta 70 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { theta -60 d 10 } type 2 pred 1 }
+  link 3 { parameters { theta 70 d 30 } type 2 pred 0 }
+  frame 4 { parameters { d 10 } pred 3 }
+  frame 5 { name "coupler" parameters { d 30 } pred 2 }
+  constraint { frame 4 frame 5 type 2 }
+}
+"""
+
+
+@pytest.fixture
+def arm(tmp_path):
+    """The path of a planar arm with links of 400 and 250 mm."""
+    path = tmp_path / "arm.raff"
+    path.write_text(ARM.format(limits="-180 180"), encoding="utf-8")
+    return path
+
+
+def square(half, count):
+    return Region((GridAxis("x", -half, half, count), GridAxis("y", -half, half, count)))
+
+
+def parse(*texts):
+    return [Variation.parse(text) for text in texts]
+
+
+# --- words ------------------------------------------------------------------------------------------------------------
+
+numbers = st.floats(-1e4, 1e4).map(lambda value: float(f"{value:.9g}"))
+
+
+@given(numbers, numbers, st.integers(2, 40), st.sampled_from(["link2.d", "tool.theta+-link2.r", "link3.limits.low"]))
+def test_a_variation_is_read_as_it_is_written(low, high, count, names):
+    if abs(high - low) < 1e-3:
+        return
+    one = Variation(tuple(map(Parameter.parse, names.split("+"))), low, high, count)
+    assert Variation.parse(str(one)) == one
+    assert one.heading == names
+    assert one.values == pytest.approx([low + k * (high - low) / (count - 1) for k in range(count)], abs=1e-6)
+
+
+def test_one_value_needs_no_range():
+    assert Variation.parse("link2.d=300").values == (300.0,)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("link2.d", "says no values"),
+        ("link2.d=100..200", "how many values: write such as link2.d=100..200:5"),
+        ("link2.d=100..200:some", "'some' is no number of values"),
+        ("link2.d=100..200:0", "0 values"),
+        ("link2.d=100..200:1", "one value can't go from 100 to 200"),
+        ("link2.d=100..100:3", "not all different"),
+        ("link2.d=long", "'long' is no number"),
+        ("link2.d=nan..3:2", "no range of numbers"),
+        ("link2.d=0..inf:2", "no range of numbers"),
+        ("link2.lenght=1..2:2", "no parameter 'lenght'"),
+        ("link2.alfa=1..2:2", "did you mean 'alpha'"),
+        ("link2=1..2:2", "names no parameter"),
+        ("link2.d+link2.d=1..2:2", "named twice"),
+        ("=1..2:2", "names no parameter"),
+    ],
+)
+def test_what_makes_no_variation_is_said(text, words):
+    with pytest.raises(MapError, match=words):
+        Variation.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("link7.d=1..2:2", "no link or frame 'link7'.*did you mean 'link"),
+        ("wrist.d=1..2:2", r"no link or frame 'wrist' \(known: link1"),
+        ("link2.limits.low=1..2:2", "link2 has no limits"),
+        ("tool.velocity=1..2:2", "tool does not move"),
+        ("base.limits.high=1..2:2", "base does not move"),
+        ("link1.limits.low=170..190:2", "link1.limits.low=190: this is no robot: .*empty"),
+        ("link1.velocity=0..90:2", "must be above 0"),
+        ("link2.d=1e16..2e16:2", "beyond 1e.12 m"),
+    ],
+)
+def test_what_the_robot_does_not_have_is_said(arm, text, words):
+    with pytest.raises(MapError, match=words):
+        variants(raff2urdf.load(arm), parse(text))
+
+
+def test_a_parameter_varies_once_and_not_too_often(arm):
+    document = raff2urdf.load(arm)
+    with pytest.raises(MapError, match=r"link2\.d is varied twice"):
+        variants(document, parse("link2.d=1..2:2", "link2.d=3..4:2"))
+    with pytest.raises(MapError, match="1000000 variants"):
+        variants(document, parse("link2.d=1..2:1000", "tool.d=3..4:1000"))
+    with pytest.raises(MapError, match="at least one parameter"):
+        variants(document, [])
+
+
+# --- variants ---------------------------------------------------------------------------------------------------------
+
+
+@given(st.data())
+def test_a_variant_is_a_raff_file_that_says_the_values_and_else_the_same(robot, root, data):
+    document = raff2urdf.load(root / "robots" / f"{data.draw(st.sampled_from(['delta4', 'gough', 'rx90']))}.raff")
+    part = data.draw(st.sampled_from([document.robot().base, *document.robot().parts]))
+    name, low = data.draw(st.sampled_from(KLEINFINGER)), data.draw(numbers)
+    opposite = data.draw(st.booleans())
+    found = variants(document, [Variation((Parameter(part.node, name, opposite),), low, low + 90.0, 3)])
+    assert len({variant.name for variant in found}) == 3
+    for variant in found:
+        (value,) = variant.values.values()
+        there = raff2urdf.loads(variant.raff())
+        assert there == variant.document
+        changed = there.robot().nodes[part.number]
+        assert getattr(changed.parameters, name) == (-value if opposite else value)
+        back = replace(changed, parameters=part.parameters)
+        parts = tuple(back if one is changed else one for one in there.robot().parts)
+        base = back if part.number == 0 else there.robot().base
+        assert replace(there, robots=(replace(there.robot(), base=base, parts=parts),)) == document
+
+
+def test_parameters_that_are_joined_vary_together_and_others_in_all_combinations(arm):
+    found = variants(raff2urdf.load(arm), parse("link2.d+tool.d+-frame20.r=100..200:2", "link1.limits.high=90..170:3"))
+    assert len(found) == 6
+    for variant in found:
+        nodes = variant.document.robot().nodes
+        length, limit = variant.values.values()
+        assert [nodes[2].parameters.d, nodes[20].parameters.d, nodes[20].parameters.r] == [length, length, -length]
+        assert nodes[1].limits == (-180.0, limit)
+        assert nodes[2].velocity == 90.0
+    assert found[1].name == "link2.d+tool.d+-frame20.r=100,link1.limits.high=130"
+
+
+# --- figures ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_planar_arm_reaches_an_annulus_and_moves_as_known(arm, tmp_path):
+    table = sweep(arm, parse("tool.d=150..350:3"), square(0.8, 48), tmp_path / "out", workers=1)
+    for row, d in zip(table.rows, (0.15, 0.25, 0.35), strict=True):
+        assert row.values == {"tool.d": 1000 * d}
+        area = 4.0 * math.pi * 0.4 * d  # pi (sum^2 - difference^2)
+        assert abs(row.extent.value - area) <= row.extent.error < 0.3 * area
+        assert not row.whole
+        assert row.dexterity.reached == pytest.approx(row.extent.value / 1.6**2)
+        # A configuration's condition, from its Jacobian by hand (Salisbury and Craig's example).
+        dataset = open_map(tmp_path / "out" / row.name / "map.zarr")
+        q = dataset.configuration.values[dataset.reachable.values]
+        s1, c1, s2, c2 = np.sin(q[:, 0]), np.cos(q[:, 0]), np.sin(q.sum(axis=1)), np.cos(q.sum(axis=1))
+        jacobians = np.array([[-0.4 * s1 - d * s2, -d * s2], [0.4 * c1 + d * c2, d * c2]]).transpose(2, 0, 1)
+        values = np.linalg.svd(jacobians, compute_uv=False)
+        conditioning = values[:, 1] / values[:, 0]
+        assert row.dexterity.conditioning.worst == pytest.approx(conditioning.min(), rel=1e-4)
+        assert row.dexterity.conditioning.mean == pytest.approx(conditioning.mean(), rel=1e-4)
+        assert row.dexterity.sigma_1.mean * row.length == pytest.approx(values[:, 1].mean(), rel=1e-4)
+        assert row.dexterity.sigma_2 == math.inf
+    assert [row.extent.unit for row in table.rows] == ["m^2"] * 3
+
+
+def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
+    box = Box({"x": (0.3, 0.5), "y": (-0.1, 0.1)})  # its far corners are at 510 mm, the near side at 300
+    table = sweep(arm, parse("tool.d=50..250:3"), square(0.6, 24), tmp_path / "out", box=box, workers=1)
+    assert [row.whole for row in table.rows] == [False, True, True]
+    assert [row.good for row in table.rows] == [False, True, True]
+    assert table.good == table.rows[1:]
+    assert table.rows[0].dexterity.reached == pytest.approx(0.5, abs=0.2)
+
+
+def test_of_a_box_that_is_out_of_reach_nothing_is_known(arm, tmp_path):
+    box = Box({"x": (0.6, 0.7), "y": (0.6, 0.7)})
+    (row,) = sweep(arm, parse("tool.d=250"), square(0.7, 14), tmp_path / "out", box=box, workers=1).rows
+    assert (row.dexterity.reached, row.whole, row.good, row.singular) == (0.0, False, False, "-")
+    assert row.as_dict()["sigma_1_worst"] is None
+
+
+def test_cells_of_a_box_are_those_that_it_touches():
+    region = Region((GridAxis("x", -1.0, 1.0, 20), GridAxis("y", 0.0, 0.3, 3)))
+    assert Box().cells(region) == (slice(0, 20), slice(0, 3))
+    assert Box({"x": (-0.3, 0.1), "y": (0.1, 0.2)}).cells(region) == (slice(7, 11), slice(1, 2))
+    assert Box({"x": (-0.31, 0.11)}).cells(region)[0] == slice(6, 12)
+    for box, words in (({"z": (0.0, 1.0)}, "no axis 'z'"), ({"x": (0.0, 1.2)}, "goes beyond the maps")):
+        with pytest.raises(MapError, match=words):
+            Box(box).cells(region)
+    with pytest.raises(MapError, match="lower end first"):
+        Box({"x": (1.0, 0.0)})
+
+
+@given(st.data())
+def test_points_of_a_box_are_all_over_it_and_on_its_borders(data):
+    axes, ranges = [], {}
+    for name in ("x", "y"):
+        low, count = data.draw(st.floats(-1.0, 1.0)), data.draw(st.integers(1, 7))
+        axes.append(GridAxis(name, low, low + 1.0, count))
+        first, last = sorted((data.draw(st.floats(0.0, 1.0)), data.draw(st.floats(0.0, 1.0))))
+        if last - first > 1e-3:
+            ranges[name] = (low + first, low + last)
+    region = Region(tuple(axes))
+    lattice = Box(ranges).lattice(region)
+    assert len(lattice.values) == lattice.size == math.prod(lattice.shape)
+    for k, axis in enumerate(axes):
+        values = np.unique(lattice.values[:, k])
+        assert [values[0], values[-1]] == list(ranges.get(axis.name, (axis.low, axis.high)))
+        assert (np.diff(values) > 0.0).all()
+        assert np.diff(values).max() <= axis.width * (1.0 + 1e-9)
+    area = math.prod(high - low for low, high in (ranges.get(axis.name, (axis.low, axis.high)) for axis in axes))
+    assert lattice.sizes.sum() == pytest.approx(area, rel=1e-6)
+    whole = ~lattice.cut
+    np.testing.assert_array_equal(lattice.values[lattice.middles][whole], region.values(lattice.cells)[whole])
+
+
+@pytest.fixture(scope="module")
+def coarse(tmp_path_factory):
+    """A survey of the planar arm in few cells, and the configurations of its map."""
+    folder = tmp_path_factory.mktemp("coarse")
+    (folder / "arm.raff").write_text(ARM.format(limits="-180 180"), encoding="utf-8")
+    region = Region((GridAxis("x", 0.2, 0.7, 5), GridAxis("y", -0.4, 0.4, 6)))
+    survey = Survey(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
+    return survey, make_map(survey, folder / "map.zarr", workers=1).configuration.values
+
+
+@given(st.floats(0.2, 0.65), st.floats(-0.4, 0.35), st.floats(0.01, 0.3), st.floats(0.01, 0.3))
+def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high):
+    survey, q = coarse
+    box = Box({"x": (x, min(x + wide, 0.7)), "y": (y, min(y + high, 0.4))})
+    lattice = box.lattice(survey.region)
+    far = math.hypot(box.ranges["x"][1], max(map(abs, box.ranges["y"])))
+    if abs(far - 0.65) < 1e-3:  # just stretched
+        return
+    touched = q[lattice.cells]
+    field = Field(survey, lattice, touched)
+    if far > 0.65:
+        assert not field.reached.all()
+    elif np.isfinite(touched).all():
+        assert field.reached.all()
+        assert regularity(field)
+    numbers = dexterity(field)
+    assert numbers.whole == field.reached.all()
+    assert not numbers.whole or numbers.reached == 1.0
+
+
+def test_an_arm_that_is_too_short_for_a_corner_is_not_good(root, tmp_path):
+    """Of a five-bar: the far corner is 559 mm from a motor, beyond the middle of the last cell."""
+    region = Region((GridAxis("x", -0.42, 0.42, 20), GridAxis("y", 0.0, 0.72, 20)))
+    box = Box({"x": (-0.1, 0.1), "y": (0.4, 0.5)})
+    five_bar = root / "robots" / "five_bar.raff"
+    table = sweep(five_bar, parse("link5.d+tool.d=304..314:3"), region, tmp_path / "out", box=box, workers=1)
+    long = [0.25 + row.values["link5.d+tool.d"] / 1000 >= math.hypot(0.25, 0.5) for row in table.rows]
+    assert long == [False, False, True]
+    assert [row.whole for row in table.rows] == [row.good for row in table.rows] == long
+    assert [row.as_dict()["whole"] for row in table.rows] == long
+    assert [" 100 %" in line and "< 100 %" not in line for line in table.text().splitlines()[1:]] == long
+
+
+# --- singularities between samples ------------------------------------------------------------------------------------
+
+
+def five_bar_map(robot, tmp_path, region, **more):
+    survey = Survey(robot("five_bar"), region, **more)
+    dataset = make_map(survey, tmp_path / "map.zarr", workers=1)
+    return survey, dataset
+
+
+def of_box(survey, box, configurations) -> Regularity:
+    lattice = box.lattice(survey.region)
+    return regularity(Field(survey, lattice, configurations[lattice.cells]))
+
+
+def between_bars(q):
+    """(n,) the angle between a five-bar's outer bars: at 0 and pi its motors hold it no more."""
+    left, right = q[..., 0] + q[..., 1], q[..., 2] + q[..., 3]
+    return np.sin(left - right)
+
+
+def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, tmp_path):
+    """Boxes of a few cells, here and there: seen is what the sign of the sine says, though no sample is singular."""
+    region = Region((GridAxis("x", -0.3, 0.3, 28), GridAxis("y", -0.6, 0.6, 28)))
+    survey, dataset = five_bar_map(robot, tmp_path, region, limits=False)
+    q, sure = dataset.configuration.values, 0
+    assert dataset.sigma_2.min() > 1e-6
+    for i, k in np.ndindex(9, 9):
+        cells = (slice(3 * i, 3 * i + 4), slice(3 * k, 3 * k + 4))
+        if not np.isfinite(q[cells]).all():
+            continue
+        borders = (axis.borders[part.start : part.stop + 1] for axis, part in zip(region.axes, cells, strict=True))
+        box = Box({name: (at[0], at[-1]) for name, at in zip("xy", borders, strict=True)})
+        field = Field(survey, box.lattice(region), q[cells])
+        found = regularity(field)
+        if not found.joined or found.first:
+            continue
+        signs = np.sign(between_bars(field.q[field.reached]))
+        assert found.second == (signs.min() < signs.max())
+        sure += 1 + 100 * found.second
+    assert sure > 120  # both were among them
+
+
+def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_path):
+    names = robot("five_bar").actuated
+    home = robot("five_bar").q_home
+    for high, stretched in ((0.4, False), (1.6, True)):
+        axes = GridAxis(names[0], home[0] - 0.1, home[0] + 0.1, 3), GridAxis(names[1], home[2], home[2] + high, 15)
+        folder = tmp_path / str(high)
+        survey, dataset = five_bar_map(robot, folder, Region(axes), limits=False)
+        q = dataset.configuration.values
+        bent = np.sin(q[..., [1, 3]])  # at the elbows
+        assert stretched == bool((bent.min(axis=(0, 1)) * bent.max(axis=(0, 1)) < 0.0).any())
+        found = of_box(survey, Box(), q)
+        assert found.first == stretched
+        assert found.kind is (Kind.TYPE_1 if stretched else Kind.NONE)
+        assert bool(found) == (not stretched)
+
+
+@pytest.mark.parametrize("low", [-0.95, -0.91, -0.5, -0.09, -0.05, -1e-6, 0.0, 1e-2, -1.01])
+def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(arm, tmp_path, low):
+    region = Region((GridAxis("joint1", -1.0, 1.0, 2), GridAxis("joint2", low, low + 1.0, 5)))
+    survey = Survey(cinegen.load(arm), region, ("sigma_1",))
+    q = make_map(survey, tmp_path / "map.zarr", workers=1).configuration.values
+    found = of_box(survey, Box(), q)
+    assert found.first == (low <= 0.0 <= low + 1.0)
+    assert bool(found) != found.first
+    inside = Box({"joint2": (low + 0.03, low + 0.97)})
+    assert of_box(survey, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
+
+
+def bent_the_other_way(mechanism, q):
+    """A five-bar's configuration with the elbow of its left arm on the other side."""
+    motor, elbow, tool = (mechanism.placement(q, name).translation[:2] for name in ("link1", "link2", "tool"))
+    along = (tool - motor) / np.linalg.norm(tool - motor)
+    other = motor + 2.0 * along * (along @ (elbow - motor)) - (elbow - motor)
+    inner, outer = (
+        np.arctan2(*(new)[::-1]) - np.arctan2(*(old)[::-1])
+        for new, old in ((other - motor, elbow - motor), (tool - other, tool - elbow))
+    )
+    changed = q.copy()
+    for name, by in (("joint1", inner), ("joint2", outer - inner), ("joint5", outer)):
+        changed[mechanism.q_index(name)] += by
+    return changed
+
+
+def test_numbers_are_those_of_the_branch_that_is_judged(robot, tmp_path):
+    """A map may hold several branches: what is led from its first cell counts, not what it holds elsewhere."""
+    region = Region((GridAxis("x", -0.1, 0.1, 6), GridAxis("y", 0.4, 0.5, 4)))
+    survey, dataset = five_bar_map(robot, tmp_path, region, limits=False)
+    mechanism, q = survey.mechanism, dataset.configuration.values
+    other = np.array([bent_the_other_way(mechanism, one) for one in q.reshape(-1, q.shape[-1])]).reshape(q.shape)
+    lattice, right = Box().lattice(region), np.arange(6)[:, None, None] >= 3
+    found = []
+    for held in (q, np.where(right, other, q), other, np.where(right, q, other)):
+        field = Field(survey, lattice, held)
+        assert regularity(field)
+        numbers = dexterity(field)
+        second = [field.passive.sigma(field.passive.of(one)[None])[0] for one in field.q]
+        first = [field.end.sigma(field.end.of(one)[None])[0] for one in field.q]
+        assert (numbers.sigma_1.worst, numbers.sigma_2) == pytest.approx((min(first), min(second)), rel=1e-4)
+        found.append([numbers.sigma_2, numbers.conditioning.worst, numbers.conditioning.mean, numbers.sigma_1.mean])
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-4)
+    np.testing.assert_allclose(found[3], found[2], rtol=1e-4)
+    assert found[0] != pytest.approx(found[2], rel=0.01)
+
+
+def test_configurations_on_two_branches_are_led_on_to_one(arm, tmp_path):
+    """The same box with one elbow here and the other there: each half can be led on into the other."""
+    region = Region((GridAxis("x", 0.3, 0.5, 6), GridAxis("y", 0.0, 0.2, 5)))
+    survey = Survey(cinegen.load(arm), region, ("sigma_1",))
+    q = make_map(survey, tmp_path / "map.zarr", workers=1).configuration.values
+    x, y = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
+    mirrored = np.stack([2.0 * np.arctan2(y, x) - q[..., 0], -q[..., 1]], axis=-1)
+    for given_ in (q, mirrored, np.where(np.arange(6)[:, None, None] < 3, q, mirrored)):
+        assert of_box(survey, Box(), given_)
+
+
+def test_a_box_through_which_a_limit_goes_is_reached_but_not_on_one_branch(arm, tmp_path):
+    """With its elbow bent one way the arm comes to this box with its shoulder at 180 or at -180 degrees."""
+    arm.write_text(ARM.format(limits="-180 180").replace("velocity 90", "limits { 5 170 }"), encoding="utf-8")
+    behind = math.acos((0.5**2 + 0.4**2 - 0.25**2) / (2.0 * 0.5 * 0.4)) - math.pi
+    boxes = []
+    for angle in (behind, behind + 0.8):
+        x, y = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
+        boxes.append(Box({"x": (x - 0.05, x + 0.05), "y": (y - 0.05, y + 0.05)}))
+    rows = [
+        sweep(arm, parse("tool.d=250"), square(0.6, 40), tmp_path / "out", box=box, workers=1).rows[0] for box in boxes
+    ]
+    assert [row.whole for row in rows] == [True, True]
+    assert [row.singular for row in rows] == ["branches meet", "no"]
+    assert [row.good for row in rows] == [False, True]
+
+
+@pytest.mark.parametrize("limits", [True, False])
+def test_an_arm_goes_round_and_round_unless_limits_forbid_it(arm, tmp_path, limits):
+    arm.write_text(ARM.format(limits="-180 180").replace("velocity 90", "limits { 5 170 }"), encoding="utf-8")
+    row = sweep(arm, parse("tool.d=250"), square(0.7, 30), tmp_path / "out", workers=1, limits=limits).rows[0]
+    assert row.singular == ("branches meet" if limits else "no")
+
+
+# --- loops that don't close -------------------------------------------------------------------------------------------
+
+
+def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(tmp_path):
+    path = tmp_path / "bars.raff"
+    path.write_text(FOUR_BAR, encoding="utf-8")
+    said = []
+    region = Region((GridAxis("joint1", math.radians(60), math.radians(80), 8),))
+    table = sweep(
+        path, parse("link3.d=20..80:4"), region, tmp_path / "out", workers=1, say=lambda *done: said.append(done)
+    )
+    closed = [d <= 50.0 for d in (20.0, 40.0, 60.0, 80.0)]  # the longest bar against the others: 30 + 10 + 10
+    assert [row.dexterity is not None for row in table.rows] == closed
+    assert "the mechanism can't be closed: 'frame4-coupler'" in table.rows[-1].remark
+    assert "\n" not in table.rows[-1].remark
+    assert not table.rows[-1].good
+    assert said[-1] == (32, 32)
+    assert "'frame4-coupler'" in table.text().splitlines()[-1]
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "table.csv").read_text())))
+    assert [bool(row["extent"]) for row in rows] == closed
+    assert json.loads(json.dumps(table.as_dict()))["rows"][-1]["extent"] is None
+    draw_table(table)
+
+
+# --- the folder -------------------------------------------------------------------------------------------------------
+
+
+def test_a_sweep_goes_on_and_its_variants_can_be_loaded(arm, tmp_path):
+    out, over = tmp_path / "out", parse("link2.d=300..400:2", "tool.d=200..250:2")
+    first = sweep(arm, over, square(0.7, 12), out, workers=1)
+    assert sorted(path.name for path in out.iterdir()) == sorted(
+        ["sweep.json", "table.csv", *(row.name for row in first.rows)]
+    )
+    written = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/settled/c.*")}
+    assert len(written) >= 4
+    for row in first.rows:
+        there = raff2urdf.load(out / row.name / "robot.raff").robot().nodes
+        assert (there[2].parameters.d, there[20].parameters.d) == tuple(row.values.values())
+    text = (out / "table.csv").read_bytes()
+    for path in (out / first.rows[2].name / "map.zarr" / "settled").glob("c.*"):
+        path.unlink()  # as if it had been stopped there
+    (out / "table.csv").unlink()
+    assert sweep(arm, over, square(0.7, 12), out, workers=1) == first
+    assert (out / "table.csv").read_bytes() == text
+    kept = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/settled/c.*")}
+    assert {path.parents[2].name for path in written if kept[path] != written[path]} == {first.rows[2].name}
+    other = sweep(arm, over, square(0.7, 12), out, box=Box({"x": (0.4, 0.45), "y": (0.0, 0.1)}), workers=1)
+    assert [row.extent for row in other.rows] == [row.extent for row in first.rows]
+    assert all(row.whole for row in other.rows)
+
+
+@pytest.mark.parametrize("over", [("tool.d=1..2:2", "frame20.d=3..4:2"), ("tool.d+-frame20.d=1..2:2",)])
+def test_one_node_under_two_names_is_varied_once(arm, over):
+    document = raff2urdf.load(arm)
+    with pytest.raises(MapError, match=r"tool\.d is varied twice"):
+        variants(document, parse(*over))
+
+
+def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
+    out, over = tmp_path / "out", parse("link2.d=300..400:2")
+    sweep(arm, over, square(0.7, 6), out, workers=1)
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    for call, words in (
+        (lambda: sweep(arm, parse("link2.d=300..500:2"), square(0.7, 6), out), r"varied .*300\.\.400:2.*300\.\.500:2"),
+        (lambda: sweep(arm, over, square(0.7, 7), out), "another sweep, which differs in region"),
+        (lambda: sweep(arm, over, square(0.7, 6), out, limits=False), "differs in settings"),
+    ):
+        with pytest.raises(MapError, match=words):
+            call()
+    arm.write_text(ARM.format(limits="-90 90"), encoding="utf-8")
+    with pytest.raises(MapError, match="differs in the RAFF file"):
+        sweep(arm, over, square(0.7, 6), out)
+    assert before == {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(MapError, match="something else than a sweep"):
+        sweep(arm, over, square(0.7, 6), tmp_path / "mine")
+    (out / "sweep.json").write_text("{broken")
+    with pytest.raises(MapError, match="can't be gone on with"):
+        sweep(arm, over, square(0.7, 6), out)
+    with pytest.raises(MapError, match=r"can't be (written|gone on with)"):
+        sweep(arm, over, square(0.7, 6), arm)
+
+
+def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
+    out, over = tmp_path / "out", parse("link2.d=300..400:2")
+    for call, words in (
+        (lambda: sweep(arm, over, square(0.7, 6), out, quantities=("sigma_3",)), "no quantity 'sigma_3'"),
+        (lambda: sweep(arm, over, square(0.7, 6), out, box=Box({"x": (0.0, 2.0)})), "goes beyond the maps"),
+        (lambda: sweep(arm, over, square(0.7, 6), out, workers=0), "workers"),
+        (lambda: sweep(arm, parse("link9.d=1..2:2"), square(0.7, 6), out), "no link or frame 'link9'"),
+        (lambda: sweep(arm, over, Region((GridAxis("z", 0.0, 1.0, 3),)), out), "can't move along z"),
+    ):
+        with pytest.raises(MapError, match=words):
+            call()
+    assert not out.exists()
+
+
+def test_side_by_side_processes_find_the_same(arm, tmp_path):
+    over, said = parse("link2.d=300..400:2", "tool.d=200..250:2"), []
+    one = sweep(arm, over, square(0.7, 8), tmp_path / "one", workers=1)
+    two = sweep(arm, over, square(0.7, 8), tmp_path / "two", workers=2, say=lambda *done: said.append(done))
+    assert two == one
+    assert (tmp_path / "one" / "table.csv").read_bytes() == (tmp_path / "two" / "table.csv").read_bytes()
+    assert said == [(64 * k, 256) for k in range(5)]
+
+
+def test_graphics_are_found_from_a_variant(root, tmp_path):
+    region = Region((GridAxis("x", -0.1, 0.1, 2),))
+    table = sweep(root / "robots" / "delta4.raff", parse("frame20.d=500"), region, tmp_path / "out", workers=1)
+    assert table.rows[0].remark == ""  # no graphics that can't be found
+    assert "nff" in (tmp_path / "out" / table.rows[0].name / "robot.raff").read_text()
+
+
+# --- the picture ------------------------------------------------------------------------------------------------------
+
+
+def test_the_picture_shows_what_the_table_says(arm, tmp_path):
+    one = sweep(arm, parse("tool.d=200..300:3"), square(0.7, 6), tmp_path / "one", workers=1)
+    above, below = draw_table(one).axes
+    np.testing.assert_allclose(above.lines[0].get_ydata(), [row.extent.value for row in one.rows])
+    np.testing.assert_allclose(below.lines[0].get_ydata(), [row.dexterity.conditioning.worst for row in one.rows])
+    assert "(mm)" in below.get_xlabel()
+    two = sweep(arm, parse("tool.d=200..300:3", "link2.d=300..400:2"), square(0.7, 6), tmp_path / "two", workers=1)
+    image = draw_table(two).axes[0].images[0].get_array()
+    np.testing.assert_allclose(np.asarray(image).T.ravel(), [row.extent.value for row in two.rows])
+    with pytest.raises(DrawingError, match="here 0 do"):
+        draw_table(replace(one, rows=one.rows[:1]))
+
+
+@pytest.mark.parametrize(
+    ("texts", "drawn"),
+    [
+        (["link2.d=1..2:2"], True),
+        (["link2.d=1..2:2", "tool.d=1..2:2"], True),
+        (["link2.d=1..2:2", "tool.d=3", "tool.r=4"], True),
+        (["link2.d=1"], False),
+        (["link2.d=1..2:2", "tool.d=1..2:2", "tool.r=1..2:2"], False),
+    ],
+)
+def test_whether_there_is_a_picture_is_known_before_maps_are_made(texts, drawn):
+    if drawn:
+        check_drawable(parse(*texts))
+    else:
+        with pytest.raises(DrawingError, match=r"of one parameter that varies, or of two; here \d do"):
+            check_drawable(parse(*texts))
