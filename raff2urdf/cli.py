@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from raff2urdf.check import check
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.formats import FORMATS
 from raff2urdf.output import run
 
@@ -57,6 +57,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     if options.constraint_elements and options.format != "urdf":
         parser.error(f"--constraint-elements is for --format urdf; {options.format} has words of its own for loops")
     with warnings.catch_warnings():
+        warnings.simplefilter("always", RaffWarning)
         warnings.showwarning = show_warning
         return _run(options)
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from raff2urdf.cli import pair, show_warning
 from raff2urdf.document import UNITS_PER_METRE
-from raff2urdf.errors import RaffError
+from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.output import run
 
 if TYPE_CHECKING:
@@ -49,6 +49,7 @@ def _main(arguments: Sequence[str] | None) -> int:
     parser.add_argument("--json", action="store_true", help="say what was written as JSON")
     options = parser.parse_args(arguments)
     with warnings.catch_warnings():
+        warnings.simplefilter("always", RaffWarning)
         warnings.showwarning = show_warning
         try:
             path = Path(options.file)
