@@ -21,7 +21,7 @@ from statistics import median
 
 import cinegen
 from cinegen.ik.batch import evaluate
-from cinegen.workspace import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 from cinegen.workspace.cluster import connected, each
 from cinegen.workspace.neighbours import to_and_fro
 
@@ -33,47 +33,47 @@ TASKS = 500  # that do nothing
 MEMORY = """
 import json, resource, sys
 import cinegen
-from cinegen.workspace import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 robot, path, cells = sys.argv[1:]
 mechanism = cinegen.load(robot)
 axes = [GridAxis(name, -3.0, 3.0, count) for name, count in zip(mechanism.actuated, (int(cells), 100, 100))]
-make_map(Survey(mechanism, Region(tuple(axes)), ("sigma_1",)), path, workers=2, most=5000)
+make_map(MapSpecification(mechanism, Region(tuple(axes)), ("sigma_1",)), path, workers=2, most=5000)
 both = (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
 print(json.dumps([resource.getrusage(who).ru_maxrss / 1024 for who in both]))
 """
 
 
-def over(mechanism: cinegen.Mechanism, names: Sequence[str], side: int, node: str = "") -> Survey:
+def over(mechanism: cinegen.Mechanism, names: Sequence[str], side: int, node: str = "") -> MapSpecification:
     """A map over motors, about home."""
     home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in names}
     axes = tuple(GridAxis(name, home[name] - 0.4, home[name] + 0.4, side) for name in names)
-    return Survey(mechanism, Region(axes), node=node, limits=False)
+    return MapSpecification(mechanism, Region(axes), node=node, limits=False)
 
 
-def alone(survey: Survey) -> float:
+def alone(spec: MapSpecification) -> float:
     """Evaluations a second of `cinegen.evaluate`, at the same configurations."""
-    region = survey.region
-    values = region.motors(survey.mechanism, tuple(slice(0, count) for count in region.shape))
+    region = spec.region
+    values = region.motors(spec.mechanism, tuple(slice(0, count) for count in region.shape))
     values = values[to_and_fro(list(region.shape))]
     begin = time.perf_counter()
     for first in range(0, len(values), BATCH):
-        evaluate(survey.mechanism, survey.node, values[first : first + BATCH], *survey.counted)
+        evaluate(spec.mechanism, spec.node, values[first : first + BATCH], *spec.counted)
     return len(values) / (time.perf_counter() - begin)
 
 
-def whole(survey: Survey) -> float:
+def whole(spec: MapSpecification) -> float:
     """Cells a second of a map made by this process, from the call to the open file."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
-        make_map(survey, Path(folder) / "map.zarr", workers=1)
-        return survey.region.size / (time.perf_counter() - begin)
+        make_map(spec, Path(folder) / "map.zarr", workers=1)
+        return spec.region.size / (time.perf_counter() - begin)
 
 
-def steady(survey: Survey, scheduler: str | None, skipped: int = 4) -> float:
+def steady(spec: MapSpecification, scheduler: str | None, skipped: int = 4) -> float:
     """Cells a second of a map, once it is under way."""
     with tempfile.TemporaryDirectory() as folder:
         told: list[tuple[float, int]] = []
-        make_map(survey, Path(folder) / "map.zarr", workers=1, scheduler=scheduler,
+        make_map(spec, Path(folder) / "map.zarr", workers=1, scheduler=scheduler,
                  say=lambda done, _: told.append((time.perf_counter(), done)))  # fmt: skip
         (first, before), (last, after) = told[skipped], told[-1]
         return (after - before) / (last - first)
@@ -105,7 +105,7 @@ def main() -> None:
     rounds, quick = arguments.rounds, arguments.quick
     warnings.simplefilter("ignore")  # the panda's second finger
     panda, delta = cinegen.load(Path(sysconfig.get_path("purelib")) / PANDA), cinegen.load(ROBOTS / "delta4.raff")
-    surveys = {
+    specifications = {
         "panda": over(panda, panda.actuated[:6], 8 if quick else 10, "panda_hand"),
         "delta4": over(delta, delta.actuated, 50 if quick else 70),
     }
@@ -113,11 +113,11 @@ def main() -> None:
     print(f"{'':<62}{'first':>10}{'second':>10}{'ratio':>11}  mark")
     with connected(None, 1) as one, connected(None, 2) as two:
         addresses = [str(client.scheduler.address) for client in (one, two)]  # type: ignore[union-attr]
-        for name, survey in surveys.items():
-            whole(survey)
-            found = turns(rounds, lambda s=survey: alone(s), lambda s=survey: whole(s))
+        for name, spec in specifications.items():
+            whole(spec)
+            found = turns(rounds, lambda s=spec: alone(s), lambda s=spec: whole(s))
             row(f"{name}: evaluate alone; a map, from the call to the file", *found, "/s", marks[name])
-            ways = [lambda s=survey, at=at: steady(s, at) for at in (None, *addresses)]
+            ways = [lambda s=spec, at=at: steady(s, at) for at in (None, *addresses)]
             inside, shared, both = turns(rounds, *ways)
             row(f"{name}: this process; one process by Dask", inside, shared, "/s", ">= 0.95")
             row(f"{name}: one process by Dask; two", shared, both, "/s", ">= 1.8")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import xarray
 
     from cinegen.model import Mechanism
-    from cinegen.workspace import Survey
+    from cinegen.workspace import MapSpecification
     from cinegen.workspace.make import Say
 
 _LONG = 600.0  # s, or
@@ -108,27 +108,27 @@ def run(options: argparse.Namespace) -> int:
     (name, (mechanism, _)), *others = mechanisms_and_files(options).items()
     if others:
         _refuse(f"{options.files[0]} holds {1 + len(others)} robots: say which (--robot NAME)")
-    survey = asked(mechanism, options)
+    spec = asked(mechanism, options)
     if options.vary:
-        return _vary(name, survey, options)
+        return _vary(name, spec, options)
     if options.box:
         _refuse("--box says what is wanted of the variants of a robot: vary something (--vary), or leave it out")
     path = Path(options.output or f"{name}-map.zarr")
     if not options.yes and not path.exists():
-        _ask(survey, options)
+        _ask(spec, options)
     try:
         with bar() as say:
-            found = make_map(survey, path, workers=options.workers, scheduler=options.scheduler, say=say)
+            found = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, say=say)
     except KeyboardInterrupt:
         print(f"{path}: what was finished stays, and the same command goes on", file=sys.stderr)
         raise
-    told = summary(found, survey)
+    told = summary(found, spec)
     if not told["reachable"]:
-        _refuse(f"{name}: no cell of this region is reached ({_settled(told)}). {_where(survey)}")
+        _refuse(f"{name}: no cell of this region is reached ({_settled(told)}). {_where(spec)}")
     if options.json:
         print(json.dumps({"map": str(path), **told}, indent=1, ensure_ascii=False))
     else:
-        print("\n".join([*_lines(name, survey, told), f"map: {path}"]), flush=True)
+        print("\n".join([*_lines(name, spec, told), f"map: {path}"]), flush=True)
     if options.plot:
         from cinegen.plotting.map import draw_map
 
@@ -142,16 +142,16 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
+def asked(mechanism: Mechanism, options: argparse.Namespace) -> MapSpecification:
     """What options ask for.
 
     Raises:
         CinegenError: something there makes no sense.
     """
     from cinegen.cli.grid import point, region
-    from cinegen.workspace import Survey
+    from cinegen.workspace import MapSpecification
     from cinegen.workspace.quantities import QUANTITIES
-    from cinegen.workspace.survey import STARTS
+    from cinegen.workspace.specification import STARTS
 
     where = region(
         mechanism, options.over, options.at, options.node, options.orientation, options.grid, options.centre,
@@ -165,7 +165,7 @@ def asked(mechanism: Mechanism, options: argparse.Namespace) -> Survey:
         quantities += [name for name in QUANTITIES if name not in (slow | set(quantities))]
     elif scene is not None and "clearance" not in quantities:
         quantities.append("clearance")
-    return Survey(
+    return MapSpecification(
         mechanism, where, tuple(name.strip() for name in quantities), options.node or "", not options.no_limits,
         STARTS if options.starts is None else options.starts,
         along=() if options.along is None else point(options.along, "--along"),
@@ -188,7 +188,7 @@ def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tu
     return values, str(Path(file).absolute().parent)
 
 
-def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
+def _vary(name: str, spec: MapSpecification, options: argparse.Namespace) -> int:
     """Maps of all variants, and their table."""
     from cinegen.cli.grid import ranges
     from cinegen.plotting.sweep import check_drawable, draw_table
@@ -202,13 +202,13 @@ def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
         check_drawable(variations)
     folder = Path(options.output or f"{name}-sweep")
     if not options.yes and not folder.exists():
-        _ask(survey, options, math.prod(len(variation.values) for variation in variations))
+        _ask(spec, options, math.prod(len(variation.values) for variation in variations))
     with bar() as say:
         table = sweep(
-            options.files[0], variations, survey.region, folder, box=Box(ranges(options.box, "--box")),
+            options.files[0], variations, spec.region, folder, box=Box(ranges(options.box, "--box")),
             robot=options.robot, workers=options.workers, scheduler=options.scheduler, say=say,
-            node=survey.node, limits=survey.limits, quantities=survey.quantities, starts=survey.starts,
-            along=survey.along, scene=survey.scene, folder=survey.folder,
+            node=spec.node, limits=spec.limits, quantities=spec.quantities, starts=spec.starts,
+            along=spec.along, scene=spec.scene, folder=spec.folder,
         )  # fmt: skip
     print(json.dumps(table.as_dict(), indent=1, ensure_ascii=False) if options.json else table.text())
     if options.plot:
@@ -220,13 +220,13 @@ def _vary(name: str, survey: Survey, options: argparse.Namespace) -> int:
     return 0
 
 
-def _ask(survey: Survey, options: argparse.Namespace, maps: int = 1) -> None:
+def _ask(spec: MapSpecification, options: argparse.Namespace, maps: int = 1) -> None:
     """Whether maps that take long, or much of the disk, are meant."""
-    if maps * survey.region.size <= _SURELY:
+    if maps * spec.region.size <= _SURELY:
         return
     from cinegen.workspace.estimate import estimate
 
-    found, cores = estimate(survey, maps), options.workers or os.cpu_count() or 1
+    found, cores = estimate(spec, maps), options.workers or os.cpu_count() or 1
     if found.seconds / cores <= _LONG and found.size <= _LARGE:
         return
     words = found.words(cores)
@@ -267,7 +267,7 @@ def bar() -> Iterator[Say]:
 # --- what is told ------------------------------------------------------------------------------------------------
 
 
-def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
+def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
     """What is found, as JSON has it: m, rad and sr; nothing (null) for what is without bound."""
     import numpy as np
 
@@ -277,18 +277,18 @@ def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
     settled = np.bincount(found["settled"].values.ravel(), minlength=len(How))
     reachable = int(found["reachable"].values.sum())
     told: dict[str, Any] = {
-        "robot": survey.mechanism.name,
-        "node": survey.node,
-        "over": {axis.name: [axis.low, axis.high, axis.count] for axis in survey.region.axes},
-        "at": dict(survey.region.at),
-        "cells": survey.region.size,
+        "robot": spec.mechanism.name,
+        "node": spec.node,
+        "over": {axis.name: [axis.low, axis.high, axis.count] for axis in spec.region.axes},
+        "at": dict(spec.region.at),
+        "cells": spec.region.size,
         "reachable": reachable,
         "settled": {how.words: int(count) for how, count in zip(How, settled, strict=True) if count},
         "quantities": {},
     }
     measured = extent(found)
     told["extent"] = {"value": measured.value, "error": measured.error, "unit": measured.unit}
-    for name in survey.quantities:
+    for name in spec.quantities:
         values = found[name].values[found["reachable"].values].astype(float)
         values = values[~np.isnan(values)]
         if len(values):
@@ -300,16 +300,16 @@ def summary(found: xarray.Dataset, survey: Survey) -> dict[str, Any]:
     return told
 
 
-def _lines(name: str, survey: Survey, told: dict[str, Any]) -> list[str]:
+def _lines(name: str, spec: MapSpecification, told: dict[str, Any]) -> list[str]:
     from cinegen.workspace.quantities import DIRECTED
 
-    shape = " x ".join(map(str, survey.region.shape))
-    what = f"{name}: {shape} cells over {', '.join(survey.region.names)}"
-    if survey.region.at:
-        what += f", at {', '.join(f'{key} = {value:.4g}' for key, value in survey.region.at.items())}"
-    if not survey.of_motors:
-        turned = {0: "free", 2: "of its z given", 3: "given"}[survey.rotation]
-        what += f"; of {survey.node}, orientation {turned}"
+    shape = " x ".join(map(str, spec.region.shape))
+    what = f"{name}: {shape} cells over {', '.join(spec.region.names)}"
+    if spec.region.at:
+        what += f", at {', '.join(f'{key} = {value:.4g}' for key, value in spec.region.at.items())}"
+    if not spec.of_motors:
+        turned = {0: "free", 2: "of its z given", 3: "given"}[spec.rotation]
+        what += f"; of {spec.node}, orientation {turned}"
     share = 100.0 * told["reachable"] / told["cells"]
     measured = told["extent"]
     error = f" ± {measured['error']:.2g}" if measured["error"] > _ROUNDING * measured["value"] else ""
@@ -322,7 +322,7 @@ def _lines(name: str, survey: Survey, told: dict[str, Any]) -> list[str]:
     for quantity, values in told["quantities"].items():
         unit = "" if values["unit"] == "1" else f" {values['unit']}"
         three = ", ".join(f"{key} {_number(values[key])}" for key in ("least", "median", "most"))
-        along = f", along {', '.join(f'{x:.3g}' for x in survey.along)}" if quantity in DIRECTED else ""
+        along = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in DIRECTED else ""
         lines.append(f"  {quantity:<15} {three}{unit}{along}")
     return lines
 
@@ -335,11 +335,11 @@ def _number(value: float | None) -> str:
     return "without bound" if value is None else f"{value:.3g}"
 
 
-def _where(survey: Survey) -> str:
+def _where(spec: MapSpecification) -> str:
     """Where the node is at home: people mistake units, and frames."""
-    home = survey.home.translation
+    home = spec.home.translation
     here = ", ".join(f"{name} = {round(value, 6) + 0.0:.4g}" for name, value in zip("xyz", home, strict=True))
-    return f"At home {survey.node} is at {here} m; numbers are m and rad unless a unit stands behind (-900mm, 15deg)"
+    return f"At home {spec.node} is at {here} m; numbers are m and rad unless a unit stands behind (-900mm, 15deg)"
 
 
 def _refuse(words: str) -> None:

@@ -18,10 +18,10 @@ from cinegen.plotting.shades import OUT, differing, pretty
 from cinegen.plotting.stick import INK
 from cinegen.plotting.words import readable
 from cinegen.workspace.compare import Comparison, Difference, compare
-from cinegen.workspace.dataset import survey_of
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.make import open_map
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.dataset import specification_of
 from raff2urdf.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -57,11 +57,11 @@ def draw_comparison(
     if find_spec("matplotlib") is None:
         raise DrawingError("pictures need matplotlib: install it with `pip install matplotlib`")
     one, other = (open_map(of) if isinstance(of, str | Path) else of for of in (first, second))
-    found, survey = compare(one, other), survey_of(one)
+    found, spec = compare(one, other), specification_of(one)
     name = _chosen(found, quantity)
     if len(found.region.axes) == 1:
-        return _over_one(found, survey, name, size)
-    return _over_two(found, survey, name, size)
+        return _over_one(found, spec, name, size)
+    return _over_two(found, spec, name, size)
 
 
 def _chosen(found: Comparison, name: str | None) -> str | None:
@@ -86,9 +86,9 @@ def _words(found: Comparison) -> str:
     return "\n".join("; ".join(part) for part in (said[:2], said[2:4], said[4:]))
 
 
-def _over_one(found: Comparison, survey: Survey, name: str | None, size: float) -> Figure:
+def _over_one(found: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
     (axis,) = found.region.axes
-    scale, unit = readable(survey.mechanism, axis.name)
+    scale, unit = readable(spec.mechanism, axis.name)
     wide, tall = 0.6 * size, 0.3 * size
     figure, body = sheet(wide, tall, " and ".join(found.names), _words(found))
     axes = body.add_subplot()
@@ -107,11 +107,11 @@ def _over_one(found: Comparison, survey: Survey, name: str | None, size: float) 
     return figure
 
 
-def _over_two(found: Comparison, survey: Survey, name: str | None, size: float) -> Figure:
+def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
     region, cut = found.region, found.region.axes[2:]
     at = {axis.name: float(axis.middles()[axis.count // 2]) for axis in cut}
     middle: Any = (slice(None), slice(None), *(axis.count // 2 for axis in cut))
-    here = replace(survey, region=replace(region, axes=region.axes[:2], at={**region.at, **at}))
+    here = replace(spec, region=replace(region, axes=region.axes[:2], at={**region.at, **at}))
     plane, panels = Plane(here), 1 if name is None else 2
     wide, tall = plane.paper(size / 2.0)
     words = _words(found)

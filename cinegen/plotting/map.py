@@ -18,11 +18,11 @@ from cinegen.plotting.shades import OUT, chosen, shades, values_of
 from cinegen.plotting.solid import paint_solid
 from cinegen.plotting.stick import INK
 from cinegen.plotting.words import readable
-from cinegen.workspace.dataset import held, survey_of
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 from cinegen.workspace.make import open_map
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.dataset import held, specification_of
 
 if TYPE_CHECKING:
     import xarray
@@ -69,29 +69,31 @@ def draw_map(
     if find_spec("matplotlib") is None:
         raise DrawingError("pictures need matplotlib: install it with `pip install matplotlib`")
     dataset = open_map(of) if isinstance(of, str | Path) else of
-    survey = survey_of(dataset)
+    spec = specification_of(dataset)
     shown = chosen(dataset, quantity)
-    words = size_words(survey, extent(dataset))
-    match len(survey.region.axes):
+    words = size_words(spec, extent(dataset))
+    match len(spec.region.axes):
         case 1:
-            return _of_one(dataset, survey, shown, name, size, words)
+            return _of_one(dataset, spec, shown, name, size, words)
         case 2:
-            return _of_two(dataset, survey, shown, curves, robot, name, size, words)
+            return _of_two(dataset, spec, shown, curves, robot, name, size, words)
         case 3:
-            return _of_three(dataset, survey, shown, curves, name, 1.5 * size, words)
-    part, there = held(dataset, survey, {axis.name: axis.count // 2 for axis in survey.region.axes[2:]})
+            return _of_three(dataset, spec, shown, curves, name, 1.5 * size, words)
+    part, there = held(dataset, spec, {axis.name: axis.count // 2 for axis in spec.region.axes[2:]})
     return _of_two(part, there, shown, curves, robot, name, size, f"middle slice; in all {words}")
 
 
 # --- one axis ----------------------------------------------------------------------------------------------------
 
 
-def _of_one(dataset: xarray.Dataset, survey: Survey, shown: str, name: str | None, size: float, words: str) -> Figure:
+def _of_one(
+    dataset: xarray.Dataset, spec: MapSpecification, shown: str, name: str | None, size: float, words: str
+) -> Figure:
     tall = _LINE * size
-    figure, body = sheet(size, tall, heading(survey, name), given(survey, words))
+    figure, body = sheet(size, tall, heading(spec, name), given(spec, words))
     axes = body.add_subplot()
-    (axis,) = survey.region.axes
-    scale, unit = readable(survey.mechanism, axis.name)
+    (axis,) = spec.region.axes
+    scale, unit = readable(spec.mechanism, axis.name)
     values = values_of(dataset, shown)
     look = shades(dataset, shown, values)
     for first, last in spans(out_of_reach(dataset)):
@@ -114,20 +116,20 @@ def _of_one(dataset: xarray.Dataset, survey: Survey, shown: str, name: str | Non
 
 
 def _of_two(
-    dataset: xarray.Dataset, survey: Survey, shown: str, lines: bool, robot: bool, name: str | None, size: float,
-    words: str,
+    dataset: xarray.Dataset, spec: MapSpecification, shown: str, lines: bool, robot: bool, name: str | None,
+    size: float, words: str,
 ) -> Figure:  # fmt: skip
-    dataset = dataset.transpose(*survey.region.names, ...)
-    plane = Plane(survey)
+    dataset = dataset.transpose(*spec.region.names, ...)
+    plane = Plane(spec)
     wide, tall = plane.paper(size)
-    figure, body = sheet(wide, tall, heading(survey, name), given(survey, words))
+    figure, body = sheet(wide, tall, heading(spec, name), given(spec, words))
     axes = body.add_subplot(projection=plane.projection)
     values = values_of(dataset, shown)
     look = shades(dataset, shown, values)
     mesh = panel(plane, axes, dataset, values, look)
     plane.levels(axes, values, look)
-    if lines and min(survey.region.shape) > 1:
-        plane.curves(axes, loci(dataset, survey))
+    if lines and min(spec.region.shape) > 1:
+        plane.curves(axes, loci(dataset, spec))
     if robot:
         plane.robot(axes)
     plane.dress(axes)
@@ -140,21 +142,27 @@ def _of_two(
 
 
 def _of_three(
-    dataset: xarray.Dataset, survey: Survey, shown: str, lines: bool, name: str | None, size: float, words: str
+    dataset: xarray.Dataset,
+    spec: MapSpecification,
+    shown: str,
+    lines: bool,
+    name: str | None,
+    size: float,
+    words: str,
 ) -> Figure:
     """The border of what is reached on the left, slices along the last axis on the right."""
-    dataset = dataset.transpose(*survey.region.names, ...)
-    across = survey.region.axes[2]
+    dataset = dataset.transpose(*spec.region.names, ...)
+    across = spec.region.axes[2]
     values = values_of(dataset, shown)
     look = shades(dataset, shown, values)
     numbers = _layers(dataset["reachable"].values)
     rows = 1 if len(numbers) < 3 else 2
     columns = -(-len(numbers) // rows)
-    planes = [held(dataset, survey, {across.name: number}) for number in numbers]
+    planes = [held(dataset, spec, {across.name: number}) for number in numbers]
     tall = max(Plane(planes[0][1]).tall(size * _RIGHT / columns) * rows + _UNDER, _LOW * size)
-    figure, body = sheet(size, tall, heading(survey, name), given(survey, words))
+    figure, body = sheet(size, tall, heading(spec, name), given(spec, words))
     left, right = body.subfigures(1, 2, wspace=_GAP, width_ratios=(1.0, 1.5))
-    paint_solid(left.add_subplot(projection="3d"), survey, dataset["reachable"].values, values, look)
+    paint_solid(left.add_subplot(projection="3d"), spec, dataset["reachable"].values, values, look)
     mesh: Any = None
     shared: dict[str, Axes] = {}
     for k, (number, (part, there)) in enumerate(zip(numbers, planes, strict=True)):

@@ -18,7 +18,7 @@ from cinegen.plotting.words import readable
 from cinegen.singularities.contour import Curve
 from cinegen.singularities.singularity import Kind
 from cinegen.workspace.region import Region
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,10 +50,10 @@ _ALMOST = 1e-9
 
 
 class Plane:
-    """A survey's two axes as a picture's; m and rad become mm and degrees.
+    """A specification's two axes as a picture's; m and rad become mm and degrees.
 
     Args:
-        survey: over two axes.
+        specification: over two axes.
 
     Attributes:
         scales: what SI values are multiplied by, along each axis.
@@ -63,18 +63,18 @@ class Plane:
             areas are true (E. Hammer, 1892), with the middle of the azimuths in its middle.
     """
 
-    def __init__(self, survey: Survey) -> None:
-        self.survey, self.region = survey, survey.region
-        self.scales, self.units = zip(*(readable(survey.mechanism, name) for name in survey.region.names), strict=True)
-        ranges = [axis.high - axis.low for axis in survey.region.axes]
-        self.round = _is_round(survey.region)
+    def __init__(self, spec: MapSpecification) -> None:
+        self.spec, self.region = spec, spec.region
+        self.scales, self.units = zip(*(readable(spec.mechanism, name) for name in spec.region.names), strict=True)
+        ranges = [axis.high - axis.low for axis in spec.region.axes]
+        self.round = _is_round(spec.region)
         aspect = ranges[1] * self.scales[1] / (ranges[0] * self.scales[0])
         self.alike = self.units[0] == self.units[1] and 1.0 / _SLIVER < aspect < _SLIVER
         self._aspect = aspect if self.alike else _OBLONG
         self._middle = np.zeros(2)
         if self.round:  # matplotlib's maps of spheres want rad, azimuths from -pi to pi, and write degrees
             self.scales = (1.0, 1.0)
-            self._middle[0] = 0.5 * (survey.region.axes[0].low + survey.region.axes[0].high)
+            self._middle[0] = 0.5 * (spec.region.axes[0].low + spec.region.axes[0].high)
 
     @property
     def projection(self) -> str:
@@ -199,13 +199,18 @@ class Plane:
         from matplotlib.lines import Line2D
         from matplotlib.patheffects import Normal, Stroke
 
-        if self.survey.of_motors or not all(name in _SIDES for name in self.region.names):
+        if self.spec.of_motors or not all(name in _SIDES for name in self.region.names):
             return False
         sides = np.eye(3)[[_SIDES.index(name) for name in self.region.names]]
         view = View("", np.array([*sides, np.cross(*sides)]) * self.scales[0], np.zeros(3))
         pen = pen or Pen(1.5, 0.8, 3.2)
         there = set(axes.get_children())
-        paint(axes, Skeleton(self.survey.mechanism, self.survey.node).at(self.survey.mechanism.q_home), view, pen)
+        paint(
+            axes,
+            Skeleton(self.spec.mechanism, self.spec.node).at(self.spec.mechanism.q_home),
+            view,
+            pen,
+        )
         painted = set(axes.get_children()) - there
         if not any(self._shows(artist.get_path()) for artist in painted):  # type: ignore[attr-defined]
             for artist in painted:

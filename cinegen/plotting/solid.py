@@ -19,7 +19,7 @@ from cinegen.plotting.shades import Shades
 from cinegen.plotting.stick import INK
 from cinegen.plotting.words import readable
 from cinegen.workspace.region import AROUND, Region
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -101,12 +101,12 @@ def _smoothed(middles: Array, quads: Ints, rounds: int) -> Array:
     return points
 
 
-def paint_solid(axes: Any, survey: Survey, reached: Bools, values: Array, look: Shades) -> None:
+def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array, look: Shades) -> None:
     """Paints what is reached into axes in space; mm and degrees.
 
     Args:
         axes: of matplotlib.
-        survey: over three axes.
+        specification: over three axes.
         reached: (l, m, n) cells.
         values: of the quantity in them, which the cut shows.
         look: of the quantity.
@@ -114,17 +114,17 @@ def paint_solid(axes: Any, survey: Survey, reached: Bools, values: Array, look: 
     from matplotlib.ticker import MaxNLocator
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
-    region, strides = survey.region, [-(-count // _MOST) for count in reached.shape]
+    region, strides = spec.region, [-(-count // _MOST) for count in reached.shape]
     every = tuple(slice(None, None, stride) for stride in strides)
     reached, values = reached[every], values[every]
-    names, scales, units = _coordinates(survey)
+    names, scales, units = _coordinates(spec)
     _dress(axes, names, units)
     if not reached.any():
         return
 
     def places(cells: Array) -> Array:
         within = np.clip(cells * strides + 0.5 * (np.array(strides) - 1.0), -0.5, np.array(region.shape) - 0.5)
-        return _places(survey, within) * scales
+        return _places(spec, within) * scales
 
     borders, middles = places(net(reached, 0).points), places(np.argwhere(reached).astype(float))
     low, high = borders.min(axis=0), borders.max(axis=0)
@@ -149,21 +149,21 @@ def paint_solid(axes: Any, survey: Survey, reached: Bools, values: Array, look: 
         axis.set_major_locator(MaxNLocator(max(1, round(_TICKS * size))))
 
 
-def _coordinates(survey: Survey) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+def _coordinates(spec: MapSpecification) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
     """Names, what SI values are multiplied by, and units, of what a solid is drawn over."""
-    spherical = set(survey.region.names) == set(AROUND)
-    names = ("x", "y", "z") if spherical else survey.region.names
-    scales, units = zip(*(readable(survey.mechanism, name) for name in names), strict=True)
+    spherical = set(spec.region.names) == set(AROUND)
+    names = ("x", "y", "z") if spherical else spec.region.names
+    scales, units = zip(*(readable(spec.mechanism, name) for name in names), strict=True)
     return names, np.array(scales), units
 
 
-def _places(survey: Survey, cells: Array) -> Array:
+def _places(spec: MapSpecification, cells: Array) -> Array:
     """(n, 3) of what a solid is drawn over, m and rad, for places (n, 3) in cells."""
-    region = survey.region
+    region = spec.region
     given = np.column_stack([axis.low + (cells[:, k] + 0.5) * axis.width for k, axis in enumerate(region.axes)])
     if set(region.names) != set(AROUND):
         return given
-    return region.poses_at(survey.home, given)[0]
+    return region.poses_at(spec.home, given)[0]
 
 
 def _on_seam(region: Region, outside: Ints, shape: tuple[int, ...]) -> Bools:

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from cinegen.workspace.survey import Survey
+    from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
 
@@ -117,7 +117,7 @@ class ShownMap:
 
     def __init__(self, path: str | Path, most: int = MOST) -> None:
         from cinegen.workspace import open_map
-        from cinegen.workspace.store import Store
+        from cinegen.workspace.storage.store import Store
 
         self._store = Store(Path(path).absolute())
         self._dataset: Any = open_map(path)
@@ -126,9 +126,9 @@ class ShownMap:
         self._cloud: Cloud | None = None
 
     @property
-    def survey(self) -> Survey:
+    def spec(self) -> MapSpecification:
         """What the map shows."""
-        return self._store.survey
+        return self._store.spec
 
     def cloud(self) -> Cloud:
         """The cells as they are now; read again only where the map has grown."""
@@ -141,7 +141,7 @@ class ShownMap:
 
     def configuration(self, number: int) -> Array | None:
         """(nq,) of a cell by its number in the map; None where there is no such cell, or it is not reached."""
-        region = self.survey.region
+        region = self.spec.region
         if not 0 <= number < region.size:
             return None
         at = np.unravel_index(number, region.shape)
@@ -155,7 +155,7 @@ class ShownMap:
     # --- reading -------------------------------------------------------------------------------------------------
 
     def _read(self, done: int) -> Cloud:
-        region = self.survey.region
+        region = self.spec.region
         every = [1] * len(region.shape)
         while math.prod(_counts(region.shape, every)) > _LOOKED_AT * self._most:
             _thin(region.shape, every)
@@ -168,17 +168,17 @@ class ShownMap:
         indices = np.argwhere(reached)
         own = indices * every + [one // 2 for one in every]
         at = first + indices * widths
-        if self.survey.of_motors:
+        if self.spec.of_motors:
             points = self._led(self._of("configuration", every)[reached])
         elif any(places):
-            points = region.poses_at(self.survey.home, at)[0]
+            points = region.poses_at(self.spec.home, at)[0]
         else:
             points = self._turned(at, first + np.argwhere(np.full(reached.shape, True)) * widths)
         values, quantities = self._quantities(reached, every)
         return Cloud(
             tuple(
                 AxisShown(name, self._dataset[name].attrs["units"], low, float(width), count, one,
-                          moves or self.survey.of_motors)
+                          moves or self.spec.of_motors)
                 for name, low, width, count, one, moves in zip(
                     region.names, first, widths, reached.shape, every, places, strict=True
                 )
@@ -205,16 +205,16 @@ class ShownMap:
             at: cells that are reached.
             everywhere: likewise, all.
         """
-        region, survey = self.survey.region, self.survey
-        spread = region.poses_at(survey.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
+        region, spec = self.spec.region, self.spec
+        spread = region.poses_at(spec.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
         axis = int(2 - np.argmax(spread[::-1] > 0.5 * spread.max()))  # that which moves most is what one sees
-        points, rotations = region.poses_at(survey.home, at)
-        return points + _BALL * survey.mechanism.length * rotations[:, :, axis]
+        points, rotations = region.poses_at(spec.home, at)
+        return points + _BALL * spec.mechanism.length * rotations[:, :, axis]
 
     def _led(self, configurations: Array) -> Array:
         """(n, 3) m, where the node is in configurations (n, nq)."""
-        model, points = self.survey.mechanism.model, np.empty((len(configurations), 3))
-        data, frame = model.createData(), self.survey.mechanism.frame_id(self.survey.node)
+        model, points = self.spec.mechanism.model, np.empty((len(configurations), 3))
+        data, frame = model.createData(), self.spec.mechanism.frame_id(self.spec.node)
         for point, q in zip(points, configurations, strict=True):
             pin.forwardKinematics(model, data, q)
             point[:] = pin.updateFramePlacement(model, data, frame).translation
@@ -226,14 +226,14 @@ class ShownMap:
             return None
         edges = []
         for half in 0.5 * np.diag(widths)[places]:
-            before, behind = (self.survey.region.poses_at(self.survey.home, at + way * half)[0] for way in (-1.0, 1.0))
+            before, behind = (self.spec.region.poses_at(self.spec.home, at + way * half)[0] for way in (-1.0, 1.0))
             edges.append(behind - before)
         return np.stack(edges, axis=1)
 
     def _size(self, points: Array) -> float:
         from scipy.spatial import cKDTree
 
-        length = self.survey.mechanism.length
+        length = self.spec.mechanism.length
         apart = points[np.unique(np.round(points / length, 9) @ _MIXED, return_index=True)[1]]
         if len(apart) < 2:
             return _ALONE * length
@@ -244,7 +244,7 @@ class ShownMap:
         self, reached: NDArray[np.bool_], every: list[int]
     ) -> tuple[dict[str, NDArray[np.float32]], tuple[QuantityShown, ...]]:
         values, found = {}, []
-        for name in self.survey.quantities:
+        for name in self.spec.quantities:
             values[name] = self._of(name, every)[reached].astype(np.float32)
             known = values[name][np.isfinite(values[name])].astype(float)
             attributes = self._dataset[name].attrs

@@ -29,20 +29,20 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
         MapError: there is no map.
         SetupError: it has no such quantity, or is of another robot.
     """
-    from cinegen.workspace.store import Store
+    from cinegen.workspace.storage.store import Store
 
     where = Path(path).absolute()
     with warnings.catch_warnings():  # they were told when it was made
         warnings.simplefilter("ignore", CinegenWarning)
-        survey = Store(where).survey
-    if quantity is not None and quantity not in survey.quantities:
-        known = f"it has {', '.join(survey.quantities) or 'none'}"
-        raise SetupError(f"{path}: no quantity '{quantity}'{did_you_mean(quantity, survey.quantities)}; {known}")
+        spec = Store(where).spec
+    if quantity is not None and quantity not in spec.quantities:
+        known = f"it has {', '.join(spec.quantities) or 'none'}"
+        raise SetupError(f"{path}: no quantity '{quantity}'{did_you_mean(quantity, spec.quantities)}; {known}")
     if mechanism is None:
-        mechanism = _drawable(survey.mechanism)
-    elif replace(survey, mechanism=mechanism).robot_hash != survey.robot_hash:
+        mechanism = _drawable(spec.mechanism)
+    elif replace(spec, mechanism=mechanism).robot_hash != spec.robot_hash:
         raise SetupError(f"{path} is a map of another robot than {mechanism.name}, or of another version of it")
-    if survey.scene is None:
+    if spec.scene is None:
         robot = " ".join(mechanism.name.replace("/", "-").split()) or "robot"  # as the page's scene can have it
         with warnings.catch_warnings():  # of ports: who shows a map has not asked for sensors
             warnings.simplefilter("ignore", CinegenWarning)
@@ -50,10 +50,10 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
     else:
         from cinegen.collision.scene import scene_of
 
-        setup = in_scene(scene_of(dict(survey.scene), survey.folder, mechanism=mechanism))
+        setup = in_scene(scene_of(dict(spec.scene), spec.folder, mechanism=mechanism))
         assert setup.surroundings is not None
         robot = setup.surroundings.robot
-    return replace(setup, map=MapBeside(str(where), robot, survey.node, quantity))
+    return replace(setup, map=MapBeside(str(where), robot, spec.node, quantity))
 
 
 def _drawable(mechanism: Mechanism) -> Mechanism:

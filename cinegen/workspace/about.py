@@ -14,8 +14,8 @@ from cinegen.ik.seeker import Seeker
 from cinegen.model import Mechanism
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.errors import MapError
+from cinegen.workspace.reach_bounds import bounds, radius_about
 from cinegen.workspace.region import AROUND
-from cinegen.workspace.shells import bounds, radius_about
 from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cinegen.ik.batch import Evaluations, Sampler
 from cinegen.workspace.neighbours import neighbours, to_and_fro
 from cinegen.workspace.settled import How, Settled
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
 
@@ -20,23 +20,23 @@ _BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 
 
 class ByMotors:
-    """For one survey; used for piece after piece.
+    """For one specification; used for piece after piece.
 
     Args:
-        survey: over motors.
+        specification: over motors.
         sampler: of its mechanism and node.
     """
 
-    def __init__(self, survey: Survey, sampler: Sampler) -> None:
-        self.survey, self._sampler = survey, sampler
-        mechanism = survey.mechanism
+    def __init__(self, spec: MapSpecification, sampler: Sampler) -> None:
+        self.spec, self._sampler = spec, sampler
+        mechanism = spec.mechanism
         names = [name for name in mechanism.joints if name not in mechanism.actuated and not mechanism.slides(name)]
         self._passive = np.array([mechanism.q_index(name) for name in names], dtype=np.intp)
 
     def settle(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:
-        """All cells of a piece of the survey's region."""
-        values = self.survey.region.motors(self.survey.mechanism, piece)
-        if self.survey.mechanism.loops:
+        """All cells of a piece of the specification's region."""
+        values = self.spec.region.motors(self.spec.mechanism, piece)
+        if self.spec.mechanism.loops:
             shape = [len(range(*s.indices(s.stop))) for s in piece]
             done = self._in_turn(values, shape)
             how = self._judged(done)
@@ -48,7 +48,7 @@ class ByMotors:
         q = done.q
         if not (how == _GIVEN).all():
             q = np.where((how == _GIVEN)[:, None], q, np.nan)
-        return Settled(q, how, self._modes(values) if "solutions" in self.survey.quantities else None), done
+        return Settled(q, how, self._modes(values) if "solutions" in self.spec.quantities else None), done
 
     def _in_turn(self, values: Array, shape: list[int]) -> Evaluations:
         """To and fro, so that each cell is next to the one before."""
@@ -62,8 +62,8 @@ class ByMotors:
         """(n,) how cells came to be, once passive joints are turned to where they may be."""
         done.q[:, self._passive] = self._turned(done.q[:, self._passive])
         how = np.where(np.isfinite(done.closure), _GIVEN, _OPEN).astype(np.uint8)
-        if self.survey.limits:
-            model = self.survey.mechanism.model
+        if self.spec.limits:
+            model = self.spec.mechanism.model
             low, high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
             how[((done.q < low) | (done.q > high)).any(axis=1)] = _BEYOND_LIMITS
         return how
@@ -71,7 +71,7 @@ class ByMotors:
     def _look_again(self, values: Array, near: NDArray[np.intp], done: Evaluations, how: NDArray[np.uint8]) -> None:
         """Cells that the way from cell to cell has not led to, for it ends in dead ends: from each neighbour that is
         given, and where there is none straight from home. Changes what is done, and how."""
-        home = self.survey.mechanism.q_home
+        home = self.spec.mechanism.q_home
 
         def leads(start: Array, cell: int) -> bool:
             found = self._sampler.led(values[cell : cell + 1], start)
@@ -96,7 +96,7 @@ class ByMotors:
     def _turned(self, angles: Array) -> Array:
         """Angles (n, k) of passive joints, by whole turns to where limits let them be, else to within half a turn of
         home: how often a loop has gone round on its way makes no difference."""
-        model, home = self.survey.mechanism.model, self.survey.mechanism.q_home[self._passive]
+        model, home = self.spec.mechanism.model, self.spec.mechanism.q_home[self._passive]
         about_home = home + (angles - home + np.pi) % (2.0 * np.pi) - np.pi
         low, high = model.lowerPositionLimit[self._passive], model.upperPositionLimit[self._passive]
         with np.errstate(invalid="ignore"):
@@ -108,7 +108,7 @@ class ByMotors:
         """(n,) how many assembly modes there are, as `assembly_modes` counts them: joint limits make no difference."""
         from cinegen.assembly import assembly_modes
 
-        mechanism = self.survey.mechanism
+        mechanism = self.spec.mechanism
         if not mechanism.loops:
             return np.ones(len(values), dtype=np.int32)
         return np.array([len(assembly_modes(mechanism, motors)) for motors in values], dtype=np.int32)

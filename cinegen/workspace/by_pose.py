@@ -19,9 +19,9 @@ from cinegen.ik.batch import Evaluations, Sampler
 from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
 from cinegen.workspace.neighbours import neighbours
+from cinegen.workspace.reach_bounds import ReachBounds
 from cinegen.workspace.settled import How, Settled
-from cinegen.workspace.shells import Shells
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -42,41 +42,41 @@ _SEED = 0
 
 
 class ByPose:
-    """For one survey; used for piece after piece.
+    """For one specification; used for piece after piece.
 
     Args:
-        survey: over poses.
+        specification: over poses.
         sampler: of its mechanism and node.
     """
 
-    def __init__(self, survey: Survey, sampler: Sampler) -> None:
-        self.survey, self.mechanism, self._sampler = survey, survey.mechanism, sampler
-        self._seeker = self._seeker_of(survey.rotation)
+    def __init__(self, spec: MapSpecification, sampler: Sampler) -> None:
+        self.spec, self.mechanism, self._sampler = spec, spec.mechanism, sampler
+        self._seeker = self._seeker_of(spec.rotation)
         rng = np.random.default_rng(_SEED)
-        closer = Seeker(self.mechanism, (), survey.limits)
+        closer = Seeker(self.mechanism, (), spec.limits)
         self._spread = closer.spread(_SPREAD_CLOSED if self.mechanism.loops else _SPREAD, rng)
-        places = [self.mechanism.placement(q, survey.node) for q in self._spread]
+        places = [self.mechanism.placement(q, spec.node) for q in self._spread]
         self._features = np.array([_feature(at.translation, at.rotation, self._weights) for at in places])
-        self.shells = Shells(self.mechanism, survey.node, survey.limits, survey.rotation)
-        self._axis = self._seeker_of(2) if "solid_angle" in survey.quantities else None
+        self.shells = ReachBounds(self.mechanism, spec.node, spec.limits, spec.rotation)
+        self._axis = self._seeker_of(2) if "solid_angle" in spec.quantities else None
         self._neutral = pin.neutral(self.mechanism.model)
         self._turning = np.zeros(self.mechanism.model.nv, dtype=bool)
         turning = [name for name in self.mechanism.joints if not self.mechanism.slides(name)]
         self._turning[[self.mechanism.v_index(name) for name in turning]] = True
 
     def _seeker_of(self, rotation: int) -> Seeker:
-        survey = self.survey
-        return Seeker(survey.mechanism, (Pull(survey.node, pin.SE3.Identity(), 3, rotation),), survey.limits)
+        spec = self.spec
+        return Seeker(spec.mechanism, (Pull(spec.node, pin.SE3.Identity(), 3, rotation),), spec.limits)
 
     @property
     def _weights(self) -> tuple[float, float, float]:
         """How much place, z and the other axes count for what is near."""
-        turn = {0: (0.0, 0.0), 2: (0.5, 0.0), 3: (0.5, 0.5)}[self.survey.rotation]
+        turn = {0: (0.0, 0.0), 2: (0.5, 0.0), 3: (0.5, 0.5)}[self.spec.rotation]
         return 1.0 / self.mechanism.length, *turn
 
     def settle(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:
-        """All cells of a piece of the survey's region."""
-        points, rotations = self.survey.region.poses(self.survey.home, piece)
+        """All cells of a piece of the specification's region."""
+        points, rotations = self.spec.region.poses(self.spec.home, piece)
         near = neighbours([len(range(*s.indices(10**18))) for s in piece])
         dead_ends: frozenset[int] = frozenset()
         for _ in range(_WAVES):
@@ -88,7 +88,7 @@ class ByPose:
             if everywhere or not wave.came_from & singular:
                 break
             dead_ends |= singular
-        solutions = _Solutions(wave).count() if "solutions" in self.survey.quantities else None
+        solutions = _Solutions(wave).count() if "solutions" in self.spec.quantities else None
         angle = self._solid_angles(wave.q, points) if self._axis is not None else None
         return Settled(wave.q, wave.how, solutions, angle), done
 
@@ -108,11 +108,11 @@ class ByPose:
 
     def _singular(self, done: Evaluations) -> frozenset[int]:
         """Cells where two branches meet: whoever goes on from there may be on another than whoever came."""
-        if self.survey.freedoms > self.survey.rank:  # there is no telling branches apart
+        if self.spec.freedoms > self.spec.rank:  # there is no telling branches apart
             return frozenset()
         width = done.singular_values.shape[1]
         with np.errstate(invalid="ignore"):
-            return frozenset(np.flatnonzero(done.singular_values[:, min(self.survey.rank, width) - 1] < _MEET).tolist())
+            return frozenset(np.flatnonzero(done.singular_values[:, min(self.spec.rank, width) - 1] < _MEET).tolist())
 
     # --- one cell ------------------------------------------------------------------------------------------------
 
@@ -139,7 +139,7 @@ class ByPose:
         """Configurations in which the node is near to a target, the nearest first: as many as are to be tried."""
         point = _feature(target.translation, target.rotation, self._weights)
         away = ((self._features - point) ** 2).sum(axis=1)
-        count = min(self.survey.starts, len(away))
+        count = min(self.spec.starts, len(away))
         nearest = np.argpartition(away, count - 1)[:count] if count else np.zeros(0, dtype=int)
         return list(self._spread[nearest[np.argsort(away[nearest], kind="stable")]])
 
@@ -149,7 +149,7 @@ class ByPose:
 
     def from_home(self, target: pin.SE3) -> Array | None:
         """(nq,) on a straight way from home; None where that ends."""
-        home = self.survey.home
+        home = self.spec.home
         q: Array | None = self.mechanism.q_home
         for part in np.linspace(0.0, 1.0, _WAY + 1)[1:]:
             point = home.translation + part * (target.translation - home.translation)
@@ -161,7 +161,7 @@ class ByPose:
 
     def _solid_angles(self, configurations: Array, points: Array) -> Array:
         """(n,) sr: that part of all directions that the node's z can have at a point."""
-        directions = sphere(self.survey.directions)
+        directions = sphere(self.spec.directions)
         return np.array(
             [
                 self._solid_angle(q, point, directions) if np.isfinite(q[0]) else 0.0
@@ -173,7 +173,7 @@ class ByPose:
         """That direction is tried next which is nearest to one that is known, from there, then from other starts."""
         seeker = self._axis
         assert seeker is not None
-        known, axes = [q], [self.mechanism.placement(q, self.survey.node).rotation[:, 2]]
+        known, axes = [q], [self.mechanism.placement(q, self.spec.node).rotation[:, 2]]
         nearness, by = directions @ axes[0], np.zeros(len(directions), dtype=int)
         left = np.ones(len(directions), dtype=bool)
         for _ in directions:
@@ -216,7 +216,7 @@ class _Wave:
         left = np.flatnonzero(self.how == _NOT_YET)
         if len(left) == 0:
             return
-        first = int(left[np.argmin(((self.points[left] - self.of.survey.home.translation) ** 2).sum(axis=1))])
+        first = int(left[np.argmin(((self.points[left] - self.of.spec.home.translation) ** 2).sum(axis=1))])
         self._begin(first, self.of.from_home(self.target(first)))
         for cell in left.tolist():
             if self.how[cell] != _NOT_YET:
@@ -269,7 +269,7 @@ class _Solutions:
         self._wave, self._of = wave, wave.of
         mechanism = self._of.mechanism
         self._motors = np.array([mechanism.v_index(name) for name in mechanism.actuated], dtype=np.intp)
-        self._told = np.arange(mechanism.model.nv) if self._of.survey.limits else self._motors
+        self._told = np.arange(mechanism.model.nv) if self._of.spec.limits else self._motors
         self._known = [np.zeros((0, mechanism.model.nv)) for _ in wave.q]  # marks of each cell's solutions
         self._waiting: deque[tuple[int, int, Array]] = deque()
 

@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.workspace.dataset import survey_of
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import Extent, bounds, extent_of
 from cinegen.workspace.region import GridAxis, Region
 from cinegen.workspace.settled import How
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.dataset import specification_of
 
 if TYPE_CHECKING:
     import xarray
@@ -142,10 +142,10 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     Raises:
         MapError: they are over other coordinates, in other units, or have no place in common.
     """
-    one, other = survey_of(first), survey_of(second)
+    one, other = specification_of(first), specification_of(second)
     region = _common(one, other)
     unit = region.unit(one.mechanism)
-    looked_up = [_looked_up(dataset, survey.region, region) for dataset, survey in ((first, one), (second, other))]
+    looked_up = [_looked_up(dataset, spec.region, region) for dataset, spec in ((first, one), (second, other))]
     reached = [cells["reachable"].values for cells in looked_up]
     unknown = [cells["settled"].values == How.NOT_YET for cells in looked_up]
     (a, b), ((a_low, a_high), (b_low, b_high)) = reached, map(partial(bounds, region), reached, unknown)
@@ -168,7 +168,7 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     )  # fmt: skip
 
 
-def _common(one: Survey, other: Survey) -> Region:
+def _common(one: MapSpecification, other: MapSpecification) -> Region:
     """A grid that both fill.
 
     Raises:
@@ -225,8 +225,8 @@ def _names(first: xarray.Dataset, second: xarray.Dataset) -> tuple[str, str]:
     return f"first {robots[0]}", f"second {robots[1]}"
 
 
-def _remarks(one: Survey, other: Survey) -> tuple[str, ...]:
-    """What is not the same of two surveys, apart from their grids."""
+def _remarks(one: MapSpecification, other: MapSpecification) -> tuple[str, ...]:
+    """What is not the same of two specifications, apart from their grids."""
     found = []
     if one.robot_hash != other.robot_hash:
         found.append("the robots are different")

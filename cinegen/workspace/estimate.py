@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from cinegen.workspace.quantities import QUANTITIES
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 from cinegen.workspace.work import Surveyor
 
 _CELLS = 200  # of a piece that is tried
@@ -37,14 +37,14 @@ class Estimate:
         )
 
 
-def estimate(survey: Survey, maps: int = 1) -> Estimate:
+def estimate(spec: MapSpecification, maps: int = 1) -> Estimate:
     """Tries a few small pieces, evenly through the region; takes about a second.
 
     Args:
-        survey: of a map.
+        specification: of a map.
         maps: how many of them.
     """
-    region, surveyor = survey.region, Surveyor(survey)
+    region, surveyor = spec.region, Surveyor(spec)
     side = max(1, round(_CELLS ** (1.0 / len(region.axes))))
     tried, spent = 0, 0.0
     places = list(product((0.5, 0.15, 0.85), repeat=len(region.axes)))
@@ -59,15 +59,15 @@ def estimate(survey: Survey, maps: int = 1) -> Estimate:
         spent += time.perf_counter() - begin
         tried += math.prod(s.stop - s.start for s in piece)
     cells = maps * region.size
-    return Estimate(cells, spent / tried * cells, bytes_of_cell(survey) * cells)
+    return Estimate(cells, spent / tried * cells, bytes_of_cell(spec) * cells)
 
 
-def bytes_of_cell(survey: Survey) -> float:
+def bytes_of_cell(spec: MapSpecification) -> float:
     """Before they are compressed."""
     import numpy as np
 
-    own = sum(np.dtype(QUANTITIES[name].dtype).itemsize for name in survey.quantities)
-    return float(own + 8 * survey.mechanism.model.nq + 2)
+    own = sum(np.dtype(QUANTITIES[name].dtype).itemsize for name in spec.quantities)
+    return float(own + 8 * spec.mechanism.model.nq + 2)
 
 
 def _time(seconds: float) -> str:

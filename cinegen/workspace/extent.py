@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.workspace.dataset import survey_of
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.region import Region
 from cinegen.workspace.settled import How
+from cinegen.workspace.storage.dataset import specification_of
 
 if TYPE_CHECKING:
     import xarray
@@ -83,8 +83,8 @@ def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Ex
     Raises:
         MapError: this is no map; or a condition on something else.
     """
-    survey = survey_of(dataset)
-    region = survey.region
+    spec = specification_of(dataset)
+    region = spec.region
     where = dataset["reachable"] if where is None else where
     if set(where.dims) != set(region.names) or any(where.sizes[name] != dataset.sizes[name] for name in region.names):
         raise MapError(
@@ -98,7 +98,7 @@ def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Ex
     def slab(rows: slice) -> tuple[Bools, Bools]:
         return where[rows].values, settled[rows].values == How.NOT_YET
 
-    return _measured(region, survey.region.unit(survey.mechanism), slab)
+    return _measured(region, spec.region.unit(spec.mechanism), slab)
 
 
 def bounds(region: Region, counts: Bools, unknown: Bools | None = None) -> tuple[Bools, Bools]:

@@ -19,10 +19,10 @@ from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
 from cinegen.singularities.contour import Curve, Grid
 from cinegen.singularities.crossing import Rows, of_node, of_passive_joints
-from cinegen.workspace.dataset import survey_of
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.settled import How
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.dataset import specification_of
 
 if TYPE_CHECKING:
     import xarray
@@ -40,7 +40,7 @@ _BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 
 
 def loci(
-    dataset: xarray.Dataset, survey: Survey | None = None, say: Callable[[float], None] | None = None
+    dataset: xarray.Dataset, spec: MapSpecification | None = None, say: Callable[[float], None] | None = None
 ) -> tuple[Curve, ...]:
     """Singular curves of both types, and the borders of what is reached: singular ones, and others (joint limits).
 
@@ -48,23 +48,23 @@ def loci(
     single points of what the arm may do, not on curves.
 
     Args:
-        dataset: a map over two axes; or cells of one, with the survey that is of them.
-        survey: of the cells; the map's own unless given.
+        dataset: a map over two axes; or cells of one, with the specification that is of them.
+        specification: of the cells; the map's own unless given.
         say: is told which part is done, 0 to 1.
 
     Raises:
         MapError: this is no map of two axes, each of two cells or more.
     """
-    survey = survey_of(dataset) if survey is None else survey
-    region = survey.region
+    spec = specification_of(dataset) if spec is None else spec
+    region = spec.region
     if len(region.axes) != 2 or min(region.shape) < 2:
         raise MapError(
             f"curves are found in a map of two axes with two cells or more, and this has {' x '.join(region.names)}, "
             f"{' x '.join(map(str, region.shape))} cells"
         )
     u, v = (slice(None, None, -(-axis.count // MOST)) for axis in region.axes)
-    mechanism, sheet = survey.mechanism, _Sheet(survey)
-    first = Rows(of_node(mechanism, survey.node, sum(survey.counted)), survey.rank)
+    mechanism, sheet = spec.mechanism, _Sheet(spec)
+    first = Rows(of_node(mechanism, spec.node, sum(spec.counted)), spec.rank)
     second = of_passive_joints(mechanism) if mechanism.passive_rank else None
     grid = Grid(sheet, region.axes[0].middles()[u], region.axes[1].middles()[v], first, second)
     cells = dataset[["configuration", "settled"]].isel({region.names[0]: u, region.names[1]: v})
@@ -77,11 +77,11 @@ def loci(
 class _Sheet:
     """A region of two axes as a surface: configurations at any of its points, as the map's own are found."""
 
-    def __init__(self, survey: Survey) -> None:
-        self.mechanism, self.of_motors = survey.mechanism, survey.of_motors
-        self._survey, self._region = survey, survey.region
-        pulls = () if self.of_motors else (Pull(survey.node, pin.SE3.Identity(), 3, survey.rotation),)
-        self._seeker = Seeker(self.mechanism, pulls, survey.limits)
+    def __init__(self, spec: MapSpecification) -> None:
+        self.mechanism, self.of_motors = spec.mechanism, spec.of_motors
+        self._survey, self._region = spec, spec.region
+        pulls = () if self.of_motors else (Pull(spec.node, pin.SE3.Identity(), 3, spec.rotation),)
+        self._seeker = Seeker(self.mechanism, pulls, spec.limits)
         model, self._motors = self.mechanism.model, [self.mechanism.q_index(name) for name in self.mechanism.actuated]
         self._low, self._high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
         self._moved = np.zeros(model.nv, dtype=bool)  # by the step itself, which is no jump

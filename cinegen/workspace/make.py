@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from cinegen.workspace import work
 from cinegen.workspace.cluster import connected, each
 from cinegen.workspace.errors import MapError
-from cinegen.workspace.lock import locked
-from cinegen.workspace.store import Index, Store, begin, sweep, unwritten
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.lock import locked
+from cinegen.workspace.storage.store import Index, Store, begin, sweep, unwritten
 
 if TYPE_CHECKING:
     import xarray
@@ -36,7 +36,7 @@ Do = Callable[[Task, Iterable[list[Index]]], Iterator[list[Index]]]
 
 
 def make_map(
-    survey: Survey,
+    spec: MapSpecification,
     path: str | Path,
     *,
     workers: int | None = None,
@@ -50,7 +50,7 @@ def make_map(
     whoever made it. What is finished is read first: a piece whose files are damaged is made again.
 
     Args:
-        survey: what is to be shown.
+        specification: what is to be shown.
         path: the map's folder, .zarr.
         workers: processes on this machine; as many as it has cores unless given, and this one alone for a small map.
         scheduler: address of a Dask scheduler, such as tcp://node1:8786; its workers must see the path too.
@@ -65,15 +65,15 @@ def make_map(
         MapError: there is something else at the path, or it can't be written, or the cluster does not answer.
     """
     where = Path(path).absolute()
-    usual = BY_MOTORS if survey.of_motors else BY_POSE
+    usual = BY_MOTORS if spec.of_motors else BY_POSE
     if min(workers or 1, most or 1) < 1 or 0 in (workers, most):
         raise MapError(f"workers ({workers}) and cells of a piece ({most}) must be 1 or more")
-    cut = survey.region.lines if survey.of_motors else survey.region.blocks
-    store = begin(where, survey, cut(most or piece_size(survey.region.size, usual)))
-    if store.text != survey.text:
-        raise MapError(f"{where} is a map of something else: {_difference(store.survey, survey)}. Give another -o")
+    cut = spec.region.lines if spec.of_motors else spec.region.blocks
+    store = begin(where, spec, cut(most or piece_size(spec.region.size, usual)))
+    if store.text != spec.text:
+        raise MapError(f"{where} is a map of something else: {_difference(store.spec, spec)}. Give another -o")
     with _held(where):
-        quick = survey.of_motors and not survey.mechanism.loops
+        quick = spec.of_motors and not spec.mechanism.loops
         _make(store, _QUICK * usual if quick else usual, workers, scheduler, say or (lambda *_: None))
     return open_map(where)
 
@@ -86,7 +86,7 @@ def open_map(path: str | Path) -> xarray.Dataset:
     """
     import xarray
 
-    from cinegen.workspace.checked import CheckedStore
+    from cinegen.workspace.storage.checked import CheckedStore
 
     store = Store(Path(path).absolute())
     try:
@@ -130,7 +130,7 @@ def _make(store: Store, usual: int, workers: int | None, scheduler: str | None, 
         if there:
             for _ in do(work.look_after, _lists(store, True, _READ)):
                 pass
-        done, size = store.done, store.survey.region.size
+        done, size = store.done, store.spec.region.size
         say(done, size)
         for indices in do(work.make, _lists(store, False, usual)):
             done += sum(map(store.size, indices))
@@ -162,7 +162,7 @@ def _doing(store: Store, scheduler: str | None, workers: int) -> Iterator[Do]:
         return
     from cinegen.ik.batch import Sampler
 
-    Sampler(store.survey.mechanism, store.survey.node)  # compiles, where that must be done, before all do it at once
+    Sampler(store.spec.mechanism, store.spec.node)  # compiles, where that must be done, before all do it at once
     with connected(scheduler, workers) as client:
         yield lambda function, lists: (indices for indices, _ in each(client, function, lists, job))
 
@@ -173,8 +173,8 @@ def _in_turn(job: work.Job, function: Task, lists: Iterable[list[Index]]) -> Ite
         yield indices
 
 
-def _difference(there: Survey, asked: Survey) -> str:
-    """What differs between two surveys, in words."""
+def _difference(there: MapSpecification, asked: MapSpecification) -> str:
+    """What differs between two specifications, in words."""
     one, other = there.document(), asked.document()
     if one["robot"] != other["robot"]:
         return f"of another robot, or of another version of it ({there.mechanism.name})"
@@ -187,7 +187,7 @@ def _difference(there: Survey, asked: Survey) -> str:
 
 
 def _flat(document: Mapping[str, Any]) -> dict[str, str]:
-    """The survey's words by name, those of its region among them."""
+    """The specification's words by name, those of its region among them."""
     region = document["region"]
     words = {axis["name"]: f"{axis['low']:g}..{axis['high']:g}:{axis['count']}" for axis in region["axes"]}
     words |= {name: f"{value:g}" for name, value in region["at"].items()}

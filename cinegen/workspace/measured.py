@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cinegen.ik.batch import Evaluations
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.settled import Settled
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 from raff2urdf.readers.urdf import UNLIMITED
 
 if TYPE_CHECKING:
@@ -30,18 +30,18 @@ class Cells:
     """What is known of a piece's cells, for quantities to be computed from.
 
     Attributes:
-        survey: which asks.
+        specification: which asks.
         settled: the configurations.
         evaluations: what they are like.
     """
 
-    def __init__(self, survey: Survey, settled: Settled, evaluations: Evaluations) -> None:
-        self.survey, self.settled, self.evaluations = survey, settled, evaluations
+    def __init__(self, spec: MapSpecification, settled: Settled, evaluations: Evaluations) -> None:
+        self.spec, self.settled, self.evaluations = spec, settled, evaluations
 
     @cached_property
     def by_motors(self) -> Array:
         """(n, counted, motors) how motors move the node, in its own axes, without unit."""
-        mechanism, (straight, turn) = self.survey.mechanism, self.survey.counted
+        mechanism, (straight, turn) = self.spec.mechanism, self.spec.counted
         scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
         units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
         return np.asarray((self.evaluations.jacobians * units)[:, : straight + turn])
@@ -49,15 +49,15 @@ class Cells:
     @cached_property
     def by_motors_values(self) -> Array:
         """(n, rank) singular values of these, largest first; without loops those of the node."""
-        if not self.survey.mechanism.loops and len(self.survey.mechanism.actuated) == self.survey.mechanism.model.nv:
-            return self.evaluations.singular_values[:, : self.survey.rank]
-        return _singular_values(self.by_motors)[:, : self.survey.rank]
+        if not self.spec.mechanism.loops and len(self.spec.mechanism.actuated) == self.spec.mechanism.model.nv:
+            return self.evaluations.singular_values[:, : self.spec.rank]
+        return _singular_values(self.by_motors)[:, : self.spec.rank]
 
     @cached_property
     def determined(self) -> Array:
         """(n, 6, motors) the node's velocity by the motors', in its own axes; NaN where they don't determine it."""
-        mechanism, model = self.survey.mechanism, self.survey.mechanism.model
-        chain = model.supports[model.frames[mechanism.frame_id(self.survey.node)].parentJoint]
+        mechanism, model = self.spec.mechanism, self.spec.mechanism.model
+        chain = model.supports[model.frames[mechanism.frame_id(self.spec.node)].parentJoint]
         moving = {model.names[joint] for joint in chain if joint > int(mechanism.floating)}
         if not mechanism.loops and not moving <= set(mechanism.actuated):  # of loops the Jacobians say it themselves
             return np.full_like(self.evaluations.jacobians, np.nan)
@@ -65,8 +65,8 @@ class Cells:
 
     @cached_property
     def along(self) -> Array:
-        """(n, 3) the survey's direction, in the node's own axes."""
-        return np.asarray(self.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(self.survey.along))
+        """(n, 3) the specification's direction, in the node's own axes."""
+        return np.asarray(self.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(self.spec.along))
 
 
 def _singular_values(matrices: Array) -> Array:
@@ -85,7 +85,7 @@ def _solutions(cells: Cells) -> Values:
 
 
 def _sigma_1(cells: Cells) -> Values:
-    return cells.evaluations.singular_values[:, cells.survey.rank - 1]
+    return cells.evaluations.singular_values[:, cells.spec.rank - 1]
 
 
 def _sigma_2(cells: Cells) -> Values:
@@ -104,20 +104,20 @@ def _manipulability(cells: Cells) -> Values:
 
 
 def _margin(cells: Cells) -> Values:
-    model, q = cells.survey.mechanism.model, cells.evaluations.q
+    model, q = cells.spec.mechanism.model, cells.evaluations.q
     low, high = model.lowerPositionLimit, model.upperPositionLimit
-    limited = np.isfinite(low) & np.isfinite(high) & (high > low) & _moving(cells.survey)
+    limited = np.isfinite(low) & np.isfinite(high) & (high > low) & _moving(cells.spec)
     if not limited.any():
         return np.where(np.isfinite(q[:, 0]), 1.0, np.nan)
     q, low, high = q[:, limited], low[limited], high[limited]
     return np.asarray((np.minimum(q - low, high - q) / (0.5 * (high - low))).min(axis=1))
 
 
-def _moving(survey: Survey) -> NDArray[np.bool_]:
+def _moving(spec: MapSpecification) -> NDArray[np.bool_]:
     """(nq,) whether a number of the configuration has to do with where the node is: fingers behind it have not."""
-    mechanism = survey.mechanism
+    mechanism = spec.mechanism
     model, system = mechanism.model, mechanism.system
-    ends = [model.frames[mechanism.frame_id(survey.node)].parentJoint]
+    ends = [model.frames[mechanism.frame_id(spec.node)].parentJoint]
     for first, _, second, _ in system.anchors:
         ends += [first, second]
     found = np.zeros(model.nq, dtype=bool)
@@ -129,18 +129,18 @@ def _moving(survey: Survey) -> NDArray[np.bool_]:
 def _velocity(cells: Cells) -> Values:
     from cinegen.workspace.capability import fastest
 
-    return fastest(cells.determined, cells.along, _limits(cells.survey, "speed"))
+    return fastest(cells.determined, cells.along, _limits(cells.spec, "speed"))
 
 
 def _force(cells: Cells) -> Values:
     from cinegen.workspace.capability import strongest
 
-    return strongest(cells.determined, cells.along, _limits(cells.survey, "effort"))
+    return strongest(cells.determined, cells.along, _limits(cells.spec, "effort"))
 
 
-def _limits(survey: Survey, of: str) -> Array:
+def _limits(spec: MapSpecification, of: str) -> Array:
     """(motors,) what the robot's description allows them, 1 where it says nothing."""
-    mechanism = survey.mechanism
+    mechanism = spec.mechanism
     columns = [mechanism.v_index(name) for name in mechanism.actuated]
     model, unsaid = mechanism.model, _SLOWLY if of == "speed" else _WEAKLY
     given = np.asarray(model.upperVelocityLimit if of == "speed" else model.upperEffortLimit)[columns]
@@ -153,17 +153,17 @@ def _solid_angle(cells: Cells) -> Values:
 
 
 def _clearance(cells: Cells) -> Values:
-    clearance = _clearance_of(cells.survey)
+    clearance = _clearance_of(cells.spec)
     return np.array([clearance.least(q) if np.isfinite(q[0]) else np.nan for q in cells.evaluations.q])
 
 
 @lru_cache(maxsize=2)
-def _clearance_of(survey: Survey) -> Clearance:
+def _clearance_of(spec: MapSpecification) -> Clearance:
     """Kept from piece to piece: shapes take a while."""
     from cinegen.collision import scene_of, surroundings
 
-    assert survey.scene is not None
-    return surroundings(scene_of(dict(survey.scene), survey.folder, mechanism=survey.mechanism))[0]
+    assert spec.scene is not None
+    return surroundings(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism))[0]
 
 
 _MEASURES: dict[str, Callable[[Cells], Values]] = {

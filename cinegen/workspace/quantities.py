@@ -2,7 +2,7 @@
 
 Singular values are those of `cinegen.singularity`, without unit: lengths are divided by the mechanism's
 characteristic length, which makes them commensurable with angles. What counts of the node, its place or also how it is
-turned, is `Survey.counted`. How each is computed stands in `cinegen.workspace.measured`.
+turned, is `MapSpecification.counted`. How each is computed stands in `cinegen.workspace.measured`.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ class How(IntEnum):
     NOT_FOUND = 5
     """Neither neighbours nor all other starts led there."""
     TOO_FAR = 6
-    """The links are too short for it, or too long: it is certain (`Shells`)."""
+    """The links are too short for it, or too long: it is certain (`ReachBounds`)."""
     BEYOND = 7
     """The motors say it, and it is beyond joint limits."""
 

@@ -20,8 +20,8 @@ from cinegen.workspace.by_pose import ByPose
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.measured import Cells, measured
 from cinegen.workspace.settled import How, Settled
-from cinegen.workspace.store import Index, Store
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.store import Index, Store
 
 Array = NDArray[np.float64]
 Values = NDArray[Any]
@@ -31,22 +31,22 @@ _LEAN = {"solutions", "sigma_1", "sigma_2", "margin", "solid_angle", "clearance"
 
 
 class Surveyor:
-    """Settles and measures pieces of a survey's region; a piece comes to the same whatever was made before it."""
+    """Evaluates pieces of a region; the values of a piece do not depend on what was evaluated before."""
 
-    def __init__(self, survey: Survey) -> None:
-        self.survey = survey
-        balls = balls_of(survey.mechanism) if survey.mechanism.loops else ()
-        second = "sigma_2" in survey.quantities
-        self._sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls, second, not _lean(survey))
-        self._by = (ByMotors if survey.of_motors else ByPose)(survey, self._sampler)
+    def __init__(self, spec: MapSpecification) -> None:
+        self.spec = spec
+        balls = balls_of(spec.mechanism) if spec.mechanism.loops else ()
+        second = "sigma_2" in spec.quantities
+        self._sampler = Sampler(spec.mechanism, spec.node, *spec.counted, balls, second, not _lean(spec))
+        self._by = (ByMotors if spec.of_motors else ByPose)(spec, self._sampler)
 
     def values(self, piece: tuple[slice, ...]) -> dict[str, Values]:
         """All that is to be known of a piece's cells: by name (n, ...), the last axis fastest."""
         settled, done = self._settled(piece)
-        cells = Cells(self.survey, settled, done)
+        cells = Cells(self.spec, settled, done)
         reached = np.isin(settled.how, [int(how) for how in How if how.reached])
         found: dict[str, Values] = {}
-        for name in self.survey.quantities:
+        for name in self.spec.quantities:
             values = measured(name, cells)
             if not reached.all() and name != "solutions":
                 values = np.where(reached, values, np.nan).astype(values.dtype)
@@ -55,7 +55,7 @@ class Surveyor:
 
     def _settled(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:
         settled, done = self._by.settle(piece)
-        if "sigma_2" in self.survey.quantities:
+        if "sigma_2" in self.spec.quantities:
             self._fill_second(settled.q, done.second)
         return settled, done
 
@@ -64,17 +64,17 @@ class Surveyor:
         left = np.flatnonzero(np.isfinite(configurations[:, 0]) & ~np.isfinite(second))
         if not len(left):
             return
-        rows = of_passive_joints(self.survey.mechanism)
+        rows = of_passive_joints(self.spec.mechanism)
         for k in left:
             second[k] = rows.sigma(rows.of(configurations[k])[None])[0]
 
 
-def _lean(survey: Survey) -> bool:
+def _lean(spec: MapSpecification) -> bool:
     """Whether the smallest singular values, or none, are all that is wanted of the sampler."""
-    if not _LEAN.issuperset(survey.quantities):
+    if not _LEAN.issuperset(spec.quantities):
         return False
-    rows = min(sum(survey.counted), survey.freedoms)
-    return "sigma_1" not in survey.quantities or survey.rank == rows
+    rows = min(sum(spec.counted), spec.freedoms)
+    return "sigma_1" not in spec.quantities or spec.rank == rows
 
 
 # --- what is handed out --------------------------------------------------------------------------------------------
@@ -85,12 +85,12 @@ class Job(NamedTuple):
 
     Attributes:
         path: of the map.
-        survey: SHA-256 of its survey's text: that it is the one that is meant.
+        specification: SHA-256 of its specification's text: that it is the one that is meant.
         chunks: cells along each axis of a piece.
     """
 
     path: str
-    survey: str
+    spec: str
     chunks: Index
 
     @classmethod
@@ -140,4 +140,4 @@ def _store(job: Job) -> Store:
 
 @lru_cache(maxsize=2)
 def _surveyor(job: Job) -> Surveyor:
-    return Surveyor(_store(job).survey)
+    return Surveyor(_store(job).spec)

@@ -7,15 +7,15 @@ from figures import ROBOTS, write
 
 import cinegen
 from cinegen.plotting.map import draw_map
-from cinegen.workspace import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 
 def map_of(name, axes, quantity, **more):
     """A map of a robot, drawn."""
     region = Region(tuple(GridAxis(*axis) for axis in axes), **more)
-    survey = Survey(cinegen.load(ROBOTS / f"{name}.raff"), region, ("sigma_1", "sigma_2", "condition"))
+    spec = MapSpecification(cinegen.load(ROBOTS / f"{name}.raff"), region, ("sigma_1", "sigma_2", "condition"))
     with TemporaryDirectory() as folder:
-        return draw_map(make_map(survey, Path(folder) / f"{name}.zarr", workers=1), quantity)
+        return draw_map(make_map(spec, Path(folder) / f"{name}.zarr", workers=1), quantity)
 
 
 FIGURES = {

@@ -11,7 +11,7 @@ from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
 
 from cinegen.cockpit import Cockpit
 from cinegen.session import ShownMap, on_map
-from cinegen.workspace import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 CHROMIUM = shutil.which("chromium")
 BOX = Region((GridAxis("x", -1.2, 1.2, 13), GridAxis("y", -1.2, 1.2, 13), GridAxis("z", -2.6, -1.2, 8)))
@@ -52,7 +52,7 @@ def opened(browser, robot, tmp_path):
 
     def open_map(name, region, *quantities):
         path = tmp_path / f"{name}.zarr"
-        make_map(Survey(robot(name), region, quantities), path, workers=1)
+        make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
         cockpit = Cockpit(on_map(path), port=8300)
         page = browser.new_page(viewport=SIZE, bypass_csp=True)
         ends.extend([page.close, cockpit.close])

@@ -12,7 +12,7 @@ from browsers import Browser, becomes, get
 from cinegen.cockpit import Cockpit, show_map
 from cinegen.cockpit.chart import Chart
 from cinegen.session import ShownMap, on_map
-from cinegen.workspace import GridAxis, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -22,7 +22,7 @@ SLICE = Region((GridAxis("x", -0.4, 0.4, 8), GridAxis("y", 0.1, 0.5, 5)))
 @pytest.fixture(scope="module")
 def path(robot, tmp_path_factory):
     where = tmp_path_factory.mktemp("maps") / "five_bar.zarr"
-    make_map(Survey(robot("five_bar"), SLICE, ("sigma_1", "solutions")), where, workers=1)
+    make_map(MapSpecification(robot("five_bar"), SLICE, ("sigma_1", "solutions")), where, workers=1)
     return where
 
 
@@ -130,7 +130,7 @@ def test_a_map_is_kept_from_who_has_no_token(path):
 
 def test_a_map_that_is_taken_away_meanwhile_ends_nothing(robot, tmp_path):
     where = tmp_path / "a.zarr"
-    make_map(Survey(robot("five_bar"), SLICE, ()), where, workers=1)
+    make_map(MapSpecification(robot("five_bar"), SLICE, ()), where, workers=1)
     shown = show_map(where, port=8800)
     number = int(ShownMap(where).cloud().numbers[0])
     where.rename(tmp_path / "b.zarr")

@@ -23,10 +23,10 @@ from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.shades import differing
 from cinegen.plotting.solid import net
 from cinegen.singularities import Kind, singularity
-from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
-from cinegen.workspace.dataset import survey_of
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import Extent, extent
 from cinegen.workspace.loci import loci
+from cinegen.workspace.storage.dataset import specification_of
 
 
 @pytest.fixture(scope="module")
@@ -36,8 +36,8 @@ def made(robot, tmp_path_factory):
 
     def make(name, *axes, at=None, quantities=("sigma_1", "sigma_2"), limits=False, centre=None, **more):
         region = Region(tuple(GridAxis(*axis) for axis in axes), at or {}, centre=centre)
-        survey = Survey(robot(name), region, quantities, limits=limits, **more)
-        return make_map(survey, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
+        spec = MapSpecification(robot(name), region, quantities, limits=limits, **more)
+        return make_map(spec, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
 
     return make
 
@@ -205,9 +205,9 @@ def test_the_robot_is_where_it_is_at_home(drawn, robot):
 
 def test_its_words_say_what_it_is(drawn, five_bar):
     said = words(drawn)
-    survey = survey_of(five_bar)
+    spec = specification_of(five_bar)
     measured = extent(five_bar)
-    for part in ("x (mm)", "y (mm)", "σ₁: smallest singular value of type 1", f"{survey.mechanism.name}: reach of tool",
+    for part in ("x (mm)", "y (mm)", "σ₁: smallest singular value of type 1", f"{spec.mechanism.name}: reach of tool",
                  str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: motion lost",
                  "type 2: motion gained", "robot at home", "out of reach"):  # fmt: skip
         assert part in said

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 from cinegen.session import Session, SetupError, ShownMap, on_map
-from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 
 BOX = GridAxis("x", -1.3, 1.3, 8), GridAxis("y", -1.2, 1.2, 7), GridAxis("z", -2.7, -1.2, 6)
 
@@ -23,7 +23,7 @@ def made(robot, tmp_path_factory):
         key = name, repr(region), quantities
         if key not in known:
             path = folder / f"{len(known)}.zarr"
-            known[key] = path, make_map(Survey(robot(name), region, quantities), path, workers=1)
+            known[key] = path, make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
         return known[key]
 
     return make
@@ -74,7 +74,7 @@ def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot
 
 def test_a_map_that_is_being_made_is_shown_as_far_as_it_is(robot, tmp_path):
     path = tmp_path / "growing.zarr"
-    make_map(Survey(robot("delta4"), Region(BOX), ("sigma_1",)), path, workers=1, most=60)
+    make_map(MapSpecification(robot("delta4"), Region(BOX), ("sigma_1",)), path, workers=1, most=60)
     taken = [chunk for name in ("settled", "reachable", "configuration", "sigma_1")
              for chunk in (path / name).glob("c.0.*")]  # fmt: skip
     kept = {chunk: tmp_path / f"kept {k}" for k, chunk in enumerate(taken)}
@@ -171,7 +171,7 @@ def test_a_map_in_a_scene_has_its_obstacles_beside_it(robot, tmp_path):
     pole = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
     scene = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [pole]}
     region = Region((GridAxis("x", 0.2, 0.4, 2), GridAxis("y", 0.2, 0.4, 2)))
-    make_map(Survey(robot("arm7"), region, ("clearance",), scene=scene), tmp_path / "a.zarr", workers=1)
+    make_map(MapSpecification(robot("arm7"), region, ("clearance",), scene=scene), tmp_path / "a.zarr", workers=1)
     setup = on_map(tmp_path / "a.zarr")
     assert set(setup.robots) == {setup.map.robot, "pole"}
     assert setup.surroundings.robot == setup.map.robot

@@ -6,7 +6,7 @@ import hashlib
 from pathlib import Path
 
 from cinegen import Mechanism
-from cinegen.workspace import GridAxis, Region, Survey
+from cinegen.workspace import GridAxis, MapSpecification, Region
 
 
 def digest(folder: Path) -> str:
@@ -24,14 +24,16 @@ def files(folder: Path) -> dict[str, tuple[int, int]]:
     return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
 
 
-def of_motors(mechanism: Mechanism, side: int = 5, quantities: tuple[str, ...] = ("sigma_1", "margin")) -> Survey:
+def of_motors(
+    mechanism: Mechanism, side: int = 5, quantities: tuple[str, ...] = ("sigma_1", "margin")
+) -> MapSpecification:
     """Over its first three motors, about home; not all cells are within limits."""
     home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in mechanism.actuated[:3]}
     axes = tuple(GridAxis(name, at - 2.1, at + 1.9, side) for name, at in home.items())
-    return Survey(mechanism, Region(axes), quantities)
+    return MapSpecification(mechanism, Region(axes), quantities)
 
 
-def of_delta(mechanism: Mechanism, side: int = 10) -> Survey:
+def of_delta(mechanism: Mechanism, side: int = 10) -> MapSpecification:
     """A slice through what a delta reaches, and beyond."""
     axes = (GridAxis("x", -2.2, 2.0, side), GridAxis("y", -2.1, 2.2, side))
-    return Survey(mechanism, Region(axes, {"z": -1.8}), ("solutions", "sigma_1", "sigma_2"))
+    return MapSpecification(mechanism, Region(axes, {"z": -1.8}), ("solutions", "sigma_1", "sigma_2"))

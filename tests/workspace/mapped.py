@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from cinegen.workspace import GridAxis, Region, Survey
+from cinegen.workspace import GridAxis, MapSpecification, Region
 from cinegen.workspace.region import piece, pieces
 from cinegen.workspace.work import Surveyor
 
 
-def mapped(survey: Survey, most: int = 10**6) -> dict[str, np.ndarray]:
+def mapped(spec: MapSpecification, most: int = 10**6) -> dict[str, np.ndarray]:
     """By name (*shape, ...), in pieces of at most so many cells."""
-    surveyor, region = Surveyor(survey), survey.region
+    surveyor, region = Surveyor(spec), spec.region
     chunks = region.blocks(most)
     found: dict[str, np.ndarray] = {}
     for index in pieces(region.shape, chunks):

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 from mapped import mapped, over
 
-from cinegen.workspace import MapError, Survey
+from cinegen.workspace import MapError, MapSpecification
 from cinegen.workspace.about import about
 
 
@@ -62,7 +62,7 @@ def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(ro
     for coordinate in "xyz":
         low, high = about(mechanism, coordinate)
         axes.append((coordinate, low - 0.3 * (high - low), high + 0.3 * (high - low), 8))
-    reached = mapped(Survey(mechanism, over(*axes), ()))["reachable"]
+    reached = mapped(MapSpecification(mechanism, over(*axes), ()))["reachable"]
     outside = [
         np.delete(reached, slice(2, 6), axis=axis).sum() for axis in range(3)
     ]  # cells wholly outside: 0, 1, 6, 7

@@ -11,8 +11,8 @@ from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
 
 from cinegen.assembly import assembly_modes
-from cinegen.workspace import GridAxis, How, MapError, Region, Survey, make_map, straight
-from cinegen.workspace.shells import Shells
+from cinegen.workspace import GridAxis, How, MapError, MapSpecification, Region, make_map, straight
+from cinegen.workspace.reach_bounds import ReachBounds
 
 
 def agree(got, wanted, few=0.02):
@@ -41,7 +41,7 @@ PLANE = ("x", -0.83, 0.81, 36), ("y", -0.83, 0.82, 36)
 @pytest.mark.parametrize("most", [10**6, 50])
 def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, limits, most):
     region = over(*PLANE)
-    found = mapped(Survey(robot("five_bar"), region, ("solutions",), limits=limits), most)
+    found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=limits), most)
     agree(found["solutions"], five_bar(*middles(region), limits))
     agree(found["reachable"], five_bar(*middles(region), limits) > 0)
     searched(found)
@@ -51,7 +51,7 @@ def test_five_bar_reaches_what_both_its_arms_reach_in_all_working_modes(robot, l
 @pytest.mark.parametrize("turned", [0.5, -2.0])
 def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, limits, turned):
     region = over(("x", -1.01, 1.02, 36), ("y", -1.01, 1.03, 36), at={"rz": turned})
-    found = mapped(Survey(robot("planar_3r"), region, ("solutions",), limits=limits))
+    found = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",), limits=limits))
     agree(found["solutions"], planar_3r(*middles(region), turned, limits))
     agree(found["reachable"], planar_3r(*middles(region), turned, limits) > 0)
     searched(found)
@@ -63,13 +63,13 @@ def test_planar_3r_reaches_an_annulus_about_where_its_last_link_begins(robot, li
 
 def test_planar_3r_however_it_is_turned_reaches_a_disc(robot):
     region = over(("x", -1.01, 1.02, 40), ("y", -1.01, 1.03, 40))
-    found = mapped(Survey(robot("planar_3r"), region, (), limits=False))
+    found = mapped(MapSpecification(robot("planar_3r"), region, (), limits=False))
     np.testing.assert_array_equal(found["reachable"], np.hypot(*middles(region)) <= 0.9)
 
 
 def test_planar_3r_over_place_and_angle(robot):
     region = over(("x", -1.01, 1.02, 16), ("y", -1.01, 1.03, 14), ("rz", -math.pi, math.pi, 12))
-    found = mapped(Survey(robot("planar_3r"), region, ("solutions",)), 500)
+    found = mapped(MapSpecification(robot("planar_3r"), region, ("solutions",)), 500)
     agree(found["solutions"], planar_3r(*middles(region)))
 
 
@@ -77,7 +77,7 @@ def test_planar_3r_over_place_and_angle(robot):
 def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most):
     lows, highs = (-5.0, -5.0, -6.0), (5.1, 5.2, 3.0)
     region = over(*zip("xyz", lows, highs, counts, strict=True))
-    found = mapped(Survey(robot("delta4"), region, ()), most)
+    found = mapped(MapSpecification(robot("delta4"), region, ()), most)
     agree(found["reachable"], delta4(*middles(region)) > 0)
     searched(found)
 
@@ -85,7 +85,7 @@ def test_delta4_s_working_volume_also_where_cells_are_large(robot, counts, most)
 def test_delta4_has_one_solution_within_limits_and_eight_without(robot):
     region = over(("x", -5.0, 5.1, 20), ("y", -5.0, 5.2, 20), at={"z": -1.8, "rx": 0.0, "ry": 0.0, "rz": 0.0})
     for limits in (True, False):
-        found = mapped(Survey(robot("delta4"), region, ("solutions",), limits=limits))
+        found = mapped(MapSpecification(robot("delta4"), region, ("solutions",), limits=limits))
         wanted = delta4(*middles(region), -1.8, limits)
         assert wanted.max() == (1 if limits else 8)
         agree(found["solutions"], wanted)
@@ -102,7 +102,7 @@ def test_gough_at_a_fixed_orientation_reaches_what_is_in_six_shells(robot, raff,
         text = (root / "robots/gough.raff").read_text(encoding="utf-8").split("\n", 1)[1]
         mechanism = raff(re.sub(r"(type 2\s+pred \d+\s+)limits \{[^}]*\}", r"\1", text))
     region = over(("x", -0.8, 0.81, 50), ("y", -0.8, 0.82, 50), at=at, orientation="fixed")
-    found = mapped(Survey(mechanism, region, ()))
+    found = mapped(MapSpecification(mechanism, region, ()))
     points, rotations = region.poses(mechanism.placement(mechanism.q_home, "platform"), (slice(None), slice(None)))
     wanted = gough(points, rotations[0], passive).reshape(region.shape)
     if passive:
@@ -117,7 +117,7 @@ def test_gough_s_orientations_at_a_point(robot):
     at = np.array([-0.1, 0.1, 0.45])
     place = dict(zip("xyz", at.tolist(), strict=True))
     region = over(("rx", -1.3, 1.3, 10), ("ry", -1.3, 1.3, 10), ("rz", -1.5, 2.0, 10), at=place)
-    found = mapped(Survey(robot("gough"), region, ("solutions",)))
+    found = mapped(MapSpecification(robot("gough"), region, ("solutions",)))
     angles = np.stack(middles(region), axis=-1).reshape(-1, 3)
     wanted = [gough(at[None], pin.rpy.rpyToMatrix(*each))[0] for each in angles]
     bare = [gough(at[None], pin.rpy.rpyToMatrix(*each), passive=False)[0] for each in angles]
@@ -131,7 +131,7 @@ def test_gough_s_orientations_at_a_point(robot):
 
 def test_a_line(robot):
     region = straight((-0.8, 0.1, 0.0), (0.8, 0.5, 0.0), 200)
-    found = mapped(Survey(robot("five_bar"), region, ("solutions",), limits=False))
+    found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=False))
     way = middles(region)[0] / math.hypot(1.6, 0.4)
     agree(found["solutions"], five_bar(-0.8 + 1.6 * way, 0.1 + 0.4 * way, limits=False))
 
@@ -139,7 +139,7 @@ def test_a_line(robot):
 def test_a_sphere_seen_from_a_centre(robot):
     axes = ("azimuth", -math.pi, math.pi, 14), ("elevation", -1.5, 1.5, 11), ("radius", 0.1, 3.0, 8)
     region = over(*axes, centre=(0.1, 0.2, -2.0))
-    found = mapped(Survey(robot("delta4"), region, ()))
+    found = mapped(MapSpecification(robot("delta4"), region, ()))
     azimuth, elevation, radius = middles(region)
     x = 0.1 + radius * np.cos(elevation) * np.cos(azimuth)
     y = 0.2 + radius * np.cos(elevation) * np.sin(azimuth)
@@ -148,14 +148,14 @@ def test_a_sphere_seen_from_a_centre(robot):
 
 def test_a_layer_that_is_one_cell_thin(robot):
     region = over(("x", -0.83, 0.81, 300), ("y", 0.41, 0.411, 1))
-    found = mapped(Survey(robot("five_bar"), region, ()))
+    found = mapped(MapSpecification(robot("five_bar"), region, ()))
     agree(found["reachable"][:, 0], five_bar(*middles(region))[:, 0] > 0)
 
 
 @pytest.mark.parametrize("limits", [True, False])
 def test_rx90_s_full_pose_at_a_fixed_orientation(robot, limits):
     region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -1.0, 1.0, 8), at={"rx": 0.4, "ry": 1.9, "rz": -0.3})
-    found = mapped(Survey(robot("rx90"), region, ("solutions",), limits=limits))
+    found = mapped(MapSpecification(robot("rx90"), region, ("solutions",), limits=limits))
     points, rotations = region.poses(pin.SE3.Identity(), (slice(None),) * 3)
     agree(found["solutions"], rx90(points, rotations, limits).reshape(region.shape))
 
@@ -163,14 +163,14 @@ def test_rx90_s_full_pose_at_a_fixed_orientation(robot, limits):
 def test_rx90_s_axis_at_a_point(robot):
     at = {"x": 0.5, "y": -0.1, "z": 0.5}
     region = over(("rx", -math.pi, math.pi, 24), ("ry", -1.5, 1.5, 12), at=at, orientation="axis")
-    found = mapped(Survey(robot("rx90"), region, ()))
+    found = mapped(MapSpecification(robot("rx90"), region, ()))
     points, rotations = region.poses(robot("rx90").placement(robot("rx90").q_home, "tool"), (slice(None),) * 2)
     agree(found["reachable"], rx90(points, rotations, order=False).reshape(region.shape))
 
 
 def test_seven_joints_without_limits_reach_a_ball(robot):
     region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -0.7, 1.4, 9))
-    found = mapped(Survey(robot("arm7"), region, (), limits=False))
+    found = mapped(MapSpecification(robot("arm7"), region, (), limits=False))
     x, y, z = middles(region)
     np.testing.assert_array_equal(found["reachable"], np.sqrt(x**2 + y**2 + (z - 0.34) ** 2) <= 0.926)
 
@@ -201,7 +201,7 @@ def test_both_parts_are_found_where_limits_part_an_arm_s_poses(raff, root, most)
         one, two, ok = two_bars(x + 0.2, y, 0.4, 0.3, elbow)
         wanted |= ok & within(one, -120, 120) & within(two, -100, 100) & within(math.pi - one - two, -30, 30)
     assert label(wanted)[1] == 2
-    found = mapped(Survey(arm, region, ()), most)
+    found = mapped(MapSpecification(arm, region, ()), most)
     agree(found["reachable"], wanted)
     searched(found)
 
@@ -217,7 +217,7 @@ def test_both_parts_are_found_where_bars_are_too_long_for_what_is_between(raff, 
     away = np.array([np.hypot(x + 0.3, y), np.hypot(x - 0.3, y)])
     wanted = ((away >= 0.4) & (away <= 0.6)).all(axis=0)
     assert label(wanted)[1] == 2
-    np.testing.assert_array_equal(mapped(Survey(bars, region, (), limits=False))["reachable"], wanted)
+    np.testing.assert_array_equal(mapped(MapSpecification(bars, region, (), limits=False))["reachable"], wanted)
 
 
 # --- certainty -------------------------------------------------------------------------------------------------------
@@ -237,7 +237,7 @@ def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
         placements = [mechanism.placement(q, node) for q in some]
         points, rotations = (np.array([getattr(p, part) for p in placements]) for part in ("translation", "rotation"))
         for rotation in (0, 2, 3):
-            shells = Shells(mechanism, node, limits, rotation)
+            shells = ReachBounds(mechanism, node, limits, rotation)
             assert not shells.exclude(points, rotations).any(), (node, rotation)
             counted = rotations if rotation else np.eye(3)[None]  # what is not given makes no difference
             assert not shells.exclude(points, counted).any()
@@ -245,14 +245,14 @@ def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
 
 def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
     """A shell for each leg of a gough; the annuli of both arms of a five-bar, whose elbows don't straighten."""
-    gough_s = Shells(robot("gough"), "platform", True, 3)
+    gough_s = ReachBounds(robot("gough"), "platform", True, 3)
     np.testing.assert_allclose(gough_s.inner, 0.7, atol=1e-8)
     np.testing.assert_allclose(gough_s.outer, 1.3, atol=1e-8)
-    arms = Shells(robot("five_bar"), "tool")
+    arms = ReachBounds(robot("five_bar"), "tool")
     elbow = [math.sqrt(0.25**2 + 0.4**2 + 0.2 * math.cos(math.radians(bent))) for bent in (170.0, 5.0)]
     np.testing.assert_allclose(np.c_[arms.inner, arms.outer], [elbow, elbow], atol=1e-8)
     np.testing.assert_allclose(sorted(arms.centres[:, 0]), [-0.15, 0.15], atol=1e-12)
-    free = Shells(robot("gough"), "platform", False, 3)
+    free = ReachBounds(robot("gough"), "platform", False, 3)
     assert np.isinf(free.outer).all()  # jacks without limits
 
 
@@ -263,7 +263,7 @@ def test_what_is_too_far_is_so_by_chains_that_are_known(robot):
 @pytest.mark.parametrize("most", [10**6, 77])
 def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
     region = over(("joint1", -math.pi, math.pi, 30), ("joint3", -math.pi, math.pi, 30))
-    found = mapped(Survey(robot("five_bar"), region, (), limits=limits), most)
+    found = mapped(MapSpecification(robot("five_bar"), region, (), limits=limits), most)
     left, right = middles(region)
     elbows = np.array([-0.3 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right))])
     half, base = np.arccos(np.linalg.norm(elbows, axis=0) / 0.8), np.arctan2(*-elbows[::-1])
@@ -288,7 +288,7 @@ def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common
     apart = ("d -150.0", "d -300.0"), ("d 150.0", "d 300.0"), ("theta 125.0", "theta 90"), ("theta 50.0", "theta 90")
     bars = variant(raff, root, "five_bar", *apart)
     region = over(("joint1", 0.0, math.pi, 9), ("joint3", 0.0, math.pi, 9))
-    found = mapped(Survey(bars, region, ("solutions",), limits=False))
+    found = mapped(MapSpecification(bars, region, ("solutions",), limits=False))
     left, right = middles(region)
     elbows = np.hypot(-0.6 + 0.25 * (np.cos(left) - np.cos(right)), 0.25 * (np.sin(left) - np.sin(right)))
     wanted = np.where(elbows < 0.8, 2, 0)
@@ -302,7 +302,7 @@ def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_comm
     names = robot("delta4").actuated
     nearly_in_line = (2.4, 3.9), (0.3, 1.6), (-1.6, 0.3)  # elbows
     region = over(*((name, *ends, 4) for name, ends in zip(names, nearly_in_line, strict=True)))
-    found = mapped(Survey(robot("delta4"), region, ("solutions",), limits=False))
+    found = mapped(MapSpecification(robot("delta4"), region, ("solutions",), limits=False))
     wanted = []
     for angles in np.stack(middles(region), axis=-1).reshape(-1, 3):
         out, turn = 1.5 - 0.50654 + 2.0 * np.cos(angles), np.radians([0.0, 120.0, 240.0])
@@ -325,15 +325,15 @@ def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_comm
 
 def test_what_is_written_is_what_was_found(robot, tmp_path):
     region = over(("x", -0.83, 0.81, 20), ("y", -0.83, 0.82, 20))
-    survey = Survey(robot("five_bar"), region, ("solutions",), limits=False)
-    dataset = make_map(survey, tmp_path / "map.zarr", workers=1, most=150)
+    spec = MapSpecification(robot("five_bar"), region, ("solutions",), limits=False)
+    dataset = make_map(spec, tmp_path / "map.zarr", workers=1, most=150)
     agree(dataset["solutions"].values, five_bar(*middles(region), limits=False))
     np.testing.assert_allclose(dataset["x"].values, region.axes[0].middles())
 
 
 def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
     far = over(("x", 3.0, 4.0, 5), ("y", 3.0, 4.0, 5))
-    found = mapped(Survey(robot("five_bar"), far, ("solutions", "sigma_1", "sigma_2", "velocity", "margin")))
+    found = mapped(MapSpecification(robot("five_bar"), far, ("solutions", "sigma_1", "sigma_2", "velocity", "margin")))
     assert not found["reachable"].any()
     assert (found["settled"] == How.TOO_FAR).all()
     assert (found["solutions"] == 0).all()
@@ -358,9 +358,9 @@ def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
 )
 def test_what_makes_no_sense_is_said_before_anything_is_done(robot, name, region, quantities, more, said):
     with pytest.raises(MapError, match=said):
-        Survey(robot(name), region, quantities, **more)
+        MapSpecification(robot(name), region, quantities, **more)
 
 
 def test_a_coordinate_that_stays_may_be_given_as_it_is(robot):
     region = Region((GridAxis("x", -0.1, 0.1, 3),), {"y": 0.4, "z": 0.0})
-    assert mapped(Survey(robot("five_bar"), region, ()))["reachable"].all()
+    assert mapped(MapSpecification(robot("five_bar"), region, ()))["reachable"].all()

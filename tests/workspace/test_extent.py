@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import cinegen.workspace.extent as module
-from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import Extent, bounds, extent, extent_of
 from cinegen.workspace.settled import How
 
@@ -29,16 +29,16 @@ def square(half, count, names="xy", shift=0.0):
 def wrist(robot, tmp_path_factory):
     """planar_3r whose tool looks along x: its wrist, 200 behind, is that of an arm of 400 and 300."""
     region = Region((GridAxis("x", -0.75, 1.15, 76), GridAxis("y", -0.9, 0.9, 60)), {"rz": 0.0})
-    survey = Survey(robot("planar_3r"), region, ("manipulability",), limits=False)
-    return make_map(survey, tmp_path_factory.mktemp("wrist") / "a.zarr", workers=1)
+    spec = MapSpecification(robot("planar_3r"), region, ("manipulability",), limits=False)
+    return make_map(spec, tmp_path_factory.mktemp("wrist") / "a.zarr", workers=1)
 
 
 # --- closed forms ------------------------------------------------------------------------------------------------
 
 
 def test_an_arm_of_three_links_reaches_a_disc(robot, tmp_path):
-    survey = Survey(robot("planar_3r"), square(1.0, 41), (), limits=False)
-    found = extent(make_map(survey, tmp_path / "a.zarr", workers=1))
+    spec = MapSpecification(robot("planar_3r"), square(1.0, 41), (), limits=False)
+    found = extent(make_map(spec, tmp_path / "a.zarr", workers=1))
     assert found.unit == "m^2"
     assert found.low < math.pi * 0.9**2 < found.high
     assert found.error < 0.2 * found.value

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.compare import compare
 
 LENS = 2.0 * 0.7**2 * math.acos(0.2 / 0.7) - 0.2 * math.sqrt(4.0 * 0.7**2 - 0.4**2)
@@ -20,8 +20,8 @@ def made(robot, tmp_path_factory):
 
     def make(rz, x=(-1.0, 1.0, 50), y=(-1.0, 1.0, 50), quantities=("manipulability",), name="planar_3r", **more):
         at = {} if rz is None else {"rz": rz}
-        survey = Survey(robot(name), Region((GridAxis("x", *x), GridAxis("y", *y)), at), quantities, **more)
-        return make_map(survey, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
+        spec = MapSpecification(robot(name), Region((GridAxis("x", *x), GridAxis("y", *y)), at), quantities, **more)
+        return make_map(spec, folder / f"{len(list(folder.iterdir()))}.zarr", workers=1)
 
     return make
 
@@ -119,8 +119,8 @@ def test_what_nobody_has_looked_at_is_in_the_bound(both):
 
 def test_maps_that_cannot_be_compared(made, both, robot, tmp_path):
     def small(*axes, name="planar_3r", at=None, centre=None):
-        survey = Survey(robot(name), Region(axes, at or {}, centre=centre), ())
-        return make_map(survey, tmp_path / f"{len(list(tmp_path.iterdir()))}.zarr", workers=1)
+        spec = MapSpecification(robot(name), Region(axes, at or {}, centre=centre), ())
+        return make_map(spec, tmp_path / f"{len(list(tmp_path.iterdir()))}.zarr", workers=1)
 
     turns = small(GridAxis("joint1", 0.0, 1.0, 2), GridAxis("joint2", 0.0, 1.0, 2))
     with pytest.raises(MapError, match="a map over x, y can't be compared with one over joint1, joint2"):

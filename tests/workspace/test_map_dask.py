@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 from folders import digest, files, of_delta, of_motors
 
-from cinegen.workspace import MapError, cluster, make_map, open_map, store
+from cinegen.workspace import MapError, cluster, make_map, open_map
+from cinegen.workspace.storage import store
 
 HERE = Path(__file__).parent
 MOST = 10  # cells of a piece
@@ -36,15 +37,15 @@ def address(client):
 
 
 @pytest.fixture(scope="module")
-def survey(robot):
+def spec(robot):
     return of_motors(robot("planar_3r"), 6)
 
 
 @pytest.fixture(scope="module")
-def whole(survey, tmp_path_factory):
+def whole(spec, tmp_path_factory):
     """The map that one process makes."""
     path = tmp_path_factory.mktemp("whole") / "map.zarr"
-    make_map(survey, path, workers=1, most=MOST)
+    make_map(spec, path, workers=1, most=MOST)
     return path
 
 
@@ -79,20 +80,23 @@ def children(pid):
 
 @pytest.mark.parametrize(("name", "of"), [("planar_3r", of_motors), ("delta4", of_motors), ("delta4", of_delta)])
 def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd, name, of):
-    survey = of(robot(name))
-    make_map(survey, tmp_path / "one.zarr", workers=1, most=MOST)
+    spec = of(robot(name))
+    make_map(spec, tmp_path / "one.zarr", workers=1, most=MOST)
     told = []
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        make_map(survey, tmp_path / "two.zarr", scheduler=address, most=MOST, say=lambda *done: told.append(done))
+        make_map(spec, tmp_path / "two.zarr", scheduler=address, most=MOST, say=lambda *done: told.append(done))
     assert digest(tmp_path / "one.zarr") == digest(tmp_path / "two.zarr")
-    assert [told[0], told[-1]] == [(0, survey.region.size), (survey.region.size, survey.region.size)]
+    assert [told[0], told[-1]] == [
+        (0, spec.region.size),
+        (spec.region.size, spec.region.size),
+    ]
     assert [done for done, _ in told] == sorted(done for done, _ in told)
     assert set(os.listdir(tmp_path)) == {"one.zarr", "two.zarr"}
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(survey, whole, client, address, tmp_path, capfd):
+def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(spec, whole, client, address, tmp_path, capfd):
     before, killed = pids(client), []
 
     def kill(done, size):
@@ -100,7 +104,7 @@ def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(survey, wh
             killed.append(min(before))
             os.kill(killed[0], signal.SIGKILL)
 
-    make_map(survey, tmp_path / "map.zarr", scheduler=address, most=MOST, say=kill)
+    make_map(spec, tmp_path / "map.zarr", scheduler=address, most=MOST, say=kill)
     assert killed
     assert digest(tmp_path / "map.zarr") == digest(whole)
     assert capfd.readouterr() == ("", "")
@@ -109,7 +113,7 @@ def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(survey, wh
 
 
 def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays(
-    survey, whole, client, address, tmp_path, capfd
+    spec, whole, client, address, tmp_path, capfd
 ):
     path, before = tmp_path / "map.zarr", {}
 
@@ -122,21 +126,21 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
             client.run(limit, 50)
 
     with pytest.raises(MapError, match=r"map.zarr can't be written: File too large. What was finished stays"):
-        make_map(survey, path, scheduler=address, most=MOST, say=fill)
+        make_map(spec, path, scheduler=address, most=MOST, say=fill)
     client.run(limit, resource.RLIM_INFINITY)
-    assert 0 < store.Store(path).done < survey.region.size
-    make_map(survey, path, scheduler=address, most=MOST)
+    assert 0 < store.Store(path).done < spec.region.size
+    make_map(spec, path, scheduler=address, most=MOST)
     assert digest(path) == digest(whole)
     assert before.items() <= files(path / "settled").items()
     assert capfd.readouterr() == ("", "")
 
 
-def test_damaged_pieces_are_found_by_those_who_read(survey, whole, address, tmp_path):
+def test_damaged_pieces_are_found_by_those_who_read(spec, whole, address, tmp_path):
     path = Path(shutil.copytree(whole, tmp_path / "map.zarr"))
     (path / "margin/c.0.2.0").write_bytes(b"")
     store.Store(path).forget((0, 0, 0))
     before = files(path)
-    make_map(survey, path, scheduler=address)
+    make_map(spec, path, scheduler=address)
     assert digest(path) == digest(whole)
     changed = {name for name, file in files(path).items() if before.get(name) != file}
     assert changed == {f"{name}/c.{index}{more}" for index in ("0.0.0", "0.2.0")
@@ -169,14 +173,14 @@ def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
         list(cluster.each(client, open_map, ["/proc/nowhere"]))
 
 
-def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(survey, whole, tmp_path, monkeypatch, capfd):
+def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(spec, whole, tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(cluster, "_COME", 1.5)
     path = tmp_path / "map.zarr"
     for wrong in ("tcp://127.0.0.1:9", "nonsense://there", "tcp://no.such.host.invalid:8786"):
         with pytest.raises(MapError, match=f"no Dask scheduler answers at {wrong}"):
-            make_map(survey, path, scheduler=wrong, most=MOST)
+            make_map(spec, path, scheduler=wrong, most=MOST)
     assert capfd.readouterr() == ("", "")
-    make_map(survey, path, workers=1)
+    make_map(spec, path, workers=1)
     assert digest(path) == digest(whole)
 
 
@@ -195,7 +199,7 @@ make_map(of_motors(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most={
 """
 
 
-def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(survey, whole, address, tmp_path, root):
+def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(spec, whole, address, tmp_path, root):
     script, robot = tmp_path / "script.py", root / "robots/planar_3r.raff"
     script.write_text(SCRIPT)
     running = {}
@@ -215,9 +219,9 @@ def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(surv
         assert said.count("Traceback") == (how == signal.SIGINT)  # Python's own
         assert said.rstrip().endswith("KeyboardInterrupt" if how == signal.SIGINT else "")
         done = store.Store(path).done
-        assert 0 < done < survey.region.size
+        assert 0 < done < spec.region.size
         before = files(path / "settled")
-        make_map(survey, path, scheduler=address)
+        make_map(spec, path, scheduler=address)
         assert digest(path) == digest(whole)
         assert before.items() <= files(path / "settled").items()
     assert set(os.listdir(tmp_path)) == {"script.py", f"{signal.SIGKILL}.zarr", f"{signal.SIGINT}.zarr"}

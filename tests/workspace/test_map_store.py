@@ -21,24 +21,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mapped import mapped
 
-from cinegen.workspace import MapError, chunk, make_map, open_map, store, work
-from cinegen.workspace.chunk import is_sound, packed
+from cinegen.workspace import MapError, make_map, open_map, work
 from cinegen.workspace.make import piece_size
 from cinegen.workspace.region import pieces
+from cinegen.workspace.storage import chunk, store
+from cinegen.workspace.storage.chunk import is_sound, packed
 
 MOST = 15  # cells of a piece: 10 pieces, those at the end smaller
 
 
 @pytest.fixture(scope="module")
-def survey(robot):
+def spec(robot):
     return of_motors(robot("planar_3r"))
 
 
 @pytest.fixture(scope="module")
-def whole(survey, tmp_path_factory):
+def whole(spec, tmp_path_factory):
     """A map that nothing happened to."""
     path = tmp_path_factory.mktemp("whole") / "map.zarr"
-    make_map(survey, path, workers=1, most=MOST)
+    make_map(spec, path, workers=1, most=MOST)
     return path
 
 
@@ -61,37 +62,37 @@ def copied(whole, tmp_path):
     return Path(shutil.copytree(whole, tmp_path / "map.zarr"))
 
 
-def again(survey, path):
-    return make_map(survey, path, workers=1, most=MOST)
+def again(spec, path):
+    return make_map(spec, path, workers=1, most=MOST)
 
 
 # --- what is there -------------------------------------------------------------------------------------------------
 
 
-def test_what_is_read_is_what_was_found_in_every_cell(survey, whole):
-    found, read = mapped(survey), open_map(whole)
+def test_what_is_read_is_what_was_found_in_every_cell(spec, whole):
+    found, read = mapped(spec), open_map(whole)
     assert set(read.data_vars) == set(found)
     for name, values in found.items():
         assert read[name].dtype == values.dtype
         np.testing.assert_array_equal(read[name].values, values)
-    assert 0 < int(read["reachable"].sum()) < survey.region.size
-    for axis in survey.region.axes:
+    assert 0 < int(read["reachable"].sum()) < spec.region.size
+    for axis in spec.region.axes:
         np.testing.assert_array_equal(read[axis.name].values, axis.middles())
     assert read["sigma_1"].attrs["units"] == "1"
-    assert read.attrs["robot_sha256"] == survey.robot_hash
+    assert read.attrs["robot_sha256"] == spec.robot_hash
 
 
-def test_zarr_alone_reads_it(survey, whole):
+def test_zarr_alone_reads_it(spec, whole):
     group = zarr.open_group(whole, mode="r")
-    for name, values in mapped(survey).items():
+    for name, values in mapped(spec).items():
         np.testing.assert_array_equal(np.asarray(group[name]), values)
 
 
 def test_a_coordinate_of_one_cell_at_0_is_there(robot, tmp_path):
     mechanism = robot("planar_3r")
-    survey = of_motors(mechanism)
-    axes = (type(survey.region.axes[0])(mechanism.actuated[0], -1.0, 1.0, 1),)
-    read = make_map(type(survey)(mechanism, type(survey.region)(axes)), tmp_path / "map.zarr")
+    spec = of_motors(mechanism)
+    axes = (type(spec.region.axes[0])(mechanism.actuated[0], -1.0, 1.0, 1),)
+    read = make_map(type(spec)(mechanism, type(spec.region)(axes)), tmp_path / "map.zarr")
     np.testing.assert_array_equal(read[mechanism.actuated[0]].values, [0.0])
 
 
@@ -107,10 +108,10 @@ def test_a_chunk_with_any_bit_wrong_or_any_byte_missing_is_not_sound(seed, dtype
 
 @pytest.mark.parametrize(("name", "of"), [("delta4", of_delta), ("delta4", of_motors), ("planar_3r", of_motors)])
 def test_a_piece_comes_to_the_same_whatever_was_made_before(robot, name, of):
-    survey = of(robot(name))
-    chunks = survey.region.blocks(40)
-    cells = [store.piece(index, survey.region.shape, chunks) for index in pieces(survey.region.shape, chunks)]
-    one, other = work.Surveyor(survey), work.Surveyor(survey)
+    spec = of(robot(name))
+    chunks = spec.region.blocks(40)
+    cells = [store.piece(index, spec.region.shape, chunks) for index in pieces(spec.region.shape, chunks)]
+    one, other = work.Surveyor(spec), work.Surveyor(spec)
     forth = [one.values(piece) for piece in cells]
     back = [other.values(piece) for piece in reversed(cells)][::-1]
     for values, others in zip(forth, back, strict=True):
@@ -123,7 +124,7 @@ def test_a_piece_comes_to_the_same_whatever_was_made_before(robot, name, of):
 
 
 @pytest.mark.parametrize("written", [0, 1, 3, 5, 6, 17, 29])
-def test_a_full_disk_costs_no_piece_that_was_finished(survey, whole, tmp_path, monkeypatch, made, written):
+def test_a_full_disk_costs_no_piece_that_was_finished(spec, whole, tmp_path, monkeypatch, made, written):
     path, put, left = tmp_path / "map.zarr", chunk.put, [written]
 
     def full(*arguments):
@@ -134,7 +135,7 @@ def test_a_full_disk_costs_no_piece_that_was_finished(survey, whole, tmp_path, m
 
     monkeypatch.setattr(store, "put", full)
     with pytest.raises(MapError, match=r"No space left on device.*What was finished stays"):
-        again(survey, path)
+        again(spec, path)
     assert made[0] == written // 5 + 1
     done = {index for index, there in store.Store(path).look() if there}
     assert len(done) == written // 5
@@ -142,43 +143,43 @@ def test_a_full_disk_costs_no_piece_that_was_finished(survey, whole, tmp_path, m
     read = open_map(path)
     assert int((read["settled"].values > 0).sum()) == sum(map(store.Store(path).size, done))
     monkeypatch.setattr(store, "put", put)
-    again(survey, path)
+    again(spec, path)
     assert made[0] == 1 + store.Store(path).pieces  # that which was broken off, twice
     assert before.items() <= files(path / "settled").items()
     assert digest(path) == digest(whole)
     assert os.listdir(tmp_path) == ["map.zarr"]
 
 
-def test_a_limit_of_the_system_is_said_and_leaves_nothing_half_written(survey, whole, tmp_path):
+def test_a_limit_of_the_system_is_said_and_leaves_nothing_half_written(spec, whole, tmp_path):
     path = tmp_path / "map.zarr"
-    again(survey, path)
+    again(spec, path)
     store.Store(path).forget((0, 0, 0))
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     try:
         resource.setrlimit(resource.RLIMIT_FSIZE, (100, hard))
         with pytest.raises(MapError, match="File too large"):
-            again(survey, path)
+            again(spec, path)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert os.listdir(tmp_path) == ["map.zarr"]
-    again(survey, path)
+    again(spec, path)
     assert digest(path) == digest(whole)
 
 
-def test_ctrl_c_anywhere_leaves_a_map_that_goes_on(survey, whole, tmp_path, made):
+def test_ctrl_c_anywhere_leaves_a_map_that_goes_on(spec, whole, tmp_path, made):
     def impatient(done, _):
         if done > 60:
             raise KeyboardInterrupt
 
     path = tmp_path / "map.zarr"
     with pytest.raises(KeyboardInterrupt):
-        make_map(survey, path, workers=1, most=MOST, say=impatient)
+        make_map(spec, path, workers=1, most=MOST, say=impatient)
     before = made[0]
     assert 0 < before < store.Store(path).pieces
     told = []
-    make_map(survey, path, workers=1, most=MOST, say=lambda *done: told.append(done))
+    make_map(spec, path, workers=1, most=MOST, say=lambda *done: told.append(done))
     assert told[0][0] > 60
-    assert told[-1] == (survey.region.size, survey.region.size)
+    assert told[-1] == (spec.region.size, spec.region.size)
     assert made[0] == store.Store(path).pieces
     assert digest(path) == digest(whole)
 
@@ -189,12 +190,12 @@ import cinegen
 sys.path.insert(0, sys.argv[1])
 from folders import of_motors
 from cinegen.workspace import make_map
-survey = of_motors(cinegen.load(sys.argv[2]))
-make_map(survey, sys.argv[3], workers=1, most=15, say=lambda *_: (print(flush=True), input()))
+specification = of_motors(cinegen.load(sys.argv[2]))
+make_map(specification, sys.argv[3], workers=1, most=15, say=lambda *_: (print(flush=True), input()))
 """
 
 
-def test_killed_between_two_pieces_or_in_one_it_goes_on(survey, whole, tmp_path, root, made):
+def test_killed_between_two_pieces_or_in_one_it_goes_on(spec, whole, tmp_path, root, made):
     path = tmp_path / "map.zarr"
     command = [sys.executable, "-c", SCRIPT, str(Path(__file__).parent), str(root / "robots/planar_3r.raff"), str(path)]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
@@ -207,22 +208,22 @@ def test_killed_between_two_pieces_or_in_one_it_goes_on(survey, whole, tmp_path,
     (tmp_path / ".map.zarr.new" / "half").write_bytes(b"of a chunk")
     done = sum(there for _, there in store.Store(path).look())
     assert done >= 2
-    again(survey, path)
+    again(spec, path)
     assert made[0] == store.Store(path).pieces - done
     assert digest(path) == digest(whole)
     assert os.listdir(tmp_path) == ["map.zarr"]
 
 
-def test_a_clock_that_jumps_changes_nothing(survey, whole, tmp_path, monkeypatch):
+def test_a_clock_that_jumps_changes_nothing(spec, whole, tmp_path, monkeypatch):
     jump = random.Random(0)
     monkeypatch.setattr(time, "time", lambda: jump.uniform(-1e9, 4e9))
-    again(survey, tmp_path / "map.zarr")
+    again(spec, tmp_path / "map.zarr")
     assert digest(tmp_path / "map.zarr") == digest(whole)
 
 
-def test_what_is_finished_is_never_touched_again(survey, copied, made):
+def test_what_is_finished_is_never_touched_again(spec, copied, made):
     before = files(copied)
-    again(survey, copied)
+    again(spec, copied)
     assert made[0] == 0
     assert files(copied) == before
 
@@ -244,22 +245,22 @@ def emptied(path):
 
 @pytest.mark.parametrize("damage", [cut, rubbish, emptied, Path.unlink])
 @pytest.mark.parametrize("name", ["sigma_1/c.1.1.0", "configuration/c.1.1.0.0", "reachable/c.1.1.0"])
-def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(survey, whole, copied, made, damage, name):
+def test_a_damaged_chunk_is_said_when_read_and_made_again_when_gone_on(spec, whole, copied, made, damage, name):
     damage(copied / name)
     read = open_map(copied)
     with pytest.raises(MapError, match=rf"{name} is not .*delete .*settled/c\.1\.1\.0"):
         read[name.partition("/")[0]].values  # noqa: B018
-    again(survey, copied)
+    again(spec, copied)
     assert made[0] == 1
     assert digest(copied) == digest(whole)
 
 
 @pytest.mark.parametrize("damage", [cut, rubbish, emptied])
-def test_so_is_that_which_says_that_a_piece_is_finished(survey, whole, copied, made, damage):
+def test_so_is_that_which_says_that_a_piece_is_finished(spec, whole, copied, made, damage):
     damage(copied / "settled/c.0.1.0")
     with pytest.raises(MapError, match=r"settled/c\.0\.1\.0 is not as it was written"):
         open_map(copied)["settled"].values  # noqa: B018
-    again(survey, copied)
+    again(spec, copied)
     assert made[0] == 1
     assert digest(copied) == digest(whole)
 
@@ -279,11 +280,14 @@ WRONG = {
     ),
     "the description is cut": (lambda p: cut(p / "zarr.json"), "no zarr group that can be read"),
     "the description is gone": (lambda p: (p / "zarr.json").unlink(), "no zarr group that can be read"),
-    "the survey is cut": (
-        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(survey="{")),
+    "the specification is cut": (
+        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(specification="{")),
         "its description can't be read",
     ),
-    "the survey is gone": (lambda p: edit(p / "zarr.json", lambda d: d["attributes"].pop("survey")), "can't be read"),
+    "the specification is gone": (
+        lambda p: edit(p / "zarr.json", lambda d: d["attributes"].pop("specification")),
+        "can't be read",
+    ),
     "pieces make no sense": (
         lambda p: edit(p / "zarr.json", lambda d: d["attributes"].update(chunks=[1])),
         "pieces of",
@@ -307,22 +311,22 @@ WRONG = {
 
 
 def _version(attributes):
-    attributes["survey"] = json.dumps({**json.loads(attributes["survey"]), "version": 0})
+    attributes["specification"] = json.dumps({**json.loads(attributes["specification"]), "version": 0})
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_what_is_no_map_or_no_longer_one_is_left_as_it_is(survey, copied, what):
+def test_what_is_no_map_or_no_longer_one_is_left_as_it_is(spec, copied, what):
     spoil, said = WRONG[what]
     spoil(copied)
     before = digest(copied)
-    for function in (lambda: open_map(copied), lambda: again(survey, copied)):
+    for function in (lambda: open_map(copied), lambda: again(spec, copied)):
         with pytest.raises(MapError, match=said) as raised:
             function()
         assert str(copied) in str(raised.value)
     assert digest(copied) == before
 
 
-def test_other_things_at_the_path_are_left_as_they_are(survey, tmp_path):
+def test_other_things_at_the_path_are_left_as_they_are(spec, tmp_path):
     file, folder, array = tmp_path / "a.zarr", tmp_path / "b.zarr", tmp_path / "c.zarr"
     file.write_text("mine")
     folder.mkdir()
@@ -333,20 +337,20 @@ def test_other_things_at_the_path_are_left_as_they_are(survey, tmp_path):
     for path, said in ((file, "is a file"), (folder, "no zarr group"), (array, "no zarr group"),
                        (tmp_path / "link.zarr", "there is no map")):  # fmt: skip
         with pytest.raises(MapError, match=said):
-            again(survey, path)
+            again(spec, path)
     with pytest.raises(MapError, match="there is no map at"):
         open_map(tmp_path / "none.zarr")
     assert digest(tmp_path) == before
 
 
-def test_a_map_behind_a_link_is_gone_on_with_where_it_is(survey, copied, whole, tmp_path):
+def test_a_map_behind_a_link_is_gone_on_with_where_it_is(spec, copied, whole, tmp_path):
     """It may be on another disk, and only within one a file is put in its place whole."""
     link = tmp_path / "elsewhere" / "link.zarr"
     link.parent.mkdir()
     link.symlink_to(copied)
     assert store.beside(link).parent == copied.parent
     store.Store(copied).forget((0, 0, 0))
-    again(survey, link)
+    again(spec, link)
     assert digest(copied) == digest(whole)
     assert os.listdir(link.parent) == ["link.zarr"]
 
@@ -360,26 +364,26 @@ def test_a_map_of_something_else_is_not_overwritten(robot, copied):
     assert digest(copied) == before
 
 
-def test_where_nothing_can_be_written_that_is_said(survey):
+def test_where_nothing_can_be_written_that_is_said(spec):
     with pytest.raises(MapError, match="can't be written"):
-        again(survey, "/proc/nowhere/map.zarr")
+        again(spec, "/proc/nowhere/map.zarr")
 
 
-def test_two_processes_do_not_make_the_same_map(survey, copied, whole):
+def test_two_processes_do_not_make_the_same_map(spec, copied, whole):
     store.Store(copied).forget((0, 0, 0))
     with (copied / "zarr.json").open("r+b") as held:
         fcntl.flock(held, fcntl.LOCK_EX)
         with pytest.raises(MapError, match=r"map.zarr is being made by another process"):
-            again(survey, copied)
+            again(spec, copied)
         assert open_map(copied)["settled"].values.min() == 0  # reading is free
-    again(survey, copied)
+    again(spec, copied)
     assert digest(copied) == digest(whole)
 
 
 @pytest.mark.parametrize("given", [{"workers": 0}, {"most": 0}, {"workers": -1}])
-def test_numbers_that_make_no_sense_are_refused(survey, tmp_path, given):
+def test_numbers_that_make_no_sense_are_refused(spec, tmp_path, given):
     with pytest.raises(MapError, match="must be 1 or more"):
-        make_map(survey, tmp_path / "map.zarr", **given)
+        make_map(spec, tmp_path / "map.zarr", **given)
     assert os.listdir(tmp_path) == []
 
 

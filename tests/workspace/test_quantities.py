@@ -19,7 +19,7 @@ from scipy.optimize import linprog
 import cinegen
 from cinegen.model.load import build
 from cinegen.singularities import singularity
-from cinegen.workspace import QUANTITIES, MapError, Survey, make_map
+from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
 from cinegen.workspace.by_pose import sphere
 
 SURVEYS = {
@@ -35,19 +35,19 @@ SURVEYS = {
 }
 
 
-def cells(survey):
+def cells(spec):
     """Each cell that is reached: its configuration, and by quantity its value."""
-    found = mapped(survey)
+    found = mapped(spec)
     reached = found["reachable"]
     assert reached.sum() > 3
-    rows = zip(*(found[name][reached] for name in survey.quantities), strict=True)
-    values = [dict(zip(survey.quantities, row, strict=True)) for row in rows]
+    rows = zip(*(found[name][reached] for name in spec.quantities), strict=True)
+    values = [dict(zip(spec.quantities, row, strict=True)) for row in rows]
     return list(zip(found["configuration"][reached], values, strict=True))
 
 
-def by_motors(survey, q):
+def by_motors(spec, q):
     """(6, motors) how motors move the node, in its own axes: the loops solved by least squares."""
-    mechanism = survey.mechanism
+    mechanism = spec.mechanism
     loops = mechanism.system.evaluate(q)[1] if mechanism.loops else np.zeros((0, mechanism.model.nv))
     motors = [mechanism.v_index(name) for name in mechanism.actuated]
     moved = np.zeros((mechanism.model.nv, len(motors)))
@@ -57,18 +57,18 @@ def by_motors(survey, q):
         wanted = np.zeros(len(loops) + len(motors))
         wanted[len(loops) + k] = 1.0 / mechanism.scale[motor]
         moved[:, k] = mechanism.scale * np.linalg.lstsq(np.vstack([loops, rows]), wanted, rcond=1e-10)[0]
-    return mechanism.jacobian(q, survey.node) @ moved
+    return mechanism.jacobian(q, spec.node) @ moved
 
 
 @pytest.mark.parametrize("name", SURVEYS)
 def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot, name):
     mechanism = robot(name)
     region = SURVEYS[name]
-    survey = Survey(mechanism, region, ("sigma_1", "sigma_2"))
-    assert ("sigma_2" in survey.quantities) == bool(mechanism.passive_rank)
-    for q, values in cells(survey):
+    spec = MapSpecification(mechanism, region, ("sigma_1", "sigma_2"))
+    assert ("sigma_2" in spec.quantities) == bool(mechanism.passive_rank)
+    for q, values in cells(spec):
         studied = singularity(mechanism, q)
-        if survey.counted == (3, 3) or survey._rank(6) == survey._rank(3):
+        if spec.counted == (3, 3) or spec._rank(6) == spec._rank(3):
             assert values["sigma_1"] == pytest.approx(studied.sigma[0], rel=1e-5, abs=1e-7)
         if mechanism.passive_rank:
             assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
@@ -76,16 +76,16 @@ def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot,
 
 @pytest.mark.parametrize("name", SURVEYS)
 def test_condition_and_manipulability_are_numpy_s(robot, name):
-    survey = Survey(robot(name), SURVEYS[name], ("sigma_1", "condition", "manipulability"))
-    straight, turn = survey.counted
-    length = survey.mechanism.length
-    scale = survey.mechanism.scale[[survey.mechanism.v_index(n) for n in survey.mechanism.actuated]]
-    for q, values in cells(survey):
-        matrix = (np.repeat([1.0 / length, 1.0], 3)[:, None] * by_motors(survey, q) * scale)[: straight + turn]
-        sigma = np.linalg.svd(matrix, compute_uv=False)[: survey.rank]
+    spec = MapSpecification(robot(name), SURVEYS[name], ("sigma_1", "condition", "manipulability"))
+    straight, turn = spec.counted
+    length = spec.mechanism.length
+    scale = spec.mechanism.scale[[spec.mechanism.v_index(n) for n in spec.mechanism.actuated]]
+    for q, values in cells(spec):
+        matrix = (np.repeat([1.0 / length, 1.0], 3)[:, None] * by_motors(spec, q) * scale)[: straight + turn]
+        sigma = np.linalg.svd(matrix, compute_uv=False)[: spec.rank]
         assert values["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-4)
         assert values["manipulability"] == pytest.approx(np.prod(sigma), rel=1e-4, abs=1e-9)
-        if not survey.mechanism.loops:
+        if not spec.mechanism.loops:
             assert values["sigma_1"] == pytest.approx(sigma[-1], rel=1e-4, abs=1e-7)
 
 
@@ -105,9 +105,11 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
     """|l1 l2 sin q2|; and speeds and forces by the Jacobian, written down."""
     arm = raff(TWO_BARS)
     region = over(("x", -0.8, 0.8, 12), ("y", -0.8, 0.8, 12))
-    survey = Survey(arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0))
+    spec = MapSpecification(
+        arm, region, ("manipulability", "velocity", "force", "sigma_1", "margin"), along=(0.6, 0.8, 0.0)
+    )
     speeds = np.radians([90.0, 180.0])
-    for q, values in cells(survey):
+    for q, values in cells(spec):
         one, both = q[0], q[0] + q[1]
         j = np.array([[-0.5 * math.sin(one) - 0.3 * math.sin(both), -0.3 * math.sin(both)],
                       [0.5 * math.cos(one) + 0.3 * math.cos(both), 0.3 * math.cos(both)]])  # fmt: skip
@@ -121,7 +123,7 @@ def test_two_bars_have_the_manipulability_and_the_speeds_that_textbooks_give_the
 def test_five_bar_is_singular_where_a_leg_is_stretched_and_where_its_outer_bars_are_in_line(robot):
     """Both kinds of loci: the smallest singular values are as small as the sines that vanish there."""
     region = over(("x", -0.83, 0.81, 60), ("y", -0.83, 0.82, 60))
-    found = mapped(Survey(robot("five_bar"), region, ("sigma_1", "sigma_2"), limits=False))
+    found = mapped(MapSpecification(robot("five_bar"), region, ("sigma_1", "sigma_2"), limits=False))
     reached = found["reachable"]
     q = found["configuration"][reached]
     first = np.minimum(np.abs(np.sin(q[:, 1])), np.abs(np.sin(q[:, 3])))
@@ -175,10 +177,10 @@ def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
     """In all joints' velocities and all loops' forces, not in what motors do."""
     along = (0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0)
     mechanism = robot(name)
-    survey = Survey(mechanism, SURVEYS[name], ("velocity", "force"), along=along)
-    for q, values in cells(survey):
-        assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, survey.node, along), rel=1e-4)
-        assert values["force"] == pytest.approx(greatest_force(mechanism, q, survey.node, along), rel=1e-4)
+    spec = MapSpecification(mechanism, SURVEYS[name], ("velocity", "force"), along=along)
+    for q, values in cells(spec):
+        assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
+        assert values["force"] == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
 
 
 BAR = "parameters { theta 40 } type 2 pred 0 limits { 5 85 } velocity 30"
@@ -202,8 +204,8 @@ def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low
     lift = raff(SCISSOR % ((BAR + " actuated 1", FOOT) if motor == "joint1" else (BAR, FOOT + " actuated 1")))
     assert lift.actuated == (motor,)
     speed = lift.model.upperVelocityLimit[lift.v_index(motor)]
-    survey = Survey(lift, over((motor, low, high, 6)), ("velocity", "force"), along=(0.0, 1.0, 0.0))
-    for q, values in cells(survey):
+    spec = MapSpecification(lift, over((motor, low, high, 6)), ("velocity", "force"), along=(0.0, 1.0, 0.0))
+    for q, values in cells(spec):
         heights = []
         for step in (1e-6, -1e-6):
             moved = q.copy()
@@ -217,10 +219,10 @@ def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low
 
 def test_no_motors_at_random_are_faster_and_some_are_as_fast(robot):
     """Of the redundant arm: speeds are greatest at the corners of what limits allow."""
-    survey = Survey(robot("planar_3r"), SURVEYS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
+    spec = MapSpecification(robot("planar_3r"), SURVEYS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
     limits = robot("planar_3r").model.upperVelocityLimit
-    for q, values in cells(survey):
-        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(survey, q)[:3])[0]
+    for q, values in cells(spec):
+        jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(spec, q)[:3])[0]
         corners = [jacobian @ (np.array(signs) * limits) for signs in itertools.product((-1.0, 1.0), repeat=3)]
         assert values["velocity"] == pytest.approx(max(corners), rel=1e-5)
 
@@ -229,14 +231,14 @@ def test_what_motors_do_not_determine_has_no_speed_and_no_force(raff):
     """The second bar swings as it likes."""
     arm = raff(TWO_BARS.replace("type 2 pred 1 velocity 180.0", "type 2 pred 1 actuated 0"))
     assert arm.actuated == ("joint1",)
-    found = mapped(Survey(arm, over(("joint1", 0.0, 1.0, 3)), ("velocity", "force")))
+    found = mapped(MapSpecification(arm, over(("joint1", 0.0, 1.0, 3)), ("velocity", "force")))
     assert np.isnan(found["velocity"]).all()
     assert np.isnan(found["force"]).all()
 
 
 def test_an_arm_that_is_stretched_can_t_move_outward(robot):
     region = over(("joint2", -1e-12, 1e-12, 1), at={"joint1": 0.0, "joint3": 0.0})
-    stretched = Survey(robot("planar_3r"), region, ("velocity", "condition", "force"), along=(1.0, 0.0, 0.0))
+    stretched = MapSpecification(robot("planar_3r"), region, ("velocity", "condition", "force"), along=(1.0, 0.0, 0.0))
     values = {name: v.item() for name, v in mapped(stretched).items() if v.size == 1}
     assert values["velocity"] == pytest.approx(0.0, abs=1e-9)
     assert values["force"] > 1e9  # the structure bears it alone
@@ -249,7 +251,7 @@ def test_an_arm_that_is_stretched_can_t_move_outward(robot):
 @pytest.mark.parametrize("name", SURVEYS)
 def test_margin_is_the_least_of_all_joints(robot, name):
     mechanism = robot(name)
-    for q, values in cells(Survey(mechanism, SURVEYS[name], ("margin",))):
+    for q, values in cells(MapSpecification(mechanism, SURVEYS[name], ("margin",))):
         margins = []
         for joint in mechanism.joints:
             low, high = (getattr(mechanism.model, f"{end}PositionLimit")[mechanism.q_index(joint)]
@@ -264,8 +266,8 @@ def test_margin_is_the_least_of_all_joints(robot, name):
 def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
     """The directions of a wrist that bends by 120 degrees are caps about its forearm, one for each way of the arm."""
     region = over(("x", 0.1, 0.8, 4), at={"y": 0.1, "z": -0.3})
-    survey = Survey(robot("rx90"), region, ("solid_angle",), limits=limits, directions=80)
-    angles = mapped(survey)["solid_angle"]
+    spec = MapSpecification(robot("rx90"), region, ("solid_angle",), limits=limits, directions=80)
+    angles = mapped(spec)["solid_angle"]
     if not limits:
         np.testing.assert_allclose(angles, 4.0 * math.pi, rtol=1e-6)
     turns = np.array([pin.Quaternion.FromTwoVectors(np.eye(3)[2], d).matrix() for d in sphere(80)])
@@ -289,11 +291,11 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
         "obstacle": [{"kind": "sphere", "radius": size, "point": ball.tolist()}],
     }
     mechanism = robot("arm7")
-    survey = Survey(mechanism, SURVEYS["arm7"], ("clearance",), scene=scene)
+    spec = MapSpecification(mechanism, SURVEYS["arm7"], ("clearance",), scene=scene)
     from cinegen.collision.around import links_of
 
     bodies, links = links_of(mechanism)
-    for q, values in cells(survey):
+    for q, values in cells(spec):
         pin.forwardKinematics(mechanism.model, data := mechanism.model.createData(), q)
         places = [data.oMi[body.joint] * body.placement for body in bodies]
         obstacle = coal.Sphere(size), pin.SE3(np.eye(3), ball)
@@ -313,16 +315,18 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
 def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
     region = over(("x", -0.5, 0.5, 5), ("y", -0.5, 0.5, 5))
     names = [name for name in QUANTITIES if name not in ("clearance", "solid_angle")]
-    together = mapped(Survey(robot("five_bar"), region, tuple(names)))
+    together = mapped(MapSpecification(robot("five_bar"), region, tuple(names)))
     for name in names:
-        np.testing.assert_array_equal(mapped(Survey(robot("five_bar"), region, (name,)))[name], together[name])
+        np.testing.assert_array_equal(
+            mapped(MapSpecification(robot("five_bar"), region, (name,)))[name], together[name]
+        )
 
 
 def test_a_mechanism_of_another_process_says_the_same(robot):
-    survey = Survey(robot("five_bar"), SURVEYS["five_bar"], ("sigma_1", "velocity"))
-    again = Survey.of_attributes(survey.attributes)
+    spec = MapSpecification(robot("five_bar"), SURVEYS["five_bar"], ("sigma_1", "velocity"))
+    again = MapSpecification.of_attributes(spec.attributes)
     assert isinstance(again.mechanism, cinegen.Mechanism)
-    one, two = mapped(survey), mapped(again)
+    one, two = mapped(spec), mapped(again)
     for name, values in one.items():
         np.testing.assert_array_equal(values, two[name])
 
@@ -341,8 +345,8 @@ def test_clearance_is_of_shapes_that_lie_in_files_beside_the_robot(tmp_path):
     )
     arm = cinegen.load(tmp_path / "arm.urdf")
     scene = {"name": "ball", "goal": {"point": [0, 0, 0]}, "obstacle": [BALL]}
-    survey = Survey(arm, over(("x", -0.4, 0.2, 6)), ("clearance",), "tool", scene=scene)
-    found = make_map(survey, tmp_path / "arm.zarr", workers=1)
+    spec = MapSpecification(arm, over(("x", -0.4, 0.2, 6)), ("clearance",), "tool", scene=scene)
+    found = make_map(spec, tmp_path / "arm.zarr", workers=1)
     across, above = np.maximum(np.abs(found.x.values - 0.4) - 0.05, 0.0), 0.3 - 0.2
     np.testing.assert_allclose(found.clearance, np.hypot(across, above) - 0.1, atol=1e-5)
 
@@ -354,7 +358,7 @@ def test_a_robot_is_the_same_wherever_its_file_and_its_shapes_lie(root, robot, t
     elsewhere = re.sub(r'filename="[^"]*/', 'filename="/elsewhere/', source.urdf)
     assert (elsewhere != source.urdf) == (name != "gough")  # which has no graphics
     moved = build(elsewhere, source.constraints, str(tmp_path), "another name")
-    one, two = (Survey(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot(name), moved))
+    one, two = (MapSpecification(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot(name), moved))
     assert one.text == two.text
     assert one.robot_hash == two.robot_hash
 
@@ -362,7 +366,7 @@ def test_a_robot_is_the_same_wherever_its_file_and_its_shapes_lie(root, robot, t
 def test_a_robot_that_moves_in_another_way_is_another(robot):
     source = robot("five_bar").source
     longer = build(source.urdf.replace("0.25", "0.26"), source.constraints)
-    one, two = (Survey(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot("five_bar"), longer))
+    one, two = (MapSpecification(mechanism, over(("x", -0.1, 0.1, 3))) for mechanism in (robot("five_bar"), longer))
     assert one.robot_hash != two.robot_hash
 
 
@@ -380,8 +384,8 @@ def _slide(name):
 def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
     arm = _slide(name)
     with pytest.raises(MapError, match=f"no map over motor '{name}', whose name .*: rename it"):
-        Survey(arm, over((name, -0.5, 0.5, 3)))
-    assert Survey(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
+        MapSpecification(arm, over((name, -0.5, 0.5, 3)))
+    assert MapSpecification(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
 
 
 @pytest.mark.parametrize("name", ["hybrid", "gough", "tssm"])
@@ -391,8 +395,8 @@ def test_a_quantity_is_the_same_whatever_others_are_asked_for(robot, name):
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation
     size = 0.03 * mechanism.length
     region = over(*((axis, at - size, at + size, 2) for axis, at in zip("xyz", home, strict=True)))
-    alone = mapped(Survey(mechanism, region, ("sigma_1",)))
-    both = mapped(Survey(mechanism, region, ("sigma_1", "sigma_2")))
+    alone = mapped(MapSpecification(mechanism, region, ("sigma_1",)))
+    both = mapped(MapSpecification(mechanism, region, ("sigma_1", "sigma_2")))
     np.testing.assert_allclose(alone["sigma_1"], both["sigma_1"], rtol=1e-6)
 
 
@@ -400,13 +404,13 @@ def test_where_it_is_singular_speed_is_what_a_linear_programme_finds(robot):
     """rx90 with its wrist straight: axes 4 and 6 are one."""
     rx90 = robot("rx90")
     axes = (("joint1", -0.5, 0.5, 2), ("joint2", -0.4, 0.4, 2), ("joint3", 1.2, 1.6, 2))
-    survey = Survey(
+    spec = MapSpecification(
         rx90, over(*axes, at={"joint5": 0.0}), ("velocity", "condition"), along=(0.0, 1.0, 1.0), limits=False
     )
-    found = mapped(survey)
+    found = mapped(spec)
     assert np.isinf(found["condition"]).all()
     for q, speed in zip(found["configuration"].reshape(-1, 6), found["velocity"].ravel(), strict=True):
-        assert speed == pytest.approx(greatest_speed(rx90, q, rx90.end, survey.along), rel=1e-5)
+        assert speed == pytest.approx(greatest_speed(rx90, q, rx90.end, spec.along), rel=1e-5)
 
 
 def test_where_the_direction_of_z_is_held_it_counts(robot):
@@ -414,9 +418,9 @@ def test_where_the_direction_of_z_is_held_it_counts(robot):
     rx90 = robot("rx90")
     at = rx90.placement(rx90.q_home, rx90.end).translation
     region = over(("x", at[0] - 0.1, at[0] - 0.05, 2), at={"y": at[1], "z": at[2]}, orientation="axis")
-    survey = Survey(rx90, region, ("sigma_1",))
-    found = mapped(survey)
-    assert survey.counted == (3, 2)
+    spec = MapSpecification(rx90, region, ("sigma_1",))
+    found = mapped(spec)
+    assert spec.counted == (3, 2)
     units = np.repeat([1.0 / rx90.length, 1.0], 3)[:, None] * rx90.scale
     for q, sigma in zip(found["configuration"], found["sigma_1"], strict=True):
         jacobian = rx90.jacobian(q, rx90.end)
@@ -426,12 +430,14 @@ def test_where_the_direction_of_z_is_held_it_counts(robot):
 def test_solutions_without_end_are_refused_in_a_plane_too(robot):
     """z of a planar arm's tool says nothing about its angle."""
     with pytest.raises(MapError, match="infinitely many solutions"):
-        Survey(robot("planar_3r"), over(("x", 0.2, 0.6, 2), ("y", 0.2, 0.6, 2), orientation="axis"), ("solutions",))
+        MapSpecification(
+            robot("planar_3r"), over(("x", 0.2, 0.6, 2), ("y", 0.2, 0.6, 2), orientation="axis"), ("solutions",)
+        )
 
 
 @given(st.tuples(*(st.floats(-3.0, 3.0),) * 3).filter(lambda along: math.hypot(*along) > 0.01))
 def test_what_is_written_of_a_survey_is_read_back_to_the_last_bit(along):
-    one = Survey(_slide("slide"), over(("x", -0.5, 0.5, 3)), ("velocity",), along=along)
-    again = Survey.of_attributes(one.attributes)
+    one = MapSpecification(_slide("slide"), over(("x", -0.5, 0.5, 3)), ("velocity",), along=along)
+    again = MapSpecification.of_attributes(one.attributes)
     assert again.text == one.text
-    assert Survey(again.mechanism, again.region, again.quantities, along=again.along).text == one.text
+    assert MapSpecification(again.mechanism, again.region, again.quantities, along=again.along).text == one.text

@@ -8,7 +8,7 @@ from mapped import mapped, over
 from cinegen.model.load import build
 from cinegen.singularities import Kind
 from cinegen.singularities.crossing import of_node
-from cinegen.workspace import MapError, Survey
+from cinegen.workspace import MapError, MapSpecification
 from cinegen.workspace.loci import loci
 from cinegen.workspace.make import make_map
 
@@ -25,8 +25,8 @@ FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link 
 def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot, limits):
     """Each cell on its own straight way from home is the least that a whole piece must hold."""
     axes = (("joint1", -2.5, 2.5, 14), ("joint6", -2.5, 2.5, 14))
-    survey = Survey(robot("delta4"), over(*axes), ("sigma_1",), limits=limits)
-    together, alone = mapped(survey), mapped(survey, most=1)
+    spec = MapSpecification(robot("delta4"), over(*axes), ("sigma_1",), limits=limits)
+    together, alone = mapped(spec), mapped(spec, most=1)
     assert (together["reachable"] >= alone["reachable"]).all()
     assert together["reachable"].sum() <= 1.1 * alone["reachable"].sum()
     model, q = robot("delta4").model, together["configuration"][together["reachable"]]
@@ -39,8 +39,8 @@ def test_over_motors_no_cell_is_lost_in_a_pocket_that_the_way_led_into(robot, li
 def test_the_share_that_closes_does_not_depend_on_the_grid(robot, count):
     axes = (("joint3", 0.018, 0.048, count), ("joint9", 0.018, 0.048, count))
     tssm = robot("tssm")
-    survey = Survey(tssm, over(*axes), ("sigma_1",))
-    together, alone = mapped(survey)["reachable"], mapped(survey, most=1)["reachable"]
+    spec = MapSpecification(tssm, over(*axes), ("sigma_1",))
+    together, alone = mapped(spec)["reachable"], mapped(spec, most=1)["reachable"]
     assert (together >= alone).all()
 
 
@@ -48,8 +48,10 @@ def test_the_share_that_closes_does_not_depend_on_the_grid(robot, count):
 def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
     """With odd counts a cell of this grid is exactly where both arms of the five-bar are folded."""
     five_bar = robot("five_bar")
-    survey = Survey(five_bar, over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count)), ("sigma_1",), limits=False)
-    found = mapped(survey)
+    spec = MapSpecification(
+        five_bar, over(("x", -0.7, 0.7, count), ("y", -0.7, 0.7, count)), ("sigma_1",), limits=False
+    )
+    found = mapped(spec)
     q = found["configuration"][found["reachable"] & (found["sigma_1"] > 1e-3)]
     for joint in ("joint2", "joint4"):
         at = five_bar.q_index(joint)
@@ -60,8 +62,8 @@ def test_a_wave_does_not_change_branches_in_a_cell_where_two_meet(robot, count):
 @pytest.mark.parametrize("names", [("joint1", "joint2"), ("joint2", "joint3")])
 def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_path, names, count):
     """An arm whose elbow is straight, over a range with that in its middle: at a point of the grid, or between two."""
-    survey = Survey(robot("planar_3r"), over(*((name, -1.0, 1.0, count) for name in names)), ("sigma_1",))
-    curves = loci(make_map(survey, tmp_path / "map.zarr", workers=1), survey)
+    spec = MapSpecification(robot("planar_3r"), over(*((name, -1.0, 1.0, count) for name in names)), ("sigma_1",))
+    curves = loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec)
     (curve,) = [curve for curve in curves if curve.kind is Kind.TYPE_1]
     assert len(curve.points) == count
     np.testing.assert_allclose(curve.points[:, names.index("joint2")], 0.0, atol=1e-6)
@@ -70,18 +72,18 @@ def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_p
 def test_a_base_that_floats_rests(tmp_path):
     flying = build(FLOATING, None)
     assert flying.floating
-    of_motors = mapped(Survey(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), node="tool"))
+    of_motors = mapped(MapSpecification(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), node="tool"))
     assert np.isfinite(of_motors["sigma_1"]).all()
     region = over(("x", -1.5, 1.5, 9), ("ry", -0.5, 0.5, 3))
-    found = mapped(Survey(flying, region, ("solutions", "sigma_1"), node="tool"))
+    found = mapped(MapSpecification(flying, region, ("solutions", "sigma_1"), node="tool"))
     within = np.abs(region.axes[0].middles()) <= 1.0
     np.testing.assert_array_equal(found["solutions"], np.repeat(within[:, None], 3, axis=1).astype(int))
-    survey = Survey(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), ("sigma_1",), node="tool")
-    assert loci(make_map(survey, tmp_path / "map.zarr", workers=1), survey) == ()
+    spec = MapSpecification(flying, over(("slide", -0.5, 0.5, 5), ("turn", -0.5, 0.5, 5)), ("sigma_1",), node="tool")
+    assert loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec) == ()
     rows = of_node(flying, "tool", 6)(flying.q_home)
     assert np.linalg.matrix_rank(rows) == 2
     with pytest.raises(MapError, match="can't move along y"):
-        Survey(flying, over(("y", -1.0, 1.0, 3)), node="tool")
+        MapSpecification(flying, over(("y", -1.0, 1.0, 3)), node="tool")
 
 
 def test_roll_pitch_and_yaw_can_be_given_where_they_change():
@@ -100,10 +102,10 @@ def test_roll_pitch_and_yaw_can_be_given_where_they_change():
     np.testing.assert_array_equal(changes, [True, False, False])
     for name, can in zip(("rx", "ry", "rz"), changes, strict=True):
         if can:
-            assert Survey(arm, over((name, -1.0, 1.0, 3))).region.size == 3
+            assert MapSpecification(arm, over((name, -1.0, 1.0, 3))).region.size == 3
         else:
             with pytest.raises(MapError, match=f"can't move along {name}"):
-                Survey(arm, over((name, -1.0, 1.0, 3)))
+                MapSpecification(arm, over((name, -1.0, 1.0, 3)))
 
 
 def _angles(arm):

@@ -16,7 +16,7 @@ import raff2urdf
 from cinegen.plotting import DrawingError
 from cinegen.plotting.sweep import check_drawable, draw_table
 from cinegen.singularities.singularity import Kind
-from cinegen.workspace import GridAxis, MapError, Region, Survey, make_map, open_map
+from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.sweep import Box, Parameter, Variation, sweep, variants
 from cinegen.workspace.sweep.dexterity import dexterity
 from cinegen.workspace.sweep.field import Field
@@ -246,24 +246,24 @@ def test_points_of_a_box_are_all_over_it_and_on_its_borders(data):
 
 @pytest.fixture(scope="module")
 def coarse(tmp_path_factory):
-    """A survey of the planar arm in few cells, and the configurations of its map."""
+    """A specification of the planar arm in few cells, and the configurations of its map."""
     folder = tmp_path_factory.mktemp("coarse")
     (folder / "arm.raff").write_text(ARM.format(limits="-180 180"), encoding="utf-8")
     region = Region((GridAxis("x", 0.2, 0.7, 5), GridAxis("y", -0.4, 0.4, 6)))
-    survey = Survey(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
-    return survey, make_map(survey, folder / "map.zarr", workers=1).configuration.values
+    spec = MapSpecification(cinegen.load(folder / "arm.raff"), region, ("sigma_1",))
+    return spec, make_map(spec, folder / "map.zarr", workers=1).configuration.values
 
 
 @given(st.floats(0.2, 0.65), st.floats(-0.4, 0.35), st.floats(0.01, 0.3), st.floats(0.01, 0.3))
 def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high):
-    survey, q = coarse
+    spec, q = coarse
     box = Box({"x": (x, min(x + wide, 0.7)), "y": (y, min(y + high, 0.4))})
-    lattice = box.lattice(survey.region)
+    lattice = box.lattice(spec.region)
     far = math.hypot(box.ranges["x"][1], max(map(abs, box.ranges["y"])))
     if abs(far - 0.65) < 1e-3:  # just stretched
         return
     touched = q[lattice.cells]
-    field = Field(survey, lattice, touched)
+    field = Field(spec, lattice, touched)
     if far > 0.65:
         assert not field.reached.all()
     elif np.isfinite(touched).all():
@@ -291,14 +291,14 @@ def test_an_arm_that_is_too_short_for_a_corner_is_not_good(root, tmp_path):
 
 
 def five_bar_map(robot, tmp_path, region, **more):
-    survey = Survey(robot("five_bar"), region, **more)
-    dataset = make_map(survey, tmp_path / "map.zarr", workers=1)
-    return survey, dataset
+    spec = MapSpecification(robot("five_bar"), region, **more)
+    dataset = make_map(spec, tmp_path / "map.zarr", workers=1)
+    return spec, dataset
 
 
-def of_box(survey, box, configurations) -> Regularity:
-    lattice = box.lattice(survey.region)
-    return regularity(Field(survey, lattice, configurations[lattice.cells]))
+def of_box(spec, box, configurations) -> Regularity:
+    lattice = box.lattice(spec.region)
+    return regularity(Field(spec, lattice, configurations[lattice.cells]))
 
 
 def between_bars(q):
@@ -310,7 +310,7 @@ def between_bars(q):
 def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, tmp_path):
     """Boxes of a few cells, here and there: seen is what the sign of the sine says, though no sample is singular."""
     region = Region((GridAxis("x", -0.3, 0.3, 28), GridAxis("y", -0.6, 0.6, 28)))
-    survey, dataset = five_bar_map(robot, tmp_path, region, limits=False)
+    spec, dataset = five_bar_map(robot, tmp_path, region, limits=False)
     q, sure = dataset.configuration.values, 0
     assert dataset.sigma_2.min() > 1e-6
     for i, k in np.ndindex(9, 9):
@@ -319,7 +319,7 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
             continue
         borders = (axis.borders[part.start : part.stop + 1] for axis, part in zip(region.axes, cells, strict=True))
         box = Box({name: (at[0], at[-1]) for name, at in zip("xy", borders, strict=True)})
-        field = Field(survey, box.lattice(region), q[cells])
+        field = Field(spec, box.lattice(region), q[cells])
         found = regularity(field)
         if not found.joined or found.first:
             continue
@@ -335,11 +335,11 @@ def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_
     for high, stretched in ((0.4, False), (1.6, True)):
         axes = GridAxis(names[0], home[0] - 0.1, home[0] + 0.1, 3), GridAxis(names[1], home[2], home[2] + high, 15)
         folder = tmp_path / str(high)
-        survey, dataset = five_bar_map(robot, folder, Region(axes), limits=False)
+        spec, dataset = five_bar_map(robot, folder, Region(axes), limits=False)
         q = dataset.configuration.values
         bent = np.sin(q[..., [1, 3]])  # at the elbows
         assert stretched == bool((bent.min(axis=(0, 1)) * bent.max(axis=(0, 1)) < 0.0).any())
-        found = of_box(survey, Box(), q)
+        found = of_box(spec, Box(), q)
         assert found.first == stretched
         assert found.kind is (Kind.TYPE_1 if stretched else Kind.NONE)
         assert bool(found) == (not stretched)
@@ -348,13 +348,13 @@ def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_
 @pytest.mark.parametrize("low", [-0.95, -0.91, -0.5, -0.09, -0.05, -1e-6, 0.0, 1e-2, -1.01])
 def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(arm, tmp_path, low):
     region = Region((GridAxis("joint1", -1.0, 1.0, 2), GridAxis("joint2", low, low + 1.0, 5)))
-    survey = Survey(cinegen.load(arm), region, ("sigma_1",))
-    q = make_map(survey, tmp_path / "map.zarr", workers=1).configuration.values
-    found = of_box(survey, Box(), q)
+    spec = MapSpecification(cinegen.load(arm), region, ("sigma_1",))
+    q = make_map(spec, tmp_path / "map.zarr", workers=1).configuration.values
+    found = of_box(spec, Box(), q)
     assert found.first == (low <= 0.0 <= low + 1.0)
     assert bool(found) != found.first
     inside = Box({"joint2": (low + 0.03, low + 0.97)})
-    assert of_box(survey, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
+    assert of_box(spec, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
 
 
 def bent_the_other_way(mechanism, q):
@@ -375,13 +375,13 @@ def bent_the_other_way(mechanism, q):
 def test_numbers_are_those_of_the_branch_that_is_judged(robot, tmp_path):
     """A map may hold several branches: what is led from its first cell counts, not what it holds elsewhere."""
     region = Region((GridAxis("x", -0.1, 0.1, 6), GridAxis("y", 0.4, 0.5, 4)))
-    survey, dataset = five_bar_map(robot, tmp_path, region, limits=False)
-    mechanism, q = survey.mechanism, dataset.configuration.values
+    spec, dataset = five_bar_map(robot, tmp_path, region, limits=False)
+    mechanism, q = spec.mechanism, dataset.configuration.values
     other = np.array([bent_the_other_way(mechanism, one) for one in q.reshape(-1, q.shape[-1])]).reshape(q.shape)
     lattice, right = Box().lattice(region), np.arange(6)[:, None, None] >= 3
     found = []
     for held in (q, np.where(right, other, q), other, np.where(right, q, other)):
-        field = Field(survey, lattice, held)
+        field = Field(spec, lattice, held)
         assert regularity(field)
         numbers = dexterity(field)
         second = [field.passive.sigma(field.passive.of(one)[None])[0] for one in field.q]
@@ -396,12 +396,12 @@ def test_numbers_are_those_of_the_branch_that_is_judged(robot, tmp_path):
 def test_configurations_on_two_branches_are_led_on_to_one(arm, tmp_path):
     """The same box with one elbow here and the other there: each half can be led on into the other."""
     region = Region((GridAxis("x", 0.3, 0.5, 6), GridAxis("y", 0.0, 0.2, 5)))
-    survey = Survey(cinegen.load(arm), region, ("sigma_1",))
-    q = make_map(survey, tmp_path / "map.zarr", workers=1).configuration.values
+    spec = MapSpecification(cinegen.load(arm), region, ("sigma_1",))
+    q = make_map(spec, tmp_path / "map.zarr", workers=1).configuration.values
     x, y = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
     mirrored = np.stack([2.0 * np.arctan2(y, x) - q[..., 0], -q[..., 1]], axis=-1)
     for given_ in (q, mirrored, np.where(np.arange(6)[:, None, None] < 3, q, mirrored)):
-        assert of_box(survey, Box(), given_)
+        assert of_box(spec, Box(), given_)
 
 
 def test_a_box_through_which_a_limit_goes_is_reached_but_not_on_one_branch(arm, tmp_path):

@@ -74,9 +74,9 @@ def dexterity(field: Field) -> Dexterity:
 
 def _cells(field: Field) -> Cells:
     """The points that are reached, as a map's cells are measured."""
-    survey, q = field.survey, field.q[field.reached]
-    sampler = Sampler(survey.mechanism, survey.node, *survey.counted, balls(survey.mechanism))
-    return Cells(survey, Settled(q, np.full(len(q), How.NEIGHBOUR, np.uint8)), sampler.at(q))
+    spec, q = field.spec, field.q[field.reached]
+    sampler = Sampler(spec.mechanism, spec.node, *spec.counted, balls(spec.mechanism))
+    return Cells(spec, Settled(q, np.full(len(q), How.NEIGHBOUR, np.uint8)), sampler.at(q))
 
 
 def _spread(values: Array, sizes: Array) -> Spread:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.singularities.crossing import Rows, of_node, of_passive_joints, turned
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 from cinegen.workspace.sweep.lattice import Lattice
 from cinegen.workspace.sweep.ways import JUMP, Ways
 
@@ -21,7 +21,7 @@ class Field:
     """Configurations at all points of a box, led from neighbour to neighbour, on one branch as far as that goes.
 
     Args:
-        survey: of the map.
+        specification: of the map.
         lattice: the points.
         configurations: (cells along each axis.., nq) of the cells that the box touches, not a number where the map has
             none: their middles are not looked at.
@@ -35,14 +35,14 @@ class Field:
         redundant: whether the mechanism can be at a point in infinitely many ways.
     """
 
-    def __init__(self, survey: Survey, lattice: Lattice, configurations: Array) -> None:
-        mechanism = survey.mechanism
-        self.survey, self.lattice = survey, lattice
-        self.ways = Ways(survey, np.concatenate([lattice.values, survey.region.values(lattice.cells)]))
-        self.end = Rows(of_node(mechanism, survey.node, sum(survey.counted)), survey.rank)
+    def __init__(self, spec: MapSpecification, lattice: Lattice, configurations: Array) -> None:
+        mechanism = spec.mechanism
+        self.spec, self.lattice = spec, lattice
+        self.ways = Ways(spec, np.concatenate([lattice.values, spec.region.values(lattice.cells)]))
+        self.end = Rows(of_node(mechanism, spec.node, sum(spec.counted)), spec.rank)
         self.passive = of_passive_joints(mechanism) if mechanism.passive_rank else None
-        self._barrier = self.passive if survey.of_motors else self.end  # what branches meet at
-        self.redundant = not survey.of_motors and survey.freedoms > survey.rank
+        self._barrier = self.passive if spec.of_motors else self.end  # what branches meet at
+        self.redundant = not spec.of_motors and spec.freedoms > spec.rank
         self._given, self._open = self._known(configurations.reshape(-1, configurations.shape[-1]))
         self.q, self.parts = np.full_like(self._given, np.nan), 0
         self._lead()

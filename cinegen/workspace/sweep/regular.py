@@ -92,7 +92,7 @@ def _may_cross(field: Field, rows: Rows, edges: Ints) -> Iterator[tuple[int, int
 
 def _matrices(field: Field, rows: Rows, part: slice) -> tuple[Array, Array]:
     """(n, rows, columns) and (n,) their singular values; 0 where there is no configuration."""
-    nothing = np.zeros_like(rows.of(field.survey.mechanism.q_home))
+    nothing = np.zeros_like(rows.of(field.spec.mechanism.q_home))
     matrices = np.array([rows.of(q) if np.isfinite(q[0]) else nothing for q in field.q[part]])
     return matrices, rows.sigma(matrices)
 

@@ -13,7 +13,7 @@ from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import extent
 from cinegen.workspace.make import Say, make_map
 from cinegen.workspace.region import Region
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 from cinegen.workspace.sweep.box import Box
 from cinegen.workspace.sweep.dexterity import dexterity
 from cinegen.workspace.sweep.field import Field
@@ -31,7 +31,7 @@ class Plan:
         region: of all maps.
         box: that is wanted.
         robot: of a file that holds several.
-        settings: others of `Survey`.
+        settings: others of `MapSpecification`.
     """
 
     region: Region
@@ -39,7 +39,7 @@ class Plan:
     robot: str | None
     settings: dict[str, Any]
 
-    def survey(self, path: Path) -> Survey:
+    def spec(self, path: Path) -> MapSpecification:
         """Of a variant's RAFF file.
 
         Raises:
@@ -47,7 +47,7 @@ class Plan:
             MapError: settings that make no sense for it.
         """
         settings = {**self.settings, "quantities": (*_NEEDED, *self.settings.get("quantities", ()))}
-        return Survey(load(path, self.robot), self.region, **settings)
+        return MapSpecification(load(path, self.robot), self.region, **settings)
 
     def check(self, path: Path) -> None:
         """Whether it makes sense for the robot as it is, if that can be said.
@@ -60,7 +60,7 @@ class Plan:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # each variant has its own
             try:
-                self.survey(path)
+                self.spec(path)
             except ClosureError:
                 return
 
@@ -84,20 +84,20 @@ def studied(
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
         try:
-            survey = plan.survey(folder / "robot.raff")
+            spec = plan.spec(folder / "robot.raff")
         except ClosureError as error:
             return Row(name, values, remark=_words("\n".join(problem.message for problem in error.problems)))
         except MapError as error:
             return Row(name, values, remark=_words(str(error)))
-    dataset = make_map(survey, folder / "map.zarr", workers=1, scheduler=scheduler, say=say)
+    dataset = make_map(spec, folder / "map.zarr", workers=1, scheduler=scheduler, say=say)
     lattice = plan.box.lattice(plan.region)
     touched = dataset["configuration"].isel(dict(zip(plan.region.names, lattice.cells, strict=True)))
-    field = Field(survey, lattice, touched.values)
+    field = Field(spec, lattice, touched.values)
     return Row(
         name,
         values,
         extent(dataset),
-        survey.mechanism.length,
+        spec.mechanism.length,
         dexterity(field),
         regularity(field) if field.parts else None,
         "; ".join(_words(str(warning.message)) for warning in warned),

@@ -60,7 +60,8 @@ def sweep(
         workers: processes on this machine; as many as it has cores unless given, and this one alone for small maps.
         scheduler: address of a Dask scheduler, whose workers must see the folder too.
         say: is told how many cells of all maps are done, and how many there are.
-        settings: others of `Survey`: node, limits, quantities (those of the table are always among them), and so on.
+        settings: others of `MapSpecification`: node, limits, quantities (those of the table are always among them), and
+            so on.
 
     Raises:
         RaffError: the file is wrong.

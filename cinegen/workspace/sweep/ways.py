@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cinegen.errors import ClosureError
 from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
 
@@ -25,29 +25,29 @@ _STEPS = (1, 4, 16)  # a way is gone in as few as will do
 
 
 class Ways:
-    """Between points of a survey's region.
+    """Between points of a specification's region.
 
     Args:
-        survey: which.
+        specification: which.
         values: (n, axes) coordinates of the points, m or rad; a point is named by its number.
     """
 
-    def __init__(self, survey: Survey, values: Array) -> None:
-        mechanism = self._mechanism = survey.mechanism
+    def __init__(self, spec: MapSpecification, values: Array) -> None:
+        mechanism = self._mechanism = spec.mechanism
         self._turning = np.zeros(mechanism.model.nv, dtype=bool)
         for name in mechanism.joints:
             if not mechanism.slides(name):
-                limited = survey.limits and np.isfinite(mechanism.model.lowerPositionLimit[mechanism.q_index(name)])
+                limited = spec.limits and np.isfinite(mechanism.model.lowerPositionLimit[mechanism.q_index(name)])
                 self._turning[mechanism.v_index(name)] = not limited
-        model, most = mechanism.model, _BEYOND if survey.limits else np.inf
+        model, most = mechanism.model, _BEYOND if spec.limits else np.inf
         self._low, self._high = model.lowerPositionLimit - most, model.upperPositionLimit + most
-        if survey.of_motors:
-            self._motors = survey.region.motors_at(mechanism, values)
+        if spec.of_motors:
+            self._motors = spec.region.motors_at(mechanism, values)
             self._at = self._closed
         else:
-            self._points, self._rotations = survey.region.poses_at(survey.home, values)
-            pull = Pull(survey.node, pin.SE3.Identity(), 3, survey.rotation)
-            self._seeker = Seeker(survey.mechanism, (pull,), survey.limits)
+            self._points, self._rotations = spec.region.poses_at(spec.home, values)
+            pull = Pull(spec.node, pin.SE3.Identity(), 3, spec.rotation)
+            self._seeker = Seeker(spec.mechanism, (pull,), spec.limits)
             self._at = self._posed
 
     def away(self, q: Array, other: Array) -> float:

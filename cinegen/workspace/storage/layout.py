@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 import cinegen.workspace.quantities as known
-from cinegen.workspace.chunk import CODECS, compressors
 from cinegen.workspace.settled import How
-from cinegen.workspace.survey import VERSION, Survey
+from cinegen.workspace.specification import VERSION, MapSpecification
+from cinegen.workspace.storage.chunk import CODECS, compressors
 
 KIND = "cinegen map"
 
@@ -67,16 +67,16 @@ class Layout:
         )
 
 
-def layouts(survey: Survey) -> tuple[Layout, ...]:
+def layouts(spec: MapSpecification) -> tuple[Layout, ...]:
     """Of all that is written of each piece, in this order."""
     found = []
-    for name in survey.quantities:
+    for name in spec.quantities:
         quantity = known.QUANTITIES[name]
         fill = 0 if quantity.dtype.startswith("int") else math.nan
         found.append(Layout(name, quantity.dtype, fill, {"units": quantity.unit, "long_name": quantity.words}))
-    joints = _numbers(survey)
+    joints = _numbers(spec)
     words: dict[str, Any] = {"units": "rad or m", "long_name": "a configuration, loops closed", "joints": joints}
-    found.append(Layout("configuration", "float64", math.nan, words, (survey.mechanism.model.nq,)))
+    found.append(Layout("configuration", "float64", math.nan, words, (spec.mechanism.model.nq,)))
     words = {"units": "1", "long_name": "whether there is a configuration"}
     found.append(Layout("reachable", "bool", False, words))
     words = {
@@ -86,15 +86,15 @@ def layouts(survey: Survey) -> tuple[Layout, ...]:
     return (*found, Layout(LAST, "uint8", 0, words))
 
 
-def coordinates(survey: Survey) -> tuple[Layout, ...]:
+def coordinates(spec: MapSpecification) -> tuple[Layout, ...]:
     """Of the axes."""
     return tuple(
-        Layout(axis.name, "float64", 0.0, {"units": _unit(survey, axis.name), "cell_width": axis.width})
-        for axis in survey.region.axes
+        Layout(axis.name, "float64", 0.0, {"units": _unit(spec, axis.name), "cell_width": axis.width})
+        for axis in spec.region.axes
     )
 
 
-def lay_out(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
+def lay_out(path: Path, spec: MapSpecification, chunks: Sequence[int]) -> None:
     """Writes a map that holds nothing yet.
 
     Raises:
@@ -102,26 +102,26 @@ def lay_out(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
     """
     import zarr
 
-    mechanism, region = survey.mechanism, survey.region
+    mechanism, region = spec.mechanism, spec.region
     group = zarr.create_group(path, attributes={
         "kind": KIND,
         "title": f"{mechanism.name} over {', '.join(region.names)}",
         "robot": mechanism.name,
-        "robot_sha256": survey.robot_hash,
-        "node": survey.node,
+        "robot_sha256": spec.robot_hash,
+        "node": spec.node,
         "characteristic_length_m": mechanism.length,
-        "counted": f"{survey.counted[0]} translations, {survey.counted[1]} rotations of {survey.node}",
+        "counted": f"{spec.counted[0]} translations, {spec.counted[1]} rotations of {spec.node}",
         "version": VERSION,
         "chunks": list(chunks),
-        **survey.attributes,
+        **spec.attributes,
     })  # fmt: skip
-    for axis, array in zip(region.axes, coordinates(survey), strict=True):
+    for axis, array in zip(region.axes, coordinates(spec), strict=True):
         group.create_array(
             array.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
             chunk_key_encoding=_KEYS, compressors=compressors(), config={"write_empty_chunks": True},
             attributes=array.attributes,
         )  # fmt: skip
-    for array in layouts(survey):
+    for array in layouts(spec):
         group.create_array(
             array.name, shape=(*region.shape, *array.more), chunks=(*chunks, *array.more), dtype=array.dtype,
             fill_value=array.fill, dimension_names=(*region.names, *("joint",) * len(array.more)),
@@ -129,16 +129,16 @@ def lay_out(path: Path, survey: Survey, chunks: Sequence[int]) -> None:
         )  # fmt: skip
 
 
-def _numbers(survey: Survey) -> list[str]:
+def _numbers(spec: MapSpecification) -> list[str]:
     """A name for each number of a configuration."""
-    names = [""] * survey.mechanism.model.nq
-    for name, joint in zip(survey.mechanism.model.names, survey.mechanism.model.joints, strict=True):
+    names = [""] * spec.mechanism.model.nq
+    for name, joint in zip(spec.mechanism.model.names, spec.mechanism.model.joints, strict=True):
         for k in range(joint.nq if name != "universe" else 0):
             names[joint.idx_q + k] = name if joint.nq == 1 else f"{name}.{k}"
     return names
 
 
-def _unit(survey: Survey, name: str) -> str:
-    mechanism = survey.mechanism
+def _unit(spec: MapSpecification, name: str) -> str:
+    mechanism = spec.mechanism
     long = mechanism.slides(name) if name in mechanism.joints else name in ("x", "y", "z", "radius", "way")
     return "m" if long else "rad"

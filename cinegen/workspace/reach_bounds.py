@@ -1,4 +1,4 @@
-"""`Shells`: what a node can't leave, as links are only so long and so short, and joints go only so far.
+"""`ReachBounds`: what a node can't leave, as links are only so long and so short, and joints go only so far.
 
 From the base to the node leads at least one chain of bodies, with loops several. Along each chain the distance between
 two points of neighbouring bodies goes from a least to a largest value; the triangle inequality says what follows for
@@ -84,7 +84,7 @@ def _within(angle: float, low: float, high: float) -> bool:
     return (angle - low) % (2.0 * math.pi) <= high - low
 
 
-class Shells:
+class ReachBounds:
     """Between which spheres a node is in every configuration.
 
     Args:
@@ -137,14 +137,14 @@ class Shells:
 def bounds(mechanism: Mechanism, node: str, axis: int) -> tuple[float, float]:
     """Between which values of x (0), y or z (2) a node certainly is, m, joints within their limits; infinite where
     nothing is certain."""
-    shells = Shells(mechanism, node)
+    shells = ReachBounds(mechanism, node)
     at, reach = shells.centres[:, axis], shells.outer
     return float((at - reach).max(initial=-math.inf)), float((at + reach).min(initial=math.inf))
 
 
 def radius_about(mechanism: Mechanism, node: str, centre: Sequence[float]) -> float:
     """Of a ball about a centre (3,), m, that a node certainly can't leave, likewise."""
-    shells = Shells(mechanism, node)
+    shells = ReachBounds(mechanism, node)
     away = np.linalg.norm(shells.centres - np.asarray(centre), axis=1)
     return float((away + shells.outer).min(initial=math.inf))
 

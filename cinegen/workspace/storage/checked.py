@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from zarr.storage import LocalStore
 
-from cinegen.workspace.chunk import is_sound
 from cinegen.workspace.errors import MapError
-from cinegen.workspace.layout import LAST, file_name, index_of
+from cinegen.workspace.storage.chunk import is_sound
+from cinegen.workspace.storage.layout import LAST, file_name, index_of
 
 if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest

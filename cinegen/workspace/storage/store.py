@@ -21,12 +21,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.workspace.chunk import is_sound, packed, put
 from cinegen.workspace.errors import MapError
-from cinegen.workspace.layout import KIND, LAST, Layout, coordinates, file_name, index_of, lay_out, layouts
-from cinegen.workspace.lock import locked
 from cinegen.workspace.region import piece
-from cinegen.workspace.survey import Survey
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.storage.chunk import is_sound, packed, put
+from cinegen.workspace.storage.layout import KIND, LAST, Layout, coordinates, file_name, index_of, lay_out, layouts
+from cinegen.workspace.storage.lock import locked
 
 Values = np.ndarray[Any, np.dtype[Any]]
 Index = tuple[int, ...]
@@ -37,8 +37,8 @@ class Store:
 
     Attributes:
         path: where it is.
-        survey: what it shows.
-        text: of the survey.
+        specification: what it shows.
+        text: of the specification.
         chunks: cells along each axis of a piece.
 
     Raises:
@@ -49,8 +49,8 @@ class Store:
         self.path = Path(path)
         attributes = _attributes(self.path)
         try:
-            self.text = str(attributes["survey"])
-            self.survey = Survey.of_attributes(attributes)
+            self.text = str(attributes["specification"])
+            self.spec = MapSpecification.of_attributes(attributes)
             self.chunks = tuple(int(width) for width in attributes["chunks"])
         except MapError as error:
             raise MapError(f"{self.path}: {error}") from None
@@ -60,13 +60,13 @@ class Store:
 
     def _check(self) -> None:
         """Whether all arrays are there."""
-        region = self.survey.region
+        region = self.spec.region
         if len(self.chunks) != len(region.shape) or min(self.chunks) < 1:
             raise MapError(f"{self.path} is damaged: pieces of {self.chunks} cells. {_ELSE}")
         forms: list[tuple[Layout, tuple[str, ...], Index, Index]] = [
             (array, region.names, region.shape, self.chunks) for array in self.layouts
         ]
-        for array, axis in zip(coordinates(self.survey), region.axes, strict=True):
+        for array, axis in zip(coordinates(self.spec), region.axes, strict=True):
             forms.append((array, (axis.name,), (axis.count,), (axis.count,)))
         for array, names, shape, chunks in forms:
             document = _document(self.path / array.name)
@@ -83,11 +83,11 @@ class Store:
     @cached_property
     def layouts(self) -> tuple[Layout, ...]:
         """Of what is written of each piece, in this order."""
-        return layouts(self.survey)
+        return layouts(self.spec)
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of the survey's text."""
+        """SHA-256 of the specification's text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @property
@@ -102,7 +102,7 @@ class Store:
 
     @property
     def _counts(self) -> tuple[int, ...]:
-        return tuple(-(-n // width) for n, width in zip(self.survey.region.shape, self.chunks, strict=True))
+        return tuple(-(-n // width) for n, width in zip(self.spec.region.shape, self.chunks, strict=True))
 
     def look(self) -> Iterator[tuple[Index, bool]]:
         """All pieces, the last axis fastest, and whether each is written; one after the other, for there may be many.
@@ -149,7 +149,7 @@ class Store:
 
     def cells(self, index: Index) -> tuple[slice, ...]:
         """Of a piece."""
-        return piece(index, self.survey.region.shape, self.chunks)
+        return piece(index, self.spec.region.shape, self.chunks)
 
     def size(self, index: Index) -> int:
         """Cells of a piece."""
@@ -174,7 +174,7 @@ class Store:
         return self.path / array.name / file_name((*index, *(0 for _ in array.more)))
 
 
-def begin(path: Path, survey: Survey, chunks: Sequence[int]) -> Store:
+def begin(path: Path, spec: MapSpecification, chunks: Sequence[int]) -> Store:
     """The map at a path; a new one, with nothing in it yet, where there is none: it appears all at once.
 
     Raises:
@@ -186,7 +186,7 @@ def begin(path: Path, survey: Survey, chunks: Sequence[int]) -> Store:
             with locked(path.parent, wait=True):  # two that begin at once begin one map
                 if not os.path.lexists(path):
                     sweep(path)
-                    lay_out(beside(path), survey, chunks)
+                    lay_out(beside(path), spec, chunks)
                     beside(path).rename(path)
     except OSError as error:
         sweep(path)

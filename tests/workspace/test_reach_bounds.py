@@ -1,4 +1,4 @@
-"""Shells: least and largest distances across one joint are bounds, and are attained."""
+"""ReachBounds: least and largest distances across one joint are bounds, and are attained."""
 
 import math
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.workspace.shells import Shells, _about, _along, bounds, radius_about
+from cinegen.workspace.reach_bounds import ReachBounds, _about, _along, bounds, radius_about
 
 VECTORS = st.tuples(*(st.floats(-2.0, 2.0) for _ in range(3))).map(np.array)
 AXES = VECTORS.filter(lambda v: np.linalg.norm(v) > 0.1).map(lambda v: v / np.linalg.norm(v))
@@ -58,7 +58,7 @@ sensor 1 { port "/dev/null" translation 3 rotation 3 }
 
 def test_a_slide_before_a_turn(raff):
     """From the base's origin: 300 aside and 200 to 700 up to the second joint, then 400."""
-    shells = Shells(raff(CARRIAGE), "tool", True, 3)
+    shells = ReachBounds(raff(CARRIAGE), "tool", True, 3)
     assert shells.outer[0] == pytest.approx(math.hypot(0.3, 0.7), abs=1e-8)
     assert shells.inner[0] == pytest.approx(math.hypot(0.3, 0.2), abs=1e-8)
     radius = radius_about(raff(CARRIAGE), "tool", (0.0, 0.0, 0.0))
@@ -70,4 +70,4 @@ def test_a_slide_before_a_turn(raff):
 
 def test_the_base_stays_where_it_is(robot):
     assert bounds(robot("rx90"), "base", 0) == (-math.inf, math.inf)
-    assert not Shells(robot("rx90"), "base").exclude(np.ones((2, 3)), np.eye(3)[None]).any()
+    assert not ReachBounds(robot("rx90"), "base").exclude(np.ones((2, 3)), np.eye(3)[None]).any()

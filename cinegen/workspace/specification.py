@@ -1,4 +1,4 @@
-"""`Survey`: all that determines a map: of which robot, over what, which quantities, and how thoroughly."""
+"""`MapSpecification`: all that determines a map: of which robot, over what, which quantities, and how thoroughly."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from raff2urdf.errors import did_you_mean
 Array = NDArray[np.float64]
 
 VERSION = 4
-"""Of what stands in a map's folder, and how: changes when the same survey would give other numbers."""
+"""Of what stands in a map's folder, and how: changes when the same specification would give other numbers."""
 
 _UNIT = 1e-12  # by which a unit vector may be longer or shorter
 _MOVES = 1e-9  # rad or lengths for each: less is rounding
@@ -38,7 +38,7 @@ STARTS = 6
 
 
 @dataclass(frozen=True, eq=False)
-class Survey:
+class MapSpecification:
     """All that determines a map. What it takes to make it (processes, machines) is no part of it.
 
     Attributes:
@@ -220,7 +220,7 @@ class Survey:
 
     @property
     def text(self) -> str:
-        """The document, always the same way: two surveys are the same where their texts are."""
+        """The document, always the same way: two specifications are the same where their texts are."""
         return _text(self.document())
 
     @property
@@ -228,23 +228,23 @@ class Survey:
         """What is written into a map for `of_attributes`: the text, and where robot and scene are found here."""
         source = self.mechanism.source
         found = {"urdf": source.urdf, "constraints": source.constraints, "folder": source.folder, "name": source.name}
-        return {"survey": self.text, "source": _text(found), "folder": self.folder}
+        return {"specification": self.text, "source": _text(found), "folder": self.folder}
 
     @classmethod
-    def of_attributes(cls, attributes: Mapping[str, Any]) -> Survey:
+    def of_attributes(cls, attributes: Mapping[str, Any]) -> MapSpecification:
         """What `attributes` has written.
 
         Raises:
             KeyError, TypeError, ValueError: it is something else.
             LoadError: the robot can't be built from it.
-            MapError: by another version; or robot and survey don't belong together.
+            MapError: by another version; or robot and specification don't belong together.
         """
-        document = json.loads(attributes["survey"])
+        document = json.loads(attributes["specification"])
         if document.get("version") != VERSION:
             raise MapError(f"this map is of version {document.get('version')}, and {VERSION} is read here")
         from cinegen.model.load import build
 
-        survey = cls(
+        spec = cls(
             build(**json.loads(attributes["source"])),
             Region.of_document(document["region"]),
             tuple(document["quantities"]),
@@ -256,9 +256,9 @@ class Survey:
             document["scene"],
             attributes["folder"],
         )
-        if survey.text != attributes["survey"]:
+        if spec.text != attributes["specification"]:
             raise MapError("what it says of its robot and of its making does not belong together")
-        return survey
+        return spec
 
 
 def _rates(rotation: Array) -> Array:
@@ -274,37 +274,37 @@ def _text(document: Any) -> str:
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-def _checked(survey: Survey) -> tuple[str, ...]:
-    """The names of a survey's quantities, each once, in the order of `QUANTITIES`.
+def _checked(spec: MapSpecification) -> tuple[str, ...]:
+    """The names of a specification's quantities, each once, in the order of `QUANTITIES`.
 
     Raises:
         MapError: unknown; or it makes no sense there.
     """
-    mechanism, wanted = survey.mechanism, set(survey.quantities)
-    for name in survey.quantities:
+    mechanism, wanted = spec.mechanism, set(spec.quantities)
+    for name in spec.quantities:
         if name not in QUANTITIES:
             raise MapError(f"no quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
     if not mechanism.passive_rank:
         wanted.discard("sigma_2")  # nothing is passive, nothing can be of type 2
-    if "clearance" in wanted and survey.scene is None:
+    if "clearance" in wanted and spec.scene is None:
         raise MapError("clearance is that in a scene: say which (--scene)")
     if "clearance" in wanted:
-        _read_scene(survey)
-    if "solid_angle" in wanted and (survey.of_motors or survey.rotation):
+        _read_scene(spec)
+    if "solid_angle" in wanted and (spec.of_motors or spec.rotation):
         raise MapError("solid_angle asks which directions the node can have: leave its orientation free")
-    if "solutions" in wanted and survey.of_motors and mechanism.loops:
+    if "solutions" in wanted and spec.of_motors and mechanism.loops:
         _check_motors(mechanism)
-    if "solutions" in wanted and not survey.of_motors:
-        free, held = survey.freedoms, survey.rank
+    if "solutions" in wanted and not spec.of_motors:
+        free, held = spec.freedoms, spec.rank
         if free > held:
             raise MapError(
                 f"{mechanism.name} has infinitely many solutions here: it can move in {free} ways, and the pose of "
-                f"{survey.node} takes {held} of them. Leave 'solutions' out, or give its orientation too"
+                f"{spec.node} takes {held} of them. Leave 'solutions' out, or give its orientation too"
             )
     return tuple(name for name in QUANTITIES if name in wanted)
 
 
-def _read_scene(survey: Survey) -> None:
+def _read_scene(spec: MapSpecification) -> None:
     """Whether it can be read.
 
     Raises:
@@ -313,7 +313,7 @@ def _read_scene(survey: Survey) -> None:
     from cinegen.collision import AvoidError, scene_of
 
     try:
-        scene_of(dict(survey.scene or {}), survey.folder, mechanism=survey.mechanism)
+        scene_of(dict(spec.scene or {}), spec.folder, mechanism=spec.mechanism)
     except AvoidError as error:
         raise MapError(f"the scene can't be read: {error}") from None
 

@@ -1,0 +1,1 @@
+"""Maps on disk: zarr groups that xarray opens, written chunk by chunk."""
