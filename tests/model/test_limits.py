@@ -1,0 +1,105 @@
+"""Joint limits as a file declares them, and which joints of a configuration are beyond theirs.
+
+The limits below are written into the description, in degrees and mm; expected values are computed from those by hand.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from cinegen.model.limits import beyond, limits, outside, unwound
+
+ARM = """robot r { base { }
+  link 1 { type 2 pred 0 limits { -30 90 } }
+  link 2 { parameters { d 100 } type 1 pred 1 limits { -50 200 } }
+  link 3 { parameters { d 100 } type 2 pred 2 } }"""
+LIMITS = {"joint1": (math.radians(-30), math.radians(90)), "joint2": (-0.05, 0.2), "joint3": (-math.inf, math.inf)}
+
+
+@pytest.fixture
+def arm(raff):
+    return raff(ARM)
+
+
+@pytest.mark.parametrize("joint", LIMITS)
+def test_limits_are_those_of_the_file_in_rad_and_m(arm, joint):
+    assert limits(arm, joint) == pytest.approx(LIMITS[joint], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [
+        ({}, {}),
+        ({"joint1": math.radians(91)}, {"joint1": math.radians(90)}),
+        ({"joint1": math.radians(-31)}, {"joint1": math.radians(-30)}),
+        ({"joint2": 0.21}, {"joint2": 0.2}),
+        ({"joint2": -0.06}, {"joint2": -0.05}),
+        ({"joint1": math.radians(89), "joint2": 0.19}, {}),
+        ({"joint1": math.radians(-29), "joint2": -0.04}, {}),
+        ({"joint2": 0.3, "joint1": -3.0}, {"joint1": math.radians(-30), "joint2": 0.2}),
+        ({"joint3": 1e3}, {}),
+        ({"joint3": -1e3}, {}),
+    ],
+)
+def test_a_joint_beyond_either_limit_is_reported_with_that_limit_in_file_order(arm, values, expected):
+    found = beyond(arm, arm.configuration(values))
+    assert list(found) == list(expected)
+    assert found == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("value", "sign"), [(0.2, 1.0), (-0.05, -1.0)])
+def test_rounding_widens_both_limits_by_that_much_and_no_more(arm, value, sign):
+    for by, expected in ((0.5e-6, {}), (2e-6, {"joint2"})):
+        q = arm.configuration({"joint2": value + sign * by})
+        assert set(beyond(arm, q)) == {"joint2"}
+        assert set(beyond(arm, q, rounding=1e-6)) == set(expected)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "expected"),
+    [
+        (90 + 360, {}),
+        (-30 - 720, {}),
+        (350, {}),  # = -10
+        (95, {"joint1": 90}),
+        (95 - 360, {"joint1": 90}),
+        (-35, {"joint1": -30}),
+        (325, {"joint1": -30}),  # = -35
+    ],
+)
+def test_a_revolute_joint_is_outside_where_no_whole_turn_brings_it_within(arm, degrees, expected):
+    q = arm.configuration({"joint1": math.radians(degrees)})
+    assert outside(arm, q) == pytest.approx({joint: math.radians(at) for joint, at in expected.items()}, abs=1e-12)
+
+
+def test_whole_turns_are_taken_from_revolute_joints_with_limits_only(arm):
+    q = arm.configuration({"joint1": 0.5 + 2.0 * math.pi, "joint2": 0.1 + 2.0 * math.pi, "joint3": 0.7 + 2.0 * math.pi})
+    expected = arm.configuration({"joint1": 0.5, "joint2": 0.1 + 2.0 * math.pi, "joint3": 0.7 + 2.0 * math.pi})
+    assert unwound(arm, q) == pytest.approx(expected, abs=1e-12)
+    assert list(outside(arm, q)) == ["joint2"]
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_loop_is_closed_within_limits_of_either_side_where_it_can_be(raff, side):
+    """A planar five-bar (2 DoF) is written open; of its closed configurations one within the limits is home.
+    Without the limit, joint1 ends beyond it."""
+    text = """robot r {{ base {{ }}
+      link 1 {{ parameters {{ theta {0} }} type 2 pred 0 {limited} }}
+      link 2 {{ parameters {{ d 300 theta {1} }} type 2 pred 1 }}
+      link 3 {{ parameters {{ d 300 theta {2} }} type 2 pred 2 }}
+      link 4 {{ parameters {{ d 400 theta {3} }} type 2 pred 0 }}
+      frame 5 {{ parameters {{ d 300 }} pred 3 }}
+      frame 6 {{ parameters {{ d 300 }} pred 4 }}
+      constraint {{ frame 5 frame 6 type 2 }} }}"""
+    written = [side * theta for theta in (80, -70, -70, 100)]
+    free = raff(text.format(*written, limited=""), "free")
+    value = float(free.q_home[free.q_index("joint1")])
+    assert side * (value - math.radians(written[0])) > 1e-3, "the limit below does not restrict anything"
+    bound = math.degrees(value) - side * 0.5
+    low, high = sorted((bound, -side * 170))
+    arm = raff(text.format(*written, limited=f"limits {{ {low} {high} }}"), "limited")
+    here = float(arm.q_home[arm.q_index("joint1")])
+    assert math.radians(low) - 1e-9 <= here <= math.radians(high) + 1e-9
+    assert arm.closure(arm.q_home) < 1e-9
