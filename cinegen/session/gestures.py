@@ -52,8 +52,9 @@ class Trace:
 
     def note(self, robots: Mapping[str, Driven]) -> None:
         """Where they are now; called once a period of the beginning."""
+        skipped = self._count % self._skip != 0
         self._count += 1
-        if self._count % self._skip:
+        if skipped:
             return
         for name, one in robots.items():
             self.passed.setdefault(name, []).append(one.q)
