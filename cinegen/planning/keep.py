@@ -91,8 +91,11 @@ class Keep:
 
 
 def is_clear(clearance: Clearance, begin: Array, end: Array, safety: float) -> bool:
-    """Whether nothing comes nearer than the safety distance on the way from one configuration to another, and what is
-    nearer already does not come nearer still."""
+    """Return whether all of the straight path between two configurations keeps the safety distance.
+
+    What is nearer than that at the beginning must not be nearer at the end, and nowhere on the path nearer than half of
+    its distance at the beginning.
+    """
     first, ways = clearance.bounds(begin, end)
     first, ways = first.copy(), ways.copy()
     last = clearance.distances(end)

@@ -206,6 +206,27 @@ def test_what_an_obstacle_was_put_onto_only_goes_away(led, deep):
     assert last >= 0.05
 
 
+def past_a_ball(begin, least):
+    """A clearance, and the two ends of a straight path past a ball on which a point is `begin` (m) from its surface at
+    both ends and `least` (m) halfway, by Pythagoras."""
+    height = 0.1 + least
+    aside = np.sqrt((0.1 + begin) ** 2 - height**2)
+    clearance = point_among([ball(0.1, 0.0, -height, 0.0)])
+    return clearance, np.array([-aside, 0.0]), np.array([aside, 0.0])
+
+
+@pytest.mark.parametrize("begin", [1e-4, 1e-3, 0.01, 0.04])
+@pytest.mark.parametrize("part", [-1.0, 0.0, 0.01, 0.1, 0.25, 0.45])
+def test_a_path_on_which_what_is_too_near_comes_much_nearer_still_is_not_clear(begin, part):
+    """Though it ends as far away as it began."""
+    clearance, first, last = past_a_ball(begin, part * begin)
+    assert clearance.least(first) == pytest.approx(begin, abs=1e-9)
+    assert clearance.least(last) == pytest.approx(begin, abs=1e-9)
+    assert clearance.least(np.zeros(2)) == pytest.approx(part * begin, abs=1e-9)
+    assert not is_clear(clearance, first, last, 0.05)
+    assert is_clear(clearance, first, 1.5 * first, 0.05), "it may go away"
+
+
 @pytest.mark.parametrize("name", ["arm7", "planar_3r", "five_bar", "delta4"])
 @settings(max_examples=16)
 @given(seed=seeds, accelerated=st.booleans())
