@@ -116,6 +116,17 @@ def test_a_placement_on_a_nearly_parallel_axis_comes_back_as_well_as_doubles_all
     assert off(transform(parameters(placement)), placement) <= SKEWED * size
 
 
+@pytest.mark.parametrize("side", [0.0, math.pi])
+@pytest.mark.parametrize("far", [1.0, 1e6, 1e9, 1e11, 1e12, 1e13])
+@pytest.mark.parametrize("angle", [2e-3, 5e-3, 1e-2])
+def test_an_axis_keeps_its_tilt_however_far_away_it_is(angle: float, far: float, side: float) -> None:
+    """Up to the largest coordinate that a URDF may have. The tilt is far above any rounding of a rotation."""
+    placement = turn("z", 0.4) @ turn("x", side + angle) @ turn("z", -1.1)
+    placement[:3, 3] = far * np.array([0.9, -0.6, 0.7])
+    found = transform(parameters(placement))
+    assert off(found[:3, :3], placement[:3, :3]) <= EXACT
+
+
 @given(placements(st.floats(0.0, math.pi) | nearly_parallel))
 @examples(200)
 def test_the_twist_is_taken_from_0_to_180_degrees(placement: Matrix) -> None:
