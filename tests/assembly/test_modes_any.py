@@ -114,7 +114,7 @@ def test_joints_below_and_above_don_t_count(built):
 
 
 @pytest.mark.parametrize(("seed", "words"), [(23, "PPS RPS"), (27, "PPS RRR"), (34, "UPS RUS")])
-def test_random_closings_find_nothing_beside_what_is_complete(built, seed, words):
+def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, seed, words):
     """Legs of random geometry, motors wherever they suffice."""
     r = rng(seed)
     mechanism = making.platform(r, words.split(), "joint")
@@ -126,8 +126,8 @@ def test_random_closings_find_nothing_beside_what_is_complete(built, seed, words
     m = built(replace(mechanism, bodies=bodies))
     modes = assembly_modes(m)
     sound(modes)
-    if modes.complete or modes.trace_test:
-        nothing_beside(modes, ["tool"], 10, seed)
+    traced(modes)
+    nothing_beside(modes, ["tool"], 10, seed)
 
 
 # --- motors that are too many -------------------------------------------------------------------------------------
