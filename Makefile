@@ -11,7 +11,7 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test check kernels studies bench generated clean lock FORCE
+.PHONY: help demo test check javascript kernels studies bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -21,15 +21,18 @@ demo: kernels ## make a robot from its description, and drive it in the browser
 	$(BIN)/raff2urdf robots/delta4.raff
 	$(BIN)/cinegen drive generated/delta4.urdf
 
-test: check kernels studies ## run every check, then the tests
+test: check javascript kernels studies ## run every check, then the tests
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
 
-check: .venv/test-installed ## run the linters only
+check: .venv/test-installed ## run the linters of the Python code only
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
+
+javascript: ## lint, type-check and test the page's JavaScript, where node and npm are there
+	@.ci/javascript
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
@@ -50,10 +53,10 @@ bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as 
 	$(BIN)/python benchmarks/compare.py
 
 # Nothing else waits for the compiler then, a minute where a kernel has changed.
-kernels: .venv/runtime-installed
+kernels: .venv/runtime-installed ## compile what a tick needs, if it has changed
 	@$(BIN)/python -m cinegen.ik
 
-studies: .venv/runtime-installed
+studies: .venv/runtime-installed ## compile what assembly modes and planning need, if it has changed
 	@$(BIN)/python -m cinegen.assembly
 	@$(BIN)/python -m cinegen.planning
 
@@ -61,7 +64,7 @@ generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff
 
 clean: ## remove the environment and all caches
-	rm -rf .venv .venv-bench build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-bench node_modules build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- The environment ---------------------------------------------------------------------------------------------

@@ -20,30 +20,41 @@ export const AIDS = [
 const OFF = ["ellipsoid"]; // until they are wished for
 export const BODIES = ["parts", "skeleton"];
 
-/** Events: change. */
+/**
+ * Events: change.
+ *
+ * @extends {Events<{ change: undefined }>}
+ */
 export class Aids extends Events {
+  /** @type {Map<string, boolean>} */
   #on;
   bodies = memory.get("bodies", "parts"); // how robots are drawn
 
-  /** @param none show none, whatever was chosen */
+  /** @param {boolean} none show none, whatever was chosen */
   constructor(none = false) {
     super();
     this.none = none;
-    const chosen = memory.get("aids", {});
+    const chosen = memory.get("aids", /** @type {Record<string, boolean>} */ ({}));
     this.#on = new Map(AIDS.map(({ id }) => [id, chosen[id] ?? !OFF.includes(id)]));
     if (!BODIES.includes(this.bodies)) this.bodies = "parts";
   }
 
+  /** @param {string} id */
   shows(id) {
     return !this.none && this.#on.get(id) === true;
   }
 
+  /**
+   * @param {string} id
+   * @param {boolean} on
+   */
   choose(id, on) {
     this.#on.set(id, on);
     memory.set("aids", Object.fromEntries(this.#on));
     this.tell("change");
   }
 
+  /** @param {string} bodies */
   draw(bodies) {
     this.bodies = bodies;
     memory.set("bodies", bodies);

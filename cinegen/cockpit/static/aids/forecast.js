@@ -69,8 +69,9 @@ export class Forecasts {
     for (const event of events) {
       if (!event?.at) continue;
       const at = new Vector3().fromArray(event.at);
-      if (apart.length < MOST && apart.every(([, other]) => at.distanceTo(other) > APART * robot.length))
+      if (apart.length < MOST && apart.every(([, other]) => at.distanceTo(other) > APART * robot.length)) {
         apart.push([event, at]);
+      }
     }
     one.marks.forEach((mark, i) => {
       const [event, at] = apart[i] ?? [];

@@ -41,9 +41,9 @@ export class Lost {
         const near = this.aids.shows("lost") ? closeness(found) : 0;
         const mark = this.#marks.get(key);
         if (!this.#fresh.is(key, near > 0 ? found : null)) continue;
-        if (near > 0 && found.twist?.length === 6 && found.at)
+        if (near > 0 && found.twist?.length === 6 && found.at) {
           this.#place(mark ?? this.#make(key, kind), found, near, robot);
-        else if (mark !== undefined) this.#hide(mark);
+        } else if (mark !== undefined) this.#hide(mark);
       }
     }
   }

@@ -16,10 +16,11 @@ export class Foot {
     Object.assign(this, { view, session });
     session.on("state", (state) => this.#answer(state));
     session.on("report", (report) => this.#show(report));
-    for (const name of ["lost", "dropped"])
+    for (const name of ["lost", "dropped"]) {
       session.on(name, () => {
         this.#sent.length = 0;
       });
+    }
   }
 
   /** A target was sent: the delay is the time until a state has it. */

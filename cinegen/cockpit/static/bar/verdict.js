@@ -4,6 +4,7 @@
 
 import { atMostEvery, byId, write } from "../base/dom.js";
 
+/** @type {Record<string, string>} */
 const TONES = {
   FOLLOWING: "good",
   IDLE: "none",
@@ -19,9 +20,11 @@ const TONES = {
 };
 const TROUBLE = ["none", "good", "warn", "bad"];
 const IDLE = "ready";
+/** @type {Record<string, string>} */
 const MOVING = { home: "going home", visit: "going there", undo: "going back", redo: "going on" };
 
 export class Verdict {
+  /** @param {import("../base/session.js").Session} session */
   constructor(session) {
     this.session = session;
     this.chip = byId("verdict");
@@ -32,19 +35,34 @@ export class Verdict {
 
   #show() {
     const { state, report, robots, obstacles } = this.session;
-    const told = Object.entries(state?.verdicts ?? {}).map(([robot, { name, words } = {}]) => {
-      const text = name === "IDLE" ? IDLE : (words ?? name ?? "");
-      return { robot, name, words: text, tone: TONES[name] ?? "none" };
-    });
-    if (told.length === 0) return;
-    const worst = told.reduce((one, other) => (TROUBLE.indexOf(other.tone) > TROUBLE.indexOf(one.tone) ? other : one));
-    let words = robots.length + obstacles.length > 1 && worst.tone !== "none" ? `${worst.robot}: ${worst.words}` : worst.words;
-    let { tone } = worst;
-    if (report?.paused) [words, tone] = ["paused", "none"];
-    else if (MOVING[report?.moving]) [words, tone] = [MOVING[report.moving], "good"];
-    write(this.chip, words);
-    this.chip.dataset.tone = tone;
-    this.chip.dataset.verdict = worst.name ?? "";
-    this.chip.title = told.map((one) => `${one.robot}: ${one.words}`).join("\n");
+    const shown = summary(state?.verdicts ?? {}, report, robots.length + obstacles.length > 1);
+    if (shown === null) return;
+    write(this.chip, shown.words);
+    this.chip.dataset.tone = shown.tone;
+    this.chip.dataset.verdict = shown.name;
+    this.chip.title = shown.title;
   }
+}
+
+/**
+ * Return what the chip shows of the status of all robots; null where none is known. The first robot in most trouble
+ * is shown, unless the session is paused or moves by itself.
+ *
+ * @param {Record<string, { name?: string, words?: string }>} verdicts by robot
+ * @param {{ paused?: boolean, moving?: string | null } | null} report
+ * @param {boolean} several there are several robots or obstacles: the robot is named
+ */
+export function summary(verdicts, report, several) {
+  const told = Object.entries(verdicts).map(([robot, { name = "", words } = {}]) => {
+    const text = name === "IDLE" ? IDLE : (words ?? name);
+    return { robot, name, words: text, tone: TONES[name] ?? "none" };
+  });
+  if (told.length === 0) return null;
+  const worst = told.reduce((one, other) => (TROUBLE.indexOf(other.tone) > TROUBLE.indexOf(one.tone) ? other : one));
+  let words = several && worst.tone !== "none" ? `${worst.robot}: ${worst.words}` : worst.words;
+  let { tone } = worst;
+  const moving = MOVING[report?.moving ?? ""];
+  if (report?.paused) [words, tone] = ["paused", "none"];
+  else if (moving !== undefined) [words, tone] = [moving, "good"];
+  return { words, tone, name: worst.name, title: told.map((one) => `${one.robot}: ${one.words}`).join("\n") };
 }

@@ -5,12 +5,19 @@ const SVG = "http://www.w3.org/2000/svg";
 /**
  * An element: `make("button", { class: "small", title: "...", on: { click } }, "text", child)`.
  * `data` sets data attributes, `on` listens, true and false set or leave out an attribute.
+ *
+ * @template {keyof HTMLElementTagNameMap} K
+ * @param {K} tag
+ * @param {Record<string, any>} attributes
+ * @param {...(Node | string | null | undefined)} children
+ * @returns {HTMLElementTagNameMap[K]}
  */
 export function make(tag, attributes = {}, ...children) {
   const element = document.createElement(tag);
   for (const [name, value] of Object.entries(attributes)) {
-    if (name === "on") for (const [event, listener] of Object.entries(value)) element.addEventListener(event, listener);
-    else if (name === "data") Object.assign(element.dataset, value);
+    if (name === "on") {
+      for (const [event, listener] of Object.entries(value)) element.addEventListener(event, listener);
+    } else if (name === "data") Object.assign(element.dataset, value);
     else if (value === true) element.setAttribute(name, "");
     else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
   }
@@ -18,7 +25,11 @@ export function make(tag, attributes = {}, ...children) {
   return element;
 }
 
-/** One of the signs of the page's sheet (see index.html). */
+/**
+ * One of the signs of the page's sheet (see index.html).
+ *
+ * @param {string} name
+ */
 export function sign(name) {
   const svg = document.createElementNS(SVG, "svg");
   svg.setAttribute("class", "sign");
@@ -29,25 +40,49 @@ export function sign(name) {
   return svg;
 }
 
-/** Sets a text where it is another: an untouched element is not laid out anew. */
+/**
+ * Sets a text where it is another: an untouched element is not laid out anew.
+ *
+ * @param {Element} element
+ * @param {string} text
+ */
 export function write(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/**
+ * Return the element of index.html with an id.
+ *
+ * @template {HTMLElement} [T=HTMLElement]
+ * @param {string} id
+ * @returns {T}
+ */
 export function byId(id) {
-  return document.getElementById(id);
+  const element = document.getElementById(id);
+  if (element === null) throw new Error(`index.html has no element with the id "${id}"`);
+  return /** @type {T} */ (element);
 }
 
 /** What was chosen in this browser before; a browser may refuse to keep it. */
 export const memory = {
+  /**
+   * @template T
+   * @param {string} name
+   * @param {T} otherwise what is returned where nothing of this type is kept
+   * @returns {T}
+   */
   get(name, otherwise) {
     try {
-      const kept = JSON.parse(localStorage.getItem(`cinegen.${name}`));
+      const kept = JSON.parse(localStorage.getItem(`cinegen.${name}`) ?? "null");
       return kept === null || typeof kept !== typeof otherwise ? otherwise : kept;
     } catch {
       return otherwise;
     }
   },
+  /**
+   * @param {string} name
+   * @param {unknown} value
+   */
   set(name, value) {
     try {
       localStorage.setItem(`cinegen.${name}`, JSON.stringify(value));
@@ -57,33 +92,42 @@ export const memory = {
   },
 };
 
-/** Calls `action` at once, then at most once in `milliseconds`, with the newest value last. */
+/**
+ * Calls `action` at once, then at most once in `milliseconds`, with the newest value last.
+ *
+ * @template [T=void]
+ * @param {number} milliseconds
+ * @param {(value: T) => void} action
+ */
 export function atMostEvery(milliseconds, action) {
   let last = -Infinity;
-  let timer = null;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let timer;
+  /** @type {T} */
   let newest;
   const run = () => {
-    timer = null;
+    timer = undefined;
     last = performance.now();
     action(newest);
   };
+  /** @param {T} value */
   const offer = (value) => {
     newest = value;
-    if (timer !== null) return;
+    if (timer !== undefined) return;
     const wait = last + milliseconds - performance.now();
     if (wait <= 0) run();
     else timer = setTimeout(run, wait);
   };
   /** Does now what waits. */
   offer.flush = () => {
-    if (timer === null) return;
+    if (timer === undefined) return;
     clearTimeout(timer);
     run();
   };
   /** Forgets what waits. */
   offer.stop = () => {
     clearTimeout(timer);
-    timer = null;
+    timer = undefined;
   };
   return offer;
 }

@@ -1,21 +1,35 @@
 // Who wants to know of something is told.
 
+/** @template {object} [T=Record<string, any>] the value of each event, by its name */
 export class Events {
+  /** @type {Map<keyof T, ((value: any) => void)[]>} */
   #listeners = new Map();
 
-  /** Calls `listener(value)` whenever `name` happens. */
+  /**
+   * Calls `listener(value)` whenever `name` happens.
+   *
+   * @template {keyof T} K
+   * @param {K} name
+   * @param {(value: T[K]) => void} listener
+   */
   on(name, listener) {
-    if (!this.#listeners.has(name)) this.#listeners.set(name, []);
-    this.#listeners.get(name).push(listener);
+    this.#listeners.set(name, [...(this.#listeners.get(name) ?? []), listener]);
     return this;
   }
 
+  /**
+   * Calls all listeners to `name`, in the order in which they were added.
+   *
+   * @template {keyof T} K
+   * @param {K} name
+   * @param {T[K]} [value]
+   */
   tell(name, value) {
     for (const listener of this.#listeners.get(name) ?? []) {
       try {
         listener(value);
       } catch (error) {
-        console.error(`${name}:`, error); // one part of the page that fails stops no other
+        console.error(`${String(name)}:`, error); // one part of the page that fails stops no other
       }
     }
   }

@@ -8,51 +8,65 @@ const OFTEN = 1000 / 30; // ms
 
 export class Gamepad {
   #moving = false;
-  #timer = null;
+  /** @type {ReturnType<typeof setInterval> | undefined} */
+  #timer;
 
+  /** @param {import("./session.js").Session} session */
   constructor(session) {
     this.session = session;
     session.on("report", (report) => this.#watch(report));
-    for (const name of ["lost", "dropped"]) session.on(name, () => this.#stop());
+    for (const name of /** @type {const} */ (["lost", "dropped"])) session.on(name, () => this.#stop());
   }
 
+  /** @param {import("./link.js").Report} report */
   #watch({ switches = [] }) {
+    /** @type {Set<string | null>} */
     const mine = new Set(
       (this.session.hello?.sensors ?? [])
         .filter(({ id, url }) => id === "gamepad" || url?.startsWith("gamepad:"))
         .map(({ id }) => id),
     );
     const wanted = switches.some(({ sensor }) => mine.has(sensor)) && this.session.hand !== "other";
-    if (wanted && this.#timer === null) this.#timer = setInterval(() => this.#read(), OFTEN);
+    if (wanted && this.#timer === undefined) this.#timer = setInterval(() => this.#read(), OFTEN);
     else if (!wanted) this.#stop();
   }
 
   #stop() {
     clearInterval(this.#timer);
-    this.#timer = null;
+    this.#timer = undefined;
     this.#moving = false;
   }
 
   #read() {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected);
-    const twist = pad === undefined ? [0, 0, 0, 0, 0, 0] : twistOf(pad);
-    const buttons = pad === undefined ? [] : pad.buttons.flatMap((button, i) => (button.pressed ? [i] : []));
+    const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected) ?? null;
+    const twist = pad === null ? [0, 0, 0, 0, 0, 0] : twistOf(pad);
+    const buttons = pad === null ? [] : pad.buttons.flatMap((button, i) => (button.pressed ? [i] : []));
     const moving = twist.some((value) => value !== 0) || buttons.length > 0;
     if (moving || this.#moving) this.session.send({ gamepad: { twist, buttons } });
     this.#moving = moving;
   }
 }
 
-/** x right, y away, z up; -1 to 1. */
-function twistOf({ axes, buttons }) {
+/**
+ * Return the twist of a gamepad's deflection: x right, y away, z up, then about them; -1 to 1.
+ *
+ * @param {Pick<globalThis.Gamepad, "axes"> & { buttons: readonly { value: number }[] }} pad
+ */
+export function twistOf({ axes, buttons }) {
+  /** @param {number} i */
   const axis = (i) => rest(axes[i] ?? 0);
+  /** @param {number} i */
   const button = (i) => buttons[i]?.value ?? 0;
   return [axis(0), -axis(1), rest(button(7) - button(6)), axis(3), axis(2), rest(button(4) - button(5))].map((value) =>
     value === 0 ? 0 : Number(value.toFixed(3)),
   );
 }
 
-/** Nothing within the dead zone, and from there on from 0 to 1. */
+/**
+ * Nothing within the dead zone, and from there on from 0 to 1.
+ *
+ * @param {number} value
+ */
 function rest(value) {
   const size = Math.min(1, Math.abs(value));
   return size <= DEAD ? 0 : (Math.sign(value) * (size - DEAD)) / (1 - DEAD);

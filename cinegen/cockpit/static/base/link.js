@@ -5,17 +5,58 @@
 
 import { Events } from "./events.js";
 
+/**
+ * What the server sends: `hello` once, then `state` at every frame, some of them with a `report`, and `notice`. They are
+ * made in cinegen/cockpit/frames.py and hub.py; a hostile server may leave out anything that is optional here.
+ *
+ * @typedef {{ name: string, parent: string | null, joint: string | null, kind: "base" | "link" | "frame" }} Node
+ * @typedef {{ name: string, type: string, actuated: boolean, home?: number, low?: number | null, high?: number | null }} Joint
+ * @typedef {{ first: string, second: string }} Loop
+ * @typedef {{ name: string, robot: string, obstacle: boolean, length: number, mobility: number, end: string,
+ *   stands_on: [string, string] | null, nodes?: Node[], joints?: Joint[], loops?: Loop[] }} Robot
+ * @typedef {{ id: string, url?: string, what?: string }} Sensor
+ * @typedef {{ robot: string, node: string, choices?: (string | null)[] }} Switch
+ * @typedef {{ kind: "hello", protocol: number, client: number, title: string, robots?: Robot[], sensors?: Sensor[],
+ *   switches?: Switch[], frames: string[], map?: string | null,
+ *   replay?: { file: string, seconds: number, stops: number[] } | null }} Hello
+ * @typedef {{ id: number, robot: string, node: string, who: string, label: string | null, point: number[],
+ *   target: number[], error: number[], holds: [number, number], weight: number }} Pull
+ * @typedef {{ kind: "state", time: number, frame?: number, hand?: number | null, poses: Record<string, number[]>,
+ *   pulls?: Pull[], verdicts?: Record<string, { name: string, words: string }>, report?: Report }} State
+ * @typedef {{ sigma: number | null, near: number, words?: string, node?: string, at?: number[], twist?: number[] }} Singular
+ * @typedef {{ time: number, kind: string, words: string, at: number[] }} Foreseen
+ * @typedef {{ q?: number[], saturated: string[], near: string[], closure: number | null, type1: Singular | null,
+ *   type2: Singular | null, ellipsoid: { at: number[], axes: number[][] } | null,
+ *   forecast: { path: number[][], events: Foreseen[] } }} RobotReport
+ * @typedef {{ id: string, state: string, words: string, packets: number, damaged: number, twist: number[] | null }} SensorReport
+ * @typedef {{ robots?: Record<string, RobotReport>, sensors?: SensorReport[],
+ *   switches?: { robot: string, node: string, sensor: string | null }[], settings?: { frame: string, speed: number, turning: number, gain: number, damping: number },
+ *   undo: number, redo: number, paused: boolean, moving: string | null,
+ *   recording: { file: string, seconds: number, error: string | null } | null,
+ *   replay: { time: number, playing: boolean, speed: number } | null,
+ *   rate: { ticks: number, late: number }, clients: number }} Report
+ * @typedef {{ kind?: "notice", words: string, level?: string, action?: { words: string, run: () => void } }} Notice
+ */
+
+/**
+ * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, lost: string, dropped: string }} Said
+ */
+
 const SOONEST = 500; // ms to the next try to reach the server
 const LATEST = 3000;
 const REFUSED = 1008; // the server wants no more of us
 
+/** @extends {Events<Said>} */
 export class Link extends Events {
+  /** @type {WebSocket[]} */
   #sockets = [];
+  /** @type {WebSocket | null} */
+  #session = null;
   #wait = SOONEST;
   #over = false;
   connected = false;
 
-  /** @param scene what connects meshcat's viewer to an address and returns its socket */
+  /** @param {(address: string) => WebSocket} scene what connects meshcat's viewer to an address and returns its socket */
   constructor(scene) {
     super();
     this.scene = scene;
@@ -31,14 +72,19 @@ export class Link extends Events {
     this.#sockets = [session, scene];
     session.addEventListener("message", (event) => this.#hear(event.data));
     for (const socket of this.#sockets) socket.addEventListener("close", (event) => this.#close(socket, event));
-    this.session = session;
+    this.#session = session;
   }
 
-  /** Says something to the server; nothing while the line is cut. */
+  /**
+   * Says something to the server; nothing while the line is cut.
+   *
+   * @param {object} object
+   */
   send(object) {
-    if (this.session?.readyState === WebSocket.OPEN) this.session.send(JSON.stringify(object));
+    if (this.#session?.readyState === WebSocket.OPEN) this.#session.send(JSON.stringify(object));
   }
 
+  /** @param {string} text */
   #hear(text) {
     let said;
     try {
@@ -63,6 +109,10 @@ export class Link extends Events {
     }
   }
 
+  /**
+   * @param {WebSocket} socket
+   * @param {CloseEvent} event
+   */
   #close(socket, event) {
     if (!this.#sockets.includes(socket)) return; // the other of the two has told it already
     const others = this.#sockets.filter((other) => other !== socket);
@@ -81,14 +131,22 @@ export class Link extends Events {
   }
 }
 
-/** A socket's address beside the page's own, with its token. */
+/**
+ * A socket's address beside the page's own, with its token.
+ *
+ * @param {string} name
+ */
 function address(name) {
   const url = new URL(beside(name));
   url.protocol = url.protocol.replace("http", "ws");
   return url.href;
 }
 
-/** An address beside the page's own, with its token. */
+/**
+ * An address beside the page's own, with its token.
+ *
+ * @param {string} name
+ */
 export function beside(name) {
   const url = new URL(name, location.href);
   const token = new URLSearchParams(location.search).get("token");

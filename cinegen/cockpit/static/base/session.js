@@ -4,14 +4,32 @@
 
 import { Events } from "./events.js";
 
+/**
+ * @typedef {import("./link.js").Hello} Hello
+ * @typedef {import("./link.js").State} State
+ * @typedef {import("./link.js").Node} Node
+ * @typedef {"mine" | "other" | "free"} Hand
+ * @typedef {{ robot: string, node: string }} Part
+ * @typedef {Required<import("./link.js").Robot> & { byName: Map<string, Node> }} KnownRobot
+ * @typedef {Pick<import("./link.js").Link, "on" | "send">} Line
+ */
+
+/** @extends {Events<import("./link.js").Said & { hand: Hand, select: Part | null, denied: undefined }>} */
 export class Session extends Events {
+  /** @type {Hello | null} */
   hello = null;
+  /** @type {State | null} */
   state = null;
+  /** @type {import("./link.js").Report | null} */
   report = null;
+  /** @type {Hand} */
   hand = "free";
+  /** @type {Part | null} */
   selected = null;
+  /** @type {Map<string, KnownRobot>} */
   #robots = new Map();
 
+  /** @param {Line} link */
   constructor(link) {
     super();
     this.link = link;
@@ -21,10 +39,11 @@ export class Session extends Events {
       this.report = report;
       this.tell("report", report);
     });
-    for (const name of ["notice", "lost", "dropped"]) link.on(name, (value) => this.tell(name, value));
+    for (const name of /** @type {const} */ (["notice", "lost", "dropped"])) link.on(name, (value) => this.tell(name, value));
     document.documentElement.dataset.hand = this.hand;
   }
 
+  /** @param {object} object */
   send(object) {
     this.link.send(object);
   }
@@ -38,17 +57,31 @@ export class Session extends Events {
     return [...this.#robots.values()].filter(({ obstacle }) => obstacle);
   }
 
-  /** A robot or an obstacle. */
+  /**
+   * A robot or an obstacle.
+   *
+   * @param {string} name
+   */
   robot(name) {
     return this.#robots.get(name) ?? null;
   }
 
-  /** Whether there is such a part. */
+  /**
+   * Whether there is such a part.
+   *
+   * @param {string} robot
+   * @param {string} node
+   */
   knows(robot, node) {
     return this.#robots.get(robot)?.byName.has(node) ?? false;
   }
 
-  /** What people call a part. */
+  /**
+   * What people call a part.
+   *
+   * @param {string} robot
+   * @param {string} node
+   */
   called(robot, node) {
     if (this.robot(robot)?.obstacle) return robot;
     return this.robots.length > 1 ? `${robot} · ${node}` : node;
@@ -66,14 +99,20 @@ export class Session extends Events {
     return false;
   }
 
-  /** Selects a part, or nothing. */
+  /**
+   * Selects a part, or nothing where there is no such part.
+   *
+   * @param {string | null} robot
+   * @param {string | null} node
+   */
   select(robot, node) {
-    const selected = this.knows(robot, node) ? { robot, node } : null;
+    const selected = robot !== null && node !== null && this.knows(robot, node) ? { robot, node } : null;
     if (selected?.robot === this.selected?.robot && selected?.node === this.selected?.node) return;
     this.selected = selected;
     this.tell("select", selected);
   }
 
+  /** @param {Hello} hello */
   #meet(hello) {
     this.hello = hello;
     this.state = this.report = null;
@@ -88,6 +127,7 @@ export class Session extends Events {
     if (this.selected !== null && !this.knows(this.selected.robot, this.selected.node)) this.select(null, null);
   }
 
+  /** @param {State} state */
   #follow(state) {
     this.state = state;
     const holder = state.hand ?? null;
@@ -100,7 +140,12 @@ export class Session extends Events {
   }
 }
 
-/** A part's key in maps. */
+/**
+ * A part's key in maps.
+ *
+ * @param {string} robot
+ * @param {string} node
+ */
 export function keyOf(robot, node) {
   return `${robot}\n${node}`;
 }

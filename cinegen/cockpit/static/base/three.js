@@ -39,4 +39,4 @@ export const {
   Vector2,
   Vector3,
   WebGLRenderer,
-} = window.MeshCat.THREE;
+} = /** @type {any} */ (window).MeshCat.THREE;

@@ -6,7 +6,10 @@ import { memory } from "./dom.js";
 const DEGREE = Math.PI / 180;
 const NAMES = ["mm · °", "m · rad"];
 
-class Units extends Events {
+/** @typedef {{ type: string }} Joint revolute, or prismatic */
+
+/** @extends {Events<{ change: undefined }>} */
+export class Units extends Events {
   small = memory.get("units", "mm") === "mm"; // mm and degrees
 
   toggle() {
@@ -23,58 +26,90 @@ class Units extends Events {
     return this.small ? NAMES[1] : NAMES[0];
   }
 
-  /** "12.3 mm" of a length in m. */
+  /**
+   * "12.3 mm" of a length in m.
+   *
+   * @param {number} metres
+   */
   length(metres) {
     return this.small ? `${fixed(1000 * metres, 1)} mm` : `${fixed(metres, 4)} m`;
   }
 
+  /** @param {number} radians */
   angle(radians) {
     return this.small ? `${fixed(radians / DEGREE, 1)}°` : `${fixed(radians, 3)} rad`;
   }
 
-  /** A joint's value as it is shown, without its unit. */
+  /**
+   * A joint's value as it is shown, without its unit.
+   *
+   * @param {Joint} joint
+   * @param {number} value
+   */
   shown(joint, value) {
     if (!this.small) return value;
     return joint.type === "prismatic" ? 1000 * value : value / DEGREE;
   }
 
-  /** The other way round. */
+  /**
+   * The other way round.
+   *
+   * @param {Joint} joint
+   * @param {number} shown
+   */
   meant(joint, shown) {
     if (!this.small) return shown;
     return joint.type === "prismatic" ? shown / 1000 : shown * DEGREE;
   }
 
+  /** @param {Joint} joint */
   digits(joint) {
     if (this.small) return 1;
     return joint.type === "prismatic" ? 4 : 3;
   }
 
+  /** @param {Joint} joint */
   unit(joint) {
     if (joint.type === "prismatic") return this.small ? "mm" : "m";
     return this.small ? "°" : "rad";
   }
 
+  /**
+   * @param {Joint} joint
+   * @param {number} value
+   */
   joint(joint, value) {
     return joint.type === "prismatic" ? this.length(value) : this.angle(value);
   }
 
+  /** @param {number} metresASecond */
   speed(metresASecond) {
     return this.small ? `${significant(1000 * metresASecond)} mm/s` : `${significant(metresASecond)} m/s`;
   }
 
+  /** @param {number} radiansASecond */
   turning(radiansASecond) {
     return this.small ? `${significant(radiansASecond / DEGREE)} °/s` : `${significant(radiansASecond)} rad/s`;
   }
 }
 
-/** With so many digits, and no "-0.0". */
+/**
+ * With so many digits, and no "-0.0".
+ *
+ * @param {number} value
+ * @param {number} digits
+ */
 export function fixed(value, digits) {
   if (!Number.isFinite(value)) return "–";
   const text = value.toFixed(digits);
   return Number(text) === 0 ? (0).toFixed(digits) : text;
 }
 
-/** Two significant digits, written out. */
+/**
+ * Two significant digits, written out.
+ *
+ * @param {number} value
+ */
 export function significant(value) {
   return Number.isFinite(value) ? String(Number(value.toPrecision(2))) : "–";
 }

@@ -6,7 +6,13 @@ const STOPS = [
 
 export const UNKNOWN = [0.62, 0.62, 0.62]; // of what has no value
 
-/** Red, green and blue of a part, 0 to 1, put into an array from `at` on. */
+/**
+ * Red, green and blue of a part, 0 to 1, put into an array from `at` on.
+ *
+ * @param {number} part
+ * @param {number[] | Float32Array} into
+ * @param {number} at
+ */
 export function colour(part, into, at) {
   if (!Number.isFinite(part)) {
     for (let k = 0; k < 3; k += 1) into[at + k] = UNKNOWN[k];

@@ -9,18 +9,39 @@ import { beside } from "../base/link.js";
 const GROWING = 2000; // ms until a map that is being made is looked at again
 const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn of it
 
+/**
+ * What the server says of a map (cinegen/cockpit/chart.py).
+ *
+ * @typedef {{ name: string, unit: string, low: number, step: number, count: number, every: number, places: boolean }} Axis
+ * @typedef {{ name: string, unit: string, words: string, low: number, high: number, least: number, most: number }} Quantity
+ * @typedef {{ robot: string, surface: boolean, size: number, cells: number, done: number, shown: number, axes: Axis[],
+ *   quantity: string | null, quantities: Quantity[],
+ *   arrays: Record<string, { at: number, count: number, whole: boolean }> }} About
+ * @typedef {{ axis: number, index: number, layer: boolean }} Cut
+ * @typedef {{ quantity: string | null, shown: boolean, cut: Cut | null, share: number }} Choice
+ * @typedef {Uint32Array | Float32Array} Numbers
+ */
+
+/** @extends {Events<{ cells: undefined, change: undefined }>} */
 export class Field extends Events {
+  /** @type {About | null} */
   about = null; // what is said of the map; null without one
+  /** @type {string | null} */
   quantity = null; // name of what the colours show
   shown = true;
+  /** @type {Cut | null} */
   cut = null; // { axis, index, layer }: cells beyond an index of an axis are left out, or all but those at it
   share = 1; // of a cell's width
+  /** @type {Map<string, Numbers>} */
   #numbers = new Map();
   #seen = new Uint32Array(0);
-  #timer = null;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  #timer;
 
+  /** @param {import("../base/session.js").Session} session */
   constructor(session) {
     super();
+    /** @type {boolean | null} */
     this.expected = null; // whether there is a map; null until that is known
     session.on("hello", ({ map = null }) => {
       this.expected = map !== null;
@@ -34,17 +55,31 @@ export class Field extends Events {
     return this.expected === false || this.about !== null;
   }
 
-  /** An array of numbers of all cells. */
+  /**
+   * An array of numbers of all cells.
+   *
+   * @param {string} name
+   */
   array(name) {
-    return this.#numbers.get(name) ?? null;
+    const numbers = this.#numbers.get(name);
+    if (numbers === undefined) throw new Error(`the map has no numbers called "${name}"`);
+    return numbers;
   }
 
-  /** The values of a quantity. */
+  /**
+   * The values of a quantity; null where there are none.
+   *
+   * @param {string | null} name
+   */
   values(name = this.quantity) {
-    return this.array(`value ${name}`);
+    return this.#numbers.get(`value ${name}`) ?? null;
   }
 
-  /** What is said of a quantity; null if none is shown. */
+  /**
+   * What is said of a quantity; null if none is shown.
+   *
+   * @param {string | null} name
+   */
   said(name = this.quantity) {
     return this.about?.quantities.find((one) => one.name === name) ?? null;
   }
@@ -54,7 +89,11 @@ export class Field extends Events {
     return this.shown ? this.#seen : this.#seen.subarray(0, 0);
   }
 
-  /** Chooses what is seen: { quantity, shown, cut, share }, or some of these. */
+  /**
+   * Chooses what is seen.
+   *
+   * @param {Partial<Choice>} wished
+   */
   choose(wished) {
     Object.assign(this, wished);
     if ("share" in wished) memory.set(`map.share.${this.#kind}`, this.share);
@@ -63,14 +102,14 @@ export class Field extends Events {
   }
 
   get #kind() {
-    return this.about.surface ? "surface" : "cloud";
+    return this.about?.surface ? "surface" : "cloud";
   }
 
   async #load() {
     try {
       if (await this.#grown()) {
         const first = this.about === null;
-        this.#take(await (await got("map/cells.bin")).arrayBuffer());
+        this.about = this.#take(await (await got("map/cells.bin")).arrayBuffer());
         if (first) this.#begin(this.about);
         this.#look();
         this.tell("cells");
@@ -89,19 +128,25 @@ export class Field extends Events {
     return this.about?.done !== done;
   }
 
-  /** What is said of the map, and behind it the arrays that this is said of. */
+  /**
+   * What is said of the map, and behind it the arrays that this is said of.
+   *
+   * @param {ArrayBuffer} block
+   * @returns {About}
+   */
   #take(block) {
     const size = new DataView(block).getUint32(0, true);
     const about = JSON.parse(new TextDecoder().decode(new Uint8Array(block, 4, size)));
     this.#numbers = new Map(
-      Object.entries(about.arrays).map(([name, { at, count, whole }]) => [
+      Object.entries(/** @type {About} */ (about).arrays).map(([name, { at, count, whole }]) => [
         name,
         new (whole ? Uint32Array : Float32Array)(block, 4 + size + at, count),
       ]),
     );
-    this.about = about;
+    return about;
   }
 
+  /** @param {About} about */
   #begin({ quantity, axes }) {
     this.quantity = quantity;
     this.share = memory.get(`map.share.${this.#kind}`, SHARE[this.#kind]);
@@ -124,10 +169,11 @@ export class Field extends Events {
   }
 
   #look() {
+    const { about, cut } = this;
+    if (about === null) return;
     const indices = this.array("indices");
-    const count = this.about.shown;
-    const wide = this.about.axes.length;
-    const { cut } = this;
+    const count = about.shown;
+    const wide = about.axes.length;
     const seen = new Uint32Array(count);
     let n = 0;
     for (let i = 0; i < count; i += 1) {
@@ -142,7 +188,11 @@ export class Field extends Events {
   }
 }
 
-/** What the server has beside the page. */
+/**
+ * What the server has beside the page.
+ *
+ * @param {string} name
+ */
 export async function got(name) {
   const answer = await fetch(beside(name));
   if (!answer.ok) throw new Error(`${name}: ${answer.status}`);

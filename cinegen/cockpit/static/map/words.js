@@ -6,7 +6,12 @@ const DIGITS = 3;
 const SMALL = 1e-3;
 const LARGE = 1e5;
 
-/** A value with its unit; "1" is none. */
+/**
+ * A value with its unit; "1" is none.
+ *
+ * @param {number} value
+ * @param {string} unit
+ */
 export function spelled(value, unit) {
   if (!Number.isFinite(value)) return value === Infinity ? "∞" : "–";
   const size = Math.abs(value);
@@ -14,10 +19,16 @@ export function spelled(value, unit) {
   return unit === "1" ? text : `${text} ${UNITS[unit] ?? unit}`;
 }
 
-/** Where a cell is along an axis, by its index among those that are shown. */
+/**
+ * Where a cell is along an axis, by its index among those that are shown.
+ *
+ * @param {Pick<import("./field.js").Axis, "unit" | "low" | "step">} axis
+ * @param {number} index
+ */
 export function valueOf({ unit, low, step }, index) {
   const value = low + index * step;
   return unit === "m" ? units.length(value) : units.angle(value);
 }
 
+/** @type {Record<string, string>} */
 const UNITS = { "m s-1": "m/s" };

@@ -8,6 +8,10 @@ import { Section } from "./section.js";
 import { logSlider } from "./slider.js";
 
 export class Motion {
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     const section = new Section(panel, {
       id: "motion",
@@ -15,7 +19,8 @@ export class Motion {
       hint: "How quickly robots follow, and how gently near singularities",
       open: false,
     });
-    const say = (name) => (value) => {
+    /** @param {string} name */
+    const say = (name) => (/** @type {number} */ value) => {
       if (session.mayAct()) session.send({ [name]: value });
     };
     this.gain = logSlider({
@@ -36,10 +41,7 @@ export class Motion {
       words: (value) => significant(value),
       said: say("damping"),
     });
-    for (const [words, slider] of [
-      ["gain", this.gain],
-      ["damping", this.damping],
-    ]) {
+    for (const [words, slider] of Object.entries({ gain: this.gain, damping: this.damping })) {
       section.body.append(make("label", { class: "pair three" }, words, slider.input, slider.output));
     }
     session.on("report", ({ settings }) => {

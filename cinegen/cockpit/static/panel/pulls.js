@@ -107,8 +107,8 @@ export class Pulls {
 
   #hold(card, id) {
     card.held = performance.now();
-    if (this.session.mayAct())
-      this.session.send({ holds: [id, Number(card.translation.value), Number(card.rotation.value)] });
+    if (!this.session.mayAct()) return;
+    this.session.send({ holds: [id, Number(card.translation.value), Number(card.rotation.value)] });
   }
 
   #fill(card, pull) {

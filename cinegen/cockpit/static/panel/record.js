@@ -9,6 +9,10 @@ import { Section } from "./section.js";
 const HINT = "Write targets and motion to a file, to be replayed or exported to a real robot";
 
 export class Record {
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     const section = new Section(panel, { id: "record", words: "Record", hint: HINT, open: false });
     this.label = make("span", {}, "Record");
@@ -35,11 +39,11 @@ export class Record {
       const on = Boolean(recording);
       this.button.setAttribute("aria-pressed", String(on));
       write(this.label, on ? "Stop recording" : "Record");
-      write(section.note, on ? `${fixed(recording.seconds ?? 0, 0)} s` : "");
+      write(section.note, on ? `${fixed(recording?.seconds ?? 0, 0)} s` : "");
       const told = recording?.error
         ? recording.error
         : on
-          ? `to ${recording.file}`
+          ? `to ${recording?.file}`
           : "cinegen replay shows it, cinegen export hands it on";
       write(this.words, told);
       this.words.classList.toggle("bad", Boolean(recording?.error));

@@ -4,6 +4,10 @@ import { make, memory } from "../base/dom.js";
 
 /** `note` is a short text on the right of the heading. */
 export class Section {
+  /**
+   * @param {HTMLElement} panel
+   * @param {{ id: string, words: string, hint: string, open?: boolean }} options
+   */
   constructor(panel, { id, words, hint, open = true }) {
     this.note = make("span", { class: "note" });
     this.body = make("div", { class: "body" });
@@ -19,7 +23,14 @@ export class Section {
   }
 }
 
-/** For each robot a part of a section that folds; where there is one robot only, nothing to fold. */
+/**
+ * For each robot a part of a section that folds; where there is one robot only, nothing to fold.
+ *
+ * @template {{ name: string }} R
+ * @param {HTMLElement} body
+ * @param {R[]} robots
+ * @param {(robot: R, body: HTMLElement) => void} fill
+ */
 export function byRobot(body, robots, fill) {
   body.replaceChildren();
   for (const robot of robots) {
@@ -35,7 +46,13 @@ export function byRobot(body, robots, fill) {
   }
 }
 
-/** A part of a section that is folded until it is wished for. */
+/**
+ * A part of a section that is folded until it is wished for.
+ *
+ * @param {string} words
+ * @param {string} hint
+ * @param {...Node} children
+ */
 export function folded(words, hint, ...children) {
   return make(
     "details",

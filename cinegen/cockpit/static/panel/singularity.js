@@ -11,6 +11,12 @@ const LEAST = 1e-3;
 const MOST = 1;
 const AWARE = 3; // times the threshold: the meter turns orange
 
+/** @typedef {import("../base/link.js").Singular} Singular */
+/**
+ * @typedef {{ none: string, meter: HTMLElement, value: HTMLElement, bar: HTMLElement, mark: HTMLElement, said: HTMLElement }} Row
+ */
+
+/** @type {{ kind: "type1" | "type2", words: string, none: string, hint: string }[]} */
 const KINDS = [
   {
     kind: "type1",
@@ -27,8 +33,13 @@ const KINDS = [
 ];
 
 export class Singularity {
+  /** @type {Map<string, Row>} */
   #meters = new Map();
 
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     this.session = session;
     this.section = new Section(panel, {
@@ -66,7 +77,7 @@ export class Singularity {
           scale,
           said,
         );
-        this.#meters.set(key, { kind, none, meter, value, bar, mark, said, scale });
+        this.#meters.set(key, { none, meter, value, bar, mark, said });
         body.append(meter);
       }
     });
@@ -77,16 +88,19 @@ export class Singularity {
       for (const { kind } of KINDS) {
         const one = this.#meters.get(`${robot.name}/${kind}`);
         const found = this.session.report?.robots?.[robot.name]?.[kind];
-        const known = found && Number.isFinite(found.sigma);
+        const sigma = found?.sigma ?? NaN;
+        const near = found?.near ?? 0;
+        const known = Number.isFinite(sigma);
+        if (one === undefined) continue;
         const none = kind === "type2" && robot.loops.length > 0 ? "not known" : one.none;
-        one.bar.style.transform = `scaleX(${known ? share(found.sigma) : 0})`;
-        one.mark.hidden = !known || !(found.near > 0);
-        if (!one.mark.hidden) one.mark.style.left = `${(100 * share(found.near)).toFixed(1)}%`;
-        one.meter.dataset.tone = !known ? "none" : tone(found);
-        one.meter.setAttribute("aria-valuenow", known ? String(found.sigma) : "0");
-        const words = known ? (found.words ?? "") : none;
+        one.bar.style.transform = `scaleX(${known ? share(sigma) : 0})`;
+        one.mark.hidden = !known || !(near > 0);
+        if (!one.mark.hidden) one.mark.style.left = `${(100 * share(near)).toFixed(1)}%`;
+        one.meter.dataset.tone = !known ? "none" : tone(sigma, near);
+        one.meter.setAttribute("aria-valuenow", known ? String(sigma) : "0");
+        const words = known ? (found?.words ?? "") : none;
         one.meter.setAttribute("aria-valuetext", words);
-        write(one.value, known ? significant(found.sigma) : "–");
+        write(one.value, known ? significant(sigma) : "–");
         write(one.said, words);
         if (one.said.title !== words) one.said.title = words;
       }
@@ -94,12 +108,23 @@ export class Singularity {
   }
 }
 
-function share(sigma) {
+/**
+ * Return the filled share of the scale, 0 to 1, of a singular value.
+ *
+ * @param {number} sigma
+ */
+export function share(sigma) {
   const decades = Math.log(MOST / LEAST);
   return Math.min(1, Math.max(0, Math.log(Math.max(sigma, LEAST) / LEAST) / decades));
 }
 
-function tone({ sigma, near }) {
+/**
+ * Return the colour of a meter: bad below the threshold, warn near it.
+ *
+ * @param {number} sigma
+ * @param {number} near the threshold; 0 where there is none
+ */
+export function tone(sigma, near) {
   if (!(near > 0)) return "good";
   return sigma < near ? "bad" : sigma < AWARE * near ? "warn" : "good";
 }

@@ -4,7 +4,11 @@ import { make } from "../base/dom.js";
 
 export const STEPS = 1000;
 
-/** How far a slider is filled. */
+/**
+ * How far a slider is filled.
+ *
+ * @param {HTMLInputElement} input
+ */
 export function fill(input) {
   const { min, max, value } = input;
   const share = (Number(value) - Number(min)) / (Number(max) - Number(min) || 1);
@@ -14,11 +18,15 @@ export function fill(input) {
 /**
  * A slider on a log scale from `low` to `high`, with its value in words: { input, output, show(value) }.
  * `said(value)` is called while it is moved; it is not moved under the hand that moves it.
+ *
+ * @param {{ id?: string, label: string, hint: string, low: number, high: number, words: (value: number) => string,
+ *   said: (value: number) => void }} options
  */
 export function logSlider({ id, label, hint, low, high, words, said }) {
   const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title: hint, "aria-label": label });
   const output = make("output", { class: "number" });
   const value = () => low * (high / low) ** (Number(input.value) / STEPS);
+  /** @param {number} number */
   const tell = (number) => {
     output.textContent = words(number);
     input.setAttribute("aria-valuetext", words(number));
@@ -30,8 +38,9 @@ export function logSlider({ id, label, hint, low, high, words, said }) {
     tell(value());
     said(Number(value().toPrecision(3)));
   });
+  /** @param {number | undefined} number */
   const show = (number) => {
-    if (!(number > 0) || performance.now() - moved < 400) return;
+    if (number === undefined || !(number > 0) || performance.now() - moved < 400) return;
     const at = Math.round((STEPS * Math.log(number / low)) / Math.log(high / low));
     if (Number(input.value) !== at) input.value = String(at);
     tell(number);

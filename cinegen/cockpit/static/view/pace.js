@@ -9,19 +9,29 @@ const SAMPLES = 8; // pictures before it is judged
 const REST = 350; // ms without a new picture: then one is drawn with all pixels
 const PAUSE = 1000; // ms: a longer time between two pictures says nothing of how long one took
 
-/** Events: slow, when pictures take too long even with the fewest pixels. */
+/**
+ * Events: slow, when pictures take too long even with the fewest pixels.
+ *
+ * @extends {Events<{ slow: undefined }>}
+ */
 export class Pace extends Events {
+  /** @type {number | null} */
   #last = null; // when the last picture of a motion was asked for
   #moved = 0;
   #sum = 0;
   #count = 0;
+  /** @type {{ ratio: number, mean: number } | null} */
   #before = null; // ratio and mean time before there were fewer pixels
   #stays = false;
   #ratio; // pixels of the screen to pixels drawn, while something moves
   #set;
+  /** @type {number | null} */
   mean = null; // time from picture to picture, ms; null if not known
 
-  /** @param still pictures are taken from outside: always all pixels */
+  /**
+   * @param {{ renderer: { setPixelRatio: (ratio: number) => void }, set_3d_pane_size: () => void }} viewer
+   * @param {boolean} still pictures are taken from outside: always all pixels
+   */
   constructor(viewer, still) {
     super();
     this.viewer = viewer;
@@ -30,12 +40,20 @@ export class Pace extends Events {
     this.steps = [...new Set([this.full, Math.min(1, this.full), 0.75, 0.5])];
   }
 
-  /** Whether the picture that rests should be drawn with all pixels now. */
+  /**
+   * Whether the picture that rests should be drawn with all pixels now.
+   *
+   * @param {number} now
+   */
   due(now) {
     return this.#set !== this.full && now - this.#moved > REST;
   }
 
-  /** Sets how many pixels the next picture has. */
+  /**
+   * Sets how many pixels the next picture has.
+   *
+   * @param {boolean} moving
+   */
   choose(moving) {
     const ratio = moving ? this.#ratio : this.full;
     if (ratio === this.#set) return;
@@ -49,7 +67,12 @@ export class Pace extends Events {
     this.#last = null;
   }
 
-  /** A picture was asked for at a time (ms). The next one comes when the machine is done with it. */
+  /**
+   * A picture was asked for at a time (ms). The next one comes when the machine is done with it.
+   *
+   * @param {number} now
+   * @param {boolean} moving
+   */
   drew(now, moving) {
     if (!moving) {
       this.#last = null;
@@ -59,6 +82,7 @@ export class Pace extends Events {
     this.#last = this.#moved = now;
   }
 
+  /** @param {number} time */
   #judge(time) {
     this.mean = this.mean === null ? time : 0.8 * this.mean + 0.2 * time;
     this.#sum += time;

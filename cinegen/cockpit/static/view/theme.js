@@ -29,7 +29,11 @@ export const theme = {
   get grid() {
     return wish.matches ? 0x4a5663 : 0xa9b6c3;
   },
-  /** Calls `action` now, and whenever the wish changes. */
+  /**
+   * Calls `action` now, and whenever the wish changes.
+   *
+   * @param {() => void} action
+   */
   follow(action) {
     action();
     wish.addEventListener("change", action);

@@ -1,0 +1,122 @@
+import assert from "node:assert/strict";
+import { beforeEach, mock, test } from "node:test";
+
+import { root } from "./browser.js";
+
+const { beside, Link } = await import("../../cinegen/cockpit/static/base/link.js");
+
+class Socket extends EventTarget {
+  static OPEN = 1;
+  static opened = [];
+  readyState = Socket.OPEN;
+  sent = [];
+
+  constructor(url) {
+    super();
+    this.url = url;
+    Socket.opened.push(this);
+  }
+
+  send(text) {
+    this.sent.push(JSON.parse(text));
+  }
+
+  close() {
+    this.readyState = 3;
+    this.dispatchEvent(new Event("close"));
+  }
+
+  say(object) {
+    this.dispatchEvent(Object.assign(new Event("message"), { data: JSON.stringify(object) }));
+  }
+
+  cut(code = 1006, reason = "") {
+    this.readyState = 3;
+    this.dispatchEvent(Object.assign(new Event("close"), { code, reason }));
+  }
+}
+globalThis.WebSocket = Socket;
+
+let link;
+let told;
+
+beforeEach(() => {
+  mock.timers.reset();
+  mock.timers.enable({ apis: ["setTimeout"] });
+  Socket.opened = [];
+  link = new Link((address) => new Socket(address));
+  told = [];
+  for (const name of ["hello", "state", "report", "notice", "lost", "dropped"]) {
+    link.on(name, (value) => told.push([name, value]));
+  }
+  link.connect();
+});
+
+test("addresses keep the page's token", () => {
+  assert.equal(beside("map/about.json"), "http://127.0.0.1:7000/map/about.json?token=a+b");
+  assert.deepEqual(
+    Socket.opened.map(({ url }) => url),
+    ["ws://127.0.0.1:7000/session?token=a+b", "ws://127.0.0.1:7000/scene?token=a+b"],
+  );
+});
+
+test("a state is acknowledged after all listeners have applied it", () => {
+  const [session] = Socket.opened;
+  link.on("state", () => told.push(["sent before", session.sent.length]));
+  session.say({ kind: "state", frame: 5, report: { clients: 1 } });
+  assert.deepEqual(told.map(([name]) => name), ["state", "sent before", "report"]);
+  assert.deepEqual(told[1], ["sent before", 0]);
+  assert.deepEqual(session.sent, [{ ack: 5 }]);
+  assert.equal(root.dataset.frame, "5");
+});
+
+test("text that is not JSON, and messages of unknown kinds, are ignored", () => {
+  const [session] = Socket.opened;
+  session.dispatchEvent(Object.assign(new Event("message"), { data: "{" }));
+  session.say({ kind: "gossip" });
+  assert.deepEqual(told, []);
+});
+
+test("a cut line is told once, and tried again after ever longer waits", () => {
+  for (const wait of [500, 750, 1125, 1687.5, 2531.25, 3000, 3000]) {
+    told.length = 0;
+    const [session, scene] = Socket.opened.splice(0);
+    session.cut(1006, "gone");
+    assert.equal(scene.readyState, 3);
+    assert.deepEqual(told, [["lost", "gone"]]);
+    mock.timers.tick(Math.floor(wait) - 1);
+    assert.equal(Socket.opened.length, 0, `too early before ${wait} ms`);
+    mock.timers.tick(2);
+    assert.equal(Socket.opened.length, 2, `no try after ${wait} ms`);
+  }
+  const [session] = Socket.opened.splice(0);
+  session.say({ kind: "hello" });
+  assert.equal(link.connected, true);
+  session.cut();
+  mock.timers.tick(501);
+  assert.equal(Socket.opened.length, 2, "a hello begins with short waits again");
+});
+
+test("a server that refuses the page is not asked again", () => {
+  const [, scene] = Socket.opened.splice(0);
+  scene.cut(1008, "a wrong token");
+  mock.timers.tick(60_000);
+  assert.deepEqual(told, [["dropped", "a wrong token"]]);
+  assert.equal(Socket.opened.length, 0);
+});
+
+test("a page that is left does not connect again", () => {
+  window.dispatchEvent(new Event("pagehide"));
+  Socket.opened.splice(0)[0].cut();
+  mock.timers.tick(60_000);
+  assert.deepEqual(told, []);
+  assert.equal(Socket.opened.length, 0);
+});
+
+test("nothing is sent while the line is cut", () => {
+  const [session] = Socket.opened;
+  link.send({ home: true });
+  session.readyState = 3;
+  link.send({ home: true });
+  assert.deepEqual(session.sent, [{ home: true }]);
+});

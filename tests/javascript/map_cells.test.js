@@ -1,0 +1,98 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { Group, Ray, Vector3 } from "three";
+
+import "./browser.js";
+import { loaded, small } from "./map.js";
+
+const { Cells } = await import("../../cinegen/cockpit/static/map/cells.js");
+
+/** Return the cells of a map beside a robot that stands at a pose. */
+async function cellsOf(map, place = new Group()) {
+  const steps = [];
+  const view = {
+    stage: new Group(),
+    canvas: { height: 600 },
+    before: (step) => steps.push(step),
+    group: () => place,
+    changed: () => {},
+  };
+  const field = await loaded(map);
+  const cells = new Cells({ view, field });
+  field.tell("cells");
+  for (const step of steps) step();
+  return { cells, field, drawn: () => view.stage.children[0].children[0], steps };
+}
+
+const ray = (from, to) => new Ray(new Vector3(...from), new Vector3(...to).sub(new Vector3(...from)).normalize());
+
+test("a ray meets the nearest ball, and only balls that are seen", async () => {
+  const { cells, field } = await cellsOf(small());
+  const along = ray([-1, 0, 0], [1, 0, 0]); // through cells 0, 2 and 4
+  assert.deepEqual(cells.met(along).cell, 0);
+  assert.ok(Math.abs(cells.met(along).away - 1) < 1e-7);
+  field.choose({ cut: { axis: 0, index: 1, layer: true } });
+  assert.equal(cells.met(along).cell, 2);
+  assert.ok(Math.abs(cells.met(along).away - 1.1) < 1e-7);
+  field.choose({ shown: false });
+  assert.equal(cells.met(along), null);
+});
+
+test("a ball is as large as its share of a cell", async () => {
+  const { cells, field } = await cellsOf(small());
+  const past = (y) => cells.met(ray([-1, -y, 0], [1, -y, 0]));
+  assert.equal(field.share, 0.6); // of 0.1 m: a radius of 0.03 m
+  assert.equal(past(0.029)?.cell, 0);
+  assert.equal(past(0.031), null);
+  field.choose({ share: 0.9 });
+  assert.equal(past(0.044)?.cell, 0);
+  assert.equal(past(0.046), null);
+});
+
+test("nothing behind the eye is met", async () => {
+  const { cells } = await cellsOf(small());
+  assert.equal(cells.met(ray([-1, 0, 0], [-2, 0, 0])), null);
+});
+
+test("a ray meets the tile whose edges are around it", async () => {
+  const { cells, field } = await cellsOf(small({ edges: true }));
+  const half = 0.5 * 0.1 * field.share;
+  const above = (x, y) => cells.met(ray([x, y, 1], [x, y, 0]));
+  assert.equal(above(0, 0).cell, 0);
+  assert.equal(above(0.2, 0.1).cell, 5);
+  assert.ok(Math.abs(above(0.2, 0.1).away - 1) < 1e-6);
+  assert.equal(above(0.1 + 0.98 * half, -0.98 * half).cell, 2);
+  assert.equal(above(0.1, -1.02 * half), null);
+});
+
+test("cells move with the robot beside which the map is", async () => {
+  const place = new Group();
+  place.position.set(0, 0, 2);
+  place.rotation.set(0, 0, Math.PI / 2);
+  const { cells } = await cellsOf(small(), place);
+  const middle = cells.middle(2); // at (0.1, 0, 0) as seen by the robot
+  assert.ok(middle.distanceTo(new Vector3(0, 0.1, 2)) < 1e-7);
+  assert.equal(cells.met(ray([1, 0.1, 2], [0, 0.1, 2])).cell, 2);
+});
+
+test("all cells are drawn in one object, grey where nothing is known", async () => {
+  const { drawn, field } = await cellsOf(small());
+  const { position, color } = drawn().geometry.attributes;
+  assert.deepEqual(position.array, field.array("points"));
+  const rgb = (cell) => Array.from(color.array.subarray(3 * cell, 3 * cell + 3), (part) => Number(part.toFixed(2)));
+  assert.deepEqual(rgb(0), [0.27, 0, 0.33]);
+  assert.deepEqual(rgb(4), [0.62, 0.62, 0.62]);
+  assert.deepEqual(rgb(5), [0.99, 0.91, 0.15]);
+});
+
+test("tiles are drawn with four corners each, as large as their share", async () => {
+  const { drawn, field } = await cellsOf(small({ edges: true }));
+  const { geometry } = drawn();
+  assert.equal(geometry.attributes.position.count, 4 * 6);
+  assert.equal(geometry.index.count, 6 * 6);
+  geometry.computeBoundingBox();
+  const half = 0.5 * 0.1 * field.share;
+  assert.ok(geometry.boundingBox.min.distanceTo(new Vector3(-half, -half, 0)) < 1e-7);
+  assert.ok(geometry.boundingBox.max.distanceTo(new Vector3(0.2 + half, 0.1 + half, 0)) < 1e-7);
+});

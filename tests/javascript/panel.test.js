@@ -1,0 +1,80 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import "./browser.js";
+
+const { share, tone } = await import("../../cinegen/cockpit/static/panel/singularity.js");
+const { summary } = await import("../../cinegen/cockpit/static/bar/verdict.js");
+const { fill } = await import("../../cinegen/cockpit/static/panel/slider.js");
+const { Fresh } = await import("../../cinegen/cockpit/static/aids/fresh.js");
+const { AIDS, Aids } = await import("../../cinegen/cockpit/static/aids/aids.js");
+
+test("the scale of a singular value is logarithmic from 0.001 to 1", () => {
+  assert.deepEqual([share(0), share(1e-3), share(1), share(50)], [0, 0, 1, 1]);
+  assert.ok(Math.abs(share(0.1) - 2 / 3) < 1e-12);
+});
+
+test("a meter is red below its threshold, orange below three times it", () => {
+  assert.deepEqual([0.0099, 0.01, 0.0299, 0.03].map((sigma) => tone(sigma, 0.01)), ["bad", "warn", "warn", "good"]);
+  assert.equal(tone(0, 0), "good");
+});
+
+test("the chip shows the robot in most trouble, the first where several are", () => {
+  const verdicts = {
+    a: { name: "FOLLOWING", words: "following" },
+    b: { name: "AT_LIMIT", words: "joint 2 at its limit" },
+    c: { name: "SINGULAR", words: "singular" },
+  };
+  const { words, tone: colour, name, title } = summary(verdicts, null, true);
+  assert.deepEqual([words, colour, name], ["b: joint 2 at its limit", "warn", "AT_LIMIT"]);
+  assert.equal(title, "a: following\nb: joint 2 at its limit\nc: singular");
+  assert.equal(summary({ ...verdicts, d: { name: "REFUSED", words: "refused" } }, null, true).name, "REFUSED");
+});
+
+test("the chip tells of one robot without its name, and of a session that is paused or moves by itself", () => {
+  const one = { arm: { name: "AT_LIMIT", words: "joint 2 at its limit" } };
+  assert.equal(summary(one, null, false).words, "joint 2 at its limit");
+  assert.deepEqual(summary({ arm: { name: "IDLE", words: "idle" } }, null, true).words, "ready");
+  const shown = (report) => {
+    const { words, tone: colour } = summary(one, report, false);
+    return [words, colour];
+  };
+  assert.deepEqual(shown({ paused: true, moving: "home" }), ["paused", "none"]);
+  assert.deepEqual(shown({ paused: false, moving: "home" }), ["going home", "good"]);
+  assert.deepEqual(shown({ paused: false, moving: null }), ["joint 2 at its limit", "warn"]);
+  assert.equal(summary({}, null, false), null);
+});
+
+test("a slider is filled by the share of its range, also where it has none", () => {
+  const filled = (input) => {
+    let style;
+    fill({ ...input, style: { setProperty: (name, value) => (style = [name, value]) } });
+    return style;
+  };
+  assert.deepEqual(filled({ min: "-1", max: "3", value: "0" }), ["--fill", "25.00%"]);
+  assert.deepEqual(filled({ min: "1", max: "1", value: "1" }), ["--fill", "0.00%"]);
+});
+
+test("what is told again unchanged is not fresh", () => {
+  const fresh = new Fresh();
+  assert.equal(fresh.is("a", { at: [1, 2] }), true);
+  assert.equal(fresh.is("a", { at: [1, 2] }), false);
+  assert.equal(fresh.is("b", { at: [1, 2] }), true);
+  assert.equal(fresh.is("a", { at: [1, 3] }), true);
+  assert.equal(fresh.is("a", undefined), true);
+  assert.equal(fresh.is("a", null), false);
+  fresh.clear();
+  assert.equal(fresh.is("a", null), true);
+});
+
+test("aids that were chosen are remembered, and none is shown where none is wished for", () => {
+  const aids = new Aids();
+  assert.deepEqual(AIDS.filter(({ id }) => !aids.shows(id)).map(({ id }) => id), ["ellipsoid"]);
+  aids.choose("ellipsoid", true);
+  aids.choose("ghost", false);
+  aids.draw("skeleton");
+  const again = new Aids();
+  assert.deepEqual([again.shows("ellipsoid"), again.shows("ghost"), again.bodies], [true, false, "skeleton"]);
+  assert.equal(new Aids(true).shows("ellipsoid"), false);
+  assert.equal(again.shows("unknown"), false);
+});

@@ -1,0 +1,94 @@
+import assert from "node:assert/strict";
+import { beforeEach, test } from "node:test";
+
+import { line, root } from "./browser.js";
+
+const { keyOf, Session } = await import("../../cinegen/cockpit/static/base/session.js");
+
+const ARM = { name: "arm", obstacle: false, nodes: [{ name: "base" }, { name: "tool" }], joints: [], loops: [] };
+const WALL = { name: "wall", obstacle: true, nodes: [{ name: "box" }] };
+let link;
+let session;
+let told;
+
+beforeEach(async () => {
+  link = await line();
+  session = new Session(link);
+  told = [];
+  for (const name of ["hello", "state", "report", "hand", "select", "denied", "notice", "lost", "dropped"]) {
+    session.on(name, (value) => told.push([name, value]));
+  }
+});
+
+test("robots and obstacles are told apart, and what the server leaves out is empty", () => {
+  link.tell("hello", { client: 1, robots: [ARM, WALL, { name: "bare", obstacle: false }] });
+  assert.deepEqual(session.robots.map(({ name }) => name), ["arm", "bare"]);
+  assert.deepEqual(session.obstacles.map(({ name }) => name), ["wall"]);
+  const { nodes, joints, loops } = session.robot("bare");
+  assert.deepEqual([nodes, joints, loops], [[], [], []]);
+  assert.equal(session.knows("arm", "tool"), true);
+  assert.equal(session.knows("arm", "nothing"), false);
+  assert.equal(session.knows("nobody", "tool"), false);
+  assert.equal(session.robot("nobody"), null);
+});
+
+test("a part is called by its node alone where there is one robot", () => {
+  link.tell("hello", { client: 1, robots: [ARM, WALL] });
+  assert.equal(session.called("arm", "tool"), "tool");
+  assert.equal(session.called("wall", "box"), "wall");
+  link.tell("hello", { client: 1, robots: [ARM, { ...ARM, name: "other" }] });
+  assert.equal(session.called("arm", "tool"), "arm · tool");
+});
+
+test("who holds the hand is told when it changes, and only then", () => {
+  link.tell("hello", { client: 7, robots: [ARM] });
+  const hands = () => told.filter(([name]) => name === "hand").map(([, value]) => value);
+  for (const hand of [null, 7, 7, 3, 3, null]) link.tell("state", { hand, poses: {} });
+  assert.deepEqual(hands(), ["mine", "other", "free"]);
+  assert.equal(root.dataset.hand, "free");
+});
+
+test("commands are denied while another browser holds the hand", () => {
+  link.tell("hello", { client: 7, robots: [ARM] });
+  assert.equal(session.mayAct(), true);
+  link.tell("state", { hand: 3, poses: {} });
+  assert.equal(session.mayAct(), false);
+  assert.equal(told.filter(([name]) => name === "denied").length, 1);
+  link.tell("state", { hand: 7, poses: {} });
+  assert.equal(session.mayAct(), true);
+});
+
+test("a part is selected once; unknown ones select nothing", () => {
+  link.tell("hello", { client: 1, robots: [ARM] });
+  const selected = () => told.filter(([name]) => name === "select").map(([, value]) => value);
+  session.select("arm", "tool");
+  session.select("arm", "tool");
+  session.select("arm", "nothing");
+  session.select(null, null);
+  assert.deepEqual(selected(), [{ robot: "arm", node: "tool" }, null]);
+});
+
+test("another scene forgets the state, and a selection that is not in it", () => {
+  link.tell("hello", { client: 1, robots: [ARM] });
+  link.tell("state", { hand: null, pulls: [{ id: 1 }], poses: {} });
+  link.tell("report", { robots: {} });
+  session.select("arm", "tool");
+  assert.equal(session.pulls.length, 1);
+  link.tell("hello", { client: 2, robots: [ARM] });
+  assert.deepEqual([session.state, session.report, session.pulls], [null, null, []]);
+  assert.deepEqual(session.selected, { robot: "arm", node: "tool" });
+  link.tell("hello", { client: 3, robots: [WALL] });
+  assert.equal(session.selected, null);
+  assert.equal(session.knows("arm", "tool"), false);
+});
+
+test("what the link says is passed on, and what is sent goes to the link", () => {
+  for (const name of ["notice", "lost", "dropped"]) link.tell(name, name);
+  assert.deepEqual(told, [["notice", "notice"], ["lost", "lost"], ["dropped", "dropped"]]);
+  session.send({ home: true });
+  assert.deepEqual(link.sent, [{ home: true }]);
+});
+
+test("keys of parts differ where names only run together", () => {
+  assert.notEqual(keyOf("a", "bc"), keyOf("ab", "c"));
+});
