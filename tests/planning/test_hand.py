@@ -5,17 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import load
-from hypothesis import given, settings
-from hypothesis import strategies as st
+from clearings import load, measured
 
 from cinegen.collision import scene_of, surroundings
 from cinegen.ik import Solver, Verdict
 from cinegen.ik.objectives import Posture
 from cinegen.planning import AvoidingSolver
-from cinegen.planning.keep import is_clear
 
 SAFETY = 0.01
+EXACT = 3e-6  # m: as exact as coal's distances to hulls and cylinders are
 
 
 def scene(name, *obstacles, **more):
@@ -25,9 +23,9 @@ def scene(name, *obstacles, **more):
     return scene_of(document, mechanism=mechanism)
 
 
-def hand(scene_):
+def hand(scene_, dt=1e-3):
     clearance, around = surroundings(scene_)
-    return AvoidingSolver(scene_.mechanism, 1e-3, clearance, around, scene_.safety, q=scene_.start), clearance
+    return AvoidingSolver(scene_.mechanism, dt, clearance, around, scene_.safety, q=scene_.start), clearance
 
 
 def pole(x, y):
@@ -38,32 +36,42 @@ def moved(pull, translation):
     pull.target = pin.SE3(pull.target.rotation, np.asarray(translation, dtype=float))
 
 
-@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("planar_3r", "tool"), ("delta4", "platform")])
-@settings(max_examples=6)
-@given(seed=st.integers(0, 2**32 - 1))
-def test_however_it_is_pulled_it_stays_clear_all_along(name, node, seed):
-    """Wild drags among balls: no step comes nearer than the safety distance, anywhere on it; loops stay closed."""
-    rng, mechanism = np.random.default_rng(seed), load(name)
+def balls_about(name, node, rng):
+    """Four balls near a node at home, none of them too near."""
+    mechanism, found = load(name), []
     home = mechanism.placement(mechanism.q_home, node).translation
-    bare = surroundings(scene(name))[0]
-    balls = []
-    while len(balls) < 4:
-        place = home + rng.uniform(-1.0, 1.0, 3) * mechanism.length * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
+    while len(found) < 4:
+        away = rng.normal(size=3) * (1.0, 1.0, 0.0 if name == "planar_3r" else 1.0)
+        place = home + rng.uniform(0.15, 0.5) * mechanism.length * away / np.linalg.norm(away)
         ball = {"kind": "sphere", "radius": 0.08 * mechanism.length, "point": place.tolist()}
         if surroundings(scene(name, ball))[0].least(mechanism.q_home) > 1.5 * SAFETY:
-            balls.append(ball)
-    assert bare.least(mechanism.q_home) > SAFETY
-    solver, clearance = hand(scene(name, *balls))
-    pull = solver.pull(node, translation=3, rotation=0, axes="world")
-    before = solver.q
-    for tick in range(240):
-        if tick % 40 == 0:
-            moved(pull, home + rng.uniform(-1.0, 1.0, 3) * mechanism.length)
-        step = solver.step()
-        assert is_clear(clearance, before, step.q, SAFETY * (1.0 - 1e-9))
-        assert clearance.least(step.q) >= SAFETY
-        assert mechanism.closure(step.q) <= 1e-9
-        before = step.q
+            found.append(ball)
+    return found
+
+
+@pytest.mark.parametrize("dt", [1e-3, 0.05])
+@pytest.mark.parametrize(("name", "node"), [("arm7", "tool"), ("planar_3r", "tool"), ("delta4", "platform")])
+def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt):
+    """Dragged into one ball after another, no step comes nearer than the safety distance, anywhere on it, by distances
+    of coal itself; loops stay closed. Something is held off each time: no drag is harmless."""
+    mechanism = load(name)
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+        balls = balls_about(name, node, rng)
+        solver, clearance = hand(scene(name, *balls), dt)
+        pull = solver.pull(node, translation=3, rotation=0, axes="world")
+        before, barred = solver.q, 0
+        for tick in range(240):
+            if tick % 40 == 0:
+                moved(pull, balls[tick // 40 % 4]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
+            step = solver.step()
+            for part in (0.5, 1.0):
+                between = pin.interpolate(mechanism.model, before, step.q, part)
+                assert measured(clearance, between).min() >= SAFETY - EXACT
+            assert mechanism.closure(step.q) <= 1e-9
+            barred += bool(step.barred)
+            before = step.q
+        assert barred, f"nothing was held off with seed {seed}"
 
 
 def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
