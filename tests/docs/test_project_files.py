@@ -1,0 +1,72 @@
+"""Files that the project works by agree with each other: citation, hooks, targets of make, packages of npm."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import tomllib
+
+import yaml
+from pages import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def test_the_citation_is_of_this_version_and_licence():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["cff-version"] == "1.2.0"
+    assert citation["title"] == PROJECT["name"]
+    assert str(citation["version"]) == PROJECT["version"]
+    assert citation["license"] == PROJECT["license"]
+    assert [author["name"].lower() for author in citation["authors"]] == [one["name"] for one in PROJECT["authors"]]
+
+
+def test_the_citation_names_the_papers_of_the_readme():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    sources = (ROOT / "README.md").read_text(encoding="utf-8").split("## Sources")[1].split("\n## ")[0]
+    named = [" ".join(title.split()) for title in re.findall(r"\*([^*]{20,})\*", sources)]
+    assert [reference["title"] for reference in citation["references"]] == named
+    for reference in citation["references"]:
+        assert all(author["family-names"] in sources for author in reference["authors"]), reference["title"]
+
+
+def test_make_help_lists_every_target():
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+    phony = set(re.search(r"^\.PHONY: (.*)$", text, flags=re.MULTILINE)[1].split()) - {"FORCE"}
+    free = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
+    told = subprocess.run(["make", "help"], cwd=ROOT, env=free, capture_output=True, text=True, check=True).stdout
+    assert {line.split()[1] for line in told.splitlines()} == phony
+
+
+def test_hooks_are_local_and_call_the_tools_of_the_environment():
+    hooks = yaml.safe_load((ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8"))
+    assert [repository["repo"] for repository in hooks["repos"]] == ["local"]
+    called = {tuple(shlex.split(hook["entry"])[:2]) for hook in hooks["repos"][0]["hooks"]}
+    assert called == {(".venv/bin/ruff", "check"), (".venv/bin/ruff", "format"), (".venv/bin/mypy",)}
+
+
+def test_packages_of_npm_are_pinned_and_their_lock_names_no_host():
+    wanted = json.loads((ROOT / "package.json").read_text(encoding="utf-8"))
+    lock = json.loads((ROOT / "package-lock.json").read_text(encoding="utf-8"))["packages"]
+    assert "dependencies" not in wanted  # the page itself needs none
+    assert lock[""]["devDependencies"] == wanted["devDependencies"]
+    for name, version in wanted["devDependencies"].items():
+        assert re.fullmatch(r"\d+\.\d+\.\d+", version), name
+        assert lock[f"node_modules/{name}"]["version"] == version
+    for name, package in lock.items():
+        assert "resolved" not in package, name
+        assert not name or package["integrity"].startswith("sha512-"), name
+
+
+def test_files_whose_types_are_not_checked_are_listed_and_nowhere_hidden():
+    text = (ROOT / "tsconfig.json").read_text(encoding="utf-8")
+    listed = re.findall(r'"(cinegen/[^"*]+\.js)"', text)
+    assert len(listed) == len(set(listed))
+    assert not [name for name in listed if not (ROOT / name).is_file()]
+    static = ROOT / "cinegen" / "cockpit" / "static"
+    pages = [path for path in static.rglob("*.js") if "vendor" not in path.parts]
+    assert pages
+    assert not [path for path in pages if re.search(r"@ts-(nocheck|ignore)|eslint-disable", path.read_text("utf-8"))]
