@@ -8,6 +8,7 @@ from abc import ABC, abstractmethod
 
 from cinegen.devices.newest import Newest
 from cinegen.errors import CinegenError
+from cinegen.exception_log import ExceptionLog
 from cinegen.sensor import Reading, State, Status
 
 _SHORTEST, _LONGEST = 0.1, 3.0  # s between two attempts to open: doubled from one to the next
@@ -31,6 +32,7 @@ class Feed(ABC):
     Attributes:
         timeout: s: if nothing comes for so long after a reading that was not at rest, the device has fallen silent.
         longest: s between two attempts to open it, at most.
+        exception_log: what `serve` raised so far, other than `OSError` and `CinegenError`; each is logged once.
     """
 
     timeout = 0.25
@@ -40,6 +42,7 @@ class Feed(ABC):
         self.longest = _LONGEST
         self.newest = Newest()
         self.damaged = 0
+        self.exception_log = ExceptionLog()
         self._said = State.CLOSED, f"{url} is not started"
         self._ending = threading.Event()
         self._own = threading.local()  # a thread that hung when it was closed still knows that it should end
@@ -123,6 +126,8 @@ class Feed(ABC):
                 end = State.REFUSED, str(error)
             except Exception as error:  # whatever a driver raises: a sensor never stops anything
                 end = State.LOST, f"{self.url.rstrip(':')}: {_sentence(error)}"
+                if not isinstance(error, OSError | CinegenError):  # a device that is gone is no bug
+                    self.exception_log.report(self.url, error)
             if ending.is_set():
                 return  # `close` has had its say
             was_live = self._said[0] is State.LIVE

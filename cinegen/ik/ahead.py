@@ -127,6 +127,7 @@ class Ahead:
         arrays, others, ratio = twin._memory.arrays, solver._memory.arrays, self.dt / solver.dt
         twin.gain = solver.gain if ratio == 1.0 else 1.0 - (1.0 - solver.gain) ** ratio
         twin._q[:], twin._objectives = solver._q, solver._objectives
+        twin.exception_log = solver.exception_log  # the same objectives: none of their exceptions is logged twice
         arrays["settings"][[m.CLOSED, m.TRUST, m.NEAR]] = others["settings"][[m.CLOSED, m.TRUST, m.NEAR]]
         arrays["acceleration"][:] = others["acceleration"] * (ratio * ratio)
         goes_on = twin._table[m.OFFSET] == solver._table[m.OFFSET]

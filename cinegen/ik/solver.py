@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.exception_log import ExceptionLog
 from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.tick import prepare_tick, tick
 from cinegen.ik.ahead import Ahead
@@ -52,6 +53,9 @@ class Solver:
         acceleration: largest acceleration of the joints, rad/s^2 and m/s^2: one number for all, or by joint; none
             unless given.
 
+    Attributes:
+        exception_log: what objectives and barriers raised so far. Each exception is logged once; see `ExceptionLog`.
+
     Raises:
         ConfigurationError: q is no configuration.
         UnknownNameError: no such joint.
@@ -78,6 +82,8 @@ class Solver:
         self._objectives: tuple[Objective, ...] = ()
         self._barriers: tuple[Barrier, ...] = ()
         self._blocked = False  # a barrier failed in this tick
+        self.exception_log = ExceptionLog()
+        self._caught: tuple[Exception, ...] = ()  # in this tick
         self._ranks: dict[tuple[object, ...], int] = {}
         self._memory = memory_of(mechanism, self._system, dt)
         self._table = self._memory.table
@@ -367,25 +373,27 @@ class Solver:
         """What the mechanism does with the motions that loops and pulls leave free: what these wish for, added up.
 
         May be set at any time, to any number of them. None of them moves a pull. One that fails in a tick, or returns
-        what is no velocity, is left out in that tick; the step's `left_out` says so.
+        what is no velocity, is left out in that tick; the step's `left_out` and `exceptions` report it, and the logger
+        "cinegen" gets the traceback once.
 
         Raises:
-            CinegenError: set to something without a method `velocity`, or to what does not fit this mechanism.
+            CinegenError: set to something without a method `velocity`, or to what does not fit this mechanism. Other
+                exceptions of a first call are only logged: the objective may work in a later tick.
         """
         return self._objectives
 
     @objectives.setter
     def objectives(self, objectives: Iterable[Objective]) -> None:
         given, state = tuple(objectives), self.state
-        for objective in given:
+        for i, objective in enumerate(given):
             if not callable(getattr(objective, "velocity", None)):
                 raise CinegenError(f"an objective has a method `velocity`; {objective!r} has none")
             try:
                 objective.velocity(state)
             except CinegenError:
                 raise
-            except Exception:
-                continue  # it may find its way later
+            except Exception as error:
+                self.exception_log.report(self._source("objective", i, objective), error)
         self._objectives = given
 
     @property
@@ -400,7 +408,8 @@ class Solver:
     def barriers(self) -> tuple[Barrier, ...]:
         """What the mechanism must not run into: neither pulls nor objectives lead beyond. May be set at any time.
 
-        A barrier that fails in a tick allows nothing in it: the mechanism stays.
+        A barrier that raises, or returns what makes no sense, allows no motion in that tick. The step's `exceptions`
+        report it, and the logger "cinegen" gets the traceback once.
 
         Raises:
             CinegenError: set to something without the methods `bounds` and `clear`.
@@ -418,32 +427,42 @@ class Solver:
 
     def _look_around(self) -> None:
         """Asks the barriers what holds in this tick."""
-        state, offset = self.state, int(self._table[m.OFFSET])
-        try:
-            found = [_checked(barrier.bounds(state), self._model.nv) for barrier in self._barriers]
-            rows = np.vstack([bounds.rows for bounds in found]) * (self.mechanism.scale / self.mechanism.length)
-            most = np.concatenate([bounds.most for bounds in found]) * (self.dt / self.mechanism.length)
-            self._blocked = False
-        except Exception:  # whatever it is: the tick goes on
-            self._blocked = True
-        count = 0 if self._blocked else len(most)
+        state, offset, mechanism = self.state, int(self._table[m.OFFSET]), self.mechanism
+        rows: list[Array] = []
+        most: list[Array] = []
+        self._blocked = False
+        for i, barrier in enumerate(self._barriers):
+            try:
+                bounds = _checked(barrier.bounds(state), self._model.nv)
+                rows.append(bounds.rows * (mechanism.scale / mechanism.length))
+                most.append(bounds.most * (self.dt / mechanism.length))
+            except Exception as error:  # the loop must go on
+                self._blocked = True
+                self._catch(self._source("barrier", i, barrier), error)
+        count = 0 if self._blocked else sum(map(len, most))
         if count > len(self._memory.arrays["stopped"]) - self._model.nv:
             make_room_for_barriers(self._memory, self._model.nv, count)
         self._table[m.BARRIERS] = count
         if count:
-            self._memory.arrays["barrier_rows"].ravel()[: count * (rows.shape[1] - offset)] = rows[:, offset:].ravel()
-            self._memory.arrays["barrier_room"][:count] = most
+            free = np.vstack(rows)[:, offset:].ravel()
+            self._memory.arrays["barrier_rows"].ravel()[: len(free)] = free
+            self._memory.arrays["barrier_room"][:count] = np.concatenate(most)
 
     def _clear(self) -> float:
         """The part of the way to the trial that barriers allow."""
         if self._blocked:
             return 0.0
-        try:
-            state = self.state
-            parts = [float(barrier.clear(state, self._trial.copy())) for barrier in self._barriers]
-        except Exception:
-            return 0.0
-        return min(part if part >= 0.0 else 0.0 for part in parts)  # nor is nan any of it
+        state, least = self.state, np.inf
+        for i, barrier in enumerate(self._barriers):
+            try:
+                part = float(barrier.clear(state, self._trial.copy()))
+                if not part >= 0.0:
+                    raise ValueError(f"clear(state, q) returned {part}: return a number from 0 to 1")
+                least = min(least, part)
+            except Exception as error:  # the loop must go on
+                self._blocked = True
+                self._catch(self._source("barrier", i, barrier), error)
+        return 0.0 if self._blocked else least
 
     def _rests(self) -> bool:
         """Whether the mechanism has a base that could move, and does not: it moves when it is pulled itself."""
@@ -456,9 +475,13 @@ class Solver:
         for i, objective in enumerate(self._objectives):
             try:
                 velocity = np.asarray(objective.velocity(state), dtype=float)
-                if velocity.shape != total.shape or not np.abs(velocity).max(initial=0.0) < _FASTEST:
-                    raise ValueError
-            except Exception:  # whatever it is: the tick goes on
+                if velocity.shape != total.shape:
+                    raise ValueError(f"velocity(state) returned shape {velocity.shape}: return {total.shape}")
+                if not np.abs(velocity).max(initial=0.0) < _FASTEST:
+                    i_bad = int(np.argmin(np.abs(velocity) < _FASTEST))
+                    raise ValueError(f"velocity(state)[{i_bad}] is {velocity[i_bad]}: return finite rad/s and m/s")
+            except Exception as error:  # the loop must go on
+                self._catch(self._source("objective", i, objective), error)
                 left_out |= 1 << min(i, m.MOST_LEFT_OUT)
             else:
                 total += velocity
@@ -466,6 +489,15 @@ class Solver:
         total *= STEP_CAP / max(STEP_CAP, np.abs(total).max(initial=0.0))
         self._memory.arrays["wish"][: len(total)] = total
         self._table[m.WISHING], self._table[m.LEFT_OUT] = 1, left_out
+
+    def _source(self, kind: str, i: int, what: object) -> str:
+        """Return which objective or barrier an exception comes from."""
+        return f"{kind} {i} ({type(what).__name__}) of {self.mechanism.name}"
+
+    def _catch(self, source: str, error: Exception) -> None:
+        """Keep an exception for the step of this tick, and log it."""
+        self._caught += (error,)
+        self.exception_log.report(source, error)
 
     # --- one tick ------------------------------------------------------------------------------------------------
 
@@ -481,10 +513,7 @@ class Solver:
             self._look_around()
         table = self._table
         request = tick(table)
-        if request == ACCEPTED:
-            self._evaluate(self._model, self._data, self._q)
-            return self._done()
-        while request != DONE:
+        while request != ACCEPTED and request != DONE:
             if request == EVALUATE:
                 if self._curved is not None:
                     self._integrate(*self._curved)
@@ -496,14 +525,13 @@ class Solver:
             else:
                 self._rank()
             request = tick(table)
-            if request == ACCEPTED:
-                self._evaluate(self._model, self._data, self._q)
-                break
-        return self._done()
-
-    def _done(self) -> Step:
+        if request == ACCEPTED:
+            self._evaluate(self._model, self._data, self._q)
         record = self._record.copy()
         self._earlier, self._latest = self._latest, record
+        if self._caught:
+            caught, self._caught = self._caught, ()
+            return Step(record, self._layout, caught)
         return Step(record, self._layout)
 
     def _integrate(self, at_q: NDArray[np.intp], at_v: NDArray[np.intp]) -> None:
@@ -522,8 +550,11 @@ def _checked(bounds: Bounds, nv: int) -> Bounds:
         ValueError: they are not.
     """
     rows, most = np.asarray(bounds.rows, dtype=float), np.asarray(bounds.most, dtype=float)
-    if rows.shape != (len(most), nv) or most.ndim != 1 or not np.isfinite(rows).all() or np.isnan(most).any():
-        raise ValueError
+    if most.ndim != 1 or rows.shape != (len(most), nv) or not np.isfinite(rows).all() or np.isnan(most).any():
+        raise ValueError(
+            f"bounds(state) returned rows {rows.shape} and most {most.shape}: return finite rows (m, {nv}), "
+            "and most (m,) without NaN"
+        )
     return Bounds(rows, most)
 
 

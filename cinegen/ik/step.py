@@ -63,10 +63,10 @@ class Layout:
 class Step:
     """What one tick did. A value: later ticks do not change it."""
 
-    __slots__ = ("_layout", "_record")
+    __slots__ = ("_exceptions", "_layout", "_record")
 
-    def __init__(self, record: Array, layout: Layout) -> None:
-        self._record, self._layout = record, layout
+    def __init__(self, record: Array, layout: Layout, exceptions: tuple[Exception, ...] = ()) -> None:
+        self._record, self._layout, self._exceptions = record, layout, exceptions
 
     def __repr__(self) -> str:
         return f"<Step {self.verdict.name}: errors {self.errors}, closure {self.closure:.1g}>"
@@ -201,6 +201,14 @@ class Step:
         """Which of the solver's objectives failed in this tick, by position: they were left out."""
         flags = int(self._record[m.R_LEFT_OUT])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
+
+    @property
+    def exceptions(self) -> tuple[Exception, ...]:
+        """What objectives, barriers or the search for a path around obstacles raised in this tick, with tracebacks.
+
+        A value returned by them that makes no sense is a ValueError here. Empty as a rule.
+        """
+        return self._exceptions
 
     @property
     def barred(self) -> tuple[int, ...]:

@@ -124,8 +124,9 @@ class AvoidingSolver(Solver):
         """One tick of dt. Never raises: the verdict says what happened."""
         try:
             self._look()
-        except Exception:  # whatever it is: the tick goes on, held clear
+        except Exception as error:  # the loop must go on; the barrier keeps the mechanism clear
             self._begin_anew()
+            self._catch(f"the search for a path around obstacles of {self.mechanism.name}", error)
         step = super().step()
         self._objectives = self._own
         slow = float(np.abs(step.v / self.mechanism.scale).max(initial=0.0)) < _REST

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -198,6 +199,7 @@ class Clock:
             if error is None:
                 raise
             error.add_note(f"Besides, a clock's loop had ended by {own!r}")
+            logging.getLogger("cinegen").error("a clock's loop was ended by an exception", exc_info=own)
 
     # --- beside a loop -------------------------------------------------------------------------------------------
 

@@ -73,6 +73,7 @@ class Driven:
         self.home = solver.q
         self.held: list[Held] = []
         self.motion: Motion | None = None
+        self._reported = 0  # messages of the solver's exception log
         self.step: Step = self.solver.step()
 
     @property
@@ -143,6 +144,14 @@ class Driven:
 
     def tick(self, dt: float) -> str:
         """Moves it on by a tick. Returns what there is to tell people; mostly nothing."""
+        trouble = self._advance(dt)
+        messages = self.solver.exception_log.messages
+        if len(messages) == self._reported:
+            return trouble
+        new, self._reported = messages[self._reported :], len(messages)
+        return "; ".join([trouble] * bool(trouble) + new)
+
+    def _advance(self, dt: float) -> str:
         if self.motion is None:
             self.step = self.solver.step()
             return ""

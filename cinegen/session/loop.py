@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import multiprocessing.connection
 import warnings
@@ -109,11 +110,9 @@ class Loop:
         Raises:
             Exception: what ended the session before.
         """
-        try:
+        with contextlib.suppress(OSError):  # the process is gone: `join` raises why
             self._send(_End())
-            self._clock.join(_PATIENCE)
-        except OSError:
-            pass
+        self._clock.join(_PATIENCE)
         self._clock.stop()
 
     def __enter__(self) -> Self:

@@ -13,7 +13,7 @@ from tornado.httpclient import HTTPClientError
 from cinegen.cockpit import Cockpit
 from cinegen.cockpit.hub import MOST
 from cinegen.cockpit.server import LARGEST, ServerError
-from cinegen.session import arrange
+from cinegen.session import Session, arrange
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -230,3 +230,32 @@ def test_the_end_of_a_session_is_told(cockpit, monkeypatch):
     one.close()
     assert becomes(lambda: browser.closed is not None)
     assert browser.closed == (1001, "the session has ended")
+
+
+def test_an_objective_that_raises_is_told_in_the_page_once_and_the_session_goes_on(cockpit, monkeypatch, caplog):
+    class Wrong:
+        now = False
+
+        def velocity(self, state):
+            if self.now:
+                raise ValueError("the objective is wrong")
+            return np.zeros(state.mechanism.model.nv)
+
+    def begin(self, setup):
+        own(self, setup)
+        self.robots["delta4"].solver.objectives = [Wrong()]
+
+    own = Session.__init__
+    monkeypatch.setattr(Session, "__init__", begin)
+    one = cockpit("delta4")
+    browser = Browser(one.url)
+    assert becomes(lambda: browser.state)
+    Wrong.now = True
+    place = drag(browser, "delta4", "platform", [0.1, 0.05, -0.2]) + np.array([0.1, 0.05, -0.2])
+    assert becomes(lambda: _is_at(browser, "delta4", "platform", place))
+    (notice,) = [said for said in browser.told if said["kind"] == "notice"]
+    assert notice["level"] == "warning"
+    assert "objective 0 (Wrong) of " in notice["words"]
+    assert "ValueError: the objective is wrong" in notice["words"]
+    (record,) = [record for record in caplog.records if record.name == "cinegen"]
+    assert record.exc_info[0] is ValueError

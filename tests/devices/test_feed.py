@@ -9,7 +9,7 @@ from played import wait
 
 from cinegen.devices import State
 from cinegen.devices import feed as module
-from cinegen.devices.feed import Feed
+from cinegen.devices.feed import Feed, LostError, RefusedError
 from cinegen.devices.newest import Newest
 
 
@@ -95,6 +95,18 @@ def test_no_error_ends_it():
     wait(lambda: sensor.status.state is State.SILENT)
     sensor.close()
     assert sensor.status.state is State.CLOSED
+
+
+def test_a_bug_of_a_driver_is_logged_once_and_a_device_that_is_gone_is_not(caplog):
+    errors = [OSError(5, "Input/output error"), LostError("unplugged"), RefusedError("no mouse")]
+    sensor = Wild([*errors, ValueError("x"), ValueError("y"), TypeError("z")])
+    sensor.start()
+    wait(lambda: sensor.status.state is State.LIVE)
+    sensor.close()
+    assert sensor.exception_log.messages == ["wild:: ValueError: x", "wild:: TypeError: z"]
+    found = [record for record in caplog.records if record.name == "cinegen"]
+    assert [record.exc_info[0] for record in found] == [ValueError, TypeError]
+    assert caplog.text.count("in serve") == 2
 
 
 def test_one_that_hangs_is_left_behind(monkeypatch):

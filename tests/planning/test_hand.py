@@ -149,3 +149,46 @@ def test_objectives_wait_and_are_kept():
     for _ in range(800):
         solver.step()
         assert solver.objectives == (posture,)
+
+
+def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
+    """What goes wrong in looking for a path is no secret: it is in the step, and in the log once."""
+    solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))
+    pull = solver.pull("tool", rotation=0)
+    x, y, z = pull.target.translation
+    moved(pull, [x, -y - 0.6, z])
+    assert solver.step().exceptions == ()
+
+    def broken(*_):
+        raise ZeroDivisionError("of the package's own")
+
+    monkeypatch.setattr(solver.vortices, "turn", broken)
+    for _ in range(100):
+        step = solver.step()
+        assert [type(error) for error in step.exceptions] == [ZeroDivisionError]
+        assert step.closure <= 1e-10
+        assert clearance.least(step.q) >= SAFETY
+    found = [record for record in caplog.records if record.name == "cinegen"]
+    assert len(found) == 1
+    assert "around obstacles of arm: ZeroDivisionError: of the package's own" in found[0].getMessage()
+    assert "in broken" in caplog.text
+    monkeypatch.undo()
+    assert solver.step().exceptions == ()
+
+
+def test_an_objective_that_raises_beside_obstacles_is_reported(caplog):
+    class Wrong:
+        def velocity(self, state):
+            raise ValueError("wrong")
+
+    solver, clearance = hand(scene("delta4", {"kind": "sphere", "radius": 0.05, "point": [0.6, 0.0, -0.8]}))
+    pull = solver.pull("platform", rotation=0)
+    moved(pull, pull.target.translation + np.array([0.05, 0.0, -0.05]))
+    solver.objectives = [Wrong()]
+    for _ in range(300):
+        step = solver.step()
+        assert [str(error) for error in step.exceptions] == ["wrong"]
+        assert step.closure <= 1e-10
+        assert clearance.least(step.q) >= SAFETY
+    assert step.errors[0][0] < 1e-6
+    assert len([record for record in caplog.records if record.name == "cinegen"]) == 1

@@ -359,7 +359,7 @@ def test_an_error_in_the_calling_thread_passes_through():
     assert sys.getswitchinterval() == pytest.approx(0.005)
 
 
-def test_an_error_of_the_block_is_not_covered_by_the_loops():
+def test_an_error_of_the_block_is_not_covered_by_the_loops(caplog):
     def block():
         with Clock(0.001).start(_trip) as clock:
             _ended(clock)
@@ -368,6 +368,10 @@ def test_an_error_of_the_block_is_not_covered_by_the_loops():
     with pytest.raises(ValueError, match="in the block") as caught:
         block()
     assert "tripped" in caught.value.__notes__[0]
+    (record,) = caplog.records  # with the traceback, which the note has not
+    assert record.name == "cinegen"
+    assert record.levelname == "ERROR"
+    assert "in _trip" in caplog.text
 
 
 def test_an_error_that_nobody_asked_for_is_printed_in_the_end(root):

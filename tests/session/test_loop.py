@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from cinegen.session import Loop, arrange
+from cinegen.session import Loop, Session, arrange
 
 
 @pytest.mark.parametrize(("priority", "scheduling"), [(0, "ordinary scheduling"), (7, "SCHED_FIFO 7")])
@@ -17,3 +17,15 @@ def test_a_session_has_the_priority_that_its_setup_asks_for(robot, monkeypatch, 
         while loop.state is None:
             pass
     assert loop.report().scheduling == scheduling
+
+
+def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, monkeypatch):
+    """An OSError of the session is none of the pipe to it."""
+
+    def broken(self):
+        raise OSError("in a tick")
+
+    monkeypatch.setattr(Session, "tick", broken)
+    loop = Loop(arrange({"arm": robot("planar_3r")}), own_process=False)
+    with pytest.raises(OSError, match="in a tick"):
+        loop.stop()

@@ -1,0 +1,309 @@
+"""Exceptions of objectives and barriers: the loop goes on, the step has them, the log has each of them once."""
+
+from __future__ import annotations
+
+import gc
+import logging
+import traceback
+import weakref
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen import Solver, Verdict
+from cinegen.exception_log import ExceptionLog
+from cinegen.ik import Posture
+from cinegen.ik.barrier import Bounds
+
+DT = 0.01
+ROBOTS = ["arm7", "delta4"]
+robots = pytest.mark.parametrize("name", ROBOTS)
+
+
+class Objective:
+    """Returns or raises what `answer(state)` does."""
+
+    def __init__(self, answer):
+        self.answer = answer
+
+    def velocity(self, state):
+        return self.answer(state)
+
+
+class Barrier:
+    """Its methods are given."""
+
+    def __init__(self, bounds=None, clear=None):
+        self._bounds, self._clear = bounds, clear
+
+    def bounds(self, state):
+        nv = state.mechanism.model.nv
+        return self._bounds(state) if self._bounds else Bounds(np.zeros((0, nv)), np.zeros(0))
+
+    def clear(self, state, q):
+        return self._clear(state, q) if self._clear else 1.0
+
+
+def fails(state):
+    raise ValueError("the objective is wrong")
+
+
+def records(caplog):
+    return [record for record in caplog.records if record.name == "cinegen" and record.levelno == logging.ERROR]
+
+
+def dragged(mechanism, objectives=(), barriers=()):
+    """A solver whose last node is led to and fro, and the function that makes a tick of it."""
+    solver = Solver(mechanism, DT)
+    pull = solver.pull(mechanism.nodes[-1], rotation=0, axes="world")
+    solver.objectives, solver.barriers = objectives, barriers
+    home, count = pull.target.copy(), 0
+
+    def tick():
+        nonlocal count
+        count += 1
+        way = 0.02 * mechanism.length * np.array([np.sin(0.1 * count), 0.0, np.cos(0.1 * count) - 1.0])
+        pull.target = pin.SE3(home.rotation, home.translation + way)
+        step = solver.step()
+        assert step.closure <= 1e-10
+        return step
+
+    return solver, tick
+
+
+@robots
+def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, caplog, name):
+    mechanism = robot(name)
+    good, expected = dragged(mechanism, [Posture()])
+    _, tick = dragged(mechanism, [Objective(fails), Posture()])
+    for _ in range(50):
+        step = tick()
+        assert (step.q == expected().q).all()  # as without that objective
+        (error,) = step.exceptions
+        assert type(error) is ValueError
+        assert error.__traceback__ is not None
+        assert step.left_out == (0,)
+        assert step.verdict is Verdict.FOLLOWING
+    assert not good.exception_log.messages
+    (record,) = records(caplog)
+    assert f"objective 0 (Objective) of {mechanism.name}: ValueError: the objective is wrong" in record.getMessage()
+    text = caplog.text
+    assert text.count("Traceback (most recent call last)") == 1
+    assert 'raise ValueError("the objective is wrong")' in text
+    assert "in velocity" in text
+
+
+@robots
+def test_another_exception_is_reported_too(robot, caplog, name):
+    objective = Objective(fails)
+    _, tick = dragged(robot(name), [objective])
+    tick()
+    objective.answer = lambda state: {}["key"]
+    assert [type(error) for error in tick().exceptions] == [KeyError]
+    objective.answer = lambda state: 1 / 0
+    assert [type(error) for error in tick().exceptions] == [ZeroDivisionError]
+    objective.answer = fails
+    assert [type(error) for error in tick().exceptions] == [ValueError]
+    assert [record.exc_info[0] for record in records(caplog)] == [ValueError, KeyError, ZeroDivisionError]
+
+
+def test_two_objectives_that_raise_are_both_reported(robot, caplog):
+    _, tick = dragged(robot("arm7"), [Objective(fails), Posture(), Objective(fails)])
+    for _ in range(3):
+        assert len(tick().exceptions) == 2
+    assert [record.getMessage()[:11] for record in records(caplog)] == ["objective 0", "objective 2"]
+
+
+@robots
+def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, caplog, name):
+    mechanism = robot(name)
+    count = 0
+
+    def sometimes(state):
+        nonlocal count
+        count += 1
+        if count % 3 == 0:
+            raise RuntimeError(f"tick {count}")  # another text each time, the same fault
+        return 0.1 * mechanism.scale
+
+    solver, tick = dragged(mechanism, [Objective(sometimes)])
+    count = 0
+    for i in range(1, 31):
+        step = tick()
+        assert bool(step.exceptions) == (i % 3 == 0) == bool(step.left_out)
+    assert len(records(caplog)) == 1
+    assert solver.exception_log.messages == [
+        f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (lambda nv: np.zeros(nv - 1), "returned shape ({less},): return ({nv},)"),
+        (lambda nv: np.zeros((1, nv)), "returned shape (1, {nv}): return ({nv},)"),
+        (lambda nv: None, "returned shape (): return ({nv},)"),
+        (lambda nv: "fast", "could not convert string to float"),
+        (lambda nv: [0.0, 0.0, np.nan] + [0.0] * (nv - 3), "velocity(state)[2] is nan: return finite rad/s and m/s"),
+        (lambda nv: [np.inf] * nv, "velocity(state)[0] is inf"),
+        (lambda nv: [-1e300] * nv, "velocity(state)[0] is -1e+300"),
+    ],
+    ids=["a column less", "two dimensions", "nothing", "text", "NaN", "infinite", "too fast"],
+)
+@robots
+def test_what_an_objective_returns_that_makes_no_sense_is_an_exception_of_the_step(robot, caplog, name, answer, text):
+    mechanism = robot(name)
+    nv = mechanism.model.nv
+    _, expected = dragged(mechanism, [Objective(lambda state: np.zeros(nv))])
+    _, tick = dragged(mechanism, [Objective(lambda state: answer(nv))])
+    for _ in range(5):
+        step = tick()
+        (error,) = step.exceptions
+        assert type(error) is ValueError
+        assert text.format(nv=nv, less=nv - 1) in str(error)
+        assert step.left_out == (0,)
+        assert (step.q == expected().q).all()
+    assert len(records(caplog)) == 1
+
+
+@robots
+def test_a_step_without_exceptions_has_none(robot, caplog, name):
+    _, tick = dragged(robot(name), [Posture()], [Barrier()])
+    assert all(tick().exceptions == () for _ in range(5))
+    assert not records(caplog)
+
+
+# --- barriers ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Barrier(bounds=fails), "the objective is wrong"),
+        (lambda: Barrier(clear=lambda state, q: fails(state)), "the objective is wrong"),
+        (lambda: Barrier(bounds=lambda state: Bounds(np.ones((2, 1)), np.ones(2))), "rows (2, 1) and most (2,)"),
+        (lambda: Barrier(bounds=lambda state: Bounds(np.ones((1, 7)), 1.0)), "most ()"),
+        (lambda: Barrier(clear=lambda state, q: np.nan), "returned nan: return a number from 0 to 1"),
+        (lambda: Barrier(clear=lambda state, q: -0.5), "returned -0.5"),
+    ],
+)
+@robots
+def test_a_barrier_that_fails_stops_the_motion_and_is_reported_once(robot, caplog, name, make, text):
+    mechanism = robot(name)
+    solver, tick = dragged(mechanism, barriers=[Barrier(), make()])
+    for _ in range(20):
+        step = tick()
+        (error,) = step.exceptions
+        assert text in str(error)
+        assert (step.q == mechanism.q_home).all()
+        assert step.verdict is Verdict.BARRED
+    (record,) = records(caplog)
+    assert f"barrier 1 (Barrier) of {mechanism.name}: " in record.getMessage()
+    assert caplog.text.count("Traceback (most recent call last)") == 1
+    solver.barriers = []
+    step = tick()
+    assert step.exceptions == ()
+    assert np.abs(step.v).max() > 1e-3
+
+
+# --- where it would do harm ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("same", [True, False], ids=["one object", "new objects"])
+def test_exceptions_of_past_ticks_take_no_memory(robot, same):
+    """Neither are they kept, nor does the traceback of an object that is raised again grow with every tick."""
+
+    class FaultyError(Exception):
+        """Can be referred to weakly."""
+
+    alive, one = weakref.WeakSet(), FaultyError("again")
+
+    def answer(state):
+        error = one if same else FaultyError("anew")
+        alive.add(error)
+        raise error
+
+    objective = Objective(fails)
+    _, tick = dragged(robot("arm7"), [objective], [Barrier()])
+    objective.answer = answer
+    tick()
+    for _ in range(100):
+        step = tick()
+    gc.collect()
+    assert len(alive) <= 2  # the last one, and the one that pytest's log records keep
+    assert [frame.name for frame in traceback.extract_tb(step.exceptions[0].__traceback__)] == [
+        "_wish",
+        "velocity",
+        "answer",
+    ]
+
+
+def test_neither_a_log_handler_that_raises_nor_an_exception_without_text_ends_the_loop(robot):
+    class UnprintableError(Exception):
+        """Can't be printed."""
+
+        def __str__(self):
+            raise RuntimeError("no text")
+
+    class Broken(logging.Handler):
+        def emit(self, record):
+            raise OSError("the disk is full")
+
+    def answer(state):
+        raise UnprintableError
+
+    solver, tick = dragged(robot("arm7"))
+    logger, handler = logging.getLogger("cinegen"), Broken()
+    logger.addHandler(handler)
+    try:
+        solver.objectives = [Objective(answer)]
+        for _ in range(3):
+            assert type(tick().exceptions[0]) is UnprintableError
+    finally:
+        logger.removeHandler(handler)
+    assert len(solver.exception_log.messages) == 1
+
+
+def test_interrupts_are_not_caught(robot):
+    def interrupted(state):
+        raise KeyboardInterrupt
+
+    solver, tick = dragged(robot("arm7"))
+    objective = Objective(lambda state: np.zeros(7))
+    solver.objectives = [objective]
+    objective.answer = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        tick()
+
+
+def test_a_forecast_reports_nothing_twice(robot, caplog):
+    solver, tick = dragged(robot("arm7"), [Objective(fails)])
+    tick()
+    solver.forecast(0.1)
+    assert len(records(caplog)) == 1
+
+
+def test_each_solver_reports_for_itself(robot, caplog):
+    for _ in range(2):
+        dragged(robot("arm7"), [Objective(fails)])[1]()
+    assert len(records(caplog)) == 2
+
+
+def test_an_exception_of_the_package_is_refused_as_before(robot, caplog):
+    def unfit(state):
+        raise cinegen.CinegenError("does not fit")
+
+    with pytest.raises(cinegen.CinegenError, match="does not fit"):
+        dragged(robot("arm7"), [Objective(unfit)])
+    assert not records(caplog)
+
+
+def test_an_exception_that_was_never_raised_can_be_reported(caplog):
+    log = ExceptionLog()
+    log.report("here", ValueError("x"))
+    log.report("here", ValueError("y"))
+    log.report("there", ValueError("x"))
+    assert log.messages == ["here: ValueError: x", "there: ValueError: x"]
+    assert len(records(caplog)) == 2
