@@ -1,0 +1,102 @@
+"""What is imported is declared, what is declared is imported and pinned, and modules of one system are optional."""
+
+from __future__ import annotations
+
+import ast
+import re
+import sys
+import tomllib
+from functools import cache
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+OWN = {"cinegen", "raff2urdf"}
+POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
+UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}}
+"""Packages that don't tell which distribution they are of: cmeel puts them in a folder of its own."""
+
+
+installed = cache(packages_distributions)
+
+
+@cache
+def project() -> dict:
+    return tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+
+
+def normal(name: str) -> str:
+    """A distribution's name without version, as package indexes compare them."""
+    return re.sub(r"[-_.]+", "-", re.match(r"[\w.-]+", name)[0]).lower()
+
+
+def required() -> set[str]:
+    return {normal(entry) for entry in project()["dependencies"]}
+
+
+def optional(*extras: str) -> set[str]:
+    return {normal(entry) for extra in extras for entry in project()["optional-dependencies"][extra]}
+
+
+@cache
+def imports(*folders: str) -> dict[str, set[str]]:
+    """For each top-level package that files of these folders import, those files."""
+    found: dict[str, set[str]] = {}
+    for path in (path for folder in folders for path in sorted((ROOT / folder).rglob("*.py"))):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                names = [node.module]
+            for name in names:
+                found.setdefault(name.split(".")[0], set()).add(str(path.relative_to(ROOT)))
+    return {name: files for name, files in found.items() if name not in sys.stdlib_module_names | OWN}
+
+
+@cache
+def distributions(package: str) -> frozenset[str]:
+    """Those that a package may come from."""
+    return frozenset(map(normal, UNTOLD.get(package) or installed().get(package) or {package}))
+
+
+def undeclared(found: dict[str, set[str]], declared: set[str]) -> dict[str, list[str]]:
+    return {package: sorted(files) for package, files in found.items() if not distributions(package) & declared}
+
+
+def test_what_the_packages_import_is_declared():
+    assert undeclared(imports(*OWN), required() | optional("film", "sampling")) == {}
+
+
+def test_what_the_tests_import_is_declared():
+    local = {path.stem for folder in ("tests", "examples", "benchmarks") for path in (ROOT / folder).rglob("*.py")}
+    found = {package: files for package, files in imports("tests").items() if package not in local}
+    assert undeclared(found, required() | optional("test")) == {}
+
+
+def test_what_is_declared_is_imported():
+    used = set().union(*(distributions(package) for package in imports(*OWN)))
+    assert (required() | optional("film", "sampling")) - used == set()
+
+
+def test_what_is_declared_is_pinned():
+    pinned = {normal(line) for line in (ROOT / "requirements/runtime.txt").read_text(encoding="utf-8").split()}
+    assert required() - pinned == set()
+
+
+@pytest.mark.parametrize("package", ["lxml", "coal", "umsgpack", "numcodecs", "google_crc32c"])
+def test_an_import_that_is_not_declared_is_found(package):
+    declared = (required() | optional("film", "sampling")) - distributions(package)
+    assert set(undeclared(imports(*OWN), declared)) == {package}
+
+
+def test_modules_that_not_every_system_has_are_imported_where_that_may_fail():
+    unguarded = []
+    for path in (path for folder in OWN for path in sorted((ROOT / folder).rglob("*.py"))):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:  # neither in `try` nor in a function
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            names += [node.module] if isinstance(node, ast.ImportFrom) else []
+            unguarded += [f"{path.relative_to(ROOT)}: {name}" for name in names if name in POSIX]
+    assert unguarded == []
