@@ -39,7 +39,7 @@ bench: export OPENBLAS_NUM_THREADS := 1
 bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, maps, and beside placo, pink and mink
 	$(BIN)/python benchmarks/tick.py
 	$(BIN)/python benchmarks/scaling.py
-	$(BIN)/python benchmarks/reach.py
+	$(BIN)/python benchmarks/inverse_kinematics.py
 	$(BIN)/python benchmarks/close.py
 	$(BIN)/python benchmarks/cockpit.py
 	$(BIN)/python benchmarks/modes.py

@@ -50,7 +50,7 @@ class Result(NamedTuple):
     motion: float
     step: float
     time: float
-    verdict: str
+    status: str
 
 
 def result(family: str, number: int, method: str) -> Result:
@@ -69,7 +69,7 @@ def result(family: str, number: int, method: str) -> Result:
     clearance = found.clearance / scene.safety if found else np.inf
     return Result(
         bool(found), clearance, found.length / max(straight, 1e-9), found.motion,
-        1e3 * spent / steps if steps else np.nan, spent, found.verdict.value,
+        1e3 * spent / steps if steps else np.nan, spent, found.status.value,
     )  # fmt: skip
 
 

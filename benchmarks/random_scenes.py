@@ -228,7 +228,9 @@ def delta(number: int) -> Scene:
         ends = []
         for turn in rng.uniform(-np.pi, np.pi) + np.array([0.0, np.pi]):
             way = [1.0 * np.cos(turn), 1.0 * np.sin(turn), -rng.uniform(0.2, 0.5)]
-            reached = cinegen.reach(mechanism, [Pull(node, pin.SE3(np.eye(3), home + way), 3, 0)], mechanism.q_home)
+            reached = cinegen.inverse_kinematics(
+                mechanism, [Pull(node, pin.SE3(np.eye(3), home + way), 3, 0)], mechanism.q_home
+            )
             if reached and near.least(reached.q) > CLEAR:
                 ends.append(reached.q)
         if len(ends) == 2:

@@ -7,7 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
 from cinegen.errors import CinegenError, CinegenWarning, ClosureError
-from cinegen.ik import PersistentSolver, Pull, Solver, Step, Verdict, evaluate, reach
+from cinegen.ik import PersistentSolver, Pull, Solver, Status, Step, evaluate, inverse_kinematics
 from cinegen.model import Mechanism, load
 from cinegen.realtime import Clock
 
@@ -32,14 +32,14 @@ __all__ = [
     "PersistentSolver",
     "Pull",
     "Solver",
+    "Status",
     "Step",
-    "Verdict",
     "assembly_modes",
     "evaluate",
+    "inverse_kinematics",
     "load",
     "make_map",
     "plan",
-    "reach",
     "show",
     "singularity",
 ]

@@ -23,7 +23,7 @@ class SensorError(CinegenError):
     """A sensor that there can't be; says what can."""
 
 
-class State(Enum):
+class SensorState(Enum):
     """What a sensor is doing."""
 
     CLOSED = "closed"  # not started, or ended
@@ -34,7 +34,7 @@ class State(Enum):
     REFUSED = "refused"  # there, and not what it should be; it is tried again
 
 
-class Status(NamedTuple):
+class SensorStatus(NamedTuple):
     """What becomes of a sensor.
 
     Attributes:
@@ -44,7 +44,7 @@ class Status(NamedTuple):
         damaged: how many packets or lines could not be used.
     """
 
-    state: State
+    state: SensorState
     words: str
     packets: int = 0
     damaged: int = 0
@@ -86,7 +86,7 @@ class Sensor(Protocol):
         """The newest reading, if there is one that was not read yet. Only one thread may read."""
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """What it is doing."""
 
     def close(self) -> None:

@@ -21,6 +21,6 @@ for tick in range(1201):
     if tick % 120 == 0:
         distance = step.errors[0][0]
         held = f", held by {' and '.join(step.saturated)}" if step.saturated else ""
-        print(f"{tick / 240:.1f} s: {step.verdict.name}, {distance:.3f} m behind{held}")
+        print(f"{tick / 240:.1f} s: {step.status.name}, {distance:.3f} m behind{held}")
 
 print(f"loops closed to better than 1e-10 at every tick: {worst < 1e-10}")

@@ -14,4 +14,4 @@ for tick in range(1, 841):
         pulls = " ".join(f"{sigma:.3f}" for sigma in step.singular_values)
         loops = f"{step.loop_singular_values[-1]:.3f}"
         behind = f"{1000 * step.errors[0][0]:.1f} mm behind"
-        print(f"{tick * 0.005:.1f} m down: pulls {pulls}, loops {loops}, {step.verdict.name}, {behind}")
+        print(f"{tick * 0.005:.1f} m down: pulls {pulls}, loops {loops}, {step.status.name}, {behind}")

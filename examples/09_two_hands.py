@@ -18,4 +18,4 @@ for tick in range(480):
 
 solver.release(elbow)
 step = solver.step()
-print(f"let go: {step.verdict.name}, {len(solver.pulls)} pull holds")
+print(f"let go: {step.status.name}, {len(solver.pulls)} pull holds")

@@ -27,4 +27,4 @@ if len(possible) == 1:  # else one more sensor has to tell, as an inclinometer
     for _ in range(240):
         step = solver.step()
     legs = [step.q[robot.q_index(leg)] - length for leg, length in zip(robot.actuated, lengths, strict=True)]
-    print("up by 50 mm, legs move by", " ".join(f"{1000 * leg:.1f}" for leg in legs), "mm:", step.verdict.name)
+    print("up by 50 mm, legs move by", " ".join(f"{1000 * leg:.1f}" for leg in legs), "mm:", step.status.name)

@@ -17,7 +17,7 @@ path = Path(tempfile.mkdtemp(), "turn.jsonl")
 with Recorder(path, {"tssm": robot}) as recorder:
     for second in range(7):
         pose.rotation = pin.utils.rotate("z", np.radians(20 * second))
-        q = cinegen.reach(robot, {"platform": pose}, q).q
+        q = cinegen.inverse_kinematics(robot, {"platform": pose}, q).q
         here = cinegen.singularity(robot, q)
         print(f"turned by {20 * second} degrees: {here.kind.value}, singular value of type 2 {here.sigma[1]:.3f}")
         recorder.write(float(second), {"tssm": Motion(q, (), "")})

@@ -23,7 +23,7 @@ scene = scene_of(
 
 way = plan(scene)
 for attempt in way.attempts:
-    print(f"{attempt.words}: {attempt.verdict.value} after {len(attempt.path) - 1} steps")
+    print(f"{attempt.words}: {attempt.status.value} after {len(attempt.path) - 1} steps")
 print(f"{way}, {1000 * way.clearance:.0f} mm clear of everything all along; the tool goes {way.length:.2f} m")
 
 folder = Path(tempfile.mkdtemp())

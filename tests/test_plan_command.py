@@ -84,7 +84,7 @@ def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
 
 
 @pytest.mark.parametrize(
-    ("values", "verdict", "advice"),
+    ("values", "status", "advice"),
     [
         (
             {"obstacle": [{"kind": "disc", "radius": 0.1}]},
@@ -98,9 +98,9 @@ def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
         ),
     ],
 )
-def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, verdict, advice):
+def test_what_can_not_be_is_said_at_once_with_what_to_do(typed, scene, values, status, advice):
     said = typed(scene(**values), code=1)
-    assert verdict in said
+    assert status in said
     assert advice in said
     assert "attempt" not in said
 
@@ -143,7 +143,7 @@ def test_json_holds_a_way_from_the_start_to_the_goal(root, typed, name):
     said = json.loads(typed(name, "--json"))
     found = load_scene(root / f"robots/scenes/{name}.toml")
     mechanism = found.mechanism
-    assert (said["scene"], said["verdict"], said["planner"], said["field"]) == (name, "reached", "vortex", "vortex")
+    assert (said["scene"], said["status"], said["planner"], said["field"]) == (name, "reached", "vortex", "vortex")
     path = [mechanism.configuration(values) for values in said["path"]]
     assert set(said["path"][0]) == set(mechanism.joints)
     assert (path[0] == found.start).all()
@@ -156,7 +156,7 @@ def test_json_holds_a_way_from_the_start_to_the_goal(root, typed, name):
     assert said["length"] >= math.dist(said["trace"][0], said["trace"][-1])
     steps = np.linalg.norm(np.diff(said["trace"], axis=0), axis=1).sum()
     assert said["length"] == pytest.approx(steps, rel=0.02)
-    assert [one["verdict"] for one in said["attempts"]][-1] == "reached"
+    assert [one["status"] for one in said["attempts"]][-1] == "reached"
 
 
 def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
@@ -164,13 +164,13 @@ def test_json_is_json_where_there_is_no_way_and_nothing_to_meet(typed, scene):
     assert said["clearance"] is None
     assert set(said["clearances"]) == {None}
     said = json.loads(typed(scene(obstacle=[{"kind": "disc", "radius": 0.1}]), "--json", code=1))
-    assert (said["verdict"], said["attempts"]) == ("start in collision", [])
+    assert (said["status"], said["attempts"]) == ("start in collision", [])
     assert said["path"] == [{"x": 0.0, "y": 0.0}]
 
 
 def test_json_of_what_got_stuck_says_so_too(typed):
     said = json.loads(typed("rod", "--field", "firas", "--json", code=1))
-    assert (said["verdict"], said["field"]) == ("stuck", "firas")
+    assert (said["status"], said["field"]) == ("stuck", "firas")
     assert len(said["attempts"]) == 1
 
 
@@ -180,7 +180,7 @@ def test_json_of_what_got_stuck_says_so_too(typed):
 def test_rrt_connect_finds_a_way_in_the_same_scene(typed):
     pytest.importorskip("ompl")
     said = json.loads(typed("disc", "--planner", "rrtconnect", "--seconds", "20", "--json"))
-    assert (said["planner"], said["field"], said["verdict"]) == ("rrtconnect", None, "reached")
+    assert (said["planner"], said["field"], said["status"]) == ("rrtconnect", None, "reached")
     assert said["clearance"] >= said["safety"]
     assert said["attempts"][0]["led_by"] == "RRT-Connect"
 

@@ -57,7 +57,7 @@ class Homotopy:
             multiple=led.count(SINGULAR),
             lost=missing,
         )
-        complete, trace_test, words = self._verdict(fibre, paths, curve)
+        complete, trace_test, words = self._status(fibre, paths, curve)
         closest = None if modes else self._closest(led, motors)
         if closest is not None and closest.gap <= CLOSED:  # a point of a curve, whose paths ended in complex points
             return Found((closest.q,), (1,), False, words, paths, None, None if trace_test is None else False)
@@ -120,7 +120,7 @@ class Homotopy:
 
     # --- words ---------------------------------------------------------------------------------------------------
 
-    def _verdict(self, fibre: Fibre, paths: Paths, curve: bool) -> tuple[bool, bool | None, str]:
+    def _status(self, fibre: Fibre, paths: Paths, curve: bool) -> tuple[bool, bool | None, str]:
         """Return whether it is proved that these are all modes, what the trace test says, and a message.
 
         A family's bound proves it where as many solutions end at isolated points. With solutions at infinity it does

@@ -192,7 +192,7 @@ def _wait(cockpit: Cockpit, time: float | None) -> None:
         left -= 1.0
         state = cockpit.state
         told = ((name, state.robots[name]) for name in robots)
-        said = ", ".join(f"{name}: {robot.verdict[1]}, closure {robot.closure:.0e}" for name, robot in told)
+        said = ", ".join(f"{name}: {robot.status[1]}, closure {robot.closure:.0e}" for name, robot in told)
         print(f"\r{state.time:5.0f} s  {said[:110]:<110}", end="", file=sys.stderr, flush=True)
 
 

@@ -178,11 +178,11 @@ def _reached(mechanism: Mechanism, asked: Pull) -> NDArray[np.float64]:
         CinegenError: it can't be reached; says by how much it is missed.
     """
     from cinegen.errors import CinegenError
-    from cinegen.ik import reach
+    from cinegen.ik import inverse_kinematics
     from cinegen.plotting.words import place
 
     for limits in (True, False):  # a mode that limits forbid is a mode all the same, and said to be outside
-        found = reach(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
+        found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
         if found:
             return found.q
     numbers = [f"{name} {value:g}" for name, value in zip(_POSE, place(asked.target), strict=True)]

@@ -115,8 +115,8 @@ def _given(scene: Scene) -> list[str]:
 
 
 def _told(found: Plan) -> list[str]:
-    """Lines: the verdict, what the way is like, and a table of attempts."""
-    lines = textwrap.wrap(_verdict(found), _BROAD, subsequent_indent="  ")
+    """Lines: the status, what the way is like, and a table of attempts."""
+    lines = textwrap.wrap(_status(found), _BROAD, subsequent_indent="  ")
     if len(found.path) > 1 or found:
         lines += [
             f"  steps      {len(found.path) - 1}",
@@ -127,27 +127,27 @@ def _told(found: Plan) -> list[str]:
     if found.attempts:
         lines += textwrap.wrap(f"  meshes     {_meshes(found)}", _BROAD, subsequent_indent=" " * 13)
     if found.attempts:
-        rows = [(one.verdict.value, str(len(one.path) - 1), one.words) for one in found.attempts]
+        rows = [(one.status.value, str(len(one.path) - 1), one.words) for one in found.attempts]
         widths = [max(map(len, column)) for column in list(zip(*rows, strict=True))[:2]]
-        verdict, steps = max(widths[0], len("verdict")), max(widths[1], len("steps"))
-        lines += ["", f"  attempt  {'verdict':<{verdict}}  {'steps':>{steps}}  led by"]
+        status, steps = max(widths[0], len("status")), max(widths[1], len("steps"))
+        lines += ["", f"  attempt  {'status':<{status}}  {'steps':>{steps}}  led by"]
         for k, (word, number, led) in enumerate(rows, 1):
-            lines.append(f"  {k:>7}  {word:<{verdict}}  {number:>{steps}}  {led}")
+            lines.append(f"  {k:>7}  {word:<{status}}  {number:>{steps}}  {led}")
     return lines
 
 
-def _verdict(found: Plan) -> str:
-    """The verdict first; where that is no goal, where it is, and why."""
-    from cinegen.planning import Verdict
+def _status(found: Plan) -> str:
+    """The status first; where that is no goal, where it is, and why."""
+    from cinegen.planning import PlanStatus
 
     scene = found.scene
     if found:
-        return f"{found.verdict.value}: {scene.node} is at its goal"
-    if not found.attempts or found.verdict is Verdict.TIME_LIMIT:
+        return f"{found.status.value}: {scene.node} is at its goal"
+    if not found.attempts or found.status is PlanStatus.TIME_LIMIT:
         return str(found)
     here = found.trace[-1][: scene.translation]
     left = math.dist(here, scene.goal.translation[: scene.translation])
-    words = f"{found.verdict.value}: {scene.node} at {_place(here)}, {_mm(left)} from its goal: {found.reason}"
+    words = f"{found.status.value}: {scene.node} at {_place(here)}, {_mm(left)} from its goal: {found.reason}"
     told = found.attempts[-1].held_by or (found.field is not None and found.field.value in _REPELLING)
     return words if told else words + _nearest(found)
 
@@ -182,23 +182,23 @@ def _meshes(found: Plan) -> str:
 
 def _advice(found: Plan, options: argparse.Namespace) -> list[str]:
     """What may be tried where the goal is not reached."""
-    from cinegen.planning import Verdict
+    from cinegen.planning import PlanStatus
 
     if found:
         return []
-    match found.verdict:
-        case Verdict.START_IN_COLLISION:
+    match found.status:
+        case PlanStatus.START_IN_COLLISION:
             words = "Start somewhere else (start), move the obstacle, or make the distance to be kept (safety) smaller."
-        case Verdict.GOAL_IN_COLLISION:
+        case PlanStatus.GOAL_IN_COLLISION:
             words = "Every posture at the goal that was found is too near to something: move the goal or the obstacle, "
             words += "leave more of the goal open, or make the distance to be kept (safety) smaller."
-        case Verdict.IN_COLLISION:
+        case PlanStatus.IN_COLLISION:
             words = (
                 "The convex solids around the links are kept clear, but the meshes touch: try another start or goal."
             )
-        case Verdict.OUT_OF_REACH:
+        case PlanStatus.OUT_OF_REACH:
             words = "Bring the goal nearer, or leave more of it open: its orientation, or z."
-        case Verdict.TIME_LIMIT:
+        case PlanStatus.TIME_LIMIT:
             longer = 6.0 * (_SEARCH if options.seconds is None else options.seconds)
             words = f"Try --seconds {longer:g}, or a smaller distance to be kept (safety): there may be no way at all."
         case _ if options.field != "vortex":
@@ -253,7 +253,7 @@ def _document(found: Plan, options: argparse.Namespace) -> dict[str, Any]:
         "robot": mechanism.name,
         "planner": options.planner,
         "field": None if found.field is None else found.field.value,
-        "verdict": found.verdict.value,
+        "status": found.status.value,
         "reason": found.reason,
         "node": scene.node,
         "goal": scene.document()["goal"],
@@ -269,7 +269,7 @@ def _document(found: Plan, options: argparse.Namespace) -> dict[str, Any]:
         "attempts": [
             {
                 "led_by": one.words,
-                "verdict": one.verdict.value,
+                "status": one.status.value,
                 "steps": len(one.path) - 1,
                 "held_by": [list(pair) for pair in one.held_by],
                 "reason": one.reason,

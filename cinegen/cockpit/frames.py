@@ -115,18 +115,18 @@ def frame(state: State, poses: Poses) -> dict[str, Any]:
         state: of the session.
         poses: of the same robots.
     """
-    placed, pulls, verdicts = {}, [], {}
+    placed, pulls, statuses = {}, [], {}
     for name, robot in state.robots.items():
         nodes = poses.of(name, robot.q)
         placed[name] = numbers(np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes)]))
-        verdicts[name] = {"name": robot.verdict[0], "words": robot.verdict[1]}
+        statuses[name] = {"name": robot.status[0], "words": robot.status[1]}
         pulls += _pulls(name, robot, nodes, poses)
     return {
         "kind": "state",
         "time": round(state.time, 3),
         "poses": placed,
         "pulls": pulls,
-        "verdicts": verdicts,
+        "statuses": statuses,
     }
 
 

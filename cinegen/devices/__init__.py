@@ -8,7 +8,7 @@ from cinegen.devices.path import SHAPES, Path, fitted
 from cinegen.devices.record import Recorder, RecordError
 from cinegen.devices.scripted import Scripted
 from cinegen.devices.tap import Tap, Taps
-from cinegen.sensor import Reading, Sensor, SensorError, State, Status
+from cinegen.sensor import Reading, Sensor, SensorError, SensorState, SensorStatus
 
 __all__ = [
     "KINDS",
@@ -24,8 +24,8 @@ __all__ = [
     "Scripted",
     "Sensor",
     "SensorError",
-    "State",
-    "Status",
+    "SensorState",
+    "SensorStatus",
     "Tap",
     "Taps",
     "fitted",

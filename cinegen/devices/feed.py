@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from cinegen.devices.newest import Newest
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
-from cinegen.sensor import Reading, State, Status
+from cinegen.sensor import Reading, SensorState, SensorStatus
 
 _SHORTEST, _LONGEST = 0.1, 3.0  # s between two attempts to open: doubled from one to the next
 _PATIENCE = 3.0  # s that `close` waits for the thread
@@ -43,7 +43,7 @@ class Feed(ABC):
         self.newest = Newest()
         self.damaged = 0
         self.exception_log = ExceptionLog()
-        self._said = State.CLOSED, f"{url} is not started"
+        self._said = SensorState.CLOSED, f"{url} is not started"
         self._ending = threading.Event()
         self._own = threading.local()  # a thread that hung when it was closed still knows that it should end
         self._thread: threading.Thread | None = None
@@ -66,7 +66,7 @@ class Feed(ABC):
         if self._thread is not None and self._thread.is_alive() and not self._ending.is_set():
             return
         self._ending = threading.Event()
-        self._said = State.OPENING, f"{self.url} is being opened"
+        self._said = SensorState.OPENING, f"{self.url} is being opened"
         self._thread = threading.Thread(target=self._run, args=(self._ending,), name=f"sensor {self.url}", daemon=True)
         self._thread.start()
 
@@ -75,14 +75,14 @@ class Feed(ABC):
         return self.newest.take()
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """What it is doing."""
         state, words = self._said
-        if state is State.LIVE:
+        if state is SensorState.LIVE:
             silent = self.newest.silence()
             if silent > self.timeout:
-                state, words = State.SILENT, f"{self.url} has said nothing for {silent:.1f} s"
-        return Status(state, words, self.newest.count, self.damaged)
+                state, words = SensorState.SILENT, f"{self.url} has said nothing for {silent:.1f} s"
+        return SensorStatus(state, words, self.newest.count, self.damaged)
 
     def close(self) -> None:
         """Ends. Waits for the thread a while; one that hangs in a system call ends when that does."""
@@ -90,7 +90,7 @@ class Feed(ABC):
         thread = self._thread
         if thread is not None and thread is not threading.current_thread():
             thread.join(_PATIENCE)
-        self._said = State.CLOSED, f"{self.url} is closed"
+        self._said = SensorState.CLOSED, f"{self.url} is closed"
 
     # --- for its kinds -------------------------------------------------------------------------------------------
 
@@ -106,7 +106,7 @@ class Feed(ABC):
     def live(self, words: str) -> None:
         """The device is there, and is this."""
         if not self.ending:
-            self._said = State.LIVE, words
+            self._said = SensorState.LIVE, words
 
     @property
     def _own_ending(self) -> threading.Event:
@@ -121,16 +121,16 @@ class Feed(ABC):
         while not ending.is_set():
             try:
                 self.serve()
-                end = State.LOST, f"{self.url} has ended"
+                end = SensorState.LOST, f"{self.url} has ended"
             except RefusedError as error:
-                end = State.REFUSED, str(error)
+                end = SensorState.REFUSED, str(error)
             except Exception as error:  # whatever a driver raises: a sensor never stops anything
-                end = State.LOST, f"{self.url.rstrip(':')}: {_sentence(error)}"
+                end = SensorState.LOST, f"{self.url.rstrip(':')}: {_sentence(error)}"
                 if not isinstance(error, OSError | CinegenError):  # a device that is gone is no bug
                     self.exception_log.report(self.url, error)
             if ending.is_set():
                 return  # `close` has had its say
-            was_live = self._said[0] is State.LIVE
+            was_live = self._said[0] is SensorState.LIVE
             self._said = end
             self.newest.end()
             pause = _SHORTEST if was_live else min(2.0 * pause, self.longest)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 
 from cinegen.devices.newest import Newest
-from cinegen.sensor import Reading, State, Status
+from cinegen.sensor import Reading, SensorState, SensorStatus
 
 _BUTTONS = 64
 
@@ -29,13 +29,13 @@ class Gamepad:
         self.url = "gamepad:"
         self.damaged = 0
         self._newest = Newest()
-        self._said = State.CLOSED, f"{self.url} is not started"
+        self._said = SensorState.CLOSED, f"{self.url} is not started"
 
     def start(self) -> None:
         """Begins to take what is put."""
-        if self._said[0] is State.CLOSED:
+        if self._said[0] is SensorState.CLOSED:
             self._newest, self.damaged = Newest(), 0
-            self._said = State.OPENING, "no browser has sent anything of a gamepad yet"
+            self._said = SensorState.OPENING, "no browser has sent anything of a gamepad yet"
 
     def put(self, twist: Sequence[float], buttons: Iterable[int] = ()) -> None:
         """The browser says this; does not raise: what makes no sense is counted and left out.
@@ -44,7 +44,7 @@ class Gamepad:
             twist: six numbers from -1 to 1, see `Twist`; what is beyond is cut.
             buttons: those that are down, from 0 to 63.
         """
-        if self._said[0] is State.CLOSED:
+        if self._said[0] is SensorState.CLOSED:
             return
         try:
             x, y, z, a, b, c = (min(1.0, max(-1.0, float(value))) for value in twist if math.isfinite(value))
@@ -56,12 +56,12 @@ class Gamepad:
             self.damaged += 1
             return
         self._newest.put(twist=(x, y, z, a, b, c), buttons=down)
-        self._said = State.LIVE, "the gamepad of a browser"
+        self._said = SensorState.LIVE, "the gamepad of a browser"
 
     def gone(self) -> None:
         """The browser is gone, or its gamepad: it moves nothing from now on, without the time-out's delay."""
-        if self._said[0] is State.LIVE:
-            self._said = State.LOST, "the browser with the gamepad is gone"
+        if self._said[0] is SensorState.LIVE:
+            self._said = SensorState.LOST, "the browser with the gamepad is gone"
             self._newest.end()
 
     def read(self) -> Reading | None:
@@ -69,15 +69,15 @@ class Gamepad:
         return self._newest.take()
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """What it is doing."""
         state, words = self._said
         silent = self._newest.silence()
-        if state is State.LIVE and silent > self.timeout:
-            state, words = State.SILENT, f"the browser has said nothing of its gamepad for {silent:.1f} s"
-        return Status(state, words, self._newest.count, self.damaged)
+        if state is SensorState.LIVE and silent > self.timeout:
+            state, words = SensorState.SILENT, f"the browser has said nothing of its gamepad for {silent:.1f} s"
+        return SensorStatus(state, words, self._newest.count, self.damaged)
 
     def close(self) -> None:
         """Ends; may be started again."""
-        self._said = State.CLOSED, f"{self.url} is closed"
+        self._said = SensorState.CLOSED, f"{self.url} is closed"
         self._newest.end()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import Pull
-from cinegen.sensor import NO_TWIST, Reading, Sensor, State, Status, Twist
+from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorState, SensorStatus, Twist
 
 Array = NDArray[np.float64]
 
@@ -116,12 +116,12 @@ class Hold:
         self._frame = frame
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """The sensor's, or that it has fallen silent."""
         status = self.sensor.status
-        if status.state is State.LIVE and self._twist != NO_TWIST and self._age > self.sensor.timeout:
+        if status.state is SensorState.LIVE and self._twist != NO_TWIST and self._age > self.sensor.timeout:
             words = f"{self.sensor.url} has fallen silent: its target is held"
-            return status._replace(state=State.SILENT, words=words)
+            return status._replace(state=SensorState.SILENT, words=words)
         return status
 
     def advance(self, dt: float) -> Reading | None:
@@ -142,7 +142,7 @@ class Hold:
 
     def _move(self, dt: float) -> None:
         timeout = self.sensor.timeout
-        if self._age <= timeout and self.sensor.status.state not in (State.LIVE, State.SILENT):
+        if self._age <= timeout and self.sensor.status.state not in (SensorState.LIVE, SensorState.SILENT):
             self._age = timeout + dt  # lost: no need to wait
         part = 1.0
         if self._age > timeout:

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik import Solver, Verdict
+from cinegen.ik import Solver, Status
 from cinegen.model import Mechanism
 from raff2urdf.closure import rank
 
@@ -105,6 +105,6 @@ def _follows(mechanism: Mechanism, path: Path, freedoms: int) -> bool:
     for tick in range(ticks + round(_RAMP / dt)):
         pull.target = path.target(tick * dt)
         step = solver.step()
-        if step.verdict is Verdict.REFUSED or step.errors[0][0] > near * mechanism.length:
+        if step.status is Status.REFUSED or step.errors[0][0] > near * mechanism.length:
             return False
     return True

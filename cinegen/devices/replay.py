@@ -11,7 +11,7 @@ from typing import Any
 
 from cinegen.devices.json_line import LineError, numbers, parse, pressed
 from cinegen.devices.record import VERSION, RecordError
-from cinegen.sensor import NO_TWIST, Reading, State, Status
+from cinegen.sensor import NO_TWIST, Reading, SensorState, SensorStatus
 
 _BESIDES = frozenset({"time", "pressed"})
 
@@ -56,14 +56,14 @@ class Replay:
         return passed[-1]._replace(time=self._begin + passed[-1].time, pressed=tuple(down))
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """Live until its end."""
         count = len(self.readings)
         if self._begin is None:
-            return Status(State.CLOSED, f"{self.url} is not started")
+            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
         if self._read < count:
-            return Status(State.LIVE, f"{self.url}: {self._read} of {count} readings", self._read)
-        return Status(State.CLOSED, f"{self.url} is at its end", self._read)
+            return SensorStatus(SensorState.LIVE, f"{self.url}: {self._read} of {count} readings", self._read)
+        return SensorStatus(SensorState.CLOSED, f"{self.url} is at its end", self._read)
 
     def close(self) -> None:
         """Ends; when it is started again, it begins at its beginning."""

@@ -15,7 +15,7 @@ from cinegen.devices.record import header, line
 from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
-from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, State, Status
+from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
 
 Say = Callable[[str], object]
 
@@ -159,10 +159,10 @@ def _show(sensor: Sensor, say: Say, seconds: float | None, rewrite: bool) -> Non
             last, fresh = reading, True
             pressed += reading.pressed
         now, status = time.monotonic(), sensor.status
-        if status.words != words and status.state is not State.SILENT:
+        if status.words != words and status.state is not SensorState.SILENT:
             words = status.words
             say(f"{_CLEAR if rewrite else ''}{status.state.value}: {words}\n")
-        if now - shown < _SHOWN or status.state not in (State.LIVE, State.SILENT):
+        if now - shown < _SHOWN or status.state not in (SensorState.LIVE, SensorState.SILENT):
             continue
         shown = now
         text = _line(last, pressed, status, rate.of(status.packets, now))
@@ -195,7 +195,7 @@ class _Rate:
         return (packets - count) / (now - then) if now > then else 0.0
 
 
-def _line(last: Reading, pressed: Iterable[int], status: Status, rate: float) -> str:
+def _line(last: Reading, pressed: Iterable[int], status: SensorStatus, rate: float) -> str:
     parts = []
     if last.target is not None:
         parts.append("at " + " ".join(f"{value:+.3f}" for value in last.target.translation) + " m")
@@ -204,7 +204,7 @@ def _line(last: Reading, pressed: Iterable[int], status: Status, rate: float) ->
     down = sorted(last.buttons | set(pressed))
     parts.append(f"buttons {' '.join(map(str, down)) or '-'}")
     parts.append(f"{rate:3.0f}/s")
-    if status.state is State.SILENT:
+    if status.state is SensorState.SILENT:
         parts.append("silent")
     if status.damaged:
         parts.append(f"{status.damaged} damaged")

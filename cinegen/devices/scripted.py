@@ -6,7 +6,7 @@ import math
 import time
 
 from cinegen.devices.path import Path
-from cinegen.sensor import Reading, State, Status
+from cinegen.sensor import Reading, SensorState, SensorStatus
 
 
 class Scripted:
@@ -38,12 +38,12 @@ class Scripted:
         return Reading(now, target=self.path.target(now - self._begin))
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """Live while it is started."""
         if self._begin is None:
-            return Status(State.CLOSED, f"{self.url} is not started")
-        return Status(
-            State.LIVE, f"{self.path.node} follows a {self.path.shape} of {self.path.size:.3g} m", self._count
+            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
+        return SensorStatus(
+            SensorState.LIVE, f"{self.path.node} follows a {self.path.shape} of {self.path.size:.3g} m", self._count
         )
 
     def close(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from cinegen.sensor import Reading, Sensor, Status
+from cinegen.sensor import Reading, Sensor, SensorStatus
 
 _MOST = 64  # presses that a tap has not read yet
 
@@ -59,7 +59,7 @@ class Tap:
         self._presses = taps.presses
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """The sensor's."""
         return self._taps.sensor.status
 

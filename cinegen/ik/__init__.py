@@ -4,11 +4,11 @@ from cinegen.ik.batch import Evaluations, evaluate
 from cinegen.ik.forecast import Event, EventKind, Forecast
 from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
 from cinegen.ik.persistent import PersistentSolver
-from cinegen.ik.point_to_point import Reached, reach
+from cinegen.ik.point_to_point import IKResult, inverse_kinematics
 from cinegen.ik.pull import Pull
 from cinegen.ik.singular import Gained, Lost
 from cinegen.ik.solver import Solver
-from cinegen.ik.step import Step, Verdict
+from cinegen.ik.step import Status, Step
 
 __all__ = [
     "Evaluations",
@@ -16,6 +16,7 @@ __all__ = [
     "EventKind",
     "Forecast",
     "Gained",
+    "IKResult",
     "LimitMargin",
     "Lost",
     "Manipulability",
@@ -23,11 +24,10 @@ __all__ = [
     "PersistentSolver",
     "Posture",
     "Pull",
-    "Reached",
     "Solver",
     "State",
+    "Status",
     "Step",
-    "Verdict",
     "evaluate",
-    "reach",
+    "inverse_kinematics",
 ]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cinegen.ik._kernels import memory as m
 from cinegen.ik.pull import Pull
-from cinegen.ik.step import Verdict
+from cinegen.ik.step import Status
 from cinegen.ik.thresholds import BEGIN, ERROR_CAP, JUDGE
 from cinegen.model import Mechanism
 from raff2urdf.loops import log
@@ -32,7 +32,7 @@ class Path:
         q: (ticks + 1, nq) from the present configuration on.
         steps: (ticks + 2, nv) of all joints: the last one so far first, the one after the path's end last.
         stopped: (ticks + 1, nv) other than 0 where a joint's limit holds the step from there back.
-        verdicts: (ticks + 1,) of the step from there.
+        statuses: (ticks + 1,) of the step from there.
         pulls: (ticks + 1, rows, n) what the motions that all loops allow do to the pulls.
         pull_rank: generic, of that.
         passive: (ticks + 1, rows, .) columns of the passive joints in the loops' Jacobian.
@@ -43,7 +43,7 @@ class Path:
     q: Array
     steps: Array
     stopped: Array
-    verdicts: tuple[Verdict, ...]
+    statuses: tuple[Status, ...]
     pulls: Array
     pull_rank: int
     passive: Array
@@ -102,7 +102,7 @@ class Ahead:
             np.vstack([start, *(step.q for step in steps[:-1])]),
             np.vstack([first, *(step.v * self.dt / mechanism.scale for step in steps)]),
             np.array([step.stopped for step in steps]),
-            tuple(step.verdict for step in steps),
+            tuple(step.status for step in steps),
             rows,
             min(int(twin._table[m.PULL_RANK]), rows.shape[1], mechanism.mobility - offset),
             passive,

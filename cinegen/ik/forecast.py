@@ -15,7 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik.ahead import Path
-from cinegen.ik.step import Verdict
+from cinegen.ik.step import Status
 from cinegen.ik.thresholds import REST
 from raff2urdf.closure import close
 
@@ -182,9 +182,7 @@ def _limits(path: Path) -> Iterator[tuple[float, int, float]]:
 
 def _rests(path: Path) -> Iterator[int]:
     """After which ticks nothing moves any more and a target is not reached."""
-    short = np.array(
-        [verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH, Verdict.REFUSED) for verdict in path.verdicts]
-    )
+    short = np.array([status in (Status.AT_LIMIT, Status.OUT_OF_REACH, Status.REFUSED) for status in path.statuses])
     fastest = np.abs(path.steps[1:]).max(axis=1, initial=0.0)
     return _begins(short & (fastest < REST), fastest > _AGAIN)
 

@@ -9,10 +9,10 @@ import pinocchio as pin
 
 from cinegen.errors import CinegenError
 from cinegen.ik.objectives import Objective, Posture
-from cinegen.ik.point_to_point import reach
+from cinegen.ik.point_to_point import inverse_kinematics
 from cinegen.ik.pull import Pull
 from cinegen.ik.solver import Array, Solver
-from cinegen.ik.step import Step, Verdict
+from cinegen.ik.step import Status, Step
 
 _STARTS = 24  # from so many configurations a way out is looked for, once for each place of the targets
 _TICKS = 2  # at rest, before it is looked for
@@ -25,8 +25,8 @@ class PersistentSolver(Solver):
     """A `Solver` that leaves dead ends.
 
     Where it comes to rest, its targets standing still and not reached, it looks for a posture that reaches them
-    (`reach`). If there is one it goes there through the joints, loops closed and limits kept, while the pulls wait. The
-    verdict is DETOUR meanwhile.
+    (`inverse_kinematics`). If there is one it goes there through the joints, loops closed and limits kept, while the
+    pulls wait. The status is DETOUR meanwhile.
 
     A tick in which a posture is looked for takes some milliseconds; the first for a set of pulls a few tenths of a
     second where loops are to be closed. Pulls after twists never wait. What it finds may be far from where the robot
@@ -49,7 +49,7 @@ class PersistentSolver(Solver):
         Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
 
     def step(self) -> Step:
-        """One tick of dt. Never raises: the verdict says what happened."""
+        """One tick of dt. Never raises: the status says what happened."""
         if self._goal is not None and self._places() != self._tried:
             self._take_over()
         before = self._q.copy()
@@ -59,7 +59,7 @@ class PersistentSolver(Solver):
             left = np.abs(pin.difference(self._model, self._q, self._goal) / self.mechanism.scale).max(initial=0.0)
             if left < _THERE or moved < _REST:
                 self._take_over()
-        elif moved < _REST * self.gain and step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH):
+        elif moved < _REST * self.gain and step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH):
             self._resting += 1
             if self._resting >= _TICKS and self._places() != self._tried:
                 self._look_for_another()
@@ -77,7 +77,7 @@ class PersistentSolver(Solver):
             return
         wanted = [Pull(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, at=p.at) for p in pulls]
         try:
-            reached = reach(self.mechanism, wanted, starts=_STARTS)
+            reached = inverse_kinematics(self.mechanism, wanted, starts=_STARTS)
         except CinegenError:
             return
         if reached:

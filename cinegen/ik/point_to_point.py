@@ -1,4 +1,4 @@
-"""`reach`: which configuration brings some nodes to some poses?"""
+"""`inverse_kinematics`: which configuration brings some nodes to some poses?"""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from cinegen.errors import CinegenError
 from cinegen.ik._kernels.seek import nearest_start
 from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
-from cinegen.ik.step import Verdict
+from cinegen.ik.step import Status
 from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
 
@@ -30,8 +30,8 @@ _APPROACH = 400  # ticks towards what can't be reached
 
 
 @dataclass(frozen=True, eq=False)
-class Reached:
-    """What `reach` has found; true if all targets were reached.
+class IKResult:
+    """What `inverse_kinematics` has found; true if all targets were reached.
 
     Attributes:
         found: whether they were.
@@ -75,7 +75,7 @@ class Reached:
         return f"not reached: {left} are left at the nearest configuration found{held} ({tried})"
 
 
-def reach(
+def inverse_kinematics(
     mechanism: Mechanism,
     targets: Mapping[str, pin.SE3] | Sequence[Pull],
     q: ArrayLike | None = None,
@@ -84,7 +84,7 @@ def reach(
     limits: bool = True,
     starts: int = 100,
     seed: int = 0,
-) -> Reached:
+) -> IKResult:
     """Looks for a configuration that brings nodes to targets, loops closed and joints within their limits.
 
     It begins at q, then at those configurations that are nearest to the targets of many that were spread over all that
@@ -139,7 +139,7 @@ class _Finder:
             parts += [straight * placement.translation, (turn * placement.rotation).ravel()]
         return np.concatenate(parts)
 
-    def find(self, targets: Sequence[pin.SE3], q: Array | None, tolerance: float, starts: int) -> Reached:
+    def find(self, targets: Sequence[pin.SE3], q: Array | None, tolerance: float, starts: int) -> IKResult:
         seeker = self.seeker
         for pull, target in zip(seeker.pulls, targets, strict=True):
             pull.target = target
@@ -170,20 +170,20 @@ class _Finder:
                 best = seeker.cost, seeker.best
         return self._approached(best[1], starts, iterations)
 
-    def _reached(self, starts: int, iterations: int) -> Reached:
+    def _reached(self, starts: int, iterations: int) -> IKResult:
         seeker = self.seeker
-        return Reached(True, seeker.best, seeker.open_by, starts, iterations, (), self.mechanism, self._aims())
+        return IKResult(True, seeker.best, seeker.open_by, starts, iterations, (), self.mechanism, self._aims())
 
-    def _approached(self, q: Array, starts: int, iterations: int) -> Reached:
+    def _approached(self, q: Array, starts: int, iterations: int) -> IKResult:
         """As near as ticks come, from the best that was found."""
         seeker = self.seeker
         seeker.q = q
         for _ in range(_APPROACH):
             step = seeker.step()
-            if step.verdict is Verdict.OUT_OF_REACH or not np.abs(step.v).max(initial=0.0) > 1e-7:
+            if step.status is Status.OUT_OF_REACH or not np.abs(step.v).max(initial=0.0) > 1e-7:
                 break
         held, aims = step.saturated, self._aims()
-        return Reached(False, step.q, step.closure, starts, iterations, held, self.mechanism, aims)
+        return IKResult(False, step.q, step.closure, starts, iterations, held, self.mechanism, aims)
 
     def _aims(self) -> tuple[Pull, ...]:
         """What was asked for, as values of its own: the seeker's pulls are for the next one."""

@@ -21,7 +21,7 @@ class Pull:
     """Made by `Solver.pull`; everything but the node may be set anew at any time, between two ticks.
 
     What can't be followed (a target that is no SE3 or not finite, a weight of 0 ...) is kept until it is set right, and
-    the pull left out meanwhile: the tick's verdict says so.
+    the pull left out meanwhile: the tick's status says so.
 
     Attributes:
         node: which follows.

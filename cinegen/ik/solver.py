@@ -502,7 +502,7 @@ class Solver:
     # --- one tick ------------------------------------------------------------------------------------------------
 
     def step(self) -> Step:
-        """One tick of dt. Never raises: the verdict says what happened."""
+        """One tick of dt. Never raises: the status says what happened."""
         if self._blends:
             self._go_on_blending()
         if self._changed:

@@ -1,4 +1,4 @@
-"""What a tick did: its verdict, and the numbers behind it."""
+"""What a tick did: its status, and the numbers behind it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from cinegen.model import Mechanism
 Array = NDArray[np.float64]
 
 
-class Verdict(Enum):
+class Status(Enum):
     """What became of a tick. Where several are true, this one is said: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
     targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
 
@@ -36,7 +36,7 @@ class Verdict(Enum):
     BARRED = "a barrier holds the motion back"
 
 
-VERDICTS = tuple(Verdict)  # in the kernel's order
+STATUSES = tuple(Status)  # in the kernel's order
 
 
 @dataclass(frozen=True)
@@ -69,12 +69,12 @@ class Step:
         self._record, self._layout, self._exceptions = record, layout, exceptions
 
     def __repr__(self) -> str:
-        return f"<Step {self.verdict.name}: errors {self.errors}, closure {self.closure:.1g}>"
+        return f"<Step {self.status.name}: errors {self.errors}, closure {self.closure:.1g}>"
 
     @property
-    def verdict(self) -> Verdict:
+    def status(self) -> Status:
         """In one word."""
-        return VERDICTS[int(self._record[m.R_VERDICT])]
+        return STATUSES[int(self._record[m.R_STATUS])]
 
     @property
     def q(self) -> Array:

@@ -10,7 +10,7 @@ The first line, here in several, holds all that is needed to build the robots ag
 Each other line is a moment; `t` is in seconds since the first of them:
 
     {"t": 0.01, "robots": {"delta4": {"q": [...], "pulls": [{"node": "platform", "who": "hand", "at": [7 numbers],
-        "target": [7 numbers], "translation": 3, "rotation": 0, "weight": 1.0}], "verdict": "FOLLOWING"}}}
+        "target": [7 numbers], "translation": 3, "rotation": 0, "weight": 1.0}], "status": "FOLLOWING"}}}
 
 q is in rad and m, and reads back to the same doubles. A placement is x y z (m) and a quaternion x y z w. Where pulls
 are left out they are as in the line before, and so is a robot that is left out.
@@ -77,12 +77,12 @@ class Motion(NamedTuple):
     Attributes:
         q: (nq,) where all joints are, rad and m.
         pulls: what holds it.
-        verdict: name of the tick's verdict.
+        status: name of the tick's status.
     """
 
     q: Array
     pulls: Sequence[Pull] = ()
-    verdict: str = "IDLE"
+    status: str = "IDLE"
 
 
 class Place(NamedTuple):
@@ -185,7 +185,7 @@ def written(motion: Motion) -> dict[str, Any]:
     q = [float(value) for value in motion.q]
     if not all(map(math.isfinite, q)):
         raise ValueError("q holds numbers that are not finite")
-    return {"q": q, "pulls": pulls, "verdict": str(motion.verdict)}
+    return {"q": q, "pulls": pulls, "status": str(motion.status)}
 
 
 def line(time: float, robots: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -294,13 +294,13 @@ def parse_line(data: bytes, robots: Mapping[str, int]) -> tuple[float, dict[str,
         if not isinstance(part, dict):
             raise LineError(f"robot '{name}' must be an object")
         q = np.array(_numbers(part.get("q"), robots[name], "q"))
-        verdict = part.get("verdict")
-        if not isinstance(verdict, str):
-            raise LineError("'verdict' must be a word")
+        status = part.get("status")
+        if not isinstance(status, str):
+            raise LineError("'status' must be a word")
         pulls = part.get("pulls")
         if pulls is not None and not isinstance(pulls, list):
             raise LineError("'pulls' must be a list")
-        found[name] = Motion(q, tuple(map(_pulled, pulls or ())), verdict), pulls is not None
+        found[name] = Motion(q, tuple(map(_pulled, pulls or ())), status), pulls is not None
     return time, found
 
 

@@ -182,7 +182,7 @@ class Recorder:
 def _kept(motion: Motion) -> Motion:
     """A copy of what its owner may change."""
     pulls = tuple([pull._replace(target=_copied(pull.target)) for pull in motion.pulls])
-    return Motion(motion.q.copy(), pulls, motion.verdict)
+    return Motion(motion.q.copy(), pulls, motion.status)
 
 
 def _copied(target: pin.SE3 | None) -> pin.SE3 | None:

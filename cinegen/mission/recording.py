@@ -32,7 +32,7 @@ class Recording:
         times: (count,) s since the first moment.
         q: of each robot (count, nq), rad and m, as it was written, bit for bit.
         pulls: of each robot what held it, (count).
-        verdicts: of each robot the names of its verdicts, (count).
+        statuses: of each robot the names of its statuses, (count).
         places: where each robot stands.
     """
 
@@ -41,7 +41,7 @@ class Recording:
     times: Array
     q: Mapping[str, Array]
     pulls: Mapping[str, list[tuple[Pull, ...]]]
-    verdicts: Mapping[str, list[str]]
+    statuses: Mapping[str, list[str]]
     places: Mapping[str, Place]
     _entries: Mapping[str, Entry] = field(repr=False)
     _built: dict[str, Mechanism] = field(repr=False, default_factory=dict)
@@ -71,14 +71,14 @@ class Recording:
             self,
             q={name: course[0] for name, course in courses.items()},
             pulls={name: course[1] for name, course in courses.items()},
-            verdicts={name: course[2] for name, course in courses.items()},
+            statuses={name: course[2] for name, course in courses.items()},
             places={name: entry.place for name, entry in entries.items()},
         )
 
     def _course(
         self, name: str, said: list[tuple[Motion, bool] | None]
     ) -> tuple[Array, list[tuple[Pull, ...]], list[str]]:
-        """A robot's q (count, nq), pulls and verdicts, from what the moments say of it; None where they don't."""
+        """A robot's q (count, nq), pulls and statuses, from what the moments say of it; None where they don't."""
         motions: list[Motion] = []
         for one in said:
             if one is None:
@@ -88,7 +88,7 @@ class Recording:
                 motions.append(motion if says_pulls or not motions else motion._replace(pulls=motions[-1].pulls))
         q = np.array([motion.q for motion in motions]).reshape(len(motions), self._entries[name].nq)
         q.flags.writeable = False
-        return q, [tuple(motion.pulls) for motion in motions], [motion.verdict for motion in motions]
+        return q, [tuple(motion.pulls) for motion in motions], [motion.status for motion in motions]
 
     @property
     def robots(self) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cinegen.planning.hand import AvoidingSolver
-    from cinegen.planning.planner import Plan, Verdict, plan, rrt_connect
+    from cinegen.planning.planner import Plan, PlanStatus, plan, rrt_connect
 
-__all__ = ["AvoidingSolver", "Plan", "Verdict", "plan", "rrt_connect"]
+__all__ = ["AvoidingSolver", "Plan", "PlanStatus", "plan", "rrt_connect"]
 
 
 def __getattr__(name: str) -> object:

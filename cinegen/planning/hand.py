@@ -54,7 +54,7 @@ class AvoidingSolver(Solver):
     hit, vortices turn: first in the motions that the pulls leave free, so that what is pulled stays with the hand;
     where that does not help, the pulls wait and the whole mechanism goes round, as a plan would. If it comes no nearer
     so, other ways round are tried one after the other, by postures that reach the targets, too; when none is left it
-    waits at the safety distance until the targets move. The verdict is DETOUR while pulls wait, and BARRED where an
+    waits at the safety distance until the targets move. The status is DETOUR while pulls wait, and BARRED where an
     obstacle holds the motion back.
 
     What would be hit is found out by a shadow that runs ahead, a little in each tick.
@@ -121,7 +121,7 @@ class AvoidingSolver(Solver):
                 self._begin_anew()
 
     def step(self) -> Step:
-        """One tick of dt. Never raises: the verdict says what happened."""
+        """One tick of dt. Never raises: the status says what happened."""
         try:
             self._look()
         except Exception as error:  # the loop must go on; the barrier keeps the mechanism clear

@@ -79,7 +79,7 @@ def _paint(axes: Any, stage: Stage, view: Array, margin: bool) -> None:
     axes.plot(*trace.T, color=WAY, linewidth=1.8, label=f"way of {scene.node}", zorder=4.1)
     marks = [(trace[0], "s", 7, WAY, "start S"), (goal, "*", 13, WAY, "goal G")]
     if not plan and plan.attempts:
-        marks.append((trace[-1], "X", 10, STOP, plan.verdict.value))
+        marks.append((trace[-1], "X", 10, STOP, plan.status.value))
     for k, (place, marker, size, colour, label) in enumerate(marks):
         axes.plot(
             *place, marker, color=colour, markersize=size, markeredgecolor="white", markeredgewidth=0.8, label=label,
@@ -201,7 +201,7 @@ def _clearance(axes: Any, stage: Stage) -> None:
 
 def _title(plan: Plan) -> str:
     how = plan.attempts[-1].words if plan.attempts else plan.reason
-    return f"{plan.scene.name}: {plan.verdict.value}\n{textwrap.fill(how, _LETTERS)}"
+    return f"{plan.scene.name}: {plan.status.value}\n{textwrap.fill(how, _LETTERS)}"
 
 
 def _legend(figure: Figure, axes: Any) -> None:

@@ -17,7 +17,7 @@ from cinegen.session.driven import Driven
 
 Array = NDArray[np.float64]
 
-_NAMED = 2  # in a verdict, at most
+_NAMED = 2  # in a status, at most
 
 
 class AvoidingRobot(Driven):
@@ -65,9 +65,9 @@ class AvoidingRobot(Driven):
         pair = int(self._clearance.distances(q).argmin())
         return f"'{self._link(pair)}' would hit {self._what(pair)}"
 
-    def verdict(self) -> tuple[str, str]:
+    def status(self) -> tuple[str, str]:
         """See `Driven`; with the names of what is in the way."""
-        name, words = super().verdict()
+        name, words = super().status()
         distances = self._clearance.distances(self.q)
         pair = int(distances.argmin()) if len(distances) else -1
         if pair >= 0 and distances[pair] <= 0.0:

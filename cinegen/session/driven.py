@@ -179,12 +179,12 @@ class Driven:
                 held.pull.target = self.mechanism.placement(q, held.pull.node) * held.pull.at
         self.step = self.solver.step()
 
-    def verdict(self) -> tuple[str, str]:
+    def status(self) -> tuple[str, str]:
         """Of the last tick: its name, and words for people."""
         step, motion = self.step, self.motion
         if motion is not None:
             return motion.name.upper(), motion.trouble or _DOING.get(motion.name, motion.name)
-        name = step.verdict.name
+        name = step.status.name
         if name == "AT_LIMIT":
             return name, f"at limit: {', '.join(step.saturated[:3])}" if step.saturated else "at limit"
         if name == "OUT_OF_REACH":

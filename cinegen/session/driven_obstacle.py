@@ -76,7 +76,7 @@ class DrivenObstacle(Driven):
 
     def tick(self, dt: float) -> str:
         """See `Driven`; nothing is done while nobody holds it."""
-        if not self.held and self.motion is None and self.step.verdict.name == "IDLE":
+        if not self.held and self.motion is None and self.step.status.name == "IDLE":
             return ""
         self._look()
         trouble = super().tick(dt)
@@ -96,9 +96,9 @@ class DrivenObstacle(Driven):
         pair = int(self._clearance.distances(q).argmin())
         return f"it would hit '{self._clearance.names(pair)[1]}'"
 
-    def verdict(self) -> tuple[str, str]:
+    def status(self) -> tuple[str, str]:
         """See `Driven`."""
-        name, words = super().verdict()
+        name, words = super().status()
         if self.motion is None and name == "BARRED":
             held = self._keep.held
             links = [self._clearance.names(int(held[row]))[1] for row in self.step.barred if row < len(held)]

@@ -391,7 +391,7 @@ def _robot(one: Driven) -> RobotState:
         )
         for held, pull, error in zip(one.held, (held.pull for held in one.held), errors, strict=True)
     )  # fmt: skip
-    return RobotState(one.q, one.base.copy(), pulls, one.verdict(), one.step.saturated, one.step.closure)
+    return RobotState(one.q, one.base.copy(), pulls, one.status(), one.step.saturated, one.step.closure)
 
 
 def _sample(one: Driven) -> Sample:
@@ -399,4 +399,4 @@ def _sample(one: Driven) -> Sample:
         Pull(p.node, held.who, p.at, one.base * p.target, p.translation, p.rotation, p.weight)
         for held, p in ((held, held.pull) for held in one.held)
     )
-    return Sample(one.q, pulls, one.verdict()[0])
+    return Sample(one.q, pulls, one.status()[0])

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.devices import Status
+from cinegen.devices import SensorStatus
 from cinegen.sensor import Twist
 
 Array = NDArray[np.float64]
@@ -53,7 +53,7 @@ class RobotState:
         q: (nq,) where it is, loops closed.
         base: where it stands, in the session's world.
         pulls: what holds it.
-        verdict: of the last tick, and words for people.
+        status: of the last tick, and words for people.
         saturated: joints whose limit holds the motion back.
         closure: the largest gap of its loops, rad or characteristic lengths.
     """
@@ -61,7 +61,7 @@ class RobotState:
     q: Array
     base: pin.SE3
     pulls: tuple[PullState, ...]
-    verdict: tuple[str, str]
+    status: tuple[str, str]
     saturated: tuple[str, ...]
     closure: float
 
@@ -77,7 +77,7 @@ class SensorState:
     """
 
     name: str
-    status: Status
+    status: SensorStatus
     twist: Twist | None
 
 

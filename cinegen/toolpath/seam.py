@@ -30,7 +30,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.sensor import Reading, SensorError, State, Status
+from cinegen.sensor import Reading, SensorError, SensorState, SensorStatus
 from cinegen.toolpath.curve import PointError, smooth_runs
 from cinegen.toolpath.stretch import Stretch
 from raff2urdf.errors import did_you_mean
@@ -148,15 +148,15 @@ class Seam:
         return Reading(now, target=self.target(self._now))
 
     @property
-    def status(self) -> Status:
+    def status(self) -> SensorStatus:
         """Live until its end, with how much of the seam is behind it."""
         if self._begin is None:
-            return Status(State.CLOSED, f"{self.url} is not started")
+            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
         if self._ended:
-            return Status(State.CLOSED, f"{self.url} is at its end", self._count)
+            return SensorStatus(SensorState.CLOSED, f"{self.url} is at its end", self._count)
         leg, far = self._leg(self._now)
         behind = 1000.0 * (leg.begin + leg.gain * far)
-        return Status(State.LIVE, f"{self.url}: {behind:.0f} of {1000.0 * self.length:.0f} mm", self._count)
+        return SensorStatus(SensorState.LIVE, f"{self.url}: {behind:.0f} of {1000.0 * self.length:.0f} mm", self._count)
 
     def close(self) -> None:
         """Ends; when it is started again, it begins at its beginning."""

@@ -251,9 +251,9 @@ def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_
     linkage = Linkage(m)
     family = recognise(linkage)
     homotopy, fibre = Homotopy(linkage, family), Monodromy(linkage, family.bound).fibre()
-    assert homotopy._verdict(fibre, Paths(real=2, complex=4), False)[0]
+    assert homotopy._status(fibre, Paths(real=2, complex=4), False)[0]
     for paths, there in ((Paths(real=2, complex=3, infinite=1), fibre), (Paths(real=6), replace(fibre, loose=1))):
-        complete, trace_test, words = homotopy._verdict(there, paths, False)
+        complete, trace_test, words = homotopy._status(there, paths, False)
         assert (complete, trace_test) == (False, None)
         assert "curves of configurations are not excluded" in words or "don't determine it" in words
 

@@ -462,15 +462,15 @@ def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, tab):
         grab(page, cockpit, "pole", "pole")
         to = begin + np.array([-0.1, -0.25, 0.0])
         near, far = np.array(page.evaluate(PIXELS, [begin.tolist(), to.tolist()]))
-        verdicts = set()
+        statuses = set()
         for part in np.linspace(0.0, 1.0, 30):
             page.mouse.move(*(np.array([x, y]) + part * (far - near)))
             page.wait_for_timeout(20)
-            verdicts.add(page.text_content("#verdict"))
+            statuses.add(page.text_content("#status"))
         picture(page, "obstacle_dragged")
         assert np.linalg.norm(place(cockpit, "pole", "pole") - begin) > 0.1
         assert np.abs(cockpit.state.robots["arm7"].q - rest).max() > 0.01
-        assert "arm7: pushed by 'pole'" in verdicts
+        assert "arm7: pushed by 'pole'" in statuses
         page.mouse.up()
         assert becomes(page, lambda: not cockpit.state.robots["pole"].pulls)
         page.keyboard.press("Control+z")

@@ -55,7 +55,7 @@ def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(se
     said = frames.frame(session.state(), frames.Poses(setup.robots))
     session.close()
     assert said["poses"]["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
-    assert said["verdicts"]["pole"]["name"] == "IDLE"
+    assert said["statuses"]["pole"]["name"] == "IDLE"
 
 
 def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):

@@ -18,7 +18,7 @@ import cinegen
 from cinegen.collision import scene_of, surroundings
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik.seeker import Seeker
-from cinegen.planning import AvoidingSolver, Verdict, plan
+from cinegen.planning import AvoidingSolver, PlanStatus, plan
 from cinegen.planning.planner.attempt import Attempt, checked
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
@@ -208,7 +208,7 @@ def test_allowed_collisions_that_make_no_sense_are_refused(given, reason):
 def test_a_plan_that_used_to_lead_the_hand_into_link_5_is_free_of_contact():
     found = plan(scene(panda(), READY, panda().configuration(FOLDED)))
     assert not meshes().touch_along(found.path)
-    assert found.verdict is Verdict.REACHED  # by another configuration: FOLDED itself is in collision
+    assert found.status is PlanStatus.REACHED  # by another configuration: FOLDED itself is in collision
 
 
 def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
@@ -216,7 +216,7 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     bodies = cinegen.collision.around.links_of(panda())[0]
     monkeypatch.setattr(cinegen.collision.around, "links_of", lambda mechanism: (bodies, ()))
     found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2)
-    assert [one.verdict for one in found.attempts] == [Verdict.IN_COLLISION] * 2
+    assert [one.status for one in found.attempts] == [PlanStatus.IN_COLLISION] * 2
     assert not found
     assert "check against the meshes" in found.reason
     assert not meshes().touch_along(found.path)
@@ -224,19 +224,19 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
 
 def test_an_attempt_is_cut_off_before_its_contact():
     check = MeshCheck(scene(panda(), READY, panda().configuration(READY)))
-    made = Attempt("a test", Verdict.REACHED, straight(panda(), READY, FOLDED), (), "")
+    made = Attempt("a test", PlanStatus.REACHED, straight(panda(), READY, FOLDED), (), "")
     cut = checked(made, check)
-    assert cut.verdict is Verdict.IN_COLLISION
+    assert cut.status is PlanStatus.IN_COLLISION
     assert 1 < len(cut.path) < len(made.path)
     assert not meshes().touch_along(cut.path)
-    back = Attempt("a test", Verdict.REACHED, made.path[::-1].copy(), (), "")
+    back = Attempt("a test", PlanStatus.REACHED, made.path[::-1].copy(), (), "")
     assert "at the start" in checked(back, check).reason
     assert len(checked(back, check).path) == 1
 
 
 def test_a_start_in_which_meshes_touch_is_refused_with_the_way_out():
     found = plan(scene(panda(), FOLDED, panda().configuration(READY)))
-    assert found.verdict is Verdict.START_IN_COLLISION
+    assert found.status is PlanStatus.START_IN_COLLISION
     assert "allowed_collisions = [[" in found.reason
 
 

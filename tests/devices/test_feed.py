@@ -7,7 +7,7 @@ import time
 
 from played import wait
 
-from cinegen.devices import State
+from cinegen.devices import SensorState
 from cinegen.devices import feed as module
 from cinegen.devices.feed import Feed, LostError, RefusedError
 from cinegen.devices.newest import Newest
@@ -89,19 +89,19 @@ def test_no_error_ends_it():
     sensor = Wild([OSError(5, "Input/output error"), ValueError("x"), RecursionError(), MemoryError()])
     sensor.start()
     sensor.start()  # once is enough
-    wait(lambda: sensor.status.state is State.LIVE)
+    wait(lambda: sensor.status.state is SensorState.LIVE)
     assert sensor.served == 5
     assert "live" in repr(sensor)
-    wait(lambda: sensor.status.state is State.SILENT)
+    wait(lambda: sensor.status.state is SensorState.SILENT)
     sensor.close()
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
 
 
 def test_a_bug_of_a_driver_is_logged_once_and_a_device_that_is_gone_is_not(caplog):
     errors = [OSError(5, "Input/output error"), LostError("unplugged"), RefusedError("no mouse")]
     sensor = Wild([*errors, ValueError("x"), ValueError("y"), TypeError("z")])
     sensor.start()
-    wait(lambda: sensor.status.state is State.LIVE)
+    wait(lambda: sensor.status.state is SensorState.LIVE)
     sensor.close()
     assert sensor.exception_log.messages == ["wild:: ValueError: x", "wild:: TypeError: z"]
     found = [record for record in caplog.records if record.name == "cinegen"]
@@ -127,11 +127,11 @@ def test_one_that_hangs_is_left_behind(monkeypatch):
     sensor = Hanging()
     sensor.start()
     sensor.close()
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
     sensor.start()
     release.set()
     wait(lambda: len(sensor.ended) == 2)
     assert sorted(sensor.ended) == [False, True]
-    wait(lambda: sensor.status.state is State.LIVE)
+    wait(lambda: sensor.status.state is SensorState.LIVE)
     sensor.close()
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED

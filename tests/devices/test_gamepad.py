@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.devices import Gamepad, Hold, SensorError, State, open_sensor
+from cinegen.devices import Gamepad, Hold, SensorError, SensorState, open_sensor
 from cinegen.ik import Pull
 from cinegen.sensor import NO_TWIST
 
@@ -28,13 +28,13 @@ def clock(monkeypatch):
 def gamepad():
     sensor = open_sensor("gamepad:")
     assert type(sensor) is Gamepad
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
     sensor.start()
     return sensor
 
 
 def test_what_is_put_is_read_once(gamepad, clock):
-    assert gamepad.status == (State.OPENING, "no browser has sent anything of a gamepad yet", 0, 0)
+    assert gamepad.status == (SensorState.OPENING, "no browser has sent anything of a gamepad yet", 0, 0)
     assert gamepad.read() is None
     gamepad.put((0.5, -2.0, 0, 0, 0, math.tau), [3, 0])
     clock[0] += 0.01
@@ -43,7 +43,7 @@ def test_what_is_put_is_read_once(gamepad, clock):
     assert (reading.time, reading.twist) == (100.01, UP)
     assert (reading.buttons, reading.pressed) == (frozenset({0}), (0, 3))
     assert gamepad.read() is None
-    assert gamepad.status.state is State.LIVE
+    assert gamepad.status.state is SensorState.LIVE
     assert gamepad.status.packets == 2
 
 
@@ -76,19 +76,19 @@ def test_deflections_are_cut(twist):
 def test_what_makes_no_sense_moves_nothing(gamepad, twist, buttons):
     gamepad.put(twist, buttons)
     assert gamepad.read() is None
-    assert gamepad.status == (State.OPENING, "no browser has sent anything of a gamepad yet", 0, 1)
+    assert gamepad.status == (SensorState.OPENING, "no browser has sent anything of a gamepad yet", 0, 1)
 
 
 def test_it_falls_silent_only_when_it_was_not_at_rest(gamepad, clock):
     gamepad.put(UP)
     clock[0] += 0.24
-    assert gamepad.status.state is State.LIVE
+    assert gamepad.status.state is SensorState.LIVE
     clock[0] += 0.06
-    assert gamepad.status.state is State.SILENT
+    assert gamepad.status.state is SensorState.SILENT
     assert gamepad.status.words == "the browser has said nothing of its gamepad for 0.3 s"
     gamepad.put(NO_TWIST)
     clock[0] += 100.0
-    assert gamepad.status.state is State.LIVE
+    assert gamepad.status.state is SensorState.LIVE
 
 
 def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
@@ -99,7 +99,7 @@ def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
         hold.advance(0.001)
         clock[0] += 0.001
         if tick == 390:
-            assert hold.status.state is gamepad.status.state is State.SILENT
+            assert hold.status.state is gamepad.status.state is SensorState.SILENT
         if tick == 402:
             rest = hold.pull.target.copy()
     assert hold.pull.target == rest
@@ -108,19 +108,19 @@ def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
 
 def test_who_serves_the_page_may_say_that_the_browser_is_gone(gamepad, clock):
     gamepad.gone()
-    assert gamepad.status.state is State.OPENING
+    assert gamepad.status.state is SensorState.OPENING
     hold = Hold(gamepad, Pull("tool", pin.SE3.Identity()))
     gamepad.put(UP, [1])
     hold.advance(0.001)
     clock[0] += 0.001
     gamepad.gone()
-    assert gamepad.status.state is State.LOST
+    assert gamepad.status.state is SensorState.LOST
     rest = hold.pull.target.copy()
     assert hold.advance(0.001).buttons == frozenset()
     hold.advance(0.001)
     assert hold.pull.target == rest
     gamepad.put(UP)
-    assert gamepad.status.state is State.LIVE
+    assert gamepad.status.state is SensorState.LIVE
 
 
 def test_what_is_put_while_it_is_closed_is_nothing(gamepad):
@@ -129,11 +129,11 @@ def test_what_is_put_while_it_is_closed_is_nothing(gamepad):
     assert gamepad.read() is not None
     gamepad.put(UP, [1])
     gamepad.close()
-    assert gamepad.status.state is State.CLOSED
+    assert gamepad.status.state is SensorState.CLOSED
     gamepad.put(UP)
     gamepad.start()
     assert gamepad.read() is None
-    assert gamepad.status[::2] == (State.OPENING, 0)
+    assert gamepad.status[::2] == (SensorState.OPENING, 0)
 
 
 def test_there_is_one():

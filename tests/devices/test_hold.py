@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen import Solver, Verdict
-from cinegen.devices import Grip, Hold, Reading, Scripted, State, Status, fitted
+from cinegen import Solver, Status
+from cinegen.devices import Grip, Hold, Reading, Scripted, SensorState, SensorStatus, fitted
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import Pull
 from cinegen.sensor import NO_TWIST
@@ -27,7 +27,7 @@ class Played:
 
     def __init__(self) -> None:
         self.next: Reading | None = None
-        self.state = State.LIVE
+        self.state = SensorState.LIVE
         self.time = 0.0
 
     def say(self, twist=None, target=None, **others) -> Played:
@@ -43,8 +43,8 @@ class Played:
         return reading
 
     @property
-    def status(self) -> Status:
-        return Status(self.state, "played")
+    def status(self) -> SensorStatus:
+        return SensorStatus(self.state, "played")
 
 
 def held(target: pin.SE3 | None = None, grip: Grip | None = None, frame: str = "world") -> tuple[Played, Hold]:
@@ -79,20 +79,20 @@ def test_silence_brings_rest_within_a_tenth_of_a_second_and_nothing_drifts(twist
         speeds.append(np.linalg.norm(hold.pull.target.translation - before) / DT)
         before = hold.pull.target.translation.copy()
         if tick == 300 and np.any(hold.grip.velocity(twist)):
-            assert hold.status.state is State.SILENT
+            assert hold.status.state is SensorState.SILENT
     assert np.ptp(speeds[:240]) < 1e-9  # as it was told, until the time-out
     assert np.abs(np.diff(speeds[240:])).max() <= 0.02 * speeds[0] + 1e-9  # without a jerk
     rest = hold.pull.target.copy()
     for _ in range(1000):
         hold.advance(DT)
     assert np.array_equal(hold.pull.target.homogeneous, rest.homogeneous)
-    assert hold.status.state is State.LIVE
+    assert hold.status.state is SensorState.LIVE
     sensor.say((1, 0, 0, 0, 0, 0))
     hold.advance(DT)
     assert not np.array_equal(hold.pull.target.homogeneous, rest.homogeneous)
 
 
-@pytest.mark.parametrize("state", [State.LOST, State.CLOSED, State.REFUSED, State.OPENING])
+@pytest.mark.parametrize("state", [SensorState.LOST, SensorState.CLOSED, SensorState.REFUSED, SensorState.OPENING])
 def test_a_sensor_that_is_lost_comes_to_rest_at_once(state):
     sensor, hold = held()
     sensor.say((1, 0, 0, 0, 0, 0))
@@ -224,7 +224,7 @@ def test_a_delta_follows_a_device(robot):
             sensor.say((0, 0, -1, 0, 0, 0))
         hold.advance(DT)
         step = solver.step()
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-3
     assert pull.target.translation[2] - robot("delta4").placement(robot("delta4").q_home, "platform").translation[
         2
@@ -237,14 +237,14 @@ def test_a_script_is_a_sensor(robot):
     sensor = Scripted(path)
     hold = Hold(sensor, Pull("tool", path.home))
     assert hold.advance(DT) is None
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
     sensor.start()
     reading = hold.advance(DT)
     assert reading.twist is None
     assert hold.pull.target == reading.target
     assert path.home.translation == pytest.approx(reading.target.translation, abs=0.01)
     assert "circle" in sensor.status.words
-    assert hold.status.state is State.LIVE
+    assert hold.status.state is SensorState.LIVE
     sensor.close()
     assert sensor.read() is None
 

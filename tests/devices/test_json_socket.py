@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from played import wait
 
-from cinegen.devices import State, open_sensor
+from cinegen.devices import SensorState, open_sensor
 from cinegen.devices.json_line import LineError, parse, written
 from cinegen.devices.json_socket import CLIENTS
 from cinegen.sensor import Reading
@@ -26,10 +26,10 @@ from cinegen.sensor import Reading
 def sensor():
     sensor = open_sensor("tcp://127.0.0.1:0")
     sensor.start()
-    wait(lambda: sensor.status.state is State.LIVE)
+    wait(lambda: sensor.status.state is SensorState.LIVE)
     yield sensor
     sensor.close()
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
 
 
 class Program:
@@ -204,13 +204,13 @@ def test_the_newest_speaks(sensor):
 def test_two_on_one_port():
     first = open_sensor("tcp://127.0.0.1:0")
     first.start()
-    wait(lambda: first.status.state is State.LIVE)
+    wait(lambda: first.status.state is SensorState.LIVE)
     second = open_sensor(f"tcp://127.0.0.1:{first.port}")
     second.start()
-    wait(lambda: second.status.state is State.LOST)
+    wait(lambda: second.status.state is SensorState.LOST)
     assert "listen" in second.status.words
     first.close()
-    wait(lambda: second.status.state is State.LIVE)
+    wait(lambda: second.status.state is SensorState.LIVE)
     second.close()
 
 

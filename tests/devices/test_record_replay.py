@@ -13,7 +13,7 @@ import pinocchio as pin
 import pytest
 from played import wait
 
-from cinegen.devices import Reading, Recorder, RecordError, State, open_sensor
+from cinegen.devices import Reading, Recorder, RecordError, SensorState, open_sensor
 from cinegen.devices.replay import Replay, load
 
 READINGS = [
@@ -48,7 +48,7 @@ def test_it_is_replayed_at_its_times(recording, monkeypatch):
     clock = [500.0]
     monkeypatch.setattr("cinegen.devices.replay.time.monotonic", lambda: clock[0])
     assert sensor.read() is None
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
     sensor.start()
     clock[0] += 0.001
     first = sensor.read()
@@ -58,10 +58,10 @@ def test_it_is_replayed_at_its_times(recording, monkeypatch):
     second = sensor.read()  # the newest of two, with the presses of both
     assert second.target is not None
     assert second.pressed == (1, 2, 3)
-    assert sensor.status.state is State.LIVE
+    assert sensor.status.state is SensorState.LIVE
     clock[0] = 501.0
     assert sensor.read().twist == (0,) * 6  # it ends at rest
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED
     sensor.close()
     sensor.start()
     clock[0] += 0.01
@@ -147,4 +147,4 @@ def test_an_empty_recording_and_one_without_time_out(tmp_path):
     sensor.start()
     assert sensor.read() is None
     assert sensor.timeout == math.inf
-    assert sensor.status.state is State.CLOSED
+    assert sensor.status.state is SensorState.CLOSED

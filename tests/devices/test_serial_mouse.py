@@ -10,7 +10,7 @@ import pytest
 from mouse_streams import magellan_motion, magellan_twist, spaceball_twist
 from played import Device, PlayedMagellan, PlayedSpaceball, wait
 
-from cinegen.devices import State
+from cinegen.devices import SensorState
 from cinegen.devices.serial_mouse import SerialMouse
 
 KINDS = {"Magellan SpaceMouse": (PlayedMagellan, magellan_twist), "Spaceball 2003": (PlayedSpaceball, spaceball_twist)}
@@ -45,12 +45,12 @@ def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: 
 def test_it_is_found_started_and_read(played):
     device, mouse, twist, name = played
     wait(device.started.is_set)
-    wait(lambda: mouse.status.state is State.LIVE and name in mouse.status.words)
+    wait(lambda: mouse.status.state is SensorState.LIVE and name in mouse.status.words)
     for counts in [(20, -30, 40, 50, -60, 70), (0, 0, 0, 0, 0, 0), (1, 2, 3, 4, 5, 6)]:
         reads(mouse, twist(counts), device, counts)
-    assert mouse.status.state is State.LIVE
+    assert mouse.status.state is SensorState.LIVE
     mouse.close()
-    assert mouse.status.state is State.CLOSED
+    assert mouse.status.state is SensorState.CLOSED
 
 
 def test_unplugged_and_plugged_in_again(played):
@@ -60,11 +60,11 @@ def test_unplugged_and_plugged_in_again(played):
         wait(device.started.is_set)
         reads(mouse, twist(counts), device, counts)
         device.unplug()
-        wait(lambda: mouse.status.state is State.LOST)
+        wait(lambda: mouse.status.state is SensorState.LOST)
         for _ in range(100):
             mouse.read()
         device.plug()
-    wait(lambda: mouse.status.state is State.LIVE)
+    wait(lambda: mouse.status.state is SensorState.LIVE)
     reads(mouse, twist(counts), device, counts)
 
 
@@ -74,17 +74,17 @@ def test_a_cable_that_is_pulled_is_noticed_by_its_silence(played):
     wait(device.started.is_set)
     reads(mouse, twist((1, 1, 1, 1, 1, 1)), device, (1, 1, 1, 1, 1, 1))
     device.deaf = True
-    wait(lambda: mouse.status.state not in (State.LIVE, State.SILENT))
+    wait(lambda: mouse.status.state not in (SensorState.LIVE, SensorState.SILENT))
     device.started.clear()
     device.deaf = False
     wait(device.started.is_set)
-    wait(lambda: mouse.status.state is State.LIVE)
+    wait(lambda: mouse.status.state is SensorState.LIVE)
 
 
 def test_garbage_and_halves_do_no_harm(played):
     device, mouse, twist, _ = played
     wait(device.started.is_set)
-    wait(lambda: mouse.status.state is State.LIVE)
+    wait(lambda: mouse.status.state is SensorState.LIVE)
     chance = random.Random(0)
     for _ in range(20):
         device.send(bytes(chance.randrange(256) for _ in range(100)) + b"\r")
@@ -92,7 +92,7 @@ def test_garbage_and_halves_do_no_harm(played):
     counts = (9, 8, 7, 6, 5, 4)
     reads(mouse, twist(counts), device, counts)
     assert mouse.status.damaged > 0
-    assert mouse.status.state is State.LIVE
+    assert mouse.status.state is SensorState.LIVE
 
 
 def test_presses_are_kept_for_a_slow_reader_and_motion_is_not(tmp_path):
@@ -101,7 +101,7 @@ def test_presses_are_kept_for_a_slow_reader_and_motion_is_not(tmp_path):
     mouse.start()
     try:
         wait(device.started.is_set)
-        wait(lambda: mouse.status.state is State.LIVE)
+        wait(lambda: mouse.status.state is SensorState.LIVE)
         time.sleep(0.1)
         before = mouse.status.packets
         for keys in (1, 0, 2, 3, 0):
@@ -125,7 +125,7 @@ def test_a_flood_leaves_the_newest(tmp_path):
     mouse.start()
     try:
         wait(device.started.is_set)
-        wait(lambda: mouse.status.state is State.LIVE)
+        wait(lambda: mouse.status.state is SensorState.LIVE)
         for i in range(2000):
             device.move((i % 400,) * 6)
         device.move((111,) * 6)
@@ -149,10 +149,10 @@ def test_nobody_answers(tmp_path):
     mouse = SerialMouse(str(device.path), patience=0.1)
     mouse.start()
     try:
-        wait(lambda: mouse.status.state is State.REFUSED)
+        wait(lambda: mouse.status.state is SensorState.REFUSED)
         assert "no 3D mouse answers" in mouse.status.words
         device.deaf = False
-        wait(lambda: mouse.status.state is State.LIVE)
+        wait(lambda: mouse.status.state is SensorState.LIVE)
     finally:
         mouse.close()
         device.unplug()
@@ -160,22 +160,22 @@ def test_nobody_answers(tmp_path):
 
 def test_no_port_and_closing_at_once(tmp_path):
     mouse = SerialMouse(str(tmp_path / "none"))
-    assert mouse.status.state is State.CLOSED
+    assert mouse.status.state is SensorState.CLOSED
     assert mouse.read() is None
     mouse.start()
-    wait(lambda: mouse.status.state is State.LOST)
+    wait(lambda: mouse.status.state is SensorState.LOST)
     assert "none" in mouse.status.words
     mouse.close()
     mouse.start()  # and again
     mouse.close()
     mouse.close()
-    assert mouse.status.state is State.CLOSED
+    assert mouse.status.state is SensorState.CLOSED
 
 
 def test_a_port_that_hears_itself_is_no_mouse():
     mouse = SerialMouse("loop://", patience=0.1)
     mouse.start()
-    wait(lambda: mouse.status.state is State.REFUSED)
+    wait(lambda: mouse.status.state is SensorState.REFUSED)
     mouse.close()
 
 
@@ -204,7 +204,7 @@ def test_a_mouse_behind_a_socket(tmp_path):
     mouse.start()
     try:
         wait(lambda: mouse.newest.last.twist == (0.1, 0, 0, 0, 0, 0))
-        wait(lambda: mouse.status.state is State.SILENT)
+        wait(lambda: mouse.status.state is SensorState.SILENT)
         assert "has said nothing" in mouse.status.words
     finally:
         ended.set()

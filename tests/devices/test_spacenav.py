@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from played import wait
 
-from cinegen.devices import State
+from cinegen.devices import SensorState
 from cinegen.devices.spacenav import SOCKET, Spacenav, socket_path
 
 
@@ -63,7 +63,7 @@ def test_motion_and_buttons(daemon, sensor):
         assert pressed.pressed == (3, 5)
         assert pressed.buttons == {5}
         assert (pressed.twist, pressed.time) == (reading.twist, reading.time)  # no newer for that
-        wait(lambda: sensor.status.state is State.SILENT)
+        wait(lambda: sensor.status.state is SensorState.SILENT)
 
 
 def test_events_cut_anywhere(daemon, sensor):
@@ -84,12 +84,12 @@ def test_the_daemon_ends_and_comes_back(daemon, sensor):
     wait(lambda: sensor.newest.last.buttons == {2})
     client.close()
     daemon.listener.close()
-    wait(lambda: sensor.status.state is State.LOST)
+    wait(lambda: sensor.status.state is SensorState.LOST)
     wait(lambda: "no spacenav daemon" in sensor.status.words)
     assert sensor.newest.last.buttons == frozenset()
     daemon.start()
     with daemon.accept() as client:
-        wait(lambda: sensor.status.state is State.LIVE)
+        wait(lambda: sensor.status.state is SensorState.LIVE)
         client.sendall(event(0, 350))
         wait(lambda: sensor.newest.last.twist == (1, 0, 0, 0, 0, 0))
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.devices import Hold, Reading, Sensor, State, Status, Taps
+from cinegen.devices import Hold, Reading, Sensor, SensorState, SensorStatus, Taps
 from cinegen.ik import Pull
 
 DT = 0.001
@@ -23,7 +23,7 @@ class Played:
 
     def __init__(self) -> None:
         self.next: Reading | None = None
-        self.state = State.LIVE
+        self.state = SensorState.LIVE
         self.time = 0.0
         self.reads = 0
 
@@ -32,10 +32,10 @@ class Played:
         self.next = Reading(self.time, twist, target, frozenset(), pressed)
 
     def start(self) -> None:
-        self.state = State.OPENING
+        self.state = SensorState.OPENING
 
     def close(self) -> None:
-        self.state = State.CLOSED
+        self.state = SensorState.CLOSED
 
     def read(self) -> Reading | None:
         self.reads += 1
@@ -43,8 +43,8 @@ class Played:
         return reading
 
     @property
-    def status(self) -> Status:
-        return Status(self.state, "played")
+    def status(self) -> SensorStatus:
+        return SensorStatus(self.state, "played")
 
 
 events = st.lists(st.tuples(st.booleans(), st.lists(st.integers(0, 5), max_size=3)), max_size=20)
@@ -110,7 +110,7 @@ def test_a_tap_says_nothing_of_what_was_before_it():
 def test_who_has_the_sensor_starts_and_closes_it():
     sensor = Played()
     tap: Sensor = Taps(sensor).tap()
-    for state, do in ((State.LIVE, tap.close), (State.CLOSED, tap.start)):
+    for state, do in ((SensorState.LIVE, tap.close), (SensorState.CLOSED, tap.start)):
         sensor.state = state
         do()
         assert sensor.state is tap.status.state is state
@@ -132,7 +132,7 @@ def test_three_nodes_held_by_one_device_move_alike(order):
             holds[number].advance(DT)
         alone.advance(DT)
         if tick == 300:  # the device has said nothing for a while
-            assert [hold.status.state for hold in (*holds, alone)] == [State.SILENT] * 4
+            assert [hold.status.state for hold in (*holds, alone)] == [SensorState.SILENT] * 4
     assert [hold.pull.target for hold in holds] == [alone.pull.target] * 3
     assert alone.pull.target.translation[2] > 0.02
 
@@ -144,7 +144,7 @@ def test_a_device_that_is_lost_brings_all_to_rest_at_once():
     sensor.say(UP)
     for tick in range(112):
         if tick == 10:
-            sensor.state = State.LOST
+            sensor.state = SensorState.LOST
         taps.read()
         for hold in holds:
             hold.advance(DT)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 
-from cinegen import CinegenError, Solver, Verdict
+from cinegen import CinegenError, Solver, Status
 from cinegen.ik import Posture, plain
 from cinegen.ik.barrier import Bounds
 from cinegen.ik.damping import damping
@@ -156,7 +156,7 @@ def test_a_pull_that_loses_by_it_does_not_hold_it_there(robot):
     solver.barriers = [Linear(row, np.array([-0.5]))]
     step = solver.step()
     assert step.v[0] <= -0.5 + 1e-9
-    assert step.verdict is Verdict.BARRED
+    assert step.status is Status.BARRED
     assert step.barred == (0,)
 
 
@@ -291,7 +291,7 @@ def test_where_no_part_of_the_way_is_clear_it_stays_and_says_so(robot):
         for _ in range(3):
             step = solver.step()
             assert (step.q == mechanism.q_home).all()
-            assert step.verdict is Verdict.BARRED
+            assert step.status is Status.BARRED
         solver.barriers = []
         assert np.abs(solver.step().v).max() > 1e-3
 
@@ -345,7 +345,7 @@ def test_a_barrier_whose_bounds_make_no_sense_lets_nothing_move(robot, what, nam
     for _ in range(2):
         step = solver.step()
         assert (step.q == mechanism.q_home).all()
-        assert step.verdict is Verdict.BARRED
+        assert step.status is Status.BARRED
     solver.barriers = [good]
     assert np.abs(solver.step().v).max() > 1e-3
 
@@ -365,7 +365,7 @@ def test_a_part_of_the_way_that_makes_no_sense_is_none(robot, part, first):
     solver.barriers = [odd, good] if first else [good, odd]
     step = solver.step()
     assert (step.q == mechanism.q_home).all()
-    assert step.verdict is Verdict.BARRED
+    assert step.status is Status.BARRED
 
 
 def test_one_that_does_not_know_at_first_is_no_reason_to_go_astray(robot):
@@ -387,7 +387,7 @@ def test_bounds_that_contradict_each_other_hold_it_there(robot, name):
             solver.barriers = [Linear(every, most)]
             step = solver.step()
             assert np.abs(step.v / mechanism.scale).max() < 1e-8
-            assert step.verdict is Verdict.BARRED
+            assert step.status is Status.BARRED
 
 
 def test_bounds_at_infinity_bind_nothing(robot):
@@ -404,7 +404,7 @@ def test_bounds_at_infinity_bind_nothing(robot):
             one, other = free.step(), solver.step()
             assert (one.q == other.q).all()
             assert (one.v == other.v).all()
-            assert one.verdict is other.verdict or other.verdict is Verdict.FOLLOWING
+            assert one.status is other.status or other.status is Status.FOLLOWING
 
 
 def test_more_rows_than_bits_are_told_from_none(robot):
@@ -416,7 +416,7 @@ def test_more_rows_than_bits_are_told_from_none(robot):
     solver.barriers = [Linear(rows, np.zeros(200))]
     step = solver.step()
     assert rows[150] @ step.v <= 1e-9
-    assert step.verdict is Verdict.BARRED
+    assert step.status is Status.BARRED
     assert step.barred == (52,)
 
 

@@ -129,7 +129,7 @@ def test_released_at_once_it_blends_no_more(delta: cinegen.Mechanism) -> None:
     solver.step()
     solver.release(pull)
     held = pull.target.copy()
-    assert solver.step().verdict is cinegen.Verdict.IDLE
+    assert solver.step().status is cinegen.Status.IDLE
     assert pull.target == held
 
 

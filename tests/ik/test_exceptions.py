@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen import Solver, Verdict
+from cinegen import Solver, Status
 from cinegen.exception_log import ExceptionLog
 from cinegen.ik import Posture
 from cinegen.ik.barrier import Bounds
@@ -85,7 +85,7 @@ def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, cap
         assert type(error) is ValueError
         assert error.__traceback__ is not None
         assert step.left_out == (0,)
-        assert step.verdict is Verdict.FOLLOWING
+        assert step.status is Status.FOLLOWING
     assert not good.exception_log.messages
     (record,) = records(caplog)
     assert f"objective 0 (Objective) of {mechanism.name}: ValueError: the objective is wrong" in record.getMessage()
@@ -198,7 +198,7 @@ def test_a_barrier_that_fails_stops_the_motion_and_is_reported_once(robot, caplo
         (error,) = step.exceptions
         assert text in str(error)
         assert (step.q == mechanism.q_home).all()
-        assert step.verdict is Verdict.BARRED
+        assert step.status is Status.BARRED
     (record,) = records(caplog)
     assert f"barrier 1 (Barrier) of {mechanism.name}: " in record.getMessage()
     assert caplog.text.count("Traceback (most recent call last)") == 1

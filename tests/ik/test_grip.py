@@ -50,7 +50,7 @@ def test_a_grip_moves_as_a_frame_does(twins, rotation, axes):
         pull.target, twin.target = target, target
         ours, theirs = solver.step(), other.step()
         assert np.allclose(ours.q, theirs.q, atol=1e-9)
-        assert ours.verdict is theirs.verdict
+        assert ours.status is theirs.status
         assert np.allclose(ours.errors, theirs.errors, atol=1e-9)
         assert np.allclose(ours.singular_values, theirs.singular_values, atol=1e-9)
 
@@ -73,7 +73,7 @@ def test_reach_and_forecast_know_of_it(twins):
     there = robot.placement(q, node) * at
     from cinegen.ik import Pull
 
-    found = cinegen.reach(robot, [Pull(node, there, rotation=0, at=at)], limits=False)
+    found = cinegen.inverse_kinematics(robot, [Pull(node, there, rotation=0, at=at)], limits=False)
     assert found
     assert np.allclose((robot.placement(found.q, node) * at).translation, there.translation, atol=1e-6)
     assert max(found.errors[0][:1]) < 1e-6

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen import Solver, Verdict
+from cinegen import Solver, Status
 
 DT = 1 / 240
 FREE = ["planar_3r", "rx90", "serial_5dof", "arm7"]
@@ -156,7 +156,7 @@ def test_let_go_on_its_way_a_robot_brakes(robot):
         ticks = 0
         while np.abs(before.v).max() > 0.0:
             step = solver.step()
-            assert step.verdict is Verdict.IDLE
+            assert step.status is Status.IDLE
             assert np.abs((step.v - before.v) / mechanism.scale).max() / DT <= 3.0 * 1.01
             assert step.closure <= 1e-10
             before, ticks = step, ticks + 1
@@ -187,7 +187,7 @@ def test_the_joint_whose_acceleration_is_the_limit_is_named(raff):
     assert step.slowest == "joint1"
     assert step.v[0] == pytest.approx(0.02)
     assert step.saturated == ()
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
 
 
 # --- velocity ----------------------------------------------------------------------------------------------------
@@ -297,7 +297,7 @@ def test_for_a_hundred_thousand_ticks_it_does_not_tremble(robot, name, direction
         step = solver.step()
         way += float(np.abs(step.v).sum())
     assert way * solver.dt < 1e-6
-    assert step.verdict is Verdict.AT_LIMIT
+    assert step.status is Status.AT_LIMIT
     assert step.q == pytest.approx(begin, abs=1e-6)
     for joint in step.saturated:
         i = mechanism.q_index(joint)
@@ -320,7 +320,7 @@ def test_a_wall_is_left_in_the_first_tick_that_pulls_away_from_it(robot, name, d
     assert nearer > 1e-3 * mechanism.length
     for _ in range(1500):
         step = solver.step()
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-6 * mechanism.length
 
 
@@ -331,7 +331,7 @@ def test_the_joint_that_holds_the_motion_is_named_and_the_one_that_leaves_is_not
     for _ in range(20):
         step = solver.step()
     assert step.saturated == ("joint1",)
-    assert step.verdict is Verdict.AT_LIMIT
+    assert step.status is Status.AT_LIMIT
     assert step.q[0] == arm.model.upperPositionLimit[0]
     pull.target = turned(0.0)
     step = solver.step()

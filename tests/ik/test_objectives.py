@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen import Solver, Verdict
+from cinegen import Solver, Status
 from cinegen.ik import LimitMargin, Manipulability, Posture, State
 from cinegen.ik.resolve import free_motions
 
@@ -122,7 +122,7 @@ def test_an_objective_gets_better_and_better_until_the_robot_rests(name, node, t
     assert values[-1] < values[0] or values[0] == 0.0
     if kind is not Manipulability or name == "gough":  # the measure's maximum may be far and flat
         assert max(speeds[-20:]) < max(1e-2 * max(speeds), 1e-9)
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
 
 
 @pytest.mark.parametrize("name", ["arm7", "panda", "delta4", "planar_hybrid", "gough"])
@@ -132,7 +132,7 @@ def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
     solver.objectives = [Posture(posture, rate=5.0)]
     for _ in range(1000):
         step = solver.step()
-        assert step.verdict is Verdict.IDLE
+        assert step.status is Status.IDLE
         assert step.closure <= 1e-10
     assert step.q == pytest.approx(posture, abs=1e-9 * max(1.0, mechanism.length))
     assert np.abs(step.v / mechanism.scale).max() < 1e-9
@@ -153,7 +153,7 @@ def test_a_posture_is_reached_exactly_with_the_tool_held_where_the_null_space_al
     for _ in range(1000):
         step = solver.step()
     assert step.q == pytest.approx(arm.q_home, abs=1e-8)
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
 
 
 def test_only_the_joints_that_are_named_go_back():

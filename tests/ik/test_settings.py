@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen import CinegenError, Solver, Verdict, load
+from cinegen import CinegenError, Solver, Status, load
 from cinegen.ik.damping import damping
 
 ARM = load("robots/planar_3r.raff")
@@ -81,6 +81,6 @@ def test_a_gentle_pull_is_followed_to_the_end_and_never_said_to_be_out_of_reach(
     solver = Solver(ARM, 0.001, gain=0.02)
     pull = solver.pull(END, translation=2, rotation=0)
     pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.01, 0.01, 0.0]))
-    verdicts = {solver.step().verdict for _ in range(2000)}
-    assert verdicts == {Verdict.FOLLOWING}
+    statuses = {solver.step().status for _ in range(2000)}
+    assert statuses == {Status.FOLLOWING}
     assert solver.step().errors[0][0] < 1e-6 * ARM.length

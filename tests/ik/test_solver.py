@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen import Solver, Verdict
+from cinegen import Solver, Status
 from cinegen.errors import UnknownNameError
 
 DT = 0.01
@@ -40,7 +40,7 @@ def test_a_target_within_reach_is_reached_exactly(robot, name):
         step = _run(solver, 600)
         assert step.errors[0][0] < 1e-9 * max(1.0, mechanism.length)
         assert step.errors[0][1] < 1e-9
-        assert step.verdict is Verdict.FOLLOWING
+        assert step.status is Status.FOLLOWING
         assert step.closure <= 1e-12
 
 
@@ -65,12 +65,12 @@ def test_a_target_out_of_reach_brings_the_robot_to_rest_and_back(robot):
     solver = Solver(delta, DT)
     pull = solver.pull("platform", _offset(delta, "platform", [0.0, 0.0, -9.0]), rotation=0)
     step = _run(solver, 1000)
-    assert step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH, Verdict.SINGULAR)
+    assert step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH, Status.SINGULAR)
     assert np.abs(step.v).max() < 1e-3  # at rest: no jitter
     pull.target = home
     step = _run(solver, 2000)
     assert step.errors[0][0] < 1e-9
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
 
 
 def test_a_stretched_arm_comes_to_rest_without_jitter(robot):
@@ -133,7 +133,7 @@ def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff):
                 pull.target = pin.SE3(home.rotation @ turn, home.translation + unit * offset)
         one, other = (solver.step() for solver in solvers)
         assert one.q / micro.scale * micro.length == pytest.approx(other.q / macro.scale * micro.length, abs=1e-9)
-        assert one.verdict is other.verdict
+        assert one.status is other.status
 
 
 def test_several_pulls_are_weighed_where_they_cant_all_be_met(robot):
@@ -158,7 +158,7 @@ def test_pulls_are_released(robot):
     solver.release(pull)
     solver.release(pull)
     step = solver.step()
-    assert step.verdict is Verdict.IDLE
+    assert step.status is Status.IDLE
     assert not step.v.any()
 
 
@@ -186,11 +186,11 @@ def test_a_free_base_moves_only_when_it_is_pulled_itself(raff):
     solver.release(pull)
     base = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, -2.0, 0.5]))
     solver.pull("base", base)
-    assert _run(solver, 2000).verdict is Verdict.FOLLOWING
+    assert _run(solver, 2000).status is Status.FOLLOWING
     assert np.allclose(mechanism.placement(solver.q, "base").homogeneous, base.homogeneous, atol=1e-9)
 
 
-def test_targets_that_are_no_numbers_give_a_verdict_and_leave_the_rest_alone(robot):
+def test_targets_that_are_no_numbers_give_a_status_and_leave_the_rest_alone(robot):
     delta = robot("delta4")
     solver = Solver(delta, DT)
     pull = solver.pull("platform")
@@ -199,14 +199,14 @@ def test_targets_that_are_no_numbers_give_a_verdict_and_leave_the_rest_alone(rob
         bad.translation = np.array([0.0, value, 0.0])
         pull.target = bad
         step = solver.step()
-        assert step.verdict is Verdict.BAD_TARGET
+        assert step.status is Status.BAD_TARGET
         assert np.array_equal(step.q, delta.q_home)
         assert np.isnan(step.errors[0][0])
     for wrong in ({"target": np.eye(4)}, {"weight": "a"}, {"translation": 7}):
         pull = solver.pull("platform")
         for attribute, value in wrong.items():
             setattr(pull, attribute, value)
-        assert solver.step().verdict is Verdict.BAD_TARGET
+        assert solver.step().status is Status.BAD_TARGET
         solver.release(pull)
     pull.target = _offset(delta, "platform", [1e300, 0.0, 0.0])
     assert np.isfinite(solver.step().q).all()

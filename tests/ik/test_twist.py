@@ -11,7 +11,7 @@ import pytest
 
 import cinegen
 import raff2urdf
-from cinegen import Solver, Verdict
+from cinegen import Solver, Status
 
 DT = 1 / 240
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
@@ -59,7 +59,7 @@ def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
     for seconds in (1, 2):
         for _ in range(240):
             step = solver.step()
-            assert step.verdict is Verdict.FOLLOWING
+            assert step.status is Status.FOLLOWING
         expected = carried(begin, twist, seconds, "tool" if turning else "world")
         if turning and way == "both":  # the line turns with the node, tick by tick
             expected = begin
@@ -120,7 +120,7 @@ def test_a_twist_of_0_holds_the_node_where_it_is(raff):
     for _ in range(1000):
         step = solver.step()
     assert step.q == pytest.approx(begin, abs=1e-12)
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
 
 
 @pytest.mark.parametrize(("name", "way"), [("serial_5dof", 2), ("delta4", 2), ("planar_3r", 0), ("five_bar", 1)])
@@ -134,7 +134,7 @@ def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, n
     pull.twist = twist
     for _ in range(1200):  # six lengths
         step = solver.step()
-    assert step.verdict in (Verdict.AT_LIMIT, Verdict.SINGULAR, Verdict.OUT_OF_REACH)
+    assert step.status in (Status.AT_LIMIT, Status.SINGULAR, Status.OUT_OF_REACH)
     at_the_wall = mechanism.placement(step.q, node).translation[way]
     pull.twist = -twist
     for tick in range(30):
@@ -150,17 +150,17 @@ def test_a_twist_that_is_no_number_is_left_out_and_moves_nothing(robot):
     pull = solver.pull("platform", rotation=0, axes="world")
     pull.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     moving = solver.step()
-    assert moving.verdict is Verdict.FOLLOWING
+    assert moving.status is Status.FOLLOWING
     before = solver.q
     for bad in ([math.nan] * 6, [0.0, math.inf, 0.0, 0.0, 0.0, 0.0], [1.0, 2.0], "fast", object()):
         pull.twist = bad
         step = solver.step()
-        assert step.verdict is Verdict.BAD_TARGET
+        assert step.status is Status.BAD_TARGET
         assert np.array_equal(step.q, before)
         assert np.isnan(step.errors[0]).all()
     pull.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     step = solver.step()
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
     assert not np.array_equal(step.q, before)
 
 
@@ -208,7 +208,7 @@ def test_a_target_and_a_twist_in_turn_end_each_other(raff):
 
 def check(mechanism: cinegen.Mechanism, step: cinegen.Step) -> None:
     model = mechanism.model
-    assert isinstance(step.verdict, Verdict)
+    assert isinstance(step.status, Status)
     assert np.isfinite(step.q).all()
     assert np.isfinite(step.v).all()
     assert (step.q >= model.lowerPositionLimit).all()
@@ -264,19 +264,19 @@ class Whim:
 
 @every_robot
 @pytest.mark.parametrize("acceleration", [None, 10.0])
-def test_whatever_becomes_of_the_pulls_there_is_a_verdict_and_nothing_breaks(name, which, acceleration):
+def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(name, which, acceleration):
     mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
     solver = Solver(mechanism, 1 / 60, acceleration=acceleration)
     whim = Whim(mechanism, solver, 0)
-    verdicts = set()
+    statuses = set()
     for _ in range(300):
         whim.act()
         before = solver.q
         step = solver.step()
         check(mechanism, step)
-        assert (step.verdict is Verdict.IDLE) == (not solver.pulls)
+        assert (step.status is Status.IDLE) == (not solver.pulls)
         assert len(step.errors) == len(solver.pulls)
-        if step.verdict is Verdict.REFUSED:
+        if step.status is Status.REFUSED:
             assert np.array_equal(step.q, before)
-        verdicts.add(step.verdict)
-    assert {Verdict.IDLE, Verdict.BAD_TARGET} < verdicts
+        statuses.add(step.status)
+    assert {Status.IDLE, Status.BAD_TARGET} < statuses

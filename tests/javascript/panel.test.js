@@ -4,7 +4,7 @@ import { test } from "node:test";
 import "./browser.js";
 
 const { share, tone } = await import("../../cinegen/cockpit/static/panel/singularity.js");
-const { summary } = await import("../../cinegen/cockpit/static/bar/verdict.js");
+const { summary } = await import("../../cinegen/cockpit/static/bar/status.js");
 const { fill } = await import("../../cinegen/cockpit/static/panel/slider.js");
 const { Fresh } = await import("../../cinegen/cockpit/static/aids/fresh.js");
 const { AIDS, Aids } = await import("../../cinegen/cockpit/static/aids/aids.js");
@@ -20,15 +20,15 @@ test("a meter is red below its threshold, orange below three times it", () => {
 });
 
 test("the chip shows the robot in most trouble, the first where several are", () => {
-  const verdicts = {
+  const statuses = {
     a: { name: "FOLLOWING", words: "following" },
     b: { name: "AT_LIMIT", words: "joint 2 at its limit" },
     c: { name: "SINGULAR", words: "singular" },
   };
-  const { words, tone: colour, name, title } = summary(verdicts, null, true);
+  const { words, tone: colour, name, title } = summary(statuses, null, true);
   assert.deepEqual([words, colour, name], ["b: joint 2 at its limit", "warn", "AT_LIMIT"]);
   assert.equal(title, "a: following\nb: joint 2 at its limit\nc: singular");
-  assert.equal(summary({ ...verdicts, d: { name: "REFUSED", words: "refused" } }, null, true).name, "REFUSED");
+  assert.equal(summary({ ...statuses, d: { name: "REFUSED", words: "refused" } }, null, true).name, "REFUSED");
 });
 
 test("the chip tells of one robot without its name, and of a session that is paused or moves by itself", () => {

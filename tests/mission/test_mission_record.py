@@ -63,7 +63,7 @@ def test_what_was_recorded_is_read_bit_for_bit(robot, tmp_path_factory, configur
     assert recording.times == pytest.approx([i / 64 for i in range(len(configurations))], abs=1e-9)
 
 
-def test_pulls_verdicts_and_places_are_read(robot, tmp_path):
+def test_pulls_statuss_and_places_are_read(robot, tmp_path):
     arm, delta = robot("planar_3r"), robot("delta4")
     place = Place(("arm", "tool"), pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), np.array([0.1, 0.0, 0.5])))
     pulls = [(), (_pull(),), (_pull(),), (_pull(1.0), _pull(0.0, "pin")), (_pull()._replace(target=None),), ()]
@@ -81,9 +81,9 @@ def test_pulls_verdicts_and_places_are_read(robot, tmp_path):
         assert len(said) == len(read)
         for one, other in zip(said, read, strict=True):
             _same(one, other)
-    assert recording.verdicts["arm"] == ["IDLE", *["FOLLOWING"] * 4, "IDLE"]
+    assert recording.statuses["arm"] == ["IDLE", *["FOLLOWING"] * 4, "IDLE"]
     assert recording.q["arm"][:, 2] == pytest.approx([0.01 * i for i in range(6)])
-    assert recording.verdicts["delta"] == ["IDLE"] * 3 + ["AT_LIMIT"] * 3  # unsaid: at home, then as it was
+    assert recording.statuses["delta"] == ["IDLE"] * 3 + ["AT_LIMIT"] * 3  # unsaid: at home, then as it was
     assert (recording.q["delta"] == delta.q_home).all()
     stands_on, placement = recording.places["delta"]
     assert stands_on == ("arm", "tool")
@@ -100,7 +100,7 @@ def test_what_does_not_change_is_not_written_again(robot, tmp_path):
         recorder.write(4, {"arm": Motion(np.array([-0.0, 0.0, 1.0]), (_pull(),))})
     lines = [json.loads(line)["robots"] for line in path.read_text().splitlines()[1:]]
     assert [sorted(line.get("arm", "")) for line in lines] == [
-        ["pulls", "q", "verdict"], [], ["q", "verdict"], [], ["q", "verdict"]
+        ["pulls", "q", "status"], [], ["q", "status"], [], ["q", "status"]
     ]  # fmt: skip
     assert np.signbit(Recording.load(path).q["arm"][-1, 0])
 
@@ -365,8 +365,8 @@ def test_places_of_robots_that_are_not_there(robot, tmp_path):
         (lambda lines: [*lines, b'{"t":NaN,"robots":{}}'], ":5: no JSON"),
         (lambda lines: [*lines, b'{"t":1e999,"robots":{}}'], ":5: 't' must be finite"),
         (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1]}}}'], ":5: 'q' must be a list of 3"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'], ":5: 'verdict'"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"verdict":"X","pulls":[3]}}}'], ":5: a pull"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'], ":5: 'status'"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","pulls":[3]}}}'], ":5: a pull"),
     ],
 )
 def test_a_file_that_is_damaged_or_something_else(robot, tmp_path, change, why):

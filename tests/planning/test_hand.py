@@ -8,7 +8,7 @@ import pytest
 from clearings import load, measured
 
 from cinegen.collision import scene_of, surroundings
-from cinegen.ik import Solver, Verdict
+from cinegen.ik import Solver, Status
 from cinegen.ik.objectives import Posture
 from cinegen.planning import AvoidingSolver
 
@@ -86,7 +86,7 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
         seen = set()
         for _ in range(ticks):
             step = solver.step()
-            seen.add(step.verdict)
+            seen.add(step.status)
             if step.errors[0][0] < 1e-3:
                 break
         return step, seen
@@ -94,12 +94,12 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     avoiding, clearance = hand(scene("planar_3r", rod, start=start))
     step, seen = pulled(avoiding)
     assert step.errors[0][0] < 1e-3
-    assert Verdict.DETOUR in seen
+    assert Status.DETOUR in seen
     alone = Solver(avoiding.mechanism, 1e-3, scene("planar_3r", rod, start=start).start)
     alone.barriers = avoiding.barriers
     step, seen = pulled(alone)
     assert step.errors[0][0] > 0.1
-    assert step.verdict is Verdict.BARRED
+    assert step.status is Status.BARRED
     assert clearance.least(step.q) >= SAFETY
 
 
@@ -114,7 +114,7 @@ def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
         moved(tool, [x, -y - 0.6, z])
         for _ in range(400):
             step = solver.step()
-            assert step.verdict is Verdict.BAD_TARGET
+            assert step.status is Status.BAD_TARGET
         assert clearance.least(step.q) >= SAFETY
 
 

@@ -12,7 +12,7 @@ from clearings import among, around, at, ball, load, point_among, wall
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen import Solver, Verdict
+from cinegen import Solver, Status
 from cinegen.collision.body import Body
 from cinegen.collision.errors import AvoidError
 from cinegen.ik import Posture
@@ -113,7 +113,7 @@ def test_with_thousands_of_obstacles_the_nearest_still_counts():
     for _ in range(40):
         step = solver.step()
     assert step.q == pytest.approx([0.2 - 0.02 * STOP, 0.0], abs=1e-6)
-    assert step.verdict is Verdict.BARRED
+    assert step.status is Status.BARRED
 
 
 # --- and as near to the target as that allows ----------------------------------------------------------------------
@@ -133,7 +133,7 @@ def test_along_a_wall_a_point_goes_to_the_nearest_point_to_its_target(seed):
         step = solver.step()
     beyond = max(STOP * 0.05 - 0.3 - normal @ target, 0.0)
     assert np.append(step.q, 0.0) == pytest.approx(target + beyond * normal, abs=1e-6)
-    assert step.verdict is (Verdict.BARRED if beyond > 1e-5 else Verdict.FOLLOWING)
+    assert step.status is (Status.BARRED if beyond > 1e-5 else Status.FOLLOWING)
     assert bool(step.barred) == (beyond > 1e-5)
 
 
@@ -173,12 +173,12 @@ def test_an_arm_that_is_led_into_a_wall_stops_before_it_and_comes_back(robot, na
     pull.target = at(*(tool + 0.5 * mechanism.length * way))
     for _ in range(300):
         step = solver.step()
-    assert step.verdict is Verdict.BARRED
+    assert step.status is Status.BARRED
     assert clearance.least(step.q) == pytest.approx(STOP * safety, rel=0.02)
     pull.target = start
     for _ in range(300):
         step = solver.step()
-    assert step.verdict is Verdict.FOLLOWING
+    assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-6
 
 

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen import Verdict
+from cinegen import Status
 
 DT = 1 / 60
 
@@ -61,7 +61,7 @@ def check(mechanism: cinegen.Mechanism, before: np.ndarray, step: cinegen.Step) 
     model = mechanism.model
     assert np.isfinite(step.q).all()
     assert np.isfinite(step.v).all()
-    assert isinstance(step.verdict, Verdict)
+    assert isinstance(step.status, Status)
     assert mechanism.closure(step.q) <= 1e-9
     assert step.closure <= 1e-9
     assert (step.q >= model.lowerPositionLimit).all()

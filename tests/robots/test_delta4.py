@@ -202,7 +202,7 @@ def test_dragged_to_random_positions_its_motors_stand_where_the_closed_form_says
                 break
         assert delta.inverse(there.translation) == pytest.approx(at(mechanism, step.q, SHOULDERS), abs=1e-9)
         if roomy:
-            assert there.translation == pytest.approx(position, abs=1e-9), step.verdict
+            assert there.translation == pytest.approx(position, abs=1e-9), step.status
             assert at(mechanism, step.q, SHOULDERS) == pytest.approx(motors, abs=1e-8)
             arrived += 1
     assert arrived >= 40

@@ -13,7 +13,7 @@ from hand import DT, Hand, check
 from scipy.optimize import linprog
 
 import cinegen
-from cinegen import Verdict
+from cinegen import Status
 
 TICKS, SEEDS = 2000, 5
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
@@ -41,13 +41,13 @@ def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, whic
         check(mechanism, before, step)
         assert np.array_equal(step.q, solver.q)
         assert len(step.errors) == len(solver.pulls)
-        assert (step.verdict is Verdict.IDLE) == (not solver.pulls)
+        assert (step.status is Status.IDLE) == (not solver.pulls)
         moving += not np.array_equal(before, step.q)
     assert moving > TICKS / 10  # it did follow the hand
 
 
 @every_robot
-def test_a_target_that_is_no_number_gets_a_verdict_and_moves_nothing(name, which):
+def test_a_target_that_is_no_number_gets_a_status_and_moves_nothing(name, which):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)
     pull = solver.pull(mechanism.nodes[-1])
@@ -59,13 +59,13 @@ def test_a_target_that_is_no_number_gets_a_verdict_and_moves_nothing(name, which
             target.rotation, target.translation = numbers[:3, :3], numbers[:3, 3]
             pull.target = target
             step = solver.step()
-            assert step.verdict is Verdict.BAD_TARGET
+            assert step.status is Status.BAD_TARGET
             assert np.array_equal(step.q, mechanism.q_home)
             assert not step.v.any()
         pull.target, pull.weight = mechanism.placement(mechanism.q_home, mechanism.nodes[-1]), bad
-        assert solver.step().verdict is Verdict.BAD_TARGET
+        assert solver.step().status is Status.BAD_TARGET
         pull.weight = 1.0
-        assert solver.step().verdict is Verdict.FOLLOWING
+        assert solver.step().status is Status.FOLLOWING
 
 
 @every_robot
@@ -106,7 +106,7 @@ def test_the_weight_of_a_pull_that_is_alone_does_not_matter(name, which):
         steps = [solver.step() for solver in solvers.values()]
         for other in steps[1:]:
             assert other.q == pytest.approx(steps[0].q, abs=1e-6)
-            assert other.verdict is steps[0].verdict
+            assert other.status is steps[0].status
 
 
 @every_robot
@@ -121,7 +121,7 @@ def test_one_bad_pull_among_good_ones_is_left_out(name, which):
     for _ in range(30):
         one, other = alone.step(), beside.step()
         assert np.array_equal(one.q, other.q)
-        assert other.verdict is Verdict.BAD_TARGET
+        assert other.status is Status.BAD_TARGET
         assert np.isnan(other.errors[1]).all()
         assert other.errors[0] == one.errors[0]
 
@@ -137,12 +137,12 @@ def test_let_go_it_rests_and_pulled_to_where_it_is_it_stays(name, which):
     solver.release(pull)
     rest = solver.q.copy()
     step = solver.step()
-    assert step.verdict is Verdict.IDLE
+    assert step.status is Status.IDLE
     assert np.array_equal(step.q, rest)
     solver.pull(mechanism.nodes[-1])
     for _ in range(10):
         step = solver.step()
-        assert step.verdict is Verdict.FOLLOWING
+        assert step.status is Status.FOLLOWING
         assert step.q == pytest.approx(rest, abs=1e-12)
 
 

@@ -11,7 +11,7 @@ from elementary import ROBOTS, document, within_limits
 from test_dragging import what_could_be_won
 
 import cinegen
-from cinegen import PersistentSolver, Solver, Verdict
+from cinegen import PersistentSolver, Solver, Status
 from cinegen.ik import Posture
 from cinegen.ik.thresholds import NEAR
 
@@ -110,10 +110,10 @@ def test_on_a_detour_it_says_so_and_its_limits_of_speed_are_kept():
         solver.pulls[0].target = mechanism.placement(begin[0], mechanism.nodes[-1])
         for _ in range(600):
             step = solver.step()
-            seen.add(step.verdict)
+            seen.add(step.status)
             assert (np.abs(step.v) <= limit * (1.0 + 1e-9)).all()
         assert is_back(mechanism, step)
-    assert {Verdict.DETOUR, Verdict.FOLLOWING} <= seen
+    assert {Status.DETOUR, Status.FOLLOWING} <= seen
 
 
 def test_what_is_really_out_of_reach_is_looked_for_once():
@@ -124,8 +124,8 @@ def test_what_is_really_out_of_reach_is_looked_for_once():
     pull.target = pin.SE3(home.rotation, home.translation + 20.0 * mechanism.length)
     for _ in range(400):
         step = solver.step()
-        assert step.verdict is not Verdict.DETOUR
-    assert step.verdict in (Verdict.AT_LIMIT, Verdict.OUT_OF_REACH)
+        assert step.status is not Status.DETOUR
+    assert step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH)
 
 
 def test_a_new_target_ends_a_detour_at_once():
@@ -141,15 +141,15 @@ def test_a_new_target_ends_a_detour_at_once():
             if tick == OUT:
                 pull.target = home
             step = solver.step()
-            if step.verdict is Verdict.DETOUR:
+            if step.status is Status.DETOUR:
                 assert np.abs(solver.forecast(5 * DT, dt=DT).q[-1] - step.q).max() > 1e-3  # it goes on, and not to rest
                 own = Posture()
                 assert solver.objectives == ()
                 solver.objectives = [own]  # that ends it too
-                assert solver.step().verdict is not Verdict.DETOUR
+                assert solver.step().status is not Status.DETOUR
                 assert solver.objectives == (own,)
                 pull.target = mechanism.placement(step.q, node)
-                assert solver.step().verdict is not Verdict.DETOUR
+                assert solver.step().status is not Status.DETOUR
                 return
     raise AssertionError("no detour was made")
 

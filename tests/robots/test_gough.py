@@ -164,7 +164,7 @@ def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot
             step = solver.step()
             if max(step.errors[0][0] / mechanism.length, step.errors[0][1]) <= 1e-10:
                 break
-        assert np.abs(wrapped((step.q - goal) / mechanism.scale)).max() <= 1e-8, step.verdict
+        assert np.abs(wrapped((step.q - goal) / mechanism.scale)).max() <= 1e-8, step.status
         arrived += 1
 
 

@@ -103,7 +103,7 @@ def test_a_robot_of_micrometres_or_kilometres_moves_like_its_twin(name, which, f
             pulls[0].target, pulls[1].target = pose, pin.SE3(pose.rotation, size * pose.translation)
         first, second = (solver.step() for solver in solvers)
         assert second.q / _of_q(other) == pytest.approx(first.q / _of_q(one), abs=1e-9), tick
-        assert second.verdict is first.verdict
+        assert second.status is first.status
         assert second.saturated == first.saturated
         moved += float(np.abs(first.v / one.scale).max()) * DT
     assert moved > 0.5

@@ -77,7 +77,7 @@ def test_the_planar_arm_of_three_joints_is_dragged_to_what_its_closed_form_inver
             step = solver.step()
             if max(step.errors[0]) <= 1e-11:
                 break
-        assert max(step.errors[0]) <= 1e-9, step.verdict
+        assert max(step.errors[0]) <= 1e-9, step.status
         found = at(arm, step.q, arm.joints)
         wrist = pull.target.translation[:2] - l3 * pull.target.rotation[:2, 0]
         elbow = math.copysign(math.acos((wrist @ wrist - l1 * l1 - l2 * l2) / (2.0 * l1 * l2)), found[1])
@@ -341,6 +341,6 @@ def test_the_five_bar_is_dragged_to_where_its_closed_form_inverse_says(robot):
             assert within_limits(linkage, step.q)
             if step.errors[0][0] <= 1e-10:
                 break
-        assert in_plane(linkage, step.q)[0] == pytest.approx(tool, abs=1e-9), (step.verdict, tool)
+        assert in_plane(linkage, step.q)[0] == pytest.approx(tool, abs=1e-9), (step.status, tool)
         assert same_angles(values(linkage, step.q), expected, 1e-8)
         arrived += 1

@@ -77,7 +77,7 @@ def test_a_whole_node_is_led_with_its_turns(session):
     to = home * pin.SE3(pin.exp3(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.05, -0.04]))
     state = run(one, 1.0, c.Take("rx90", "tool", None, True), c.Lead(tuple(pin.SE3ToXYZQUAT(to))))
     assert np.linalg.norm(pin.log6(one.robots["rx90"].placement("tool").actInv(to)).vector) < 1e-6
-    assert state.robots["rx90"].verdict[0] == "FOLLOWING"
+    assert state.robots["rx90"].status[0] == "FOLLOWING"
 
 
 def test_out_of_reach_is_said_with_how_far(session):
@@ -85,7 +85,7 @@ def test_out_of_reach_is_said_with_how_far(session):
     one = session("planar_3r")
     end = one.setup.robots["planar_3r"].end
     state = run(one, 3.0, c.Take("planar_3r", end, (0, 0, 0), False), c.Lead((50.0, 0.0, 0.0)))
-    name, words = state.robots["planar_3r"].verdict
+    name, words = state.robots["planar_3r"].status
     assert name == "OUT_OF_REACH"
     number = re.fullmatch(r"out of reach by (\S+) mm", words)
     assert number, words
@@ -100,7 +100,7 @@ def test_a_joint_that_its_limit_stops_is_named(raff):
         frame 2 { parameters { d 500 } pred 1 name "tool" } constraint { frame 2 sensor ( 0 1 ) } }""")
     one = Session(arrange({"arm": arm}))
     state = run(one, 2.0, c.Take("arm", "tool", (0, 0, 0), False), c.Lead((0.0, 0.5, 0.0)))
-    assert state.robots["arm"].verdict == ("AT_LIMIT", "at limit: joint1")
+    assert state.robots["arm"].status == ("AT_LIMIT", "at limit: joint1")
     assert state.robots["arm"].q == pytest.approx([np.pi / 6.0], abs=1e-6)
     one.close()
 

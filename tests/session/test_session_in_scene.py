@@ -97,11 +97,11 @@ def test_an_arm_that_is_dragged_past_a_pole_never_comes_nearer_than_the_safety_d
     one = session("arm7", POLE)
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     begin = point(one, "arm7", "tool")
-    least, verdicts = [far(one.state())], set()
+    least, statuses = [far(one.state())], set()
 
     def seen(state):
         least.append(far(state))
-        verdicts.add(state.robots["arm7"].verdict)
+        statuses.add(state.robots["arm7"].status)
 
     one.obey(c.Take("arm7", "tool", (0, 0, 0), False))
     lead(one, line(begin, begin + np.array([-0.15, 0.35, 0.0]), 60), seen=seen)  # through the pole, to the other side
@@ -109,7 +109,7 @@ def test_an_arm_that_is_dragged_past_a_pole_never_comes_nearer_than_the_safety_d
     lead(one, line(begin, begin, 1), seen=seen)
     assert min(least) >= SAFETY
     assert min(least) < 2.0 * SAFETY  # it was in the way
-    words = {words for name, words in verdicts if name in ("BARRED", "DETOUR")}
+    words = {words for name, words in statuses if name in ("BARRED", "DETOUR")}
     assert words
     assert words <= {"held off by 'pole'", "going round 'pole'", "finding another way", "held off by its own 'link6'"}
     assert np.linalg.norm(point(one, "arm7", "tool") - begin) < 0.4
@@ -123,7 +123,7 @@ def test_what_is_not_in_the_way_is_followed_exactly(session):
     lead(one, line(begin, to, 40))
     state = run(one, 200)
     assert np.linalg.norm(point(one, "arm7", "tool") - to) < 1e-6
-    assert state.robots["arm7"].verdict == ("FOLLOWING", "following")
+    assert state.robots["arm7"].status == ("FOLLOWING", "following")
 
 
 def test_loops_stay_closed_among_posts(session):
@@ -150,17 +150,17 @@ def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(sessi
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     at_rest = one.state().robots["arm7"].q
     begin = point(one, "pole", "pole")
-    least, verdicts = [], set()
+    least, statuses = [], set()
 
     def seen(state):
         least.append(far(state))
-        verdicts.add(state.robots["arm7"].verdict)
+        statuses.add(state.robots["arm7"].status)
 
     one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.1), False))
     up = np.array([0.0, 0.0, 0.1])
     lead(one, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=10, seen=seen)
     assert np.abs(one.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
-    assert ("PUSHED", "pushed by 'pole'") in verdicts
+    assert ("PUSHED", "pushed by 'pole'") in statuses
     assert min(least) > 0.5 * SAFETY
     assert np.linalg.norm(point(one, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
     turned = one.robots["pole"].placement("pole").rotation
@@ -186,8 +186,8 @@ def test_an_obstacle_stops_where_the_robot_cannot_yield(session):
     lead(one, line(begin, [0.0, 0.0, 0.1], 50))
     state = run(one, 200)
     assert np.linalg.norm(point(one, "pole", "pole")[:2]) > 0.03
-    assert state.robots["pole"].verdict[0] == "BARRED"
-    assert state.robots["pole"].verdict[1].startswith("stopped by '")
+    assert state.robots["pole"].status[0] == "BARRED"
+    assert state.robots["pole"].status[1].startswith("stopped by '")
 
 
 def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
@@ -196,7 +196,7 @@ def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
     run(one, 20, c.Take("pole", "pole", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0.1, 0.0, 0.0]))))
     state = run(one, 5, c.LetGo(False))
     moved = state.robots["pole"].q.copy()
-    assert state.robots["pole"].verdict[0] == "IDLE"
+    assert state.robots["pole"].status[0] == "IDLE"
     assert np.array_equal(run(one, 50).robots["pole"].q, moved)
 
 
@@ -229,7 +229,7 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
     one.obey(c.MoveJoint("arm7", "joint1", 3.0))
     least = [far(run(one, 1)) for _ in range(1000)]
     assert min(least) >= SAFETY
-    name, words = one.state().robots["arm7"].verdict
+    name, words = one.state().robots["arm7"].status
     assert name == "MOTORS"
     assert words.endswith("would hit 'pole'")
     one.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
@@ -271,7 +271,7 @@ def test_what_moves_in_the_plane_stays_in_it(session):
     lead(one, line([0.02, 0.6, 0.05], [0.1, 0.7, 0.4], 20))
     state = run(one, 300)
     assert np.allclose(point(one, "disc", "disc"), [0.08, 0.7, 0.0], atol=1e-6)
-    assert state.robots["disc"].verdict == ("FOLLOWING", "following")
+    assert state.robots["disc"].status == ("FOLLOWING", "following")
 
 
 def test_a_half_space_stays_where_it_is(session):
@@ -279,7 +279,7 @@ def test_a_half_space_stays_where_it_is(session):
     state = run(one, 50, c.Take("floor", "floor", (0, 0, 0), False), c.Lead((0.0, 0.0, 1.0)))
     assert np.allclose(point(one, "floor", "floor"), [0, 0, -0.05])
     begin = point(one, "arm7", "tool")
-    assert state.robots["arm7"].verdict[0] == "IDLE"
+    assert state.robots["arm7"].status[0] == "IDLE"
     run(one, 0, c.Take("arm7", "tool", (0, 0, 0), False))
     lead(one, line(begin, begin * [1, 1, 0] - [0, 0, 0.3], 40))
     assert point(one, "arm7", "tool")[2] > -0.05 + SAFETY - 1e-9
@@ -340,7 +340,7 @@ def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session)
 
 def test_where_something_is_in_an_obstacle_at_the_beginning_it_is_said(session):
     one = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
-    name, words = run(one, 5).robots["arm7"].verdict
+    name, words = run(one, 5).robots["arm7"].status
     assert name == "TOUCHING"
     assert words.startswith("'link")
     assert words.endswith("touches 'pole'")

@@ -12,8 +12,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from test_curve import flat, wandering
 
-from cinegen import Solver, Verdict
-from cinegen.devices import Grip, Hold, SensorError, State
+from cinegen import Solver, Status
+from cinegen.devices import Grip, Hold, SensorError, SensorState
 from cinegen.toolpath import Seam
 from cinegen.toolpath.curve import PointError
 
@@ -281,7 +281,7 @@ def clock(monkeypatch):
 
 def test_a_seam_is_a_sensor(clock):
     seam = Seam([[0, 0, 0], [0.35, 0, 0]], [UP, UP], speed=0.1, approach=0.01, url="seam:weld.csv")
-    assert seam.status.state is State.CLOSED
+    assert seam.status.state is SensorState.CLOSED
     assert seam.status.words == "seam:weld.csv is not started"
     assert seam.read() is None
     seam.start()
@@ -289,14 +289,14 @@ def test_a_seam_is_a_sensor(clock):
     seam.start()  # is started already
     first = seam.read()
     assert (first.time, first.twist, first.target) == (100.5, None, seam.target(0.0))
-    assert seam.status == (State.LIVE, "seam:weld.csv: 0 of 350 mm", 1, 0)
+    assert seam.status == (SensorState.LIVE, "seam:weld.csv: 0 of 350 mm", 1, 0)
     clock[0] = 100.0 + 1.0 + 2 * 0.25 + 0.125 + 1.2  # an approach that is all ramps, a ramp, 120 mm
     assert seam.read().target.translation == pytest.approx([0.12, 0, 0])
     assert seam.status.words == "seam:weld.csv: 120 of 350 mm"
     clock[0] += 100.0
     assert seam.read().target.translation == pytest.approx([0.35, 0, 0.01])  # it says its end, and no more
     assert seam.read() is None
-    assert seam.status == (State.CLOSED, "seam:weld.csv is at its end", 3, 0)
+    assert seam.status == (SensorState.CLOSED, "seam:weld.csv is at its end", 3, 0)
     seam.close()
     seam.start()
     assert seam.read().target == first.target
@@ -310,7 +310,7 @@ def test_again_never_ends(clock):
         for _ in range(50):
             clock[0] += 7.0
             assert seam.read() is not None
-            assert seam.status.state is State.LIVE
+            assert seam.status.state is SensorState.LIVE
             assert 0 <= float(seam.status.words.split()[1]) <= 200
 
 
@@ -320,12 +320,12 @@ def follow(mechanism, node, seam, clock, dt=0.002, grip=None, rotation=3):
     hold = Hold(seam, solver.pull(node, rotation=rotation), grip)
     seam.start()
     errors, places = [], []
-    while hold.status.state is State.LIVE:
+    while hold.status.state is SensorState.LIVE:
         hold.advance(dt)
         clock[0] += dt
         step = solver.step()
         if clock[0] > 101.0:
-            assert step.verdict is Verdict.FOLLOWING
+            assert step.status is Status.FOLLOWING
             errors.append(step.errors[0])
             places.append(mechanism.placement(step.q, node))
     return np.array(errors), places

@@ -161,8 +161,8 @@ AIM, AXES_NOW, HOLDS, METRES, RADIANS, FOLLOWED = 0, 12, 21, 22, 23, 24
 STATE_WIDTH = 32
 
 # the record of a tick; then come q, v, error of each pull (m, rad), what each pull wanted, singular values, and which
-# joints stopped it. Errors and singular values may be left out, where the verdict is known without them
-R_VERDICT, R_CLOSURE, R_PACE, R_PULL_RANK, R_SLOWEST, R_EVALUATIONS, R_SWEEPS = range(7)
+# joints stopped it. Errors and singular values may be left out, where the status is known without them
+R_STATUS, R_CLOSURE, R_PACE, R_PULL_RANK, R_SLOWEST, R_EVALUATIONS, R_SWEEPS = range(7)
 R_MEASURED, R_SIGMA, R_LEFT_OUT, R_BARRED, R_HEAD = 7, 8, 9, 10, 11
 MOST_LEFT_OUT = 52  # objectives that are told apart: bits of a double
 WANTED = 25  # numbers for each pull: aim, axes, translation, rotation, weight, whether it holds

@@ -105,34 +105,34 @@ def finish(t: Table, accepted: bool) -> None:
     record[m.R_BARRED] = barred
     refused = not accepted and t[m.TRIES] >= TRIES and t[m.CLOSES] == 0
     if good < pulls:
-        verdict = BAD_TARGET
+        status = BAD_TARGET
     elif pulls == 0:
-        verdict = IDLE
+        status = IDLE
     elif refused:
-        verdict = REFUSED
+        status = REFUSED
     elif left <= ARRIVED:
-        verdict = FOLLOWING
+        status = FOLLOWING
     elif t[m.DETOUR] != 0:
-        verdict = ON_DETOUR
+        status = ON_DETOUR
     elif barred != 0 or (not accepted and settings[m.CLEAR] < 1.0):
-        verdict = IS_BARRED
+        status = IS_BARRED
     elif saturated:
-        verdict = AT_LIMIT
+        status = AT_LIMIT
     elif fastest < REST * settings[m.GAIN]:
-        verdict = OUT_OF_REACH
+        status = OUT_OF_REACH
     elif smallest < settings[m.NEAR] or settings[m.LOOP_SIGMA] < NEAR_TYPE_2:
-        verdict = SINGULAR
+        status = SINGULAR
     else:
-        verdict = FOLLOWING
+        status = FOLLOWING
     sure = accepted and t[m.PHASE] == BEGIN
     record[m.R_MEASURED] = 0.0 if sure else 1.0
     if sure:
-        verdict = FOLLOWING
+        status = FOLLOWING
     t[m.PHASE] = ASTRAY if not accepted and t[m.EVALUATIONS] > 0 else BEGIN
     if accepted:
         settings[m.CLOSED] = settings[m.GAP]
     record[m.R_CLOSURE] = settings[m.CLOSED] if t[m.LOOPS] > 0 else 0.0
-    record[m.R_VERDICT] = verdict
+    record[m.R_STATUS] = status
     record[m.R_PULL_RANK] = sigmas
     if record[m.R_SLOWEST] >= 0.0:
         record[m.R_SLOWEST] += offset

@@ -3,6 +3,6 @@
 from cinegen.planning.planner.attempt import Attempt
 from cinegen.planning.planner.plan import Plan, plan
 from cinegen.planning.planner.sampling import rrt_connect
-from cinegen.planning.planner.verdict import Verdict
+from cinegen.planning.planner.status import PlanStatus
 
-__all__ = ["Attempt", "Plan", "Verdict", "plan", "rrt_connect"]
+__all__ = ["Attempt", "Plan", "PlanStatus", "plan", "rrt_connect"]

@@ -14,7 +14,7 @@ from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik import Solver
 from cinegen.ik.objectives import Objective
 from cinegen.planning.keep import Keep
-from cinegen.planning.planner.verdict import Verdict
+from cinegen.planning.planner.status import PlanStatus
 
 Array = NDArray[np.float64]
 
@@ -31,14 +31,14 @@ class Attempt:
 
     Attributes:
         words: what led it.
-        verdict: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT or STEP_LIMIT.
+        status: REACHED, IN_COLLISION, STUCK, CIRCLED, JOINT_LIMIT or STEP_LIMIT.
         path: (steps + 1, nq) where it went, the start first.
         held_by: pairs of bodies that held the last step back, by name, nearest first.
         reason: the end, in words.
     """
 
     words: str
-    verdict: Verdict
+    status: PlanStatus
     path: Array
     held_by: tuple[tuple[str, str], ...]
     reason: str
@@ -74,12 +74,12 @@ def attempt(
     solver.barriers, solver.objectives = (keep,), (lead,)
     path, nearest, since, still = [solver.q], np.inf, 0, 0
 
-    def ended(verdict: Verdict, reason: str) -> Attempt:
-        return Attempt(words, verdict, np.array(path), _held_by(clearance, keep, path[-1]), reason)
+    def ended(status: PlanStatus, reason: str) -> Attempt:
+        return Attempt(words, status, np.array(path), _held_by(clearance, keep, path[-1]), reason)
 
     while not arrived(path[-1]):
         if len(path) > most:
-            return ended(Verdict.STEP_LIMIT, f"{most} steps did not suffice")
+            return ended(PlanStatus.STEP_LIMIT, f"{most} steps did not suffice")
         path.append(solver.step().q)
         moved = pin.difference(mechanism.model, path[-2], path[-1]) / mechanism.scale
         still = still + 1 if float(np.abs(moved).max(initial=0.0)) < _REST else 0
@@ -89,8 +89,8 @@ def attempt(
         if still == _STILL:
             return ended(*_why(clearance, keep, path[-1], pushed))
         if since == _PATIENCE:
-            return ended(Verdict.CIRCLED, f"moved on for {_PATIENCE} steps and came no nearer to the goal")
-    return ended(Verdict.REACHED, "")
+            return ended(PlanStatus.CIRCLED, f"moved on for {_PATIENCE} steps and came no nearer to the goal")
+    return ended(PlanStatus.REACHED, "")
 
 
 def checked(made: Attempt, check: MeshCheck) -> Attempt:
@@ -105,7 +105,7 @@ def checked(made: Attempt, check: MeshCheck) -> Attempt:
         return made
     where = "at the start" if contact.index < 0 else f"between steps {contact.index} and {contact.index + 1}"
     reason = f"the check against the meshes found contact {where}: {contact.reason}"
-    return replace(made, verdict=Verdict.IN_COLLISION, path=made.path[: max(contact.index, 0) + 1], reason=reason)
+    return replace(made, status=PlanStatus.IN_COLLISION, path=made.path[: max(contact.index, 0) + 1], reason=reason)
 
 
 def _held_by(clearance: Clearance, keep: Keep, q: Array) -> tuple[tuple[str, str], ...]:
@@ -114,21 +114,21 @@ def _held_by(clearance: Clearance, keep: Keep, q: Array) -> tuple[tuple[str, str
     return tuple(clearance.names(pair) for pair in near)
 
 
-def _why(clearance: Clearance, keep: Keep, q: Array, pushed: bool) -> tuple[Verdict, str]:
+def _why(clearance: Clearance, keep: Keep, q: Array, pushed: bool) -> tuple[PlanStatus, str]:
     """Why nothing moves any more; whether a field pushed."""
     held, limits = _held_by(clearance, keep, q), _limits(clearance, q)
     at_limits = f"{', '.join(limits)} at the limit" if limits else ""
     if held:
         pairs = " and ".join(f"'{one}' against '{other}'" for one, other in held)
-        return Verdict.STUCK, f"led into what it must keep clear of: {pairs}" + (f"; {at_limits}" if limits else "")
+        return PlanStatus.STUCK, f"led into what it must keep clear of: {pairs}" + (f"; {at_limits}" if limits else "")
     if limits:
-        return Verdict.JOINT_LIMIT, at_limits
+        return PlanStatus.JOINT_LIMIT, at_limits
     distances = clearance.distances(q)
     if pushed and len(distances):
         one, other = clearance.names(int(distances.argmin()))
         apart = f"'{one}' is {1e3 * float(distances.min()):.3g} mm from '{other}'"
-        return Verdict.STUCK, f"what pulls to the goal and what pushes away balance: {apart}"
-    return Verdict.STUCK, "nothing leads on: singular, or as near to the goal as that way leads"
+        return PlanStatus.STUCK, f"what pulls to the goal and what pushes away balance: {apart}"
+    return PlanStatus.STUCK, "nothing leads on: singular, or as near to the goal as that way leads"
 
 
 def _limits(clearance: Clearance, q: Array) -> list[str]:

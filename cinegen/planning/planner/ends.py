@@ -9,13 +9,13 @@ from cinegen.collision.clearance import Clearance
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.collision.scene import Scene
 from cinegen.planning.planner.postures import Postures, postures
-from cinegen.planning.planner.verdict import Verdict
+from cinegen.planning.planner.status import PlanStatus
 
 
 class Refusal(NamedTuple):
     """Why no way needs to be looked for: START_IN_COLLISION, GOAL_IN_COLLISION or OUT_OF_REACH, and that in words."""
 
-    verdict: Verdict
+    status: PlanStatus
     reason: str
 
 
@@ -31,9 +31,9 @@ def free_goals(scene: Scene, clearance: Clearance, check: MeshCheck, say: Callab
     distances = clearance.distances(scene.start)
     if len(distances) and distances.min() < scene.safety:
         pair = int(distances.argmin())
-        return Refusal(Verdict.START_IN_COLLISION, _too_near(clearance, scene, pair, float(distances[pair])))
+        return Refusal(PlanStatus.START_IN_COLLISION, _too_near(clearance, scene, pair, float(distances[pair])))
     if touching := check.contact(scene.start):
-        return Refusal(Verdict.START_IN_COLLISION, touching)
+        return Refusal(PlanStatus.START_IN_COLLISION, touching)
     say("looking for postures at the goal")
     found = postures(scene, clearance)
     contacts = [check.contact(q) for q in found.free]
@@ -41,11 +41,11 @@ def free_goals(scene: Scene, clearance: Clearance, check: MeshCheck, say: Callab
     if free:
         return found._replace(free=free)
     if contacts:
-        return Refusal(Verdict.GOAL_IN_COLLISION, contacts[0])
+        return Refusal(PlanStatus.GOAL_IN_COLLISION, contacts[0])
     if found.blocked:
         _, pair, distance = max(found.blocked, key=lambda one: one[2])
-        return Refusal(Verdict.GOAL_IN_COLLISION, _too_near(clearance, scene, pair, distance))
-    return Refusal(Verdict.OUT_OF_REACH, f"no posture was found in which '{scene.node}' is at the goal")
+        return Refusal(PlanStatus.GOAL_IN_COLLISION, _too_near(clearance, scene, pair, distance))
+    return Refusal(PlanStatus.OUT_OF_REACH, f"no posture was found in which '{scene.node}' is at the goal")
 
 
 def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:

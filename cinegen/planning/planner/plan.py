@@ -26,7 +26,7 @@ from cinegen.planning.planner.field import Field
 from cinegen.planning.planner.lead import Lead
 from cinegen.planning.planner.literal import Literal
 from cinegen.planning.planner.postures import TOLERANCE, Postures
-from cinegen.planning.planner.verdict import Verdict
+from cinegen.planning.planner.status import PlanStatus
 from cinegen.planning.vortices import Turning, Vortices
 
 Array = NDArray[np.float64]
@@ -44,17 +44,17 @@ class Plan:
 
     Attributes:
         scene: that it is for.
-        verdict: in one word.
+        status: in one word.
         path: (steps + 1, nq) from the start to the goal, or as far as the last attempt came; (1, nq) where none made
             sense. Loops are closed at each; between two of them joints go straight.
         attempts: all that were made, in order; the last one is what `path` is of.
-        reason: the verdict, in words.
+        reason: the status, in words.
         mesh_check: that the path passed: REACHED is only said where the meshes themselves touch nowhere on it.
         field: that was followed; None: `rrt_connect` follows none.
     """
 
     scene: Scene
-    verdict: Verdict
+    status: PlanStatus
     path: Array
     attempts: tuple[Attempt, ...]
     reason: str
@@ -63,10 +63,10 @@ class Plan:
     field: Field | None = Field.VORTEX
 
     def __bool__(self) -> bool:
-        return self.verdict is Verdict.REACHED
+        return self.status is PlanStatus.REACHED
 
     def __str__(self) -> str:
-        return f"{self.verdict.value}: {self.reason}" if self.reason else self.verdict.value
+        return f"{self.status.value}: {self.reason}" if self.reason else self.status.value
 
     @cached_property
     def clearance(self) -> float:
@@ -129,12 +129,12 @@ def plan(
     check = MeshCheck(scene)
     say = say or _nobody
 
-    def without(verdict: Verdict, reason: str) -> Plan:
-        return Plan(scene, verdict, scene.start[None].copy(), (), reason, clearance, check, field)
+    def without(status: PlanStatus, reason: str) -> Plan:
+        return Plan(scene, status, scene.start[None].copy(), (), reason, clearance, check, field)
 
     goals = free_goals(scene, clearance, check, say)
     if isinstance(goals, Refusal):
-        return without(goals.verdict, goals.reason)
+        return without(goals.status, goals.reason)
     made: list[Attempt] = []
     task = TaskAttraction(scene.mechanism, scene.node, scene.goal, scene.translation, scene.rotation)
     for words, lead, left in _leads(scene, field, clearance, around, task, goals):
@@ -147,17 +147,17 @@ def plan(
                 isinstance(lead, Descent),
             )
         )  # fmt: skip
-        if made[-1].verdict is Verdict.REACHED:
+        if made[-1].status is PlanStatus.REACHED:
             say(f"attempt {len(made)}: checking its path against the meshes")
             made[-1] = checked(made[-1], check)
-        if made[-1].verdict is Verdict.REACHED:
+        if made[-1].status is PlanStatus.REACHED:
             break
     else:
         made[-1] = checked(made[-1], check)
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
-    reason = "" if last.verdict is Verdict.REACHED else reason
-    return Plan(scene, last.verdict, last.path, tuple(made), reason, clearance, check, field)
+    reason = "" if last.status is PlanStatus.REACHED else reason
+    return Plan(scene, last.status, last.path, tuple(made), reason, clearance, check, field)
 
 
 def _leads(

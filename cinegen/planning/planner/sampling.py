@@ -19,7 +19,7 @@ from cinegen.planning.planner.edge import edge
 from cinegen.planning.planner.ends import Refusal, free_goals
 from cinegen.planning.planner.plan import Plan
 from cinegen.planning.planner.space import Space
-from cinegen.planning.planner.verdict import Verdict
+from cinegen.planning.planner.status import PlanStatus
 
 Array = NDArray[np.float64]
 
@@ -68,17 +68,17 @@ def rrt_connect(
     check = MeshCheck(scene)
     say = say or _nobody
 
-    def made(verdict: Verdict, way: Array, reason: str) -> Plan:
-        found = checked(Attempt(_WORDS, verdict, way, (), reason), check)
-        return Plan(scene, found.verdict, found.path, (found,), found.reason, clearance, check, None)
+    def made(status: PlanStatus, way: Array, reason: str) -> Plan:
+        found = checked(Attempt(_WORDS, status, way, (), reason), check)
+        return Plan(scene, found.status, found.path, (found,), found.reason, clearance, check, None)
 
     nowhere = scene.start[None].copy()
     found = free_goals(scene, clearance, check, say)
     if isinstance(found, Refusal):
-        return Plan(scene, found.verdict, nowhere, (), found.reason, clearance, check, None)
+        return Plan(scene, found.status, nowhere, (), found.reason, clearance, check, None)
     mechanism = scene.mechanism
     if mechanism.model.nv == 0:
-        return made(Verdict.REACHED, nowhere, "")
+        return made(PlanStatus.REACHED, nowhere, "")
     space = Space(scene, clearance)
 
     def between(begin: Array, end: Array) -> Array | None:
@@ -100,8 +100,8 @@ def rrt_connect(
         pieces = [between(begin, end) for begin, end in itertools.pairwise(way)]
         clear = [piece for piece in pieces if piece is not None]
         if len(clear) == len(pieces):
-            return made(Verdict.REACHED, np.vstack([nowhere, *(piece[1:] for piece in clear)]), "")
-    return made(Verdict.TIME_LIMIT, nowhere, f"{_WORDS} found no way in {seconds:g} s")
+            return made(PlanStatus.REACHED, np.vstack([nowhere, *(piece[1:] for piece in clear)]), "")
+    return made(PlanStatus.TIME_LIMIT, nowhere, f"{_WORDS} found no way in {seconds:g} s")
 
 
 def _nobody(_: str) -> None:

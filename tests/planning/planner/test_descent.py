@@ -20,7 +20,7 @@ from cinegen.collision.body import Body
 from cinegen.collision.errors import AvoidError
 from cinegen.collision.scene import load_scene, scene_of
 from cinegen.planning.fields import Elliptical, Firas, Spherical
-from cinegen.planning.planner import Verdict, plan
+from cinegen.planning.planner import PlanStatus, plan
 from cinegen.planning.planner.descent import GAINS, Goal, Potential
 from cinegen.planning.planner.field import Field, Gains, Outline
 
@@ -219,7 +219,7 @@ def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which, pull, m
     monkeypatch.setitem(GAINS, Field.FIRAS, Gains(pull))
     scene = figure("rod") if which == "rod" else figure("disc")
     found = plan(scene, field="firas")
-    assert found.verdict is Verdict.STUCK
+    assert found.status is PlanStatus.STUCK
     assert found.field is Field.FIRAS
     assert len(found.attempts) == 1
     end = found.path[-1]
@@ -265,7 +265,7 @@ def test_with_a_disc_straight_ahead_repulsion_stops_and_a_vortex_does_not():
     scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.0]}])
     for field in REPULSIVE:
         found = plan(scene, field=field)
-        assert found.verdict is Verdict.STUCK, field
+        assert found.status is PlanStatus.STUCK, field
         assert found.path[-1][1] == pytest.approx(0.0, abs=1e-6)
     assert plan(scene, field="literal")
 

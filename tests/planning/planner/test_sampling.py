@@ -19,7 +19,7 @@ from cinegen.collision.around import surroundings
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import AvoidError
 from cinegen.collision.scene import load_scene, scene_of
-from cinegen.planning.planner import Verdict, plan, rrt_connect
+from cinegen.planning.planner import PlanStatus, plan, rrt_connect
 from cinegen.planning.planner.edge import edge
 from cinegen.planning.planner.space import Space
 
@@ -75,7 +75,7 @@ def mobile(boxes, start, goal, **more):
 def test_the_scenes_of_the_figures_are_solved(root, name):
     scene = load_scene(root / f"robots/scenes/{name}.toml")
     found = rrt_connect(scene)
-    assert found.verdict is Verdict.REACHED
+    assert found.status is PlanStatus.REACHED
     assert np.array_equal(found.path[0], scene.start)
     assert is_at_goal(scene, found.path[-1])
     assert found.clearance >= scene.safety
@@ -94,7 +94,7 @@ def test_what_holds_vortices_fast_is_left(boxes, start, goal):
     scene = mobile(boxes, start, goal)
     assert not plan(scene)
     found = rrt_connect(scene)
-    assert found.verdict is Verdict.REACHED
+    assert found.status is PlanStatus.REACHED
     assert is_at_goal(scene, found.path[-1])
     assert found.clearance >= scene.safety
     points = np.array(list(along(scene, found.path, 1e-3)))
@@ -115,7 +115,7 @@ def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
     goal = {"point": [math.cos(aim), math.sin(aim)]}
     scene = scene_of({"robot": "hand.urdf", "node": "tip", "goal": goal, "obstacle": [post]}, tmp_path)
     found = rrt_connect(scene)
-    assert found.verdict is Verdict.REACHED
+    assert found.status is PlanStatus.REACHED
     assert found.path[-1, 0] == pytest.approx(aim - 2.0 * math.pi, abs=1e-4)
     assert found.clearance >= scene.safety
 
@@ -137,7 +137,7 @@ def test_what_is_done_is_said_and_what_was_tried_is_in_the_plan():
 
 def test_a_start_at_the_goal_has_arrived():
     found = rrt_connect(mobile(CELL, [0.0, 0.0], [0.0, 0.0]))
-    assert found.verdict is Verdict.REACHED
+    assert found.status is PlanStatus.REACHED
     assert found.length < 1e-4
 
 
@@ -163,7 +163,7 @@ def test_a_delta_goes_round_a_post_with_its_loops_closed(root):
     scene = delta_with_post(root)
     clearance, _ = surroundings(scene)
     found = rrt_connect(scene)
-    assert found.verdict is Verdict.REACHED
+    assert found.status is PlanStatus.REACHED
     assert edge(clearance, scene.start, found.path[-1], scene.safety) is None
     assert is_at_goal(scene, found.path[-1])
     assert found.clearance >= scene.safety
@@ -189,7 +189,7 @@ def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
         there = mechanism.close(there, locked=["joint1"])
     goal = mechanism.placement(there, "tool").translation[:2].tolist()
     found = rrt_connect(scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism))
-    assert found.verdict is Verdict.REACHED
+    assert found.status is PlanStatus.REACHED
     assert max(mechanism.closure(q) for q in found.path) < 1e-9
     assert found.path[-1] == pytest.approx(there, abs=1e-3)
     assert found.clearance >= 0.002
@@ -262,31 +262,31 @@ def test_an_edge_never_leads_to_another_assembly_mode(root, tmp_path):
     assert edge(clearance, home, mechanism.close(home + 0.05), 0.0) is not None
 
 
-# --- verdicts --------------------------------------------------------------------------------------------------------
+# --- statuses --------------------------------------------------------------------------------------------------------
 
 
 def test_a_cell_without_a_door_ends_at_the_time_limit():
     scene = mobile(CELL, [0.0, 0.0], [3.0, 0.0])
     found = rrt_connect(scene, seconds=0.3)
-    assert found.verdict is Verdict.TIME_LIMIT
+    assert found.status is PlanStatus.TIME_LIMIT
     assert not found
     assert np.array_equal(found.path, scene.start[None])
     assert str(found) == "time limit: RRT-Connect found no way in 0.3 s"
-    assert found.attempts[0].verdict is Verdict.TIME_LIMIT
+    assert found.attempts[0].status is PlanStatus.TIME_LIMIT
 
 
 @pytest.mark.parametrize(
-    ("start", "goal", "verdict"),
+    ("start", "goal", "status"),
     [
-        ([0.95, 0.0], [3.0, 0.0], Verdict.START_IN_COLLISION),
-        ([0.0, 0.0], [1.15, 0.0], Verdict.GOAL_IN_COLLISION),
-        ([0.77, 0.0], [3.0, 0.0], Verdict.START_IN_COLLISION),
+        ([0.95, 0.0], [3.0, 0.0], PlanStatus.START_IN_COLLISION),
+        ([0.0, 0.0], [1.15, 0.0], PlanStatus.GOAL_IN_COLLISION),
+        ([0.77, 0.0], [3.0, 0.0], PlanStatus.START_IN_COLLISION),
     ],
 )
-def test_start_and_goal_are_tested_as_plan_does(start, goal, verdict):
+def test_start_and_goal_are_tested_as_plan_does(start, goal, status):
     scene = mobile(CELL, start, goal)
     one, other = rrt_connect(scene), plan(scene)
-    assert one.verdict is other.verdict is verdict
+    assert one.status is other.status is status
     assert one.reason == other.reason
     assert np.array_equal(one.path, other.path)
 
@@ -294,7 +294,7 @@ def test_start_and_goal_are_tested_as_plan_does(start, goal, verdict):
 def test_what_is_out_of_reach_is_as_plan_says(robot):
     scene = scene_of({"node": "tool", "goal": {"point": [5.0, 0.0]}}, mechanism=robot("planar_3r"))
     one, other = rrt_connect(scene), plan(scene)
-    assert one.verdict is other.verdict is Verdict.OUT_OF_REACH
+    assert one.status is other.status is PlanStatus.OUT_OF_REACH
     assert one.reason == other.reason
 
 

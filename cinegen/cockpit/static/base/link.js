@@ -22,7 +22,7 @@ import { Events } from "./events.js";
  * @typedef {{ id: number, robot: string, node: string, who: string, label: string | null, point: number[],
  *   target: number[], error: number[], holds: [number, number], weight: number }} Pull
  * @typedef {{ kind: "state", time: number, frame?: number, hand?: number | null, poses: Record<string, number[]>,
- *   pulls?: Pull[], verdicts?: Record<string, { name: string, words: string }>, report?: Report }} State
+ *   pulls?: Pull[], statuses?: Record<string, { name: string, words: string }>, report?: Report }} State
  * @typedef {{ sigma: number | null, near: number, words?: string, node?: string, at?: number[], twist?: number[] }} Singular
  * @typedef {{ time: number, kind: string, words: string, at: number[] }} Foreseen
  * @typedef {{ q?: number[], saturated: string[], near: string[], closure: number | null, type1: Singular | null,

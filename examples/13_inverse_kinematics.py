@@ -11,7 +11,7 @@ home = platform.placement(platform.q_home, "platform")
 for tilt in (0, 10, 20, 30, 40, 50):
     target = home.copy()
     target.rotation = home.rotation @ pin.utils.rotate("x", np.radians(tilt))
-    reached = cinegen.reach(platform, {"platform": target})
+    reached = cinegen.inverse_kinematics(platform, {"platform": target})
     legs = [1000 * reached.q[platform.q_index(leg)] for leg in platform.actuated]
     if reached:
         print(f"tilted by {tilt} degrees, legs of", " ".join(f"{leg:.0f}" for leg in legs), "mm")

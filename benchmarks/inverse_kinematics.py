@@ -1,6 +1,6 @@
-"""How long `cinegen.reach` takes and how many poses it finds; and how many configurations `cinegen.evaluate` does.
+"""Time `cinegen.inverse_kinematics`, count the poses that it finds, and time `cinegen.evaluate`.
 
-    python benchmarks/reach.py [COUNT]
+    python benchmarks/inverse_kinematics.py [COUNT]
 
 Poses are made forwards, from motors at random within their limits, and kept where all joints are within theirs.
 """
@@ -55,11 +55,11 @@ def measure_reach(count: int) -> None:
     for path, node in NODES.items():
         mechanism = cinegen.load(path)
         targets = [mechanism.placement(q, node) for q in reachable(mechanism, count)]
-        cinegen.reach(mechanism, {node: targets[0]})  # finds out where it can be
+        cinegen.inverse_kinematics(mechanism, {node: targets[0]})  # finds out where it can be
         times, found, starts = [], 0, 0
         for target in targets:
             begin = time.perf_counter()
-            reached = cinegen.reach(mechanism, {node: target})
+            reached = cinegen.inverse_kinematics(mechanism, {node: target})
             times.append(1e3 * (time.perf_counter() - begin))
             found += bool(reached) and max(reached.errors[0]) <= 1e-6
             starts = max(starts, reached.starts)

@@ -79,7 +79,7 @@ def test_every_reachable_pose_is_found(name: str, count: int) -> None:
     node = end_of(mechanism)
     for known in configurations(mechanism, count, seed=11):
         target = mechanism.placement(known, node)
-        reached = cinegen.reach(mechanism, {node: target})
+        reached = cinegen.inverse_kinematics(mechanism, {node: target})
         assert reached, reached
         there = mechanism.placement(reached.q, node)
         assert np.linalg.norm(there.translation - target.translation) <= 1e-6
@@ -93,7 +93,7 @@ def test_from_where_it_is_there_already_it_stays(name: str) -> None:
     mechanism = mechanism_of(name)
     node = end_of(mechanism)
     for known in configurations(mechanism, 10, seed=3):
-        reached = cinegen.reach(mechanism, {node: mechanism.placement(known, node)}, known)
+        reached = cinegen.inverse_kinematics(mechanism, {node: mechanism.placement(known, node)}, known)
         assert reached.starts == 1
         np.testing.assert_allclose(reached.q, known, atol=1e-9)
 
@@ -106,7 +106,7 @@ def test_from_nearby_the_nearby_solution_is_taken(name: str) -> None:
     for known in configurations(mechanism, 10, seed=4):
         if min((known - low).min(), (high - known).min()) < 0.1:
             continue
-        reached = cinegen.reach(mechanism, {node: mechanism.placement(known, node)}, known + 1e-3)
+        reached = cinegen.inverse_kinematics(mechanism, {node: mechanism.placement(known, node)}, known + 1e-3)
         assert reached.starts == 1
         assert np.abs(reached.q - known).max() < 0.05
 
@@ -121,7 +121,7 @@ def test_where_a_planar_arm_reaches_is_a_disc() -> None:
         way = np.array([math.cos(direction), math.sin(direction), 0.0])
         for part, there in ((0.999, True), (1.001, False)):
             target = pin.SE3(np.eye(3), base + part * reach * way)
-            reached = cinegen.reach(mechanism, [cinegen.Pull(node, target, 3, 0)], limits=False)
+            reached = cinegen.inverse_kinematics(mechanism, [cinegen.Pull(node, target, 3, 0)], limits=False)
             assert bool(reached) == there
             if not there:
                 assert reached.errors[0][0] == pytest.approx(0.001 * reach, rel=1e-3)
@@ -133,7 +133,7 @@ def test_out_of_reach_it_says_what_was_tried_and_stays_whole(name: str) -> None:
     node = end_of(mechanism)
     far = mechanism.placement(mechanism.q_home, node)
     far.translation = far.translation + np.array([0.0, 0.0, 20.0 * mechanism.length])
-    reached = cinegen.reach(mechanism, {node: far}, starts=12)
+    reached = cinegen.inverse_kinematics(mechanism, {node: far}, starts=12)
     assert not reached
     assert not reached.found
     assert reached.starts == 12
@@ -153,8 +153,8 @@ def test_limits_can_be_left_out() -> None:
     for _ in range(40):
         q = rng.uniform(1.3 * low, 1.3 * high)
         target = {node: mechanism.placement(q, node)}
-        assert cinegen.reach(mechanism, target, q, limits=False)
-        if not cinegen.reach(mechanism, target, starts=40):
+        assert cinegen.inverse_kinematics(mechanism, target, q, limits=False)
+        if not cinegen.inverse_kinematics(mechanism, target, starts=40):
             beyond += 1
     assert beyond > 0
 
@@ -168,7 +168,7 @@ def test_only_what_a_pull_holds_is_brought_there(translation: int, rotation: int
     low, high = limits_of(mechanism)
     target = mechanism.placement(rng.uniform(low, high), node)
     pull = cinegen.Pull(node, target, translation, rotation)
-    reached = cinegen.reach(mechanism, [pull])
+    reached = cinegen.inverse_kinematics(mechanism, [pull])
     assert reached
     straight, turn = pull.errors(mechanism.placement(reached.q, node))
     assert np.abs(np.concatenate([straight, turn])).max(initial=0.0) <= 1e-6
@@ -179,7 +179,9 @@ def test_two_nodes_at_once() -> None:
     elbow, end = mechanism.nodes[4], end_of(mechanism)
     for known in configurations(mechanism, 20, seed=5):
         elbow_there, end_there = (mechanism.placement(known, node) for node in (elbow, end))
-        reached = cinegen.reach(mechanism, [cinegen.Pull(elbow, elbow_there, 3, 0), cinegen.Pull(end, end_there)])
+        reached = cinegen.inverse_kinematics(
+            mechanism, [cinegen.Pull(elbow, elbow_there, 3, 0), cinegen.Pull(end, end_there)]
+        )
         assert reached
         assert len(reached.errors) == 2
         assert max(map(max, reached.errors)) <= 1e-6
@@ -192,8 +194,8 @@ def test_the_same_question_has_the_same_answer() -> None:
     node = end_of(mechanism)
     (known,) = configurations(mechanism, 1, seed=9)
     target = {node: mechanism.placement(known, node)}
-    first = cinegen.reach(mechanism, target)
-    other = cinegen.reach(cinegen.load(ROBOTS / "rx90.raff"), target)
+    first = cinegen.inverse_kinematics(mechanism, target)
+    other = cinegen.inverse_kinematics(cinegen.load(ROBOTS / "rx90.raff"), target)
     np.testing.assert_array_equal(first.q, other.q)
 
 
@@ -201,10 +203,10 @@ def test_what_was_asked_before_makes_no_difference() -> None:
     """Not even where starts at random are needed."""
     mechanism = mechanism_of("panda")
     poses = [mechanism.placement(q, "panda_hand") for q in configurations(mechanism, 200, seed=11)]
-    first = [cinegen.reach(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
+    first = [cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3) for pose in poses]
     assert max(reached.starts for reached in first) > 9
     for pose, before in reversed(list(zip(poses, first, strict=True))):
-        again = cinegen.reach(mechanism, {"panda_hand": pose}, seed=3)
+        again = cinegen.inverse_kinematics(mechanism, {"panda_hand": pose}, seed=3)
         np.testing.assert_array_equal(again.q, before.q)
 
 
@@ -213,7 +215,7 @@ def test_no_more_is_left_than_the_tolerance(tolerance: float) -> None:
     mechanism = mechanism_of("sr400")
     node = end_of(mechanism)
     for known in configurations(mechanism, 20, seed=6):
-        reached = cinegen.reach(mechanism, {node: mechanism.placement(known, node)}, tolerance=tolerance)
+        reached = cinegen.inverse_kinematics(mechanism, {node: mechanism.placement(known, node)}, tolerance=tolerance)
         assert reached
         assert max(reached.errors[0]) <= tolerance
 
@@ -225,14 +227,14 @@ def test_what_makes_no_sense_is_refused() -> None:
     bad = good.copy()
     bad.translation = np.array([np.nan, 0.0, 0.0])
     with pytest.raises(cinegen.CinegenError, match="at least one node"):
-        cinegen.reach(mechanism, {})
+        cinegen.inverse_kinematics(mechanism, {})
     with pytest.raises(cinegen.CinegenError, match="finite"):
-        cinegen.reach(mechanism, {node: bad})
+        cinegen.inverse_kinematics(mechanism, {node: bad})
     with pytest.raises(cinegen.CinegenError, match="finite"):
-        cinegen.reach(mechanism, {node: "there"})
+        cinegen.inverse_kinematics(mechanism, {node: "there"})
     with pytest.raises(cinegen.CinegenError, match="nowhere"):
-        cinegen.reach(mechanism, {"nowhere": good})
+        cinegen.inverse_kinematics(mechanism, {"nowhere": good})
     with pytest.raises(cinegen.CinegenError, match="above 0"):
-        cinegen.reach(mechanism, {node: good}, starts=0)
+        cinegen.inverse_kinematics(mechanism, {node: good}, starts=0)
     with pytest.raises(cinegen.CinegenError):
-        cinegen.reach(mechanism, {node: good}, q=np.zeros(99))
+        cinegen.inverse_kinematics(mechanism, {node: good}, q=np.zeros(99))

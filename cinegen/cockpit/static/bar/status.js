@@ -1,6 +1,6 @@
-// The verdict: what the robot does, in a few words. Of several robots the one that is in most trouble speaks.
+// The status: what the robot does, in a few words. Of several robots the one that is in most trouble speaks.
 //
-// For tests: #verdict, data-verdict = the verdict's name, data-tone = good, warn, bad or none.
+// For tests: #status, data-status = the status's name, data-tone = good, warn, bad or none.
 
 import { atMostEvery, byId, write } from "../base/dom.js";
 
@@ -23,11 +23,11 @@ const IDLE = "ready";
 /** @type {Record<string, string>} */
 const MOVING = { home: "going home", visit: "going there", undo: "going back", redo: "going on" };
 
-export class Verdict {
+export class Status {
   /** @param {import("../base/session.js").Session} session */
   constructor(session) {
     this.session = session;
-    this.chip = byId("verdict");
+    this.chip = byId("status");
     const show = atMostEvery(100, () => this.#show());
     session.on("state", () => show());
     session.on("report", () => show());
@@ -35,11 +35,11 @@ export class Verdict {
 
   #show() {
     const { state, report, robots, obstacles } = this.session;
-    const shown = summary(state?.verdicts ?? {}, report, robots.length + obstacles.length > 1);
+    const shown = summary(state?.statuses ?? {}, report, robots.length + obstacles.length > 1);
     if (shown === null) return;
     write(this.chip, shown.words);
     this.chip.dataset.tone = shown.tone;
-    this.chip.dataset.verdict = shown.name;
+    this.chip.dataset.status = shown.name;
     this.chip.title = shown.title;
   }
 }
@@ -48,12 +48,12 @@ export class Verdict {
  * Return what the chip shows of the status of all robots; null where none is known. The first robot in most trouble
  * is shown, unless the session is paused or moves by itself.
  *
- * @param {Record<string, { name?: string, words?: string }>} verdicts by robot
+ * @param {Record<string, { name?: string, words?: string }>} statuses by robot
  * @param {{ paused?: boolean, moving?: string | null } | null} report
  * @param {boolean} several there are several robots or obstacles: the robot is named
  */
-export function summary(verdicts, report, several) {
-  const told = Object.entries(verdicts).map(([robot, { name = "", words } = {}]) => {
+export function summary(statuses, report, several) {
+  const told = Object.entries(statuses).map(([robot, { name = "", words } = {}]) => {
     const text = name === "IDLE" ? IDLE : (words ?? name);
     return { robot, name, words: text, tone: TONES[name] ?? "none" };
   });

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum
 
 
-class Verdict(Enum):
+class PlanStatus(Enum):
     """What became of a plan, or of one attempt."""
 
     REACHED = "reached"

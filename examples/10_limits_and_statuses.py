@@ -15,8 +15,8 @@ def pull_to(x: float, y: float) -> None:
     hand.target = pin.SE3(hand.target.rotation, np.array([x, y, 0.0]))
     for _ in range(720):
         step = solver.step()
-    print(f"pulled to {x:.2f} {y:.2f}, {step.errors[0][0]:.3f} m off: {step.verdict.name}", *step.saturated)
-    print(f"    ({step.verdict.value})")
+    print(f"pulled to {x:.2f} {y:.2f}, {step.errors[0][0]:.3f} m off: {step.status.name}", *step.saturated)
+    print(f"    ({step.status.value})")
 
 
 pull_to(0.4, 0.5)
@@ -25,4 +25,4 @@ pull_to(0.4, -0.5)
 pull_to(-0.89, 0.05)
 pull_to(float("nan"), 0.0)
 solver.release(hand)
-print(f"let go: {solver.step().verdict.name}")
+print(f"let go: {solver.step().status.name}")
