@@ -2,6 +2,9 @@
 PYTHON ?= python3
 # Processes that share the tests.
 WORKERS ?= auto
+# What `make coverage` runs (all tests unless given), and how many of the least covered files it lists.
+TESTS ?=
+LEAST ?= 30
 
 BIN := .venv/bin
 # The base interpreter's pip installs into .venv, which has none of its own: some systems cannot put one there.
@@ -11,7 +14,7 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test check javascript kernels studies bench generated clean lock FORCE
+.PHONY: help demo test coverage check javascript kernels studies bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -24,6 +27,12 @@ demo: kernels ## make a robot from its description, and drive it in the browser
 test: check javascript kernels studies ## run every check, then the tests
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
+
+# The table is printed where tests fail too, least covered files first; what fails is still an error.
+coverage: .venv/test-installed kernels studies ## measure which lines the tests run, and list the least covered files
+	@.ci/chromium
+	@status=0; $(BIN)/pytest -n $(WORKERS) --cov --cov-report= $(TESTS) || status=$$?; \
+	$(BIN)/coverage report --sort=cover --skip-covered | awk 'NR <= 2 + $(LEAST) || /^TOTAL/' && exit $$status
 
 check: .venv/test-installed ## run the linters of the Python code only
 	$(BIN)/ruff check .
@@ -64,7 +73,8 @@ generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff
 
 clean: ## remove the environment and all caches
-	rm -rf .venv .venv-bench node_modules build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	rm -rf .venv .venv-bench node_modules build dist .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis \
+		.coverage .coverage.*
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- The environment ---------------------------------------------------------------------------------------------
