@@ -93,6 +93,7 @@ test("a cut line is told once, and tried again after ever longer waits", () => {
   session.say({ kind: "hello" });
   assert.equal(link.connected, true);
   session.cut();
+  assert.equal(link.connected, false);
   mock.timers.tick(501);
   assert.equal(Socket.opened.length, 2, "a hello begins with short waits again");
 });

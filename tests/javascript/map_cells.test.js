@@ -50,6 +50,19 @@ test("a ball is as large as its share of a cell", async () => {
   assert.equal(past(0.046), null);
 });
 
+test("a slanting ray meets the ball that it passes through", async () => {
+  const { cells } = await cellsOf(small());
+  for (const [cell, at] of [[3, [0.1, 0.1, 0]], [4, [0.2, 0, 0]]]) {
+    const [x, y, z] = at;
+    const from = [x - 0.3, y + 0.4, z + 1.2]; // 1.3 m away
+    const met = cells.met(ray(from, at));
+    assert.equal(met.cell, cell);
+    assert.ok(Math.abs(met.away - 1.3) < 1e-6);
+    const [dx, dy] = [0.035 * 0.8, 0.035 * 0.6]; // across the ray, past the ball of 0.03 m
+    assert.equal(cells.met(ray([from[0] + dx, from[1] + dy, from[2]], [x + dx, y + dy, z])), null);
+  }
+});
+
 test("nothing behind the eye is met", async () => {
   const { cells } = await cellsOf(small());
   assert.equal(cells.met(ray([-1, 0, 0], [-2, 0, 0])), null);
@@ -86,13 +99,25 @@ test("all cells are drawn in one object, grey where nothing is known", async () 
   assert.deepEqual(rgb(5), [0.99, 0.91, 0.15]);
 });
 
+test("where all values are the same, all cells have the colour of the lowest", async () => {
+  const map = small();
+  map.arrays["value sigma"].fill(0.5);
+  Object.assign(map.about.quantities[0], { low: 0.5, high: 0.5 });
+  const { drawn } = await cellsOf(map);
+  const { array } = drawn().geometry.attributes.color;
+  for (let i = 0; i < array.length; i += 1) assert.equal(array[i], array[i % 3]);
+  assert.ok(Math.abs(array[0] - 0x44 / 255) < 1e-6);
+});
+
 test("tiles are drawn with four corners each, as large as their share", async () => {
   const { drawn, field } = await cellsOf(small({ edges: true }));
   const { geometry } = drawn();
   assert.equal(geometry.attributes.position.count, 4 * 6);
   assert.equal(geometry.index.count, 6 * 6);
-  geometry.computeBoundingBox();
   const half = 0.5 * 0.1 * field.share;
+  const corners = Array.from(geometry.attributes.position.array.subarray(0, 12), (x) => Number((x / half).toFixed(4)));
+  assert.deepEqual(corners, [-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0]);
+  geometry.computeBoundingBox();
   assert.ok(geometry.boundingBox.min.distanceTo(new Vector3(-half, -half, 0)) < 1e-7);
   assert.ok(geometry.boundingBox.max.distanceTo(new Vector3(0.2 + half, 0.1 + half, 0)) < 1e-7);
 });

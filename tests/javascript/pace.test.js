@@ -39,6 +39,17 @@ test("quick pictures keep all pixels", () => {
   assert.ok(Math.abs(pace.mean - 20) < 1e-9);
 });
 
+test("the mean follows the time from picture to picture, and leaves out pictures of a robot that rests", () => {
+  const pace = paced();
+  draw(pace, 2, 20);
+  draw(pace, 1, 70);
+  draw(pace, 1, 0);
+  assert.ok(Math.abs(pace.mean - (0.8 * 20 + 0.2 * 70)) < 1e-9);
+  pace.drew(now + 500, false);
+  pace.drew(now + 900, true);
+  assert.ok(Math.abs(pace.mean - 30) < 1e-9);
+});
+
 test("slow pictures get fewer pixels while that helps, and all of them when the robot rests", () => {
   const pace = paced();
   draw(pace, 10, 200);

@@ -63,9 +63,10 @@ test("a part is selected once; unknown ones select nothing", () => {
   const selected = () => told.filter(([name]) => name === "select").map(([, value]) => value);
   session.select("arm", "tool");
   session.select("arm", "tool");
+  session.select("arm", "base");
   session.select("arm", "nothing");
   session.select(null, null);
-  assert.deepEqual(selected(), [{ robot: "arm", node: "tool" }, null]);
+  assert.deepEqual(selected(), [{ robot: "arm", node: "tool" }, { robot: "arm", node: "base" }, null]);
 });
 
 test("another scene forgets the state, and a selection that is not in it", () => {

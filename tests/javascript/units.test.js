@@ -36,6 +36,14 @@ test("a joint's value keeps its meaning on the way to the screen and back", () =
   assert.equal(units.joint({ type: "revolute" }, Math.PI), "180.0°");
 });
 
+test("a joint's unit and digits are those of its kind", () => {
+  const units = new Units();
+  const both = () => ["prismatic", "revolute"].map((type) => [units.unit({ type }), units.digits({ type })]);
+  assert.deepEqual(both(), [["mm", 1], ["°", 1]]);
+  units.toggle();
+  assert.deepEqual(both(), [["m", 4], ["rad", 3]]);
+});
+
 test("toggling tells listeners and is remembered", () => {
   const units = new Units();
   let told = 0;
