@@ -9,26 +9,35 @@ const CLOSED = 1e-9; // rad or characteristic lengths: nobody sees less
 const SAME = 1e-5; // m: a target that came back
 
 export class Foot {
+  /** @type {[number, number[]][]} */
   #sent = []; // targets under way: [when, numbers]
+  /** @type {number | null} */
   #delay = null; // ms
 
+  /** @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session }} parts */
   constructor({ view, session }) {
-    Object.assign(this, { view, session });
+    this.view = view;
+    this.session = session;
     session.on("state", (state) => this.#answer(state));
     session.on("report", (report) => this.#show(report));
-    for (const name of ["lost", "dropped"]) {
+    for (const name of /** @type {const} */ (["lost", "dropped"])) {
       session.on(name, () => {
         this.#sent.length = 0;
       });
     }
   }
 
-  /** A target was sent: the delay is the time until a state has it. */
+  /**
+   * A target was sent: the delay is the time until a state has it.
+   *
+   * @param {number[]} lead
+   */
   sent(lead) {
     this.#sent.push([performance.now(), lead]);
     if (this.#sent.length > 60) this.#sent.shift();
   }
 
+  /** @param {import("../base/link.js").State} state */
   #answer(state) {
     if (this.#sent.length === 0) return;
     const target = state.pulls?.find((pull) => pull.who === "hand")?.target;
@@ -40,6 +49,7 @@ export class Foot {
     this.#delay = this.#delay === null ? time : 0.8 * this.#delay + 0.2 * time;
   }
 
+  /** @param {import("../base/link.js").Report} report */
   #show({ robots = {}, rate, clients }) {
     const gaps = this.session.robots.map((robot) => [robots[robot.name]?.closure ?? 0, robot.length]);
     const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);

@@ -149,3 +149,14 @@ export class Session extends Events {
 export function keyOf(robot, node) {
   return `${robot}\n${node}`;
 }
+
+/**
+ * A part by its key: [robot, node].
+ *
+ * @param {string} key
+ * @returns {[string, string]}
+ */
+export function partOf(key) {
+  const [robot = "", node = ""] = key.split("\n");
+  return [robot, node];
+}

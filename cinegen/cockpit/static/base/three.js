@@ -39,4 +39,4 @@ export const {
   Vector2,
   Vector3,
   WebGLRenderer,
-} = /** @type {any} */ (window).MeshCat.THREE;
+} = window.MeshCat.THREE;

@@ -11,24 +11,43 @@ import { Lead } from "./lead.js";
 const STILL = 4; // pixels: a pointer that moves less has not moved
 const STILL_TOUCH = 8; // a finger is broad
 
+/**
+ * @typedef {import("./pick.js").Touched} Touched
+ * @typedef {import("./pick.js").At} At
+ * @typedef {Touched & { at: Vector3, pointer: number, x: number, y: number, dragged: boolean, denied: boolean,
+ *   still: number }} Held
+ */
+
+/** @extends {Events<{ hover: Touched | null, drag: Held | null, free: PointerEvent, point: At | null }>} */
 export class Drag extends Events {
   #plane = new Plane();
+  /** @type {Held | null} */
   #held = null; // what is pressed, and whether it is dragged yet
+  /** @type {{ x: number, y: number } | null} */
   #beside = null; // where the pointer was pressed beside all parts
+  /** @type {At | null} */
   #pointer = null; // where it hovers
   #waiting = false; // for the next picture, to look what is there
+  /** @type {Touched | null} */
   over = null;
 
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, pick: import("./pick.js").Pick,
+   *   gizmo: { wants: (event: PointerEvent) => boolean, busy: boolean, hovered: boolean } }} parts
+   */
   constructor({ view, session, pick, gizmo }) {
     super();
-    Object.assign(this, { view, session, pick, gizmo });
+    this.view = view;
+    this.session = session;
+    this.pick = pick;
+    this.gizmo = gizmo;
     this.lead = new Lead(session);
     const { canvas } = view;
     canvas.style.touchAction = "none";
     canvas.addEventListener("pointerdown", (event) => this.#press(event), true);
     canvas.addEventListener("pointermove", (event) => this.#move(event), true);
-    canvas.addEventListener("pointerrawupdate", (event) => this.#follow(event));
-    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) {
+    canvas.addEventListener("pointerrawupdate", (event) => this.#follow(/** @type {PointerEvent} */ (event)));
+    for (const end of /** @type {const} */ (["pointerup", "pointercancel", "lostpointercapture"])) {
       view.pane.addEventListener(end, (event) => this.#release(event), true); // the view takes it there to turn
     }
     canvas.addEventListener("pointerleave", () => this.#point(null));
@@ -52,6 +71,7 @@ export class Drag extends Events {
     this.tell("drag", null);
   }
 
+  /** @param {PointerEvent} event */
   #press(event) {
     this.#beside = null;
     if (this.#held !== null) {
@@ -76,10 +96,12 @@ export class Drag extends Events {
       x: event.clientX,
       y: event.clientY,
       dragged: false,
+      denied: false,
       still: event.pointerType === "touch" ? STILL_TOUCH : STILL,
     };
   }
 
+  /** @param {PointerEvent} event */
   #move(event) {
     if (this.#held === null) {
       if (event.buttons === 0) this.#point(event);
@@ -89,6 +111,7 @@ export class Drag extends Events {
     this.#follow(event);
   }
 
+  /** @param {PointerEvent} event */
   #follow(event) {
     const held = this.#held;
     if (held === null || event.pointerId !== held.pointer || held.denied) return;
@@ -106,6 +129,7 @@ export class Drag extends Events {
     if (met !== null) this.lead.to(this.view.root.worldToLocal(met).toArray());
   }
 
+  /** @param {PointerEvent} event */
   #release(event) {
     const held = this.#held;
     if (held !== null && event.pointerId === held.pointer) {
@@ -121,6 +145,7 @@ export class Drag extends Events {
     if (Math.hypot(event.clientX - beside.x, event.clientY - beside.y) <= STILL) this.tell("free", event);
   }
 
+  /** @param {PointerEvent | null} event */
   #point(event) {
     this.#pointer = event === null ? null : { clientX: event.clientX, clientY: event.clientY };
     if (this.#waiting) return;
@@ -134,10 +159,10 @@ export class Drag extends Events {
   #hover() {
     const busy = this.#held !== null || this.gizmo.busy;
     if (busy) return;
-    const aside = this.#pointer === null || this.gizmo.hovered;
-    const hit = aside ? null : this.pick.seen(this.#pointer);
+    const pointer = this.gizmo.hovered ? null : this.#pointer;
+    const hit = pointer === null ? null : this.pick.seen(pointer);
     this.view.canvas.style.cursor = this.gizmo.hovered ? "move" : hit === null ? "" : "grab";
-    this.tell("point", aside || hit !== null ? null : this.#pointer);
+    this.tell("point", hit !== null ? null : pointer);
     if (hit?.robot === this.over?.robot && hit?.node === this.over?.node) return;
     this.over = hit;
     this.tell("hover", hit);

@@ -3,8 +3,13 @@
 import { Vector3 } from "three";
 import { theme } from "../view/theme.js";
 
+/**
+ * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels, tint: import("../view/tint.js").Tint,
+ *   drag: import("./drag.js").Drag }} parts
+ */
 export function hover({ view, session, labels, tint, drag }) {
   const where = new Vector3();
+  /** @param {import("./pick.js").Touched | null} part */
   const show = (part) => {
     tint.light(part, theme.accent);
     if (part === null) {

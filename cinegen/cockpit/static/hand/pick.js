@@ -1,21 +1,37 @@
 // What is under the pointer: the nearest part of a robot.
 
-import { Raycaster, Vector2 } from "three";
+import { Mesh, Raycaster, Vector2 } from "three";
 
 const NEAR = [0, 6, 12]; // pixels: a hand trembles, and a part moves on while its picture is drawn
 const AROUND = 8;
 
+/**
+ * @typedef {{ clientX: number, clientY: number }} At a pointer
+ * @typedef {{ robot: string, node: string, group: import("three").Object3D }} Owner
+ * @typedef {Owner & { point: import("three").Vector3, away?: number }} Touched `away` is known of meshes only
+ */
+
 export class Pick {
   #ray = new Raycaster();
 
+  /**
+   * @param {import("../view/view.js").View} view
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(view, session) {
     this.view = view;
     this.session = session;
+    /** @type {((ray: import("three").Ray, away: number) => boolean) | null} */
     this.veil = null; // (ray, away) -> whether something that is no part is seen there, nearer than that
+    /** @type {((event: At) => Touched | null) | null} */
     this.extra = null; // (event) -> part or null: what else can be touched where no mesh is
   }
 
-  /** The ray through a pointer, in three's own axes. */
+  /**
+   * The ray through a pointer, in three's own axes.
+   *
+   * @param {At} event
+   */
   aim(event) {
     const box = this.view.canvas.getBoundingClientRect();
     const at = new Vector2(
@@ -27,7 +43,11 @@ export class Pick {
   }
 
   /** The same of a pointer that need not be exact: what lies nearest to it, a few pixels around; unless something that
-   * is no part is seen right there. */
+   * is no part is seen right there.
+   *
+   * @param {At} event
+   * @returns {Touched | null}
+   */
   near(event) {
     if (this.#veiled(event)) return null;
     for (const away of NEAR) {
@@ -41,33 +61,51 @@ export class Pick {
     return null;
   }
 
-  /** The robot, the node, its group and the point (three's own axes) that a pointer touches; null if none. */
+  /**
+   * The robot, the node, its group and the point (three's own axes) that a pointer touches; null if none.
+   *
+   * @param {At} event
+   * @returns {Touched | null}
+   */
   touched(event) {
     this.aim(event);
     const { root } = this.view;
     for (const hit of this.#ray.intersectObject(root, true)) {
-      if (!hit.object.isMesh) continue;
+      if (!(hit.object instanceof Mesh)) continue;
       const part = this.#owner(hit.object, root);
       if (part !== null) return { ...part, point: hit.point, away: hit.distance };
     }
     return this.extra?.(event) ?? null;
   }
 
-  /** The part that one sees under a pointer; null if none. */
+  /**
+   * The part that one sees under a pointer; null if none.
+   *
+   * @param {At} event
+   */
   seen(event) {
     return this.#veiled(event) ? null : this.touched(event);
   }
 
-  /** Whether something that is no part is what one sees there. */
+  /**
+   * Whether something that is no part is what one sees there.
+   *
+   * @param {At} event
+   */
   #veiled(event) {
     if (this.veil === null) return false;
     const away = this.touched(event)?.away ?? Infinity;
     return this.veil(this.aim(event), away);
   }
 
+  /**
+   * @param {import("three").Object3D} object
+   * @param {import("three").Object3D} root
+   * @returns {Owner | null}
+   */
   #owner(object, root) {
     const path = [];
-    for (let at = object; at !== null && at !== root; at = at.parent) path.unshift(at);
+    for (let at = /** @type {import("three").Object3D | null} */ (object); at !== null && at !== root; at = at.parent) path.unshift(at);
     if (path.length < 2) return null;
     const [robot, group] = path;
     if (this.view.background.has(robot.name)) return null;

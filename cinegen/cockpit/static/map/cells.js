@@ -42,14 +42,22 @@ const CORNERS = [
   [-0.5, 0.5],
 ];
 
+/**
+ * @typedef {Points<BufferGeometry, ShaderMaterial> | Mesh<BufferGeometry, MeshBasicMaterial>} Drawn
+ * @typedef {{ cell: number, away: number }} Met
+ */
+
 export class Cells {
   #group = new Group();
+  /** @type {Drawn | null} */
   #drawn = null;
   #where = new Vector3();
   #along = new Vector3();
 
+  /** @param {{ view: import("../view/view.js").View, field: import("../map/field.js").Field }} parts */
   constructor({ view, field }) {
-    Object.assign(this, { view, field });
+    this.view = view;
+    this.field = field;
     this.#group.matrixAutoUpdate = false;
     view.stage.add(this.#group);
     field.on("cells", () => this.#draw());
@@ -57,13 +65,22 @@ export class Cells {
     view.before(() => this.#place());
   }
 
-  /** The middle of a cell, in the world. */
+  /**
+   * The middle of a cell, in the world.
+   *
+   * @param {number} cell
+   */
   middle(cell, into = new Vector3()) {
     const points = this.field.array("points");
     return into.fromArray(points, 3 * cell).applyMatrix4(this.#group.matrix);
   }
 
-  /** The cell that a ray of the scene meets first, and how far away: { cell, away }; null if none. */
+  /**
+   * The cell that a ray of the scene meets first, and how far away; null if none.
+   *
+   * @param {import("three").Ray} ray
+   * @returns {Met | null}
+   */
   met(ray) {
     const { field } = this;
     if (field.about === null || field.seen.length === 0) return null;
@@ -72,14 +89,19 @@ export class Cells {
     const back = this.#group.matrixWorld.clone().invert();
     const from = this.#where.copy(ray.origin).applyMatrix4(back);
     const along = this.#along.copy(ray.direction).transformDirection(back);
-    const found = field.about.surface ? this.#tile(from, along) : this.#ball(from, along);
+    const found = field.about.surface ? this.#tile(from, along) : this.#ball(from, along, 0.5 * this.#size(field.about));
     return found === null ? null : { cell: found.cell, away: found.away * scale };
   }
 
-  #ball(from, along) {
+  /**
+   * @param {Vector3} from
+   * @param {Vector3} along
+   * @param {number} radius
+   */
+  #ball(from, along, radius) {
     const { field } = this;
     const points = field.array("points");
-    const radius = (0.5 * this.#size) ** 2;
+    /** @type {Met | null} */
     let best = null;
     for (const cell of field.seen) {
       const x = points[3 * cell] - from.x;
@@ -87,17 +109,22 @@ export class Cells {
       const z = points[3 * cell + 2] - from.z;
       const away = x * along.x + y * along.y + z * along.z;
       if (away <= 0 || (best !== null && away >= best.away)) continue;
-      if (x * x + y * y + z * z - away * away <= radius) best = { cell, away };
+      if (x * x + y * y + z * z - away * away <= radius ** 2) best = { cell, away };
     }
     return best;
   }
 
+  /**
+   * @param {Vector3} from
+   * @param {Vector3} along
+   */
   #tile(from, along) {
     const { field } = this;
     const points = field.array("points");
     const edges = field.array("edges");
     const [middle, one, other, normal, at] = Array.from({ length: 5 }, () => new Vector3());
     const half = 0.5 * field.share;
+    /** @type {Met | null} */
     let best = null;
     for (const cell of field.seen) {
       middle.fromArray(points, 3 * cell).sub(from);
@@ -115,8 +142,9 @@ export class Cells {
     return best;
   }
 
-  get #size() {
-    return this.field.share * this.field.about.size;
+  /** @param {import("./field.js").About} about */
+  #size(about) {
+    return this.field.share * about.size;
   }
 
   /** The robot's world is the map's. */
@@ -126,10 +154,11 @@ export class Cells {
     const robot = this.view.group(about.robot);
     this.#group.matrix.compose(robot.position, robot.quaternion, robot.scale);
     this.#group.matrixWorldNeedsUpdate = true;
-    if (about.surface) return;
-    const { uniforms } = this.#drawn.material;
+    const { material } = this.#drawn;
+    if (!(material instanceof ShaderMaterial)) return;
+    const { uniforms } = material;
     uniforms.high.value = this.view.canvas.height;
-    uniforms.size.value = this.#size * this.view.stage.matrix.getMaxScaleOnAxis();
+    uniforms.size.value = this.#size(about) * this.view.stage.matrix.getMaxScaleOnAxis();
   }
 
   #draw() {
@@ -138,13 +167,17 @@ export class Cells {
       this.#drawn.geometry.dispose();
       this.#drawn.material.dispose();
     }
-    this.#drawn = this.field.about.surface ? this.#tiles() : this.#balls();
+    this.#drawn = this.field.about?.surface ? this.#tiles() : this.#balls();
     this.#drawn.frustumCulled = false;
     this.#group.add(this.#drawn);
     this.view.changed();
   }
 
-  /** The colours of all cells that are seen, of each so many times. */
+  /**
+   * The colours of all cells that are seen, of each so many times.
+   *
+   * @param {number} each
+   */
   #colours(each) {
     const { field } = this;
     const { seen } = field;
@@ -194,12 +227,22 @@ export class Cells {
   }
 }
 
-/** How far along `one` a vector in the plane of two goes. */
+/**
+ * How far along `one` a vector in the plane of two goes.
+ *
+ * @param {Vector3} at
+ * @param {Vector3} one
+ * @param {Vector3} other
+ */
 function solve(at, one, other) {
   const [aa, ab, bb] = [one.dot(one), one.dot(other), other.dot(other)];
   return (at.dot(one) * bb - at.dot(other) * ab) / (aa * bb - ab * ab);
 }
 
+/**
+ * @param {Float32Array} positions
+ * @param {Float32Array} colours
+ */
 function geometry(positions, colours) {
   const made = new BufferGeometry();
   made.setAttribute("position", new Float32BufferAttribute(positions, 3));

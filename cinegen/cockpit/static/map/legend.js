@@ -8,8 +8,10 @@ import { GRADIENT } from "./colours.js";
 import { spelled, valueOf } from "./words.js";
 
 export class Legend {
+  /** @type {number | null} */
   #cell = null;
 
+  /** @param {{ view: import("../view/view.js").View, field: import("../map/field.js").Field }} parts */
   constructor({ view, field }) {
     this.field = field;
     this.name = make("div", { class: "name" });
@@ -28,13 +30,17 @@ export class Legend {
       this.cell,
     );
     view.pane.append(this.element);
-    for (const event of ["cells", "change"]) field.on(event, () => this.#show());
+    for (const event of /** @type {const} */ (["cells", "change"])) field.on(event, () => this.#show());
     units.on("change", () => {
       if (field.about !== null) this.#show();
     });
   }
 
-  /** Tells of a cell, or of none: null. */
+  /**
+   * Tells of a cell, or of none: null.
+   *
+   * @param {number | null} cell
+   */
   tell(cell) {
     this.#cell = cell;
     this.#tell();
@@ -56,12 +62,13 @@ export class Legend {
 
   #tell() {
     const { field } = this;
+    const { about } = field;
     const cell = this.#cell;
     this.cell.hidden = cell === null;
-    if (cell === null) return;
+    if (cell === null || about === null) return;
     const rows = [
-      ...field.about.axes.map((axis, k) => [axis.name, valueOf(axis, field.array("indices")[cell * field.about.axes.length + k])]),
-      ...field.about.quantities.map(({ name, unit }) => [name, spelled(field.values(name)[cell], unit)]),
+      ...about.axes.map((axis, k) => [axis.name, valueOf(axis, field.array("indices")[cell * about.axes.length + k])]),
+      ...about.quantities.map(({ name, unit }) => [name, spelled(field.values(name)?.[cell] ?? NaN, unit)]),
     ];
     this.cell.replaceChildren(...rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
   }

@@ -9,6 +9,11 @@ import { spelled } from "./words.js";
 
 const MARK = 0.62; // of a cell's width: a cell that is pointed at
 
+/**
+ * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels, field: import("./field.js").Field,
+ *   cells: import("./cells.js").Cells, legend: import("./legend.js").Legend, drag: import("../hand/drag.js").Drag,
+ *   pick: import("../hand/pick.js").Pick }} parts
+ */
 export function visit({ view, session, labels, field, cells, legend, drag, pick }) {
   const material = new MeshBasicMaterial({ color: theme.accent, transparent: true, opacity: 0.75, depthTest: false });
   const mark = new Mesh(new SphereGeometry(0.5, 24, 16), material);
@@ -16,9 +21,11 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
   mark.renderOrder = 1;
   view.stage.add(mark);
   const where = new Vector3();
+  /** @type {number | null} */
   let over = null;
   let asked = 0;
 
+  /** @param {number | null} cell */
   const point = (cell) => {
     if (cell !== null) view.canvas.style.cursor = "pointer";
     if (cell === over) return;
@@ -32,15 +39,16 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
       root.dataset.cell = String(field.array("numbers")[cell]);
       cells.middle(cell, where);
       mark.position.copy(where);
-      mark.scale.setScalar(MARK * field.about.size);
+      mark.scale.setScalar(MARK * (field.about?.size ?? 0));
       material.color.setHex(theme.accent);
       const said = field.said();
-      labels.put("cell", said === null ? "go there" : `${said.name} ${spelled(field.values()[cell], said.unit)}`, where, "cell");
+      labels.put("cell", said === null ? "go there" : `${said.name} ${spelled(field.values()?.[cell] ?? NaN, said.unit)}`, where, "cell");
     }
     legend.tell(cell);
     view.changed();
   };
 
+  /** @param {number} cell */
   const go = async (cell) => {
     if (!session.mayAct()) return;
     asked += 1;
@@ -49,7 +57,7 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
       const to = await (await got(`map/cell/${field.array("numbers")[cell]}`)).json();
       if (mine === asked) session.send({ visit: to }); // else another was clicked meanwhile
     } catch (error) {
-      session.tell("notice", { words: `The cell can't be read: ${error.message}`, level: "warning" });
+      session.tell("notice", { words: `The cell can't be read: ${error instanceof Error ? error.message : error}`, level: "warning" });
     }
   };
 

@@ -4,7 +4,12 @@
 const QUIET = 250; // ms without a command of the scene: it is there
 const LATEST = 5000;
 
-/** @param field the map that is shown beside a robot: it is waited for, too */
+/**
+ * @param {import("./view.js").View} view
+ * @param {import("../base/session.js").Session} session
+ * @param {boolean} still pictures are taken from outside
+ * @param {import("../map/field.js").Field} field the map that is shown beside a robot: it is waited for, too
+ */
 export function begin(view, session, still, field) {
   const started = performance.now();
   let heard = -1;

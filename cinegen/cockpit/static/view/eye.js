@@ -6,7 +6,12 @@ import { atMostEvery } from "../base/dom.js";
 const OFTEN = 100; // ms
 const TURNED = 1e-5;
 
+/**
+ * @param {import("./view.js").View} view
+ * @param {import("../base/session.js").Session} session
+ */
 export function tellEye(view, session) {
+  /** @type {Quaternion | null} */
   let told = null;
   const tell = atMostEvery(OFTEN, () => {
     if (session.report?.settings?.frame !== "view") return;

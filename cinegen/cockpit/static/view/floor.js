@@ -28,6 +28,7 @@ const FRAGMENT = `
     gl_FragColor = vec4(colour, strength * (1.0 - far));
   }`;
 
+/** @param {import("./view.js").View} view */
 export function lay(view) {
   const material = new ShaderMaterial({
     uniforms: { colour: { value: new Color() }, cell: { value: CELL } },

@@ -6,10 +6,14 @@ import { make, write } from "../base/dom.js";
 const HIGH = 22; // pixels, of a label with its room (they overlap where they are nearer by a pixel and more)
 const ASIDE = 16;
 
+/** @typedef {{ element: HTMLElement, point: Vector3, text: string, wide: number }} Label */
+
 export class Labels {
+  /** @type {Map<string, Label>} */
   #shown = new Map();
   #where = new Vector3();
 
+  /** @param {import("./view.js").View} view */
   constructor(view) {
     this.view = view;
     this.layer = make("div", { class: "labels", "aria-hidden": "true" });
@@ -17,8 +21,15 @@ export class Labels {
     view.before(() => this.#place());
   }
 
-  /** Shows a text at a point of the world (a vector that may go on moving); an empty text takes it away. */
-  put(key, text, point, kind = "") {
+  /**
+   * Shows a text at a point of the world (a vector that may go on moving); an empty text takes it away.
+   *
+   * @param {string} key
+   * @param {string} text
+   * @param {Vector3} point
+   * @param {string} kind a CSS class
+   */
+  put(key, text, point = new Vector3(), kind = "") {
     let label = this.#shown.get(key);
     if (!text) {
       label?.element.remove();
@@ -26,7 +37,7 @@ export class Labels {
       return;
     }
     if (label === undefined) {
-      label = { element: make("span", { class: `label ${kind}` }) };
+      label = { element: make("span", { class: `label ${kind}` }), point, text: "", wide: 0 };
       this.layer.append(label.element);
       this.#shown.set(key, label);
     }
@@ -42,6 +53,7 @@ export class Labels {
   /** Beside their points, within the pane, one below the other where they would overlap. */
   #place() {
     const { clientWidth: wide, clientHeight: high } = this.view.pane;
+    /** @type {{ x: number, y: number, wide: number }[]} */
     const taken = [];
     for (const label of this.#shown.values()) {
       const pixels = this.view.pixels(label.point, this.#where);
@@ -51,6 +63,7 @@ export class Labels {
       if (x + label.wide > wide - 4) x = pixels.x - ASIDE - label.wide;
       x = Math.max(4, Math.min(wide - label.wide - 4, x));
       let y = Math.max(4, Math.min(high - HIGH - 4, pixels.y - HIGH / 2));
+      /** @param {{ x: number, y: number, wide: number }} other */
       const meets = (other) => Math.abs(other.y - y) < HIGH - 1 && x < other.x + other.wide && other.x < x + label.wide;
       for (let other; (other = taken.find(meets)) !== undefined;) y = other.y + HIGH;
       taken.push({ x, y, wide: label.wide });

@@ -15,6 +15,8 @@ import {
 const UP = new Vector3(0, 1, 0); // cylinders and cones stand along it
 const TURN = 1.6 * Math.PI; // of a twist's arc
 
+/** @typedef {MeshBasicMaterial} Material */
+
 const GEOMETRY = {
   ball: new SphereGeometry(1, 20, 14),
   rod: new CylinderGeometry(1, 1, 1, 10).translate(0, 0.5, 0),
@@ -22,7 +24,12 @@ const GEOMETRY = {
   arc: new TorusGeometry(1, 0.05, 8, 40, TURN),
 };
 
-/** A flat colour; `through` is seen through parts. */
+/**
+ * A flat colour; `through` is seen through parts.
+ *
+ * @param {number} colour
+ * @param {{ opacity?: number, through?: boolean }} options
+ */
 export function paint(colour, { opacity = 1, through = true } = {}) {
   return new MeshBasicMaterial({
     color: colour,
@@ -34,23 +41,41 @@ export function paint(colour, { opacity = 1, through = true } = {}) {
   });
 }
 
+/**
+ * @param {keyof typeof GEOMETRY} kind
+ * @param {Material} material
+ */
 function mesh(kind, material) {
   const made = new Mesh(GEOMETRY[kind], material);
   made.renderOrder = 10;
   return made;
 }
 
+/**
+ * @param {Material} material
+ * @param {number} radius
+ */
 export function ball(material, radius) {
   const made = mesh("ball", material);
   made.scale.setScalar(radius);
   return made;
 }
 
-/** A rod between two points, to be placed by `span`. */
+/**
+ * A rod between two points, to be placed by `span`.
+ *
+ * @param {Material} material
+ */
 export function rod(material) {
   return mesh("rod", material);
 }
 
+/**
+ * @param {import("three").Object3D} made
+ * @param {Vector3} from
+ * @param {Vector3} to
+ * @param {number} radius
+ */
 export function span(made, from, to, radius) {
   const way = to.clone().sub(from);
   const length = way.length();
@@ -61,7 +86,11 @@ export function span(made, from, to, radius) {
   made.scale.set(radius, length, radius);
 }
 
-/** An arrow both ways along y, 2 long: no motion to either side. */
+/**
+ * An arrow both ways along y, 2 long: no motion to either side.
+ *
+ * @param {Material} material
+ */
 export function twoWays(material) {
   const group = new Group();
   for (const side of [1, -1]) {
@@ -78,7 +107,11 @@ export function twoWays(material) {
   return group;
 }
 
-/** An arc about y with a tip at each end, of radius 1. */
+/**
+ * An arc about y with a tip at each end, of radius 1.
+ *
+ * @param {Material} material
+ */
 export function twist(material) {
   const group = new Group();
   const arc = mesh("arc", material);
@@ -97,7 +130,12 @@ export function twist(material) {
   return group;
 }
 
-/** Turns what stands along y along a direction. */
+/**
+ * Turns what stands along y along a direction.
+ *
+ * @param {import("three").Object3D} object
+ * @param {Vector3} direction
+ */
 export function along(object, direction) {
   const unit = direction.clone().normalize();
   if (unit.lengthSq() > 0) object.quaternion.copy(new Quaternion().setFromUnitVectors(UP, unit));

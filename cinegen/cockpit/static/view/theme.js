@@ -40,7 +40,11 @@ export const theme = {
   },
 };
 
-/** Gives the scene the page's ground, whatever the server's scene says of its background. */
+/**
+ * Gives the scene the page's ground, whatever the server's scene says of its background.
+ *
+ * @param {import("./view.js").View} view
+ */
 export function paint(view) {
   const { viewer } = view;
   const ground = new Color();

@@ -4,7 +4,7 @@
 // that group everything is in the robots' metres, z up: "world" here. `stage` is an object whose own coordinates are
 // the same world, outside of the tree that the server draws; `level` is one that is not turned at all.
 
-import { Box3, Group, Object3D, PCFSoftShadowMap, Quaternion, Vector3, WebGLRenderer } from "three";
+import { Box3, Group, Mesh, Object3D, PCFSoftShadowMap, Quaternion, Vector3, WebGLRenderer } from "three";
 import { keyOf } from "../base/session.js";
 import { Pace } from "./pace.js";
 
@@ -12,15 +12,26 @@ const ROOT = ["meshcat", "cinegen"];
 const POSE = 7;
 const ROOM = 1.3; // around the robots, to move in
 
+/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
+
 export class View {
+  /** @type {Map<string, import("three").Object3D>} */
   #groups = new Map(); // of robots and nodes, as found in the tree
+  /** @type {((drawn: boolean) => void)[]} */
   #before = [];
   #heard = 0;
+  /** @type {Map<string, { robot: KnownRobot, numbers: number[] }>} */
   #applied = new Map(); // by robot: itself, and its poses as they were last applied
 
+  /** @type {((box: Box3) => void) | null} */
   also = null; // (box of the scene) => void: what else than robots fills the view
+  /** @type {Set<string>} */
   background = new Set(); // names of what can't be moved: neither framed nor picked
 
+  /**
+   * @param {HTMLElement} pane
+   * @param {{ still?: boolean }} options
+   */
   constructor(pane, { still = false } = {}) {
     this.pane = pane;
     const viewer = new window.MeshCat.Viewer(pane, false, still ? undefined : drawer(pane));
@@ -37,6 +48,7 @@ export class View {
     this.level.add(this.stage);
     viewer.scene.add(this.level);
     this.pace = new Pace(viewer, still);
+    /** @param {number} now */
     const draw = (now) => {
       requestAnimationFrame(draw);
       this.#draw(now);
@@ -61,7 +73,11 @@ export class View {
     this.viewer.set_dirty();
   }
 
-  /** Calls `action` before every picture; with true when the server has drawn something since the last. */
+  /**
+   * Calls `action` before every picture; with true when the server has drawn something since the last.
+   *
+   * @param {(drawn: boolean) => void} action
+   */
   before(action) {
     this.#before.push(action);
   }
@@ -75,7 +91,11 @@ export class View {
     };
   }
 
-  /** Connects the viewer to the server's scene; what was drawn before is forgotten as soon as the line stands. */
+  /**
+   * Connects the viewer to the server's scene; what was drawn before is forgotten as soon as the line stands.
+   *
+   * @param {string} url
+   */
   connect(url) {
     this.viewer.connect(url.replace(/^wss:/, "ws:")); // it puts the "s" in itself
     const { connection } = this.viewer;
@@ -88,7 +108,12 @@ export class View {
     return connection;
   }
 
-  /** The group of a robot or of one of its nodes. */
+  /**
+   * The group of a robot or of one of its nodes.
+   *
+   * @param {string} robot
+   * @param {string | null} node
+   */
   group(robot, node = null) {
     const key = node === null ? robot : keyOf(robot, node);
     let group = this.#groups.get(key);
@@ -99,7 +124,12 @@ export class View {
     return group;
   }
 
-  /** Moves robots to where a state has them. */
+  /**
+   * Moves robots to where a state has them.
+   *
+   * @param {KnownRobot[]} robots
+   * @param {Record<string, number[]> | undefined} poses
+   */
   apply(robots, poses) {
     for (const robot of robots) {
       const numbers = poses?.[robot.name];
@@ -120,13 +150,24 @@ export class View {
     for (const { robot, numbers } of this.#applied.values()) this.#move(robot, numbers);
   }
 
+  /**
+   * @param {KnownRobot} robot
+   * @param {number[]} numbers
+   */
   #move(robot, numbers) {
     put(this.group(robot.name), numbers, 0);
     robot.nodes.forEach((node, i) => put(this.group(robot.name, node.name), numbers, POSE * (i + 1)));
     this.changed();
   }
 
-  /** Where a node is in the world, by the last state. */
+  /**
+   * Where a node is in the world, by the last state.
+   *
+   * @param {string} robot
+   * @param {string} node
+   * @param {Vector3} position
+   * @param {Quaternion} quaternion
+   */
   pose(robot, node, position = new Vector3(), quaternion = new Quaternion()) {
     const base = this.group(robot);
     const part = this.group(robot, node);
@@ -141,7 +182,12 @@ export class View {
     return quaternion.copy(turned).multiply(this.camera.getWorldQuaternion(new Quaternion()));
   }
 
-  /** A point of the world in pixels of the pane; null behind the camera. */
+  /**
+   * A point of the world in pixels of the pane; null behind the camera.
+   *
+   * @param {Vector3} point
+   * @param {Vector3} where
+   */
   pixels(point, where = new Vector3()) {
     where.copy(point).applyMatrix4(this.stage.matrix);
     const behind = where.clone().applyMatrix4(this.camera.matrixWorldInverse).z > 0;
@@ -158,7 +204,7 @@ export class View {
     for (const robot of this.root.children) {
       if (this.background.has(robot.name)) continue;
       robot.traverse((object) => {
-        if (object.isMesh) box.expandByObject(object);
+        if (object instanceof Mesh) box.expandByObject(object);
       });
     }
     this.also?.(box);
@@ -167,17 +213,14 @@ export class View {
     camera.updateWorldMatrix(true, false);
     const tall = Math.tan((camera.fov * Math.PI) / 360) / (camera.zoom || 1);
     const turn = camera.getWorldQuaternion(new Quaternion());
-    const [right, up, back] = [
-      [1, 0, 0],
-      [0, 1, 0],
-      [0, 0, 1],
-    ].map((axis) => new Vector3(...axis).applyQuaternion(turn));
+    const right = new Vector3(1, 0, 0).applyQuaternion(turn);
+    const up = new Vector3(0, 1, 0).applyQuaternion(turn);
+    const back = new Vector3(0, 0, 1).applyQuaternion(turn);
     const middle = box.getCenter(new Vector3());
     let away = 0; // so far that every corner of the box is within the view
     for (let i = 0; i < 8; i += 1) {
-      const corner = new Vector3(...["x", "y", "z"].map((axis, k) => (i & (1 << k) ? box.max : box.min)[axis])).sub(
-        middle,
-      );
+      const [x, y, z] = [1, 2, 4].map((bit) => (i & bit ? box.max : box.min));
+      const corner = new Vector3(x.x, y.y, z.z).sub(middle);
       const wide = Math.max(Math.abs(corner.dot(right)) / camera.aspect, Math.abs(corner.dot(up)));
       away = Math.max(away, corner.dot(back) + wide / tall);
     }
@@ -195,6 +238,7 @@ export class View {
     return this.canvas.toDataURL("image/png");
   }
 
+  /** @param {boolean} drawn */
   #prepare(drawn) {
     const root = this.root;
     root.updateWorldMatrix(true, false);
@@ -204,6 +248,7 @@ export class View {
     for (const action of this.#before) action(drawn);
   }
 
+  /** @param {number} now */
   #draw(now) {
     const drawn = this.viewer.num_messages_received !== this.#heard;
     this.#heard = this.viewer.num_messages_received;
@@ -220,13 +265,23 @@ export class View {
   }
 }
 
-/** Position and turn from seven numbers. */
+/**
+ * Position and turn from seven numbers.
+ *
+ * @param {import("three").Object3D} object
+ * @param {number[]} numbers
+ * @param {number} at
+ */
 function put(object, numbers, at) {
   object.position.set(numbers[at], numbers[at + 1], numbers[at + 2]);
   object.quaternion.set(numbers[at + 3], numbers[at + 4], numbers[at + 5], numbers[at + 6]);
 }
 
-/** A renderer as meshcat makes it, but without smooth edges where there is no graphics card: they cost most there. */
+/**
+ * A renderer as meshcat makes it, but without smooth edges where there is no graphics card: they cost most there.
+ *
+ * @param {HTMLElement} pane
+ */
 function drawer(pane) {
   const probe = document.createElement("canvas").getContext("webgl", { failIfMajorPerformanceCaveat: true });
   const antialias = probe !== null;
