@@ -1,12 +1,14 @@
 import assert from "node:assert/strict";
-import { test } from "node:test";
+import { beforeEach, test } from "node:test";
 
 import { Group, Ray, Vector3 } from "three";
 
-import "./browser.js";
+import { kept } from "./browser.js";
 import { loaded, small } from "./map.js";
 
 const { Cells } = await import("../../cinegen/cockpit/static/map/cells.js");
+
+beforeEach(() => kept.clear()); // the share of a cell is remembered
 
 /** Return the cells of a map beside a robot that stands at a pose. */
 async function cellsOf(map, place = new Group()) {
