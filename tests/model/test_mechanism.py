@@ -157,3 +157,18 @@ def test_a_mechanism_serves_several_threads_at_once(robot):
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+@pytest.mark.parametrize("axis", ["1 0 0", "0 1 0", "0 0 1", "0.6 0.8 0"])
+def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_none(tmp_path, axis):
+    """The scale of a prismatic joint is the characteristic length, that of a revolute joint 1 rad."""
+    path = tmp_path / "two.urdf"
+    limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+    path.write_text(f"""<robot name="two"><link name="a"/><link name="b"/><link name="c"/>
+      <joint name="p" type="prismatic"><parent link="a"/><child link="b"/><axis xyz="{axis}"/>{limit}</joint>
+      <joint name="r" type="revolute"><origin xyz="0.3 0.1 0.2"/><parent link="b"/><child link="c"/>
+        <axis xyz="0 0 1"/>{limit}</joint></robot>""")
+    mechanism = cinegen.load(path)
+    assert (mechanism.slides("p"), mechanism.slides("r")) == (True, False)
+    assert mechanism.length != 1.0
+    assert mechanism.scale == pytest.approx([mechanism.length, 1.0])
