@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_reach import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
+from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
 
 import cinegen
 from cinegen.ik.batch import Sampler

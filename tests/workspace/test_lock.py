@@ -10,8 +10,8 @@ import time
 
 import pytest
 
-from cinegen.workspace import lock
 from cinegen.workspace.errors import MapError
+from cinegen.workspace.storage import lock
 
 
 @pytest.fixture(params=["fcntl", "no fcntl"])
@@ -90,7 +90,7 @@ def test_another_process_is_kept_out_too(locked, file, root):
             sys.modules["fcntl"] = None
         import importlib.util
         from pathlib import Path
-        import cinegen.workspace.lock as lock
+        import cinegen.workspace.storage.lock as lock
         try:
             with lock.locked(Path(sys.argv[1])):
                 print("held")
