@@ -15,7 +15,7 @@ from cinegen.workspace import cluster
 
 PATIENCE = 120.0  # s, on a busy machine
 LOOPBACK = ("127.", "::1")
-PAGE = ("--seconds", "1.5", "--no-browser", "--port", "8500")
+PAGE = ("--seconds", "0.5", "--no-browser", "--port", "8500")
 MAP = ("robots/delta4.raff", "--over", "x=-1..1:30,y=-1..1:30,z=-2..-1:10", "--yes")
 VARY = ("robots/five_bar.raff", "--over", "x=-0.2..0.2:30,y=0.3..0.5:30", "--vary", "link2.d=110..130:3", "--yes")
 
@@ -70,7 +70,6 @@ def beyond(found):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("drive", "robots/five_bar.raff", *PAGE),
         ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", *PAGE),
         ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
         ("modes", "robots/four_bar.raff", "--view", *PAGE),
@@ -87,10 +86,11 @@ def test_pages_and_sensors_listen_on_this_machine_only(watched, arguments):
 
 
 def test_a_replay_listens_on_this_machine_only(watched):
-    watched("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE)
+    driven = watched("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE)
     found = watched("replay", "run.jsonl", *PAGE)
+    assert driven
     assert found
-    assert not beyond(found)
+    assert not beyond(driven | found)
 
 
 def test_a_page_for_other_machines_is_seen_here(watched):
