@@ -222,6 +222,15 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     assert not meshes().touch_along(found.path)
 
 
+def test_a_path_that_does_not_reach_is_checked_too_when_no_attempts_are_left(monkeypatch):
+    """What is recorded, or reported as without contact, was checked."""
+    bodies = cinegen.collision.around.links_of(panda())[0]
+    monkeypatch.setattr(cinegen.collision.around, "links_of", lambda mechanism: (bodies, ()))
+    found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=1, steps=40)
+    assert found.status is PlanStatus.IN_COLLISION
+    assert not meshes().touch_along(found.path)
+
+
 def test_an_attempt_is_cut_off_before_its_contact():
     check = MeshCheck(scene(panda(), READY, panda().configuration(READY)))
     made = Attempt("a test", PlanStatus.REACHED, straight(panda(), READY, FOLDED), (), "")

@@ -152,7 +152,7 @@ def plan(
             made[-1] = checked(made[-1], check)
         if made[-1].status is PlanStatus.REACHED:
             break
-    else:
+    if made[-1].status is not PlanStatus.REACHED:
         made[-1] = checked(made[-1], check)
     last = made[-1]
     reason = f"{last.reason} (the last of {len(made)} attempts)" if len(made) > 1 else last.reason
