@@ -72,11 +72,13 @@ def seen(tab):
 
 
 def point(tab):
-    """Moves the pointer to a cell; pixels, and the cell's number in the map."""
+    """Move the pointer to a cell; return its pixels, and the cell's number in the map."""
     found = []
 
     def is_met():
-        found[:] = tab.evaluate(CELL)
+        found[:] = tab.evaluate(CELL) or []
+        if not found:  # the first picture is not drawn yet
+            return False
         tab.mouse.move(found[0] - 1, found[1])
         tab.mouse.move(found[0], found[1])
         tab.wait_for_timeout(150)
