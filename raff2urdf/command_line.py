@@ -1,0 +1,130 @@
+"""Command lines by Typer: one style of help and errors, suggestions for mistyped names, exit codes 0, 1 and 2.
+
+A command is a function whose parameters are its arguments and options, and which returns its exit code. Options that
+several commands share are the fields of a dataclass: `expand` makes one option of each field.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import fields, is_dataclass
+from typing import Annotated, Any, get_type_hints
+
+import typer
+from typer.core import TyperGroup
+from typer.exceptions import TyperException
+
+from raff2urdf.output import STOPPED
+
+
+class UsageError(TyperException):
+    """A wrong call, found by a command itself; its exit code is 2."""
+
+    exit_code = 2
+
+
+class Commands(TyperGroup):
+    """A group of commands that suggests a name where it has no command of the name that was typed."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the name of the command, the command, and its arguments."""
+        if args[0] not in self.commands:
+            ctx.fail(f"unknown command '{args[0]}'{_suggestion(args[0], list(self.commands))}")
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command; errors know which one that was."""
+        try:
+            return super().invoke(ctx)
+        except TyperException as error:
+            error.__dict__["command"] = ctx.invoked_subcommand
+            raise
+
+
+def new_app(**settings: Any) -> typer.Typer:
+    """Return an app with `-h` for `--help` and without Typer's tracebacks; settings are those of `typer.Typer`."""
+    names = {"help_option_names": ["-h", "--help"]}
+    return typer.Typer(cls=Commands, context_settings=names, pretty_exceptions_enable=False, **settings)
+
+
+def run_app(app: typer.Typer, program: str, arguments: Sequence[str] | None = None) -> int:
+    """Run a command line; return its exit code.
+
+    A wrong call is reported on standard error in two lines; its exit code is 2.
+
+    Args:
+        app: the command or commands.
+        program: its name, for messages.
+        arguments: the words after the name; those of this process unless given.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+        SystemExit: a shell asked for completions.
+    """
+    try:
+        code: int | None = typer.main.get_command(app).main(arguments, prog_name=program, standalone_mode=False)
+    except TyperException as error:
+        if message := _message(error):  # none if help was shown instead
+            path = " ".join(filter(None, [program, getattr(error, "command", None)]))
+            print(f"{path}: {message}\nTry '{path} --help'.", file=sys.stderr)
+        return error.exit_code
+    if code == STOPPED:  # Typer makes an exit code of Ctrl-C
+        raise KeyboardInterrupt
+    return code or 0
+
+
+def expand(function: Callable[..., int]) -> Callable[..., int]:
+    """Return a function for Typer that has one option for each field of the dataclasses that `function` takes."""
+    hints = get_type_hints(function, include_extras=True)
+    groups: dict[str, type[Any]] = {
+        name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)
+    }
+    parameters: list[inspect.Parameter] = []
+    for name, parameter in inspect.signature(function).parameters.items():
+        group = groups.get(name)
+        members = {name: parameter} if group is None else inspect.signature(group).parameters
+        types = hints if group is None else get_type_hints(group, include_extras=True)
+        parameters += [
+            one.replace(annotation=types[key], kind=inspect.Parameter.KEYWORD_ONLY) for key, one in members.items()
+        ]
+
+    def command(**values: Any) -> int:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        return function(**values)
+
+    command.__doc__ = function.__doc__
+    command.__annotations__ = {one.name: one.annotation for one in parameters}
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    return command
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from raff2urdf.version import installed_version
+
+        print(installed_version())
+        raise typer.Exit
+
+
+Version = Annotated[
+    bool, typer.Option("--version", is_eager=True, callback=_show_version, help="Show the version and exit.")
+]
+"""Type of a parameter that is the option `--version`."""
+
+
+def _suggestion(word: str, known: Sequence[str]) -> str:
+    near = difflib.get_close_matches(word, known, n=1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def _message(error: TyperException) -> str:
+    """Return an error as a sentence without its full stop."""
+    if hasattr(error, "possibilities"):  # Typer's error of an unknown option
+        name = getattr(error, "option_name", "")
+        return f"unknown option '{name}'{_suggestion(name, error.possibilities or ())}"
+    text = error.format_message().strip().removesuffix(".")
+    return text[:1].lower() + text[1:]

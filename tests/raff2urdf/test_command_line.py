@@ -1,0 +1,98 @@
+"""The conventions of all command lines: suggestions, exit codes, version, completion, colours, groups of options."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import pytest
+import typer
+
+from raff2urdf.command_line import UsageError, Version, expand, new_app, run_app
+from raff2urdf.output import STOPPED, run
+from raff2urdf.version import installed_version
+
+
+@dataclass(frozen=True)
+class Lengths:
+    width: Annotated[float, typer.Option(min=0.0, help="width, m")] = 1.0
+    name: Annotated[str | None, typer.Option("-n", "--name", metavar="NAME", help="of it")] = None
+
+
+def draw(files: Annotated[list[str], typer.Argument(metavar="FILE", help="file")], lengths: Lengths) -> int:
+    """Draw files."""
+    if lengths.name == "Ctrl-C":
+        raise KeyboardInterrupt
+    if lengths.name == "wrong":
+        raise UsageError("this name can't be")
+    print(files, lengths.width, lengths.name)
+    return 0 if lengths.name else 1
+
+
+def main(version: Version = False) -> None:
+    """Draw and delete."""
+
+
+@pytest.fixture
+def typed(capsys):
+    """`typed("draw", "a.txt")`: exit code, standard output, standard error."""
+    app = new_app(no_args_is_help=True)
+    app.callback()(main)
+    app.command("draw")(expand(draw))
+    app.command("delete")(expand(draw))
+
+    def call(*arguments):
+        code = run("thing", lambda: run_app(app, "thing", arguments))
+        return code, *capsys.readouterr()
+
+    return call
+
+
+def test_the_fields_of_a_dataclass_are_options(typed):
+    assert typed("draw", "a", "b") == (1, "['a', 'b'] 1.0 None\n", "")
+    assert typed("draw", "a", "--width", "2", "-n", "x") == (0, "['a'] 2.0 x\n", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("darw", "a"), "thing: unknown command 'darw' (did you mean 'draw'?)\nTry 'thing --help'."),
+        (("quit",), "thing: unknown command 'quit'\nTry 'thing --help'."),
+        (("draw", "--wdith", "1"), "thing draw: unknown option '--wdith' (did you mean '--width'?)"),
+        (("draw", "a", "-x"), "thing draw: unknown option '-x'"),
+        (("--nonsense",), "thing: unknown option '--nonsense'"),
+        (("draw",), "thing draw: missing argument 'FILE'"),
+        (("draw", "a", "--width"), "thing draw: option '--width' requires an argument"),
+        (("draw", "a", "--width", "wide"), "thing draw: invalid value for '--width'"),
+        (("draw", "a", "--width", "-1"), "thing draw: invalid value for '--width'"),
+        (("draw", "a", "--name", "wrong"), "thing draw: this name can't be\nTry 'thing draw --help'."),
+    ],
+)
+def test_a_wrong_call_is_reported_in_two_lines_with_exit_code_2(typed, arguments, says):
+    code, out, err = typed(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(says)
+    assert len(err.splitlines()) == 2
+
+
+def test_a_group_without_a_command_shows_its_help(typed):
+    code, out, err = typed()
+    assert (code, err) == (2, "")
+    assert "Draw and delete." in out
+    assert "delete" in out
+
+
+@pytest.mark.parametrize("option", ["-h", "--help"])
+def test_help_lists_arguments_and_options(typed, option):
+    code, out, err = typed("draw", option)
+    assert (code, err) == (0, "")
+    for text in ("Usage: thing draw", "Draw files.", "--width", "width, m", "--name", "-n"):
+        assert text in out
+
+
+def test_ctrl_c_is_reported(typed):
+    assert typed("draw", "a", "-n", "Ctrl-C") == (STOPPED, "", "thing: stopped\n")
+
+
+def test_the_version_is_that_of_the_distribution(typed):
+    assert typed("--version") == (0, f"{installed_version()}\n", "")
