@@ -1,65 +1,47 @@
-"""cinegen: drive, study and show any mechanism, serial, tree or closed. SI units and radians everywhere."""
+"""cinegen: kinematics of serial, tree and closed-loop mechanisms. SI units and radians everywhere.
+
+Each name is imported when it is first used: `import cinegen` takes no time.
+"""
 
 from __future__ import annotations
 
-from importlib import import_module
-from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
-from cinegen.errors import CinegenError, CinegenWarning, ClosureError
-from cinegen.ik import PersistentSolver, Pull, Solver, Status, Step, evaluate, inverse_kinematics
-from cinegen.model import Mechanism, load
-from cinegen.realtime import Clock
+from cinegen.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cinegen.assembly import assembly_modes
-    from cinegen.cockpit import show
-    from cinegen.planning import plan
-    from cinegen.singularities import singularity
-    from cinegen.workspace import make_map
+    from cinegen.assembly import assembly_modes as assembly_modes
+    from cinegen.cockpit import show as show
+    from cinegen.errors import CinegenError as CinegenError
+    from cinegen.errors import CinegenWarning as CinegenWarning
+    from cinegen.errors import ClosureError as ClosureError
+    from cinegen.ik import PersistentSolver as PersistentSolver
+    from cinegen.ik import Pull as Pull
+    from cinegen.ik import Solver as Solver
+    from cinegen.ik import Status as Status
+    from cinegen.ik import Step as Step
+    from cinegen.ik import evaluate as evaluate
+    from cinegen.ik import inverse_kinematics as inverse_kinematics
+    from cinegen.model import Mechanism as Mechanism
+    from cinegen.model import load as load
+    from cinegen.planning import plan as plan
+    from cinegen.realtime import Clock as Clock
+    from cinegen.singularities import singularity as singularity
+    from cinegen.workspace import make_map as make_map
+    from raff2urdf.version import __version__ as __version__
 
-try:
-    __version__ = version("cinegen")
-except PackageNotFoundError:  # run from its sources
-    __version__ = "0+unknown"
-
-__all__ = [
-    "CinegenError",
-    "CinegenWarning",
-    "Clock",
-    "ClosureError",
-    "Mechanism",
-    "PersistentSolver",
-    "Pull",
-    "Solver",
-    "Status",
-    "Step",
-    "assembly_modes",
-    "evaluate",
-    "inverse_kinematics",
-    "load",
-    "make_map",
-    "plan",
-    "show",
-    "singularity",
-]
-
-_PACKAGES = {
-    "assembly_modes": "cinegen.assembly",
-    "make_map": "cinegen.workspace",
-    "plan": "cinegen.planning",
-    "show": "cinegen.cockpit",
-    "singularity": "cinegen.singularities",
-}
-
-
-def __getattr__(name: str) -> object:
-    """Import what is slow to import when somebody asks for it."""
-    if name in _PACKAGES:
-        return getattr(import_module(_PACKAGES[name]), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    """Return all names, also those that are not imported yet."""
-    return sorted({*globals(), *__all__})
+__all__, __getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "cinegen.assembly": ["assembly_modes"],
+        "cinegen.cockpit": ["show"],
+        "cinegen.errors": ["CinegenError", "CinegenWarning", "ClosureError"],
+        "cinegen.ik": ["PersistentSolver", "Pull", "Solver", "Status", "Step", "evaluate", "inverse_kinematics"],
+        "cinegen.model": ["Mechanism", "load"],
+        "cinegen.planning": ["plan"],
+        "cinegen.realtime": ["Clock"],
+        "cinegen.singularities": ["singularity"],
+        "cinegen.workspace": ["make_map"],
+        "raff2urdf.version": ["__version__"],
+    },
+)

@@ -104,9 +104,9 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
-        from raff2urdf.version import installed_version
+        from raff2urdf.version import __version__
 
-        print(installed_version())
+        print(__version__)
         raise typer.Exit
 
 

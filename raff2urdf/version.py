@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from importlib.metadata import PackageNotFoundError, version
 
-
-def installed_version() -> str:
-    """Return the version, or `0+unknown` where the packages are run from their sources."""
-    try:
-        return version("cinegen")
-    except PackageNotFoundError:
-        return "0+unknown"
+try:
+    __version__ = version("cinegen")
+except PackageNotFoundError:  # run from its sources
+    __version__ = "0+unknown"

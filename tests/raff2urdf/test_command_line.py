@@ -10,7 +10,7 @@ import typer
 
 from raff2urdf.command_line import UsageError, Version, expand, new_app, run_app
 from raff2urdf.output import STOPPED, run
-from raff2urdf.version import installed_version
+from raff2urdf.version import __version__
 
 
 @dataclass(frozen=True)
@@ -95,4 +95,4 @@ def test_ctrl_c_is_reported(typed):
 
 
 def test_the_version_is_that_of_the_distribution(typed):
-    assert typed("--version") == (0, f"{installed_version()}\n", "")
+    assert typed("--version") == (0, f"{__version__}\n", "")
