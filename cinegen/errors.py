@@ -14,7 +14,7 @@ class LoadError(CinegenError):
     """A file that can't become a mechanism."""
 
 
-class ClosureError(CinegenError, raff2urdf.errors.ClosureError):
+class ClosureError(CinegenError, raff2urdf.errors.RaffClosureError):
     """Loops that can't be closed; says which, by how much, and what would close them."""
 
 

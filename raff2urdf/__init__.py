@@ -17,15 +17,15 @@ from typing import TYPE_CHECKING
 
 from raff2urdf.check import check, check_tree
 from raff2urdf.document import Document
-from raff2urdf.errors import ClosureError, RaffError, RaffWarning
+from raff2urdf.errors import RaffClosureError, RaffError, RaffWarning
 
 if TYPE_CHECKING:  # what follows needs numpy and yourdfpy: imported where it is used
-    from raff2urdf.backward.robot import Reversal
     from raff2urdf.conversion import Conversion
+    from raff2urdf.urdf2raff.robot import Reversal
 
 __all__ = [
-    "ClosureError",
     "Document",
+    "RaffClosureError",
     "RaffError",
     "RaffWarning",
     "check",
@@ -139,7 +139,7 @@ def reverse(
         RaffError: the file is wrong, holds what RAFF can't say, or declares loops that are not read; a mesh is missing;
             `out` can't be written.
     """
-    from raff2urdf.backward.file import reverse_file
+    from raff2urdf.urdf2raff.file import reverse_file
 
     return reverse_file(
         Path(path), None if out is None else Path(out), units, free_mimic, graphics, robot, loops, ignore_loops

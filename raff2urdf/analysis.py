@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from raff2urdf.check import check_sizes
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
-from raff2urdf.document import Document, JointType, LoopKind, Robot
-from raff2urdf.errors import ClosureError, Problem, RaffError, did_you_mean
+from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
+from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ class Analysis:
     home: Mapping[str, float]
 
 
-def loop_kinds(robot: Robot, asked: Mapping[str, str] | None = None) -> dict[int, LoopKind]:
+def loop_kinds(robot: RaffRobot, asked: Mapping[str, str] | None = None) -> dict[int, LoopKind]:
     """The kind of each loop by its index, with those that were asked for by name instead of the file's.
 
     Raises:
@@ -68,11 +68,11 @@ def loop_kind(word: str) -> LoopKind:
     return LoopKind[word.upper()]
 
 
-def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = None) -> Analysis:
+def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | None = None) -> Analysis:
     """Closes the robot's loops from the written posture and counts what is left of its motion.
 
     Raises:
-        ClosureError: the loops can't be closed.
+        RaffClosureError: the loops can't be closed.
         RaffError: `loops` names a loop or a kind that does not exist; a length is too great to compute with.
     """
     check_sizes(document, robot)
@@ -100,7 +100,7 @@ def analyse(document: Document, robot: Robot, loops: Mapping[str, str] | None = 
             order = _outermost_first(robot, cluster)
             determined |= {cluster.joints[i].joint for i in passive(jacobian, order)}
     if why:
-        raise ClosureError(why)
+        raise RaffClosureError(why)
     said = {joint.joint: joint.actuated for joint in joints}
     if True in said.values():
         actuated = [name for name, has in said.items() if has]
@@ -125,13 +125,13 @@ def _inside(document: Document, cluster: Cluster, closed: Array) -> Array:
     return closed
 
 
-def _why_open(document: Document, robot: Robot, cluster: Cluster, closing: Closing) -> Problem:
+def _why_open(document: Document, robot: RaffRobot, cluster: Cluster, closing: Closing) -> Problem:
     names = [robot.loop_names[i] for i in cluster.loops]
     why = why_open(names, cluster.kinds, cluster.gaps, cluster.relaxed, cluster.home, closing)
     return document.source.problem(f"robot '{robot.name}': {why}")
 
 
-def _outermost_first(robot: Robot, cluster: Cluster) -> Sequence[int]:
+def _outermost_first(robot: RaffRobot, cluster: Cluster) -> Sequence[int]:
     """The cluster's joints from the one furthest from the base inwards; those said to have no motor before all."""
     moving = {joint.number for joint in cluster.joints}
     depth: dict[int, int] = {}

@@ -11,8 +11,8 @@ import re
 import warnings
 from collections.abc import Iterator
 
-from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
-from raff2urdf.errors import Place, Problem, RaffError, RaffWarning, did_you_mean
+from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffRobot
+from raff2urdf.errors import Problem, RaffError, RaffWarning, SourceLocation, did_you_mean
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -50,7 +50,7 @@ def check(document: Document) -> None:
         _warn(document, robot)
 
 
-def check_sizes(document: Document, robot: Robot) -> None:
+def check_sizes(document: Document, robot: RaffRobot) -> None:
     """Raises RaffError where a length is too great to compute with."""
     problems = list(_size_problems(document, robot))
     if problems:
@@ -65,7 +65,7 @@ def _raise(document: Document, problems: list[Problem]) -> None:
 
 def _file_problems(document: Document) -> Iterator[Problem]:
     problem = document.source.problem
-    seen: dict[str, Place | None] = {}
+    seen: dict[str, SourceLocation | None] = {}
     for robot in document.robots:
         place = robot.places.get("name")
         if robot.name in seen:
@@ -73,7 +73,7 @@ def _file_problems(document: Document) -> Iterator[Problem]:
         elif not is_xml_name(robot.name):
             yield problem(_no_name(robot.name, "robot"), place)
         seen[robot.name] = place
-    numbers: dict[int, Place | None] = {}
+    numbers: dict[int, SourceLocation | None] = {}
     for sensor in document.sensors:
         place = sensor.places.get("number")
         if sensor.number in numbers:
@@ -81,9 +81,9 @@ def _file_problems(document: Document) -> Iterator[Problem]:
         numbers[sensor.number] = place
 
 
-def _tree_problems(document: Document, robot: Robot) -> Iterator[Problem]:
+def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
-    numbers: dict[int, Link | Frame] = {}
+    numbers: dict[int, RaffLink | RaffFrame] = {}
     for part in robot.parts:
         place = part.places.get("number")
         if part.number in numbers:
@@ -91,7 +91,7 @@ def _tree_problems(document: Document, robot: Robot) -> Iterator[Problem]:
             yield problem(f"a second {_kind(part)} {part.number}{_first(twin.places.get('number'))}", place)
         else:
             numbers[part.number] = part
-    names: dict[str, Link | Frame] = {}
+    names: dict[str, RaffLink | RaffFrame] = {}
     for part in robot.parts:
         place = part.places.get("name") or part.places.get("number")
         if part.node in RESERVED:
@@ -120,7 +120,7 @@ def _tree_problems(document: Document, robot: Robot) -> Iterator[Problem]:
             yield problem(message, link.places.get("velocity"))
 
 
-def _cycles(document: Document, robot: Robot, numbers: dict[int, Link | Frame]) -> Iterator[Problem]:
+def _cycles(document: Document, robot: RaffRobot, numbers: dict[int, RaffLink | RaffFrame]) -> Iterator[Problem]:
     """One problem for each ring of fathers (linear: every node is walked over once)."""
     state: dict[int, int] = {0: -1}  # number -> the walk that met it
     for walk, start in enumerate(numbers):
@@ -137,7 +137,7 @@ def _cycles(document: Document, robot: Robot, numbers: dict[int, Link | Frame]) 
             yield document.source.problem(message, numbers[at].places.get("pred"))
 
 
-def _size_problems(document: Document, robot: Robot) -> Iterator[Problem]:
+def _size_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     for node in (robot.base, *robot.parts):
         for word in ("r", "d", "epsilon"):
             if not abs(document.metres(getattr(node.parameters, word))) <= LARGEST:
@@ -147,7 +147,7 @@ def _size_problems(document: Document, robot: Robot) -> Iterator[Problem]:
                 yield document.source.problem(message, node.places.get("parameters"))
 
 
-def _constraint_problems(document: Document, robot: Robot) -> Iterator[Problem]:
+def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
     known = {0, *(part.number for part in robot.parts)}
     sensors = {sensor.number for sensor in document.sensors}
@@ -170,10 +170,10 @@ def _constraint_problems(document: Document, robot: Robot) -> Iterator[Problem]:
                 )
 
 
-def _warn(document: Document, robot: Robot) -> None:
+def _warn(document: Document, robot: RaffRobot) -> None:
     """Warnings for what is understood, but probably not meant."""
 
-    def warn(message: str, part: Base | Link | Frame, word: str) -> None:
+    def warn(message: str, part: RaffNode, word: str) -> None:
         warnings.warn(str(document.source.problem(message, part.places.get(word))), RaffWarning, stacklevel=4)
 
     for link in robot.links:
@@ -190,11 +190,11 @@ def _warn(document: Document, robot: Robot) -> None:
                 warn(message, link, "limits")
 
 
-def _kind(part: Base | Link | Frame) -> str:
-    return type(part).__name__.lower()
+def _kind(part: RaffNode) -> str:
+    return part.keyword
 
 
-def _first(place: Place | None) -> str:
+def _first(place: SourceLocation | None) -> str:
     return f": the first is on line {place.line}" if place else ""
 
 

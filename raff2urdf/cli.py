@@ -159,7 +159,3 @@ def _sentence(report: dict[str, Any]) -> str:
 def show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
     """Prints a warning as the commands do."""
     print(f"warning: {message}", file=sys.stderr)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

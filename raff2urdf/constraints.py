@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from raff2urdf.analysis import Analysis
-from raff2urdf.document import Document, JointType, LoopKind, Robot
+from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.json_lines import line_of, repeated_key
 from raff2urdf.readers.urdf import LARGEST
@@ -30,7 +30,7 @@ Steps = list[str | int]
 IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
 
-def constraints(document: Document, robot: Robot, analysis: Analysis) -> Constraints:
+def constraints(document: Document, robot: RaffRobot, analysis: Analysis) -> Constraints:
     """What the schema describes, for one robot of a document."""
     joints = []
     for link in robot.links:

@@ -12,13 +12,13 @@ import yourdfpy
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.check import check
 from raff2urdf.constraints import Constraints, constraints
-from raff2urdf.document import Document, Robot
+from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import write_all
 from raff2urdf.formats import Described, files
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.tree import limits
-from raff2urdf.urdf import dumps, tree
+from raff2urdf.writers.urdf import dumps, tree
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class Translation:
         model: the tree as yourdfpy's classes.
     """
 
-    robot: Robot
+    robot: RaffRobot
     urdf: str
     constraints: Constraints
     analysis: Analysis
@@ -76,7 +76,7 @@ class Conversion:
 
 def translate(
     document: Document,
-    robot: Robot,
+    robot: RaffRobot,
     beside: Path,
     out: Path | None = None,
     loops: Mapping[str, str] | None = None,
@@ -94,7 +94,7 @@ def translate(
             cache at once.
 
     Raises:
-        ClosureError: the loops can't be closed.
+        RaffClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
     analysis = analyse(document, robot, loops)

@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
+from typing import ClassVar
 
-from raff2urdf.errors import Place, Problem, RaffError, did_you_mean
+from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 
 UNITS_PER_METRE: Mapping[str, float] = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0}
 
@@ -45,7 +46,7 @@ class Parameters:
     epsilon: float = 0.0
 
 
-Places = Mapping[str, Place]
+Places = Mapping[str, SourceLocation]
 
 
 def _places() -> Places:
@@ -53,8 +54,10 @@ def _places() -> Places:
 
 
 @dataclass(frozen=True, slots=True)
-class Base:
+class RaffBase:
     """The root of a robot: node number 0, named `base`; `parameters` place it in the world."""
+
+    keyword: ClassVar[str] = "base"
 
     parameters: Parameters = Parameters()
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
@@ -72,9 +75,10 @@ class Base:
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class RaffLink:
     """A body that moves on its father `pred` by one joint (none if `type` is FIXED)."""
 
+    keyword: ClassVar[str] = "link"
     number: int
     parameters: Parameters
     type: JointType
@@ -98,9 +102,10 @@ class Link:
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class RaffFrame:
     """A coordinate system fixed on a base, link or frame."""
 
+    keyword: ClassVar[str] = "frame"
     number: int
     parameters: Parameters
     pred: int
@@ -119,8 +124,14 @@ class Frame:
         return f"joint{self.number}"
 
 
+RaffPart = RaffLink | RaffFrame
+"""A node that is placed on another one."""
+
+RaffNode = RaffBase | RaffPart
+
+
 @dataclass(frozen=True, slots=True)
-class Loop:
+class RaffLoop:
     """Two nodes, by number, whose frames coincide up to the freedoms of the joint `kind`."""
 
     first: int
@@ -139,7 +150,7 @@ class SensorConstraint:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensor:
+class RaffSensor:
     """An input device on a port, with the freedoms it commands."""
 
     number: int
@@ -150,39 +161,39 @@ class Sensor:
 
 
 @dataclass(frozen=True)
-class Robot:
+class RaffRobot:
     """One robot of a file: `parts` are its links and frames in file order, a tree under `base`."""
 
     name: str
-    base: Base = Base()
-    parts: tuple[Link | Frame, ...] = ()
-    loops: tuple[Loop, ...] = ()
+    base: RaffBase = RaffBase()
+    parts: tuple[RaffPart, ...] = ()
+    loops: tuple[RaffLoop, ...] = ()
     sensor_constraints: tuple[SensorConstraint, ...] = ()
     path: str | None = None
     places: Places = field(default_factory=_places, compare=False, repr=False)
 
     @cached_property
-    def links(self) -> tuple[Link, ...]:
+    def links(self) -> tuple[RaffLink, ...]:
         """The links, in file order."""
-        return tuple(part for part in self.parts if isinstance(part, Link))
+        return tuple(part for part in self.parts if isinstance(part, RaffLink))
 
     @cached_property
-    def frames(self) -> tuple[Frame, ...]:
+    def frames(self) -> tuple[RaffFrame, ...]:
         """The frames, in file order."""
-        return tuple(part for part in self.parts if isinstance(part, Frame))
+        return tuple(part for part in self.parts if isinstance(part, RaffFrame))
 
     @cached_property
-    def nodes(self) -> Mapping[int, Base | Link | Frame]:
+    def nodes(self) -> Mapping[int, RaffNode]:
         """Every node by its number: base first, then file order."""
         return {0: self.base} | {part.number: part for part in self.parts}
 
     @cached_property
-    def outward(self) -> tuple[Link | Frame, ...]:
+    def outward(self) -> tuple[RaffPart, ...]:
         """Links and frames ordered so that a father stands before its children (file order else)."""
-        children: dict[int, list[Link | Frame]] = {}
+        children: dict[int, list[RaffPart]] = {}
         for part in self.parts:
             children.setdefault(part.pred, []).append(part)
-        order: list[Link | Frame] = []
+        order: list[RaffPart] = []
         waiting = list(reversed(children.get(0, [])))
         while waiting:
             part = waiting.pop()
@@ -208,13 +219,13 @@ class Robot:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class SourceText:
     """The text a document was read from, kept to show where a problem stands."""
 
     name: str = "<document>"
     lines: tuple[str, ...] = ()
 
-    def problem(self, message: str, place: Place | None = None) -> Problem:
+    def problem(self, message: str, place: SourceLocation | None = None) -> Problem:
         """A problem with this source's name and the line it stands on."""
         text = self.lines[place.line - 1] if place and 0 < place.line <= len(self.lines) else ""
         return Problem(message, self.name, place, text)
@@ -230,12 +241,12 @@ class Document:
     """
 
     name: str
-    robots: tuple[Robot, ...] = ()
-    sensors: tuple[Sensor, ...] = ()
+    robots: tuple[RaffRobot, ...] = ()
+    sensors: tuple[RaffSensor, ...] = ()
     units: str = "mm"
-    source: Source = field(default_factory=Source, compare=False, repr=False)
+    source: SourceText = field(default_factory=SourceText, compare=False, repr=False)
 
-    def robot(self, name: str | None = None) -> Robot:
+    def robot(self, name: str | None = None) -> RaffRobot:
         """The robot of that name, or the first one.
 
         Raises:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourceLocation:
     """Where a word stands in a text: line and column count from 1, `length` is in characters."""
 
     line: int
@@ -22,7 +22,7 @@ class Problem:
 
     message: str
     source: str = ""
-    place: Place | None = None
+    place: SourceLocation | None = None
     text: str = ""  # the line it stands on, without its end
 
     def __str__(self) -> str:
@@ -53,7 +53,7 @@ class RaffError(Exception):
         return type(self), (self.problems,)
 
 
-class ClosureError(RaffError):
+class RaffClosureError(RaffError):
     """A mechanism whose loops can't be closed; says which, by how much, and what would close them."""
 
 

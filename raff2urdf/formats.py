@@ -20,13 +20,13 @@ from raff2urdf.errors import RaffError, did_you_mean
 if TYPE_CHECKING:  # whoever only asks which formats there are does not wait for these
     import yourdfpy
 
-    from raff2urdf.simulators.bodies import Bodies
-    from raff2urdf.simulators.inertia import Inertias
+    from raff2urdf.writers.bodies import TreeAtHome
+    from raff2urdf.writers.inertia import Inertias
 
 FORMATS: Mapping[str, str] = {
     "urdf": "raff2urdf.urdf_and_constraints",
-    "sdf": "raff2urdf.simulators.sdf",
-    "mjcf": "raff2urdf.simulators.mjcf",
+    "sdf": "raff2urdf.writers.sdf",
+    "mjcf": "raff2urdf.writers.mjcf",
 }
 
 
@@ -57,16 +57,16 @@ class Described:
     constraint_elements: bool = False
 
     @cached_property
-    def bodies(self) -> Bodies:
+    def bodies(self) -> TreeAtHome:
         """The tree at closed home."""
-        from raff2urdf.simulators.bodies import Bodies
+        from raff2urdf.writers.bodies import TreeAtHome
 
-        return Bodies(self.model, self.home)
+        return TreeAtHome(self.model, self.home)
 
     @cached_property
     def inertias(self) -> Inertias:
         """Of all links."""
-        from raff2urdf.simulators.inertia import DENSITY, inertias
+        from raff2urdf.writers.inertia import DENSITY, inertias
 
         density = DENSITY if self.density is None else self.density
         return inertias(self.model, density, self.surface, self.bodies.moving)
@@ -90,7 +90,7 @@ class Described:
         Raises:
             RaffError: it can't be read.
         """
-        from raff2urdf.simulators.inertia import load_surface
+        from raff2urdf.writers.inertia import load_surface
 
         path = self._path(mesh)
         if path not in self._waiting:

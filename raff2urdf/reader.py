@@ -13,8 +13,8 @@ from typing import Any
 
 from lark import Lark, Token, UnexpectedCharacters, UnexpectedToken
 
-from raff2urdf.document import Document, JointType, LoopKind, Source
-from raff2urdf.errors import Place, Problem, RaffError, did_you_mean
+from raff2urdf.document import Document, JointType, LoopKind, SourceText
+from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.rules import Build, place_of
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
@@ -57,11 +57,11 @@ def parse(text: str, name: str = "<text>") -> Document:
         RaffError: with every problem found.
     """
     lines = [line.removesuffix("\r") for line in text.split("\n")]
-    source = Source(name, tuple(lines))
+    source = SourceText(name, tuple(lines))
     for number, line in enumerate(lines, 1):
         if len(line) > LONGEST_LINE:
             message = f"line {number} is {len(line)} characters long; at most {LONGEST_LINE} make sense"
-            raise RaffError(Problem(message, name, Place(number, 1)))
+            raise RaffError(Problem(message, name, SourceLocation(number, 1)))
     reading = _Reading(source)
     document = reading.run(text)
     problems = reading.problems or reading.missing
@@ -145,19 +145,19 @@ class _StopReadingError(Exception):
 class _Reading:
     """One pass over a text: feeds the parser, keeps track of the blocks, and mends what can be mended."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: SourceText) -> None:
         self.source = source
         self.problems: list[Problem] = []
         self.missing: list[Problem] = []  # only worth saying where all words are right
         self.open: list[_Block] = []
         self.closed: dict[str, _Block] = {}  # the last block of each kind, with the line of its closing brace
-        self.header = Place(1, 1)
+        self.header = SourceLocation(1, 1)
         self.last: tuple[str, str] = ("", "")  # the word a brace would belong to, and what follows it
 
-    def report(self, message: str, place: Place) -> None:
+    def report(self, message: str, place: SourceLocation) -> None:
         self.problems.append(self.source.problem(message, place))
 
-    def lacks(self, message: str, place: Place) -> None:
+    def lacks(self, message: str, place: SourceLocation) -> None:
         self.missing.append(self.source.problem(message, place))
 
     def run(self, text: str) -> Document:
@@ -165,10 +165,10 @@ class _Reading:
         made.build.report, made.build.lacks = self.report, self.lacks
         self.parser: Any = made.lark.parse_interactive(text)
         self.tokens = _Tokens(self.parser.lexer_thread.lex(self.parser.parser_state))
-        end = Place(max(1, len(self.source.lines)), 1)
+        end = SourceLocation(max(1, len(self.source.lines)), 1)
         try:
             for token in self.tokens:
-                end = Place(token.line or 1, (token.column or 1) + len(token))
+                end = SourceLocation(token.line or 1, (token.column or 1) + len(token))
                 self.feed(token)
             return Document(**self.parser.feed_eof(), source=self.source)
         except UnexpectedToken:
@@ -261,7 +261,7 @@ class _Reading:
             return " (numbers bear no unit: lengths are in the file's `units`, angles in degrees)"
         return ""
 
-    def stray(self, word: str, kind: str, place: Place) -> None:
+    def stray(self, word: str, kind: str, place: SourceLocation) -> None:
         """A word that doesn't belong in this kind of block."""
         if kind and word in _WORDS[""]:
             self.report(f"'{word}' stands inside {self.where()}: it belongs outside every robot", place)
@@ -320,7 +320,7 @@ class _Reading:
                 return
         raise _StopReadingError
 
-    def at_end(self, end: Place) -> None:
+    def at_end(self, end: SourceLocation) -> None:
         if self.open and not self.problems:
             block = self.open[-1]
             self.report(f"the file ends inside {block.label}, opened on line {block.line}: a '}}' is missing", end)
@@ -328,7 +328,7 @@ class _Reading:
             self.report("the file ends too early: a RAFF file begins with 'RAFF <name>'", end)
 
     def at_character(self, error: UnexpectedCharacters) -> None:
-        place = Place(max(1, error.line), max(1, error.column))
+        place = SourceLocation(max(1, error.line), max(1, error.column))
         if error.char == '"':
             self.report("this text is not closed on its line: a '\"' is missing", place)
         elif error.char == "/":

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import Base, Document, Frame, JointType, Link, LoopKind, Robot
+from raff2urdf.document import Document, JointType, LoopKind, RaffBase, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.loops import ROWS, gap
 from raff2urdf.placement import inverse
@@ -27,7 +27,7 @@ Mask = NDArray[np.bool_]
 Columns = NDArray[np.intp]
 
 
-def kleinfinger(document: Document, part: Base | Link | Frame) -> Kleinfinger:
+def kleinfinger(document: Document, part: RaffNode) -> Kleinfinger:
     """The six parameters of a node as written, in metres and radians."""
     p = part.parameters
     return Kleinfinger(
@@ -40,13 +40,13 @@ def kleinfinger(document: Document, part: Base | Link | Frame) -> Kleinfinger:
     )
 
 
-def home(document: Document, link: Link) -> float:
+def home(document: Document, link: RaffLink) -> float:
     """The joint variable as written: theta (rad) of a revolute, r (m) of a prismatic joint."""
     parameters = kleinfinger(document, link)
     return parameters.r if link.type is JointType.PRISMATIC else parameters.theta
 
 
-def limits(document: Document, link: Link) -> tuple[float, float]:
+def limits(document: Document, link: RaffLink) -> tuple[float, float]:
     """A joint's limits in rad or m; infinite where the file gives none."""
     if link.limits is None:
         return -math.inf, math.inf
@@ -56,14 +56,14 @@ def limits(document: Document, link: Link) -> tuple[float, float]:
     return math.radians(low), math.radians(high)
 
 
-def velocity(document: Document, link: Link) -> float:
+def velocity(document: Document, link: RaffLink) -> float:
     """A joint's greatest speed in rad/s or m/s; infinite where the file gives none."""
     if link.velocity is None:
         return math.inf
     return document.metres(link.velocity) if link.type is JointType.PRISMATIC else math.radians(link.velocity)
 
 
-def placements(document: Document, robot: Robot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
+def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
     """World placement (4, 4) of every node, by number, at home or at joint values `q` by joint name (rad, m)."""
     found = {0: transform(kleinfinger(document, robot.base))}
     for part in robot.outward:
@@ -74,8 +74,8 @@ def placements(document: Document, robot: Robot, q: Mapping[str, float] | None =
     return found
 
 
-def _moved(part: Link | Frame, parameters: Kleinfinger, value: float) -> Kleinfinger:
-    kind = part.type if isinstance(part, Link) else JointType.FIXED
+def _moved(part: RaffPart, parameters: Kleinfinger, value: float) -> Kleinfinger:
+    kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
     if kind is JointType.REVOLUTE:
         return parameters._replace(theta=value)
     return parameters._replace(r=value) if kind is JointType.PRISMATIC else parameters
@@ -95,7 +95,7 @@ class Cluster:
     """Loops that share joints, and those joints: a `LoopSystem` of its own (q: the joints in file order)."""
 
     def __init__(
-        self, document: Document, robot: Robot, loops: Sequence[int], kinds: Mapping[int, LoopKind], length: float
+        self, document: Document, robot: RaffRobot, loops: Sequence[int], kinds: Mapping[int, LoopKind], length: float
     ) -> None:
         self.document, self.robot, self.loops, self.length = document, robot, loops, length
         self.kinds = [kinds[i] for i in loops]
@@ -109,7 +109,7 @@ class Cluster:
         self._fixed = {part.number: kleinfinger(document, part) for part in self.parts}
         self._columns = [self._moving(*pair) for pair in branches]
 
-    def _moving(self, first: list[Link | Frame], second: list[Link | Frame]) -> tuple[Columns, Array, Mask]:
+    def _moving(self, first: list[RaffPart], second: list[RaffPart]) -> tuple[Columns, Array, Mask]:
         """Of a loop: columns of the joints on both branches, their signs (n, 1), whether they slide (n, 1)."""
         column = self._column
         on = [column[part.number] for part in (*first, *second) if part.number in column]
@@ -170,7 +170,7 @@ class Cluster:
         return placed.get(ends.first, still), placed.get(ends.second, still)
 
 
-def clusters(document: Document, robot: Robot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:
+def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:
     """The robot's loops, gathered into those that share nodes: each can be closed by itself."""
     leader = list(range(len(robot.loops)))
 
@@ -192,9 +192,9 @@ def clusters(document: Document, robot: Robot, kinds: Mapping[int, LoopKind], le
         yield Cluster(document, robot, group, kinds, length)
 
 
-def _branches(robot: Robot, first: int, second: int) -> tuple[list[Link | Frame], list[Link | Frame]]:
+def _branches(robot: RaffRobot, first: int, second: int) -> tuple[list[RaffPart], list[RaffPart]]:
     """The nodes from the nearest common father (left out) out to each of two nodes, both ends included."""
-    sides: tuple[list[Link | Frame], list[Link | Frame]] = ([], [])
+    sides: tuple[list[RaffPart], list[RaffPart]] = ([], [])
     met: dict[int, tuple[int, int]] = {}
     heads: list[int | None] = [first, second]
     turn = 0
@@ -208,7 +208,7 @@ def _branches(robot: Robot, first: int, second: int) -> tuple[list[Link | Frame]
                     return sides
             met[at] = (turn, len(sides[turn]))
             part = robot.nodes[at]
-            if isinstance(part, Base):
+            if isinstance(part, RaffBase):
                 heads[turn] = None
             else:
                 sides[turn].append(part)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from raff2urdf.document import Base, Document, Frame, Link, LoopKind, Parameters, Robot
+from raff2urdf.document import Document, LoopKind, Parameters, RaffFrame, RaffLink, RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
 
 
@@ -33,7 +33,7 @@ def write(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
     return "\n".join(lines) + "\n"
 
 
-def _robot(robot: Robot, notes: Mapping[int, str]) -> Iterator[str]:
+def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
     if robot.path is not None:
         yield f"  path {_text(robot.path)}"
     yield "  base {"
@@ -41,14 +41,14 @@ def _robot(robot: Robot, notes: Mapping[int, str]) -> Iterator[str]:
     yield "  }"
     for part in robot.parts:
         note = f" // {_comment(notes[part.number])}" if part.number in notes else ""
-        yield f"  {type(part).__name__.lower()} {part.number} {{{note}"
+        yield f"  {part.keyword} {part.number} {{{note}"
         if part.name is not None:
             yield f"    name {_text(part.name)}"
         yield from _shared(part)
-        if isinstance(part, Link):
+        if isinstance(part, RaffLink):
             yield f"    type {int(part.type)}"
         yield f"    pred {part.pred}"
-        if isinstance(part, Link):
+        if isinstance(part, RaffLink):
             if part.limits is not None:
                 yield f"    limits {{ {number(part.limits[0])} {number(part.limits[1])} }}"
             if part.velocity is not None:
@@ -64,7 +64,7 @@ def _robot(robot: Robot, notes: Mapping[int, str]) -> Iterator[str]:
         yield f"  constraint {{ {_node(robot, constraint.node)} sensor ( {sensors} ) }}"
 
 
-def _shared(part: Base | Link | Frame) -> Iterator[str]:
+def _shared(part: RaffNode) -> Iterator[str]:
     """What base, link and frame have in common."""
     if part.parameters != Parameters():
         said = [(word, getattr(part.parameters, word)) for word in Parameters.__dataclass_fields__]
@@ -85,11 +85,11 @@ def _list(words: list[str], indent: str) -> str:
     return f"\n{indent}".join(rows)
 
 
-def _node(robot: Robot, number: int) -> str:
+def _node(robot: RaffRobot, number: int) -> str:
     if number == 0:
         return "base"
     part = robot.nodes.get(number)
-    return f"frame {number}" if isinstance(part, Frame) else f"link {number}"
+    return f"frame {number}" if isinstance(part, RaffFrame) else f"link {number}"
 
 
 def number(value: float) -> str:

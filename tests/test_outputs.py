@@ -19,7 +19,7 @@ from PIL import Image
 
 import cinegen.cli
 import raff2urdf.cli
-import raff2urdf.urdf2raff
+import raff2urdf.urdf2raff.cli
 from cinegen.cockpit.film import FilmError, _output
 from cinegen.devices import Reading, RecordError
 from cinegen.devices import Recorder as SensorRecorder
@@ -110,7 +110,7 @@ def command(root, inputs, tmp_path, monkeypatch):
         ]
         arguments = [str(target) if word == "TARGET" else word for word in arguments]
         if program == "urdf2raff":
-            return raff2urdf.urdf2raff.main(arguments)
+            return raff2urdf.urdf2raff.cli.main(arguments)
         return cinegen.cli.main([program, *arguments])
 
     return run
@@ -198,10 +198,10 @@ def test_graphics_have_no_place_beside_a_device(device, tmp_path, capsys):
     box = '<link name="base"><visual><geometry><box size="1 2 3"/></geometry></visual></link>'
     (tmp_path / "box.urdf").write_text(f'<robot name="box">{box}</robot>')
     before = sorted([*tmp_path.iterdir(), null := device("null")])
-    assert raff2urdf.urdf2raff.main([str(tmp_path / "box.urdf"), "-o", str(null)]) == 1
+    assert raff2urdf.urdf2raff.cli.main([str(tmp_path / "box.urdf"), "-o", str(null)]) == 1
     assert "--no-graphics" in capsys.readouterr().err
     assert sorted(tmp_path.iterdir()) == before
-    assert raff2urdf.urdf2raff.main([str(tmp_path / "box.urdf"), "-o", str(null), "--no-graphics"]) == 0
+    assert raff2urdf.urdf2raff.cli.main([str(tmp_path / "box.urdf"), "-o", str(null), "--no-graphics"]) == 0
 
 
 # --- what is written while it comes ----------------------------------------------------------------------------------

@@ -31,7 +31,7 @@ COMMANDS = {
     "raff2urdf": [*_entry("raff2urdf.cli"), "ROBOTS/four_bar.raff"],
     "raff2urdf --help": [*_entry("raff2urdf.cli"), "--help"],
     "python -m raff2urdf": ["-m", "raff2urdf", "ROBOTS/four_bar.raff", "--check", "--json"],
-    "urdf2raff": [*_entry("raff2urdf.urdf2raff"), "arm.urdf", "-o", "arm.raff"],
+    "urdf2raff": [*_entry("raff2urdf.urdf2raff.cli"), "arm.urdf", "-o", "arm.raff"],
     "python -m raff2urdf.urdf2raff": ["-m", "raff2urdf.urdf2raff", "arm.urdf", "-o", "arm.raff", "--json"],
 }
 

@@ -21,7 +21,7 @@ from cinegen.model import Mechanism
 from cinegen.session import is_obstacle, solids_of
 
 if TYPE_CHECKING:  # trimesh takes its time
-    from raff2urdf.graphics.surface import Surface
+    from raff2urdf.graphics.surface import ColouredSurface
 
 Array = NDArray[np.float64]
 
@@ -178,7 +178,7 @@ def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
 
 
 @cache
-def _surfaces(path: Path) -> tuple[Surface, ...]:
+def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
     """The surfaces of a file in its own colours; none if they can't be read so. (A robot often shows a part twice.)"""
     from raff2urdf.graphics import scene
 

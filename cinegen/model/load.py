@@ -84,7 +84,7 @@ def load(
         return build(made.urdf, beside.opened(made.constraints))
     try:
         made = translate(document, chosen, path.parent, loops=loops)
-    except raff2urdf.ClosureError as error:
+    except raff2urdf.RaffClosureError as error:
         raise ClosureError(error.problems) from None
     return build(made.urdf, made.constraints)
 

@@ -26,7 +26,7 @@ from ezdxf.filemanagement import readfile
 from ezdxf.math import Matrix44, Vec3
 
 from raff2urdf.errors import Problem, RaffError
-from raff2urdf.graphics.surface import Colour, Point, Polygons, Surface
+from raff2urdf.graphics.surface import Colour, ColouredSurface, Point, Polygons
 
 MOST_IN_BLOCKS = 500_000
 """The number of entities that blocks may come to. A short file can say more of them than any memory holds: a block of
@@ -39,7 +39,7 @@ _WHITE = (255, 255, 255)
 _BY_DEFAULT = 7  # AutoCAD's index of white
 
 
-def read(path: str | Path) -> tuple[list[Surface], str | None]:
+def read(path: str | Path) -> tuple[list[ColouredSurface], str | None]:
     """The surfaces of a file, one for each colour, and what was left out of them, None if nothing.
 
     Raises:

@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from raff2urdf.document import Base, Frame, Link, Robot
+from raff2urdf.document import RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
     import yourdfpy
 
-    from raff2urdf.graphics.surface import Colour, Surface
+    from raff2urdf.graphics.surface import Colour, ColouredSurface
 
 SHOWN = (".stl", ".obj", ".dae")  # what URDF viewers, Pinocchio and browsers read
 CONVERTED = (".nff", ".dxf", ".3mf", ".glb", ".gltf", ".off", ".ply")
@@ -62,13 +62,13 @@ class Graphics:
         written: converted meshes to be written: their paths in `folder`, and their bytes.
     """
 
-    def __init__(self, robot: Robot, beside: Path, folder: Path | None = None) -> None:
+    def __init__(self, robot: RaffRobot, beside: Path, folder: Path | None = None) -> None:
         self.robot, self.beside, self.folder = robot, beside, folder
         self.written: dict[Path, bytes] = {}
         self._found: dict[Path, tuple[list[Drawing], str | None]] = {}  # arms of one kind share their files
         self._stems: set[str] = set()
 
-    def of(self, part: Base | Link | Frame) -> tuple[list[Drawing], list[str]]:
+    def of(self, part: RaffNode) -> tuple[list[Drawing], list[str]]:
         """What can be shown of a node's graphic files, and why not, for each that can't or that lacks something."""
         drawings: list[Drawing] = []
         reasons = []
@@ -109,7 +109,7 @@ class Graphics:
             return self._converted(path, surfaces), lacking
         return [], f"{path.suffix or 'no extension'}: only {', '.join((*SHOWN, *CONVERTED))} can be shown"
 
-    def _converted(self, path: Path, surfaces: list[Surface]) -> list[Drawing]:
+    def _converted(self, path: Path, surfaces: list[ColouredSurface]) -> list[Drawing]:
         from raff2urdf.graphics.surface import stl
 
         stem = self._stem(path)
@@ -154,7 +154,7 @@ def converted(path: Path) -> list[Drawing]:
     return [Drawing(keep(stl(surface.triangles), ".stl"), surface.colour) for surface in surfaces]
 
 
-def _surfaces(path: Path) -> tuple[list[Surface], str | None]:
+def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
     """The surfaces of a file, one for each colour, and what they lack of it."""
     from raff2urdf.graphics.surface import fewer_colours
 

@@ -31,8 +31,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
-from raff2urdf.errors import Place, Problem, RaffError
-from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Colour, Point, Polygons, Surface
+from raff2urdf.errors import Problem, RaffError, SourceLocation
+from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Colour, ColouredSurface, Point, Polygons
 
 _HEADER = ("version", "viewpos", "viewdir")
 
@@ -44,7 +44,7 @@ _HEX = re.compile(r"0[xX]([0-9a-fA-F]{1,6})")
 _NUMBERS = {"norm": 3, "uv": 2}  # that follow a word behind a vertex
 
 
-def read(path: str | Path) -> list[Surface]:
+def read(path: str | Path) -> list[ColouredSurface]:
     """Reads a file, as `loads` does.
 
     Raises:
@@ -57,7 +57,7 @@ def read(path: str | Path) -> list[Surface]:
     return loads(text.removeprefix("\xef\xbb\xbf"), str(path))
 
 
-def loads(text: str, name: str = "<text>") -> list[Surface]:
+def loads(text: str, name: str = "<text>") -> list[ColouredSurface]:
     """The surfaces of a file, one for each colour.
 
     Args:
@@ -93,7 +93,7 @@ class _Reader:
         self.at = 0
         self.polygons = Polygons()
 
-    def surfaces(self) -> list[Surface]:
+    def surfaces(self) -> list[ColouredSurface]:
         if not self.lines:
             self.wrong("is empty", _Line(1, "", []))
         first = self.next("'nff'")
@@ -229,7 +229,7 @@ class _Reader:
     def wrong(self, message: str, line: _Line, word: int = 0) -> NoReturn:
         starts = [found.span() for found in re.finditer(r"\S+", line.text)]
         begin, end = starts[word] if word < len(starts) else (0, 1)
-        raise RaffError(Problem(message, self.name, Place(line.number, begin + 1, end - begin), line.text))
+        raise RaffError(Problem(message, self.name, SourceLocation(line.number, begin + 1, end - begin), line.text))
 
 
 def _is_number(word: str) -> bool:

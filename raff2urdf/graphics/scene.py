@@ -9,26 +9,26 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from raff2urdf.graphics.surface import Colour, Surface, solid
+from raff2urdf.graphics.surface import Colour, ColouredSurface, solid
 
 FORMATS = (".3mf", ".glb", ".gltf", ".off", ".ply")
 
 
-def read(path: str | Path) -> list[Surface]:
+def read(path: str | Path) -> list[ColouredSurface]:
     """The surfaces of a file, one for each mesh and colour; of textures, the colour that they are laid on.
 
     Raises:
         Exception: of any kind, as the readers have it.
     """
     scene: Any = trimesh.load_scene(path)
-    found: list[Surface] = []
+    found: list[ColouredSurface] = []
     for mesh in scene.dump():
         if isinstance(mesh, trimesh.Trimesh):
             found += _of_mesh(mesh)
     return found
 
 
-def _of_mesh(mesh: Any) -> Iterator[Surface]:
+def _of_mesh(mesh: Any) -> Iterator[ColouredSurface]:
     triangles = np.asarray(mesh.triangles, dtype=float)
     visual = mesh.visual
     if visual.kind == "texture":
@@ -41,10 +41,10 @@ def _of_mesh(mesh: Any) -> Iterator[Surface]:
         yield from _surface(triangles, None)
 
 
-def _surface(triangles: np.ndarray, colour: Colour | None) -> Iterator[Surface]:
+def _surface(triangles: np.ndarray, colour: Colour | None) -> Iterator[ColouredSurface]:
     shown = solid(triangles)
     if len(shown):
-        yield Surface(shown, colour)
+        yield ColouredSurface(shown, colour)
 
 
 def _colour(colour: Any) -> Colour:

@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 from yourdfpy import Box, Color, Cylinder, Geometry, Material, Sphere, Visual
 
-from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
+from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger
 
@@ -31,14 +31,14 @@ class _Style:
     colour: tuple[float, float, float]
 
 
-class Skeleton:
+class SkeletonDrawing:
     """Draws the nodes of one robot, each in its own frame."""
 
-    def __init__(self, document: Document, robot: Robot) -> None:
+    def __init__(self, document: Document, robot: RaffRobot) -> None:
         self.document, self.robot = document, robot
         self.parameters = {part.number: kleinfinger(document, part) for part in robot.parts}
         self.radius = 0.06 * _typical(list(self.parameters.values()))
-        self.children: dict[int, list[Link | Frame]] = {}
+        self.children: dict[int, list[RaffPart]] = {}
         for part in robot.parts:
             self.children.setdefault(part.pred, []).append(part)
         branch, last = {0: 0}, 0
@@ -49,20 +49,20 @@ class Skeleton:
             branch[part.number] = last if forks else branch[part.pred]
             self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
 
-    def draw(self, part: Base | Link | Frame) -> list[Visual]:
+    def draw(self, part: RaffNode) -> list[Visual]:
         """The shapes of one node, in its own frame."""
         style = _Style(self.radius, self.colours[part.number])
         shapes = list(self._joint(part, style))
         for child in self.children.get(part.number, []):
             shapes += self._way(child, style)
-        if not shapes and not isinstance(part, Frame):
+        if not shapes and not isinstance(part, RaffFrame):
             shapes.append(_ball(np.zeros(3), 1.2, style))
         return shapes
 
-    def _joint(self, part: Base | Link | Frame, style: _Style) -> Iterator[Visual]:
+    def _joint(self, part: RaffNode, style: _Style) -> Iterator[Visual]:
         marker = _Style(style.radius, _JOINT)
         origin = np.zeros(3)
-        if not isinstance(part, Link) or part.type is JointType.FIXED:
+        if not isinstance(part, RaffLink) or part.type is JointType.FIXED:
             return
         if part.type is JointType.REVOLUTE:
             half = np.array([0.0, 0.0, 1.6 * style.radius])
@@ -73,18 +73,18 @@ class Skeleton:
             way = home(self.document, part)
             yield from _bar(np.array([0.0, 0.0, -0.62 * way]), origin, 0.6, style)
 
-    def _way(self, child: Link | Frame, style: _Style) -> Iterator[Visual]:
+    def _way(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
         """Bars from the node's origin to where a child's joint stands."""
         gamma, epsilon, alpha, d, _, r = self.parameters[child.number]
-        thickness = 0.6 if isinstance(child, Frame) else 1.0
+        thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
         cg, sg = math.cos(gamma), math.sin(gamma)
         axis = np.array([sg * math.sin(alpha), -cg * math.sin(alpha), math.cos(alpha)])
-        slides = isinstance(child, Link) and child.type is JointType.PRISMATIC
+        slides = isinstance(child, RaffLink) and child.type is JointType.PRISMATIC
         corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
         corners.append(corners[-1] + d * np.array([cg, sg, 0.0]))
         if not slides:
             corners.append(corners[-1] + r * axis)
-        if isinstance(child, Frame) or child.type is JointType.FIXED:
+        if isinstance(child, RaffFrame) or child.type is JointType.FIXED:
             corners = [corners[0], corners[-1]]
         drawn = [corners[0]]
         for corner in corners[1:]:

@@ -31,7 +31,7 @@ LARGEST = 1e37
 
 
 @dataclass(frozen=True, slots=True)
-class Surface:
+class ColouredSurface:
     """Triangles of one colour.
 
     Attributes:
@@ -70,7 +70,7 @@ class Polygons:
         if both:
             kinds[len(corners)].append(corners[::-1])
 
-    def surfaces(self) -> list[Surface]:
+    def surfaces(self) -> list[ColouredSurface]:
         """One surface for each colour, in the order in which they came; what has no area is left out.
 
         Raises:
@@ -79,7 +79,7 @@ class Polygons:
         found = []
         for colour, kinds in self._gathered.items():
             parts = [_cut(_checked(np.array(corners, dtype=float))) for _, corners in sorted(kinds.items())]
-            found.append(Surface(solid(np.concatenate(parts)), colour))
+            found.append(ColouredSurface(solid(np.concatenate(parts)), colour))
         return [surface for surface in found if len(surface.triangles)]
 
 
@@ -93,7 +93,7 @@ def solid(triangles: NDArray[np.float64]) -> NDArray[np.float32]:
     return np.ascontiguousarray(rounded[np.any(_normals(rounded) != 0.0, axis=1)])
 
 
-def fewer_colours(surfaces: Sequence[Surface], most: int = MOST_COLOURS) -> list[Surface]:
+def fewer_colours(surfaces: Sequence[ColouredSurface], most: int = MOST_COLOURS) -> list[ColouredSurface]:
     """The surfaces, those of the same colour made one; where there are more than `most`, those of near colours.
 
     Near colours agree in their first bits, and become their mean by area.
@@ -102,7 +102,7 @@ def fewer_colours(surfaces: Sequence[Surface], most: int = MOST_COLOURS) -> list
         surfaces: in any number.
         most: at least 17: one for each bright or dark channel, and one without a colour.
     """
-    groups: dict[tuple[int, ...] | None, list[Surface]] = {}
+    groups: dict[tuple[int, ...] | None, list[ColouredSurface]] = {}
     for bits in range(8, 0, -1):
         groups = {}
         for surface in surfaces:
@@ -110,10 +110,12 @@ def fewer_colours(surfaces: Sequence[Surface], most: int = MOST_COLOURS) -> list
             groups.setdefault(key, []).append(surface)
         if len(groups) <= most:
             break
-    return [Surface(np.concatenate([one.triangles for one in group]), _mean(group)) for group in groups.values()]
+    return [
+        ColouredSurface(np.concatenate([one.triangles for one in group]), _mean(group)) for group in groups.values()
+    ]
 
 
-def _mean(group: Sequence[Surface]) -> Colour | None:
+def _mean(group: Sequence[ColouredSurface]) -> Colour | None:
     colours = [surface.colour for surface in group if surface.colour is not None]
     if len(set(colours)) < 2:
         return group[0].colour

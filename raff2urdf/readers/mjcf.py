@@ -24,7 +24,7 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.placement import of_quaternion, turn
 from raff2urdf.readers import visuals
 from raff2urdf.readers.urdf import LARGEST, UNLIMITED
-from raff2urdf.urdf import dumps
+from raff2urdf.writers.urdf import dumps
 
 Array = NDArray[np.float64]
 

@@ -28,7 +28,7 @@ import cinegen
 import raff2urdf
 from raff2urdf.graphics import nff
 
-COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff", "cinegen": "cinegen.cli"}
+COMMANDS = {"raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli", "cinegen": "cinegen.cli"}
 
 
 @pytest.fixture

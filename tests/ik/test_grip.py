@@ -11,7 +11,7 @@ import pytest
 
 import cinegen
 import raff2urdf
-from raff2urdf.document import Frame, Parameters
+from raff2urdf.document import Parameters, RaffFrame
 from raff2urdf.kleinfinger import transform
 from raff2urdf.tree import kleinfinger
 
@@ -26,7 +26,7 @@ def twins(request, tmp_path):
     document = raff2urdf.load(path)
     robot = document.robot()
     father = robot.links[-1]
-    frame = Frame(9999, GRIP, father.number, "grip")
+    frame = RaffFrame(9999, GRIP, father.number, "grip")
     other = replace(robot, parts=(*robot.parts, frame))
     text = raff2urdf.dumps(replace(document, robots=(other,)))
     (tmp_path / "graphics").symlink_to(ROBOTS / "graphics")

@@ -16,9 +16,9 @@ from lxml import etree
 import raff2urdf
 from cinegen.model.urdf import simple
 from raff2urdf import readers
-from raff2urdf.backward.robot import reverse
 from raff2urdf.conversion import translate
 from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.urdf2raff.robot import reverse
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 

@@ -10,16 +10,16 @@ from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
 from raff2urdf.document import (
-    Base,
     Document,
-    Frame,
     JointType,
-    Link,
-    Loop,
     LoopKind,
     Parameters,
-    Robot,
-    Sensor,
+    RaffBase,
+    RaffFrame,
+    RaffLink,
+    RaffLoop,
+    RaffRobot,
+    RaffSensor,
     SensorConstraint,
 )
 
@@ -87,7 +87,7 @@ def documents(
     lengths, angles, least_speed = (LENGTHS, ANGLES, 1e-3) if moderate else (EXTREME, EXTREME, 0.0)
     numbers = draw(st.lists(st.integers(1, 10**6), unique=True, max_size=3))
     counts = st.integers(0, 3)
-    sensors = [Sensor(number, draw(TEXTS), translation=draw(counts), rotation=draw(counts)) for number in numbers]
+    sensors = [RaffSensor(number, draw(TEXTS), translation=draw(counts), rotation=draw(counts)) for number in numbers]
     names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
     robots = [
         draw(
@@ -114,12 +114,12 @@ def _robots(
     graphics: bool,
     most_parts: int,
     least_speed: float,
-) -> Robot:
+) -> RaffRobot:
     files = st.none() | st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.none()
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
     own = st.none() | (XML_NAMES | KEYWORDS).filter(lambda word: word not in ("base", "world", "universe"))
     names = draw(st.lists(own, min_size=len(numbers), max_size=len(numbers), unique_by=_or_unlike))
-    parts: list[Link | Frame] = []
+    parts: list[RaffLink | RaffFrame] = []
     for number, own_name in zip(numbers, names, strict=True):
         common = {
             "number": number,
@@ -129,11 +129,11 @@ def _robots(
             "filenames": draw(files),
         }
         if draw(st.integers(0, 3)) == 0:
-            parts.append(Frame(**common))
+            parts.append(RaffFrame(**common))
             continue
         pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
         speed = values.map(abs).filter(lambda value: value > least_speed)
-        link = Link(
+        link = RaffLink(
             **common,
             type=draw(st.sampled_from(JointType)),
             limits=draw(st.none() | pair),
@@ -143,12 +143,12 @@ def _robots(
         parts.append(link)
     nodes = [0, *numbers]
     ends = st.lists(st.sampled_from(nodes), min_size=2, max_size=2, unique=True)
-    loop = st.builds(lambda two, kind: Loop(*two, kind), ends, st.sampled_from(LoopKind))
+    loop = st.builds(lambda two, kind: RaffLoop(*two, kind), ends, st.sampled_from(LoopKind))
     choices = st.lists(st.sampled_from(sensors), min_size=1, max_size=3).map(tuple)
     held = st.builds(SensorConstraint, st.sampled_from(nodes), choices)
-    return Robot(
+    return RaffRobot(
         name,
-        Base(draw(st.just(Parameters()) | params), draw(files)),
+        RaffBase(draw(st.just(Parameters()) | params), draw(files)),
         tuple(draw(st.permutations(parts))),  # a father may stand behind its children
         tuple(draw(st.lists(loop, max_size=3))) if loops and numbers else (),
         tuple(draw(st.lists(held, max_size=2))),

@@ -10,7 +10,7 @@ from strategies import documents, examples
 
 import raff2urdf
 from raff2urdf import RaffError, RaffWarning
-from raff2urdf.document import Document, Frame, JointType, Link, Parameters, Robot
+from raff2urdf.document import Document, JointType, Parameters, RaffFrame, RaffLink, RaffRobot
 from raff2urdf.errors import Problem
 from raff2urdf.reader import parse
 
@@ -149,10 +149,10 @@ def test_sensor_0_needs_no_declaration() -> None:
 
 @pytest.mark.parametrize("length", [1, 2, 9, 3000])
 def test_a_ring_of_fathers_is_one_fault_however_long(length: int) -> None:
-    ring = [Link(i, Parameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
-    on_it = [Frame(length + i, Parameters(), i) for i in range(1, length + 1)]
+    ring = [RaffLink(i, Parameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
+    on_it = [RaffFrame(length + i, Parameters(), i) for i in range(1, length + 1)]
     with pytest.raises(RaffError) as caught:
-        raff2urdf.check(Document("t", (Robot("r", parts=(*on_it, *ring)),)))
+        raff2urdf.check(Document("t", (RaffRobot("r", parts=(*on_it, *ring)),)))
     (problem,) = caught.value.problems
     assert "link 1 stands on itself: its fathers are 1 -> " in problem.message
     assert len(problem.message) < 200
@@ -174,9 +174,9 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
 
 def test_a_document_made_by_hand_is_checked_too() -> None:
     """It has no text, so there is no place; the message still names the thing."""
-    link = Link(1, Parameters(), JointType.REVOLUTE, pred=5)
+    link = RaffLink(1, Parameters(), JointType.REVOLUTE, pred=5)
     with pytest.raises(RaffError, match="link 1 stands on 5, which does not exist"):
-        raff2urdf.check(Document("t", (Robot("r", parts=(link,)),)))
+        raff2urdf.check(Document("t", (RaffRobot("r", parts=(link,)),)))
 
 
 # --- understood, but probably not meant --------------------------------------------------------------------------

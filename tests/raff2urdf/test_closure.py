@@ -36,7 +36,7 @@ from raff2urdf import loads
 from raff2urdf.analysis import analyse
 from raff2urdf.closure import close, close_from_afar, closed_walk, generic_rank, passive, rank
 from raff2urdf.document import Document, LoopKind
-from raff2urdf.errors import ClosureError
+from raff2urdf.errors import RaffClosureError
 from raff2urdf.tree import Cluster, placements
 
 MET = 1e-11  # m or rad: CLOSED, times the size of these mechanisms and some rounding
@@ -345,7 +345,7 @@ def test_where_nothing_can_move_there_is_no_walk() -> None:
 
 def why(text: str) -> str:
     document = loads(text)
-    with pytest.raises(ClosureError) as caught:
+    with pytest.raises(RaffClosureError) as caught:
         analyse(document, document.robot())
     return str(caught.value)
 

@@ -21,12 +21,12 @@ from raff2urdf import RaffError, constraints, loads
 from raff2urdf.analysis import analyse
 from raff2urdf.check import LARGEST
 from raff2urdf.conversion import translate
-from raff2urdf.document import Document, JointType, Link, LoopKind, Parameters, Robot
+from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffRobot
 
 SCHEMA = json.loads(files("raff2urdf").joinpath("constraints.schema.json").read_text(encoding="utf-8"))
 
 
-def made(document: Document, robot: Robot | None = None) -> constraints.Constraints:
+def made(document: Document, robot: RaffRobot | None = None) -> constraints.Constraints:
     robot = robot or document.robot()
     return constraints.constraints(document, robot, analyse(document, robot))
 
@@ -154,8 +154,8 @@ def test_numbers_read_back_to_the_same_double(
     pair: tuple[float, float], speed: float, home: float, kind: int, units: str
 ) -> None:
     parameters = Parameters(theta=home) if kind == 2 else Parameters(r=home)
-    link = Link(1, parameters, JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
-    document = Document("t", (Robot("r", parts=(link,)),), units=units)
+    link = RaffLink(1, parameters, JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
+    document = Document("t", (RaffRobot("r", parts=(link,)),), units=units)
     si = math.radians if kind == 2 else document.metres
     try:
         (joint,) = constraints.loads(constraints.dumps(made(document)))["joints"]

@@ -19,7 +19,7 @@ from test_surface import outlines, shoelace
 
 from raff2urdf import RaffError
 from raff2urdf.graphics import dxf
-from raff2urdf.graphics.surface import Colour, Surface, area
+from raff2urdf.graphics.surface import Colour, ColouredSurface, area
 
 SQUARE = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (0.0, 1.0, 0.0)]
 RED, YELLOW, GREEN, BLUE = ((*aci2rgb(index), 255) for index in (1, 2, 3, 5))
@@ -32,17 +32,17 @@ def drawing() -> Drawing:
 
 
 @pytest.fixture
-def read(tmp_path: Path) -> Callable[[Drawing], tuple[list[Surface], str | None]]:
+def read(tmp_path: Path) -> Callable[[Drawing], tuple[list[ColouredSurface], str | None]]:
     """Writes a drawing and reads it back."""
 
-    def read(drawing: Drawing) -> tuple[list[Surface], str | None]:
+    def read(drawing: Drawing) -> tuple[list[ColouredSurface], str | None]:
         drawing.saveas(tmp_path / "part.dxf")
         return dxf.read(tmp_path / "part.dxf")
 
     return read
 
 
-Read = Callable[[Drawing], tuple[list[Surface], str | None]]
+Read = Callable[[Drawing], tuple[list[ColouredSurface], str | None]]
 
 
 def areas(read: Read, drawing: Drawing) -> dict[Colour | None, float]:

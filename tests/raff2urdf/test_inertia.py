@@ -16,7 +16,7 @@ from strategies import examples
 from yourdfpy import Box, Cylinder, Geometry, Mesh, Sphere, Visual
 
 from raff2urdf import RaffError
-from raff2urdf.simulators.inertia import LEAST_MASS, LEAST_MOMENT, Inertia, inertias, of_geometry, of_surface, sum_of
+from raff2urdf.writers.inertia import LEAST_MASS, LEAST_MOMENT, Inertia, inertias, of_geometry, of_surface, sum_of
 
 RHO = 700.0  # kg/m3
 SIZES = st.floats(1e-3, 2.0)

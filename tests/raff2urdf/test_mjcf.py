@@ -21,9 +21,9 @@ from mechanisms import KNOWN
 
 from raff2urdf import RaffError, RaffWarning, convert, loads
 from raff2urdf.conversion import translate
-from raff2urdf.simulators.bodies import Bodies
-from raff2urdf.simulators.inertia import inertias
-from raff2urdf.simulators.mjcf import mjcf, quaternion
+from raff2urdf.writers.bodies import TreeAtHome
+from raff2urdf.writers.inertia import inertias
+from raff2urdf.writers.mjcf import mjcf, quaternion
 
 EXACT = 1e-9  # m and rad
 STAY = 1e-3  # of the characteristic length: how far loops may open in a simulation
@@ -346,17 +346,17 @@ def test_a_mesh_that_mujoco_cannot_have_is_left_out_with_a_warning(workshop: Pat
 # --- URDFs from elsewhere ----------------------------------------------------------------------------------------
 
 
-def foreign(joints: str, links: str = '<link name="a"/><link name="b"/>') -> Bodies:
+def foreign(joints: str, links: str = '<link name="a"/><link name="b"/>') -> TreeAtHome:
     text = f'<robot name="r">{links}{joints}</robot>'
     model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False).robot
-    return Bodies(model, {})
+    return TreeAtHome(model, {})
 
 
 def joint(kind: str = "revolute", more: str = "", parent: str = "a", child: str = "b") -> str:
     return f'<joint name="{child}s" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{more}</joint>'
 
 
-def written(bodies: Bodies, constraints: dict[str, Any] | None = None) -> str:
+def written(bodies: TreeAtHome, constraints: dict[str, Any] | None = None) -> str:
     return mjcf(bodies, constraints or NO_LOOPS, inertias(bodies.model, moving=bodies.moving))
 
 

@@ -12,16 +12,16 @@ from strategies import documents, examples
 import raff2urdf
 from raff2urdf import RaffError
 from raff2urdf.document import (
-    Base,
     Document,
-    Frame,
     JointType,
-    Link,
-    Loop,
     LoopKind,
     Parameters,
-    Robot,
-    Sensor,
+    RaffBase,
+    RaffFrame,
+    RaffLink,
+    RaffLoop,
+    RaffRobot,
+    RaffSensor,
     SensorConstraint,
 )
 from raff2urdf.errors import Problem
@@ -129,13 +129,13 @@ def problems_of(text: str, name: str = "<text>") -> tuple[Problem, ...]:
     return caught.value.problems
 
 
-def robot_of(body: str) -> Robot:
+def robot_of(body: str) -> RaffRobot:
     """The one robot whose block holds `body`."""
     (robot,) = raff2urdf.loads(f"RAFF test\nrobot r {{\n{body}\n}}\n").robots
     return robot
 
 
-def link_of(body: str) -> Link:
+def link_of(body: str) -> RaffLink:
     (link,) = robot_of(f"link 1 {{ type 2 pred 0 {body} }}").links
     return link
 
@@ -172,22 +172,22 @@ def test_figure_5_repaired_means_what_it_says() -> None:
     assert (document.name, document.units) == ("MiniDelta", "mm")
     (robot,) = document.robots
     assert (robot.name, robot.path) == ("r1", "~/GKG/Models/delta-4/")
-    assert robot.base == Base(filenames=("platform.dxf",))
+    assert robot.base == RaffBase(filenames=("platform.dxf",))
     assert robot.links == (
-        Link(1, Parameters(d=1500, alpha=90), JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
-        Link(2, Parameters(theta=211.21, d=2000), JointType.REVOLUTE, 1, limits=(185, 355)),
-        Link(6, Parameters(d=1500, alpha=90, gamma=120), JointType.REVOLUTE, 0, (-85, 80), filenames=("bras.nff",)),
+        RaffLink(1, Parameters(d=1500, alpha=90), JointType.REVOLUTE, 0, limits=(-85, 80), filenames=("bras.nff",)),
+        RaffLink(2, Parameters(theta=211.21, d=2000), JointType.REVOLUTE, 1, limits=(185, 355)),
+        RaffLink(6, Parameters(d=1500, alpha=90, gamma=120), JointType.REVOLUTE, 0, (-85, 80), filenames=("bras.nff",)),
     )
-    assert robot.loops == (Loop(5, 11, LoopKind.RIGID),)
+    assert robot.loops == (RaffLoop(5, 11, LoopKind.RIGID),)
 
 
 def test_figures_5_and_6_go_together() -> None:
     """Figure 5 is an excerpt: constraints may name links that it lacks, as long as nothing is converted."""
     robot, end = repaired_figure_5().rsplit("}", 1)
     document = raff2urdf.loads(f"{robot}{FIGURE_6_CONSTRAINT}}}{end}{FIGURE_6_SENSOR}")
-    assert document.sensors == (Sensor(1, "/dev/ttyd2", translation=3, rotation=3),)
+    assert document.sensors == (RaffSensor(1, "/dev/ttyd2", translation=3, rotation=3),)
     assert document.robots[0].sensor_constraints == (SensorConstraint(5, (0, 1)),)
-    assert document.robots[0].loops == (Loop(5, 11),)
+    assert document.robots[0].loops == (RaffLoop(5, 11),)
     with pytest.raises(RaffError, match="which does not exist"):
         raff2urdf.check(document)
 
@@ -211,16 +211,16 @@ def test_a_file_may_hold_several_robots_and_sensors_in_any_order() -> None:
         'RAFF test\nrobot a { }\nsensor 7 { port "COM1" }\nrobot b { }\nsensor 2 { rotation 0 port "x" translation 1 }'
     )
     assert [robot.name for robot in document.robots] == ["a", "b"]
-    assert document.sensors == (Sensor(7, "COM1", 3, 3), Sensor(2, "x", 1, 0))
+    assert document.sensors == (RaffSensor(7, "COM1", 3, 3), RaffSensor(2, "x", 1, 0))
 
 
 def test_an_empty_robot_is_a_base_at_the_worlds_origin() -> None:
-    assert robot_of("") == Robot("r", Base(Parameters()))
+    assert robot_of("") == RaffRobot("r", RaffBase(Parameters()))
 
 
 def test_a_base_may_be_placed_and_drawn() -> None:
     robot = robot_of('base { parameters { gamma 30 epsilon 200 } filename { "a.stl" "b.stl" } }')
-    assert robot.base == Base(Parameters(gamma=30, epsilon=200), ("a.stl", "b.stl"))
+    assert robot.base == RaffBase(Parameters(gamma=30, epsilon=200), ("a.stl", "b.stl"))
 
 
 def test_the_six_parameters_stand_in_any_order_and_default_to_zero() -> None:
@@ -269,9 +269,9 @@ def test_frames_stand_on_bases_links_and_frames_and_share_the_links_numbering() 
         """
     )
     assert robot.frames == (
-        Frame(20, Parameters(), 0),
-        Frame(21, Parameters(), 1, "flange", ("f.stl",)),
-        Frame(22, Parameters(r=50), 21),
+        RaffFrame(20, Parameters(), 0),
+        RaffFrame(21, Parameters(), 1, "flange", ("f.stl",)),
+        RaffFrame(22, Parameters(r=50), 21),
     )
     assert [node.node for node in robot.nodes.values()] == ["base", "link1", "frame20", "flange", "frame22"]
 
@@ -285,12 +285,12 @@ def test_a_child_may_be_written_before_its_father() -> None:
 @pytest.mark.parametrize(("said", "kind"), [(0, "RIGID"), (1, "PRISMATIC"), (2, "REVOLUTE"), (3, "BALL")])
 def test_a_loop_may_say_which_joint_was_cut(said: int, kind: str) -> None:
     robot = robot_of(f"link 1 {{ type 2 pred 0 }} constraint {{ base link 1 type {said} }}")
-    assert robot.loops == (Loop(0, 1, LoopKind[kind]),)
+    assert robot.loops == (RaffLoop(0, 1, LoopKind[kind]),)
 
 
 def test_a_loop_is_rigid_where_it_does_not_say() -> None:
     robot = robot_of("link 1 { type 2 pred 0 } frame 2 { pred 0 } constraint { frame 2 link 1 }")
-    assert robot.loops == (Loop(2, 1, LoopKind.RIGID),)
+    assert robot.loops == (RaffLoop(2, 1, LoopKind.RIGID),)
     assert robot.loop_names == ("frame2-link1",)
 
 
@@ -528,7 +528,7 @@ def test_an_error_knows_its_file() -> None:
 def test_a_wrong_text_leaves_nothing_behind_for_the_next_one() -> None:
     for wrong in (FIGURE_5, "", 'RAFF "', "RAFF t robot {"):
         problems_of(wrong)
-        assert raff2urdf.loads("RAFF t robot r { }").robots == (Robot("r"),)
+        assert raff2urdf.loads("RAFF t robot r { }").robots == (RaffRobot("r"),)
 
 
 _SCRAPS = ["{", "}", "(", ")", '"', "/", "5", "1e999", "-", "link", "type", "robot", "RAFF", "d", "x", "\n", "\0", "é"]

@@ -19,9 +19,9 @@ from yourdfpy import Box, Geometry, Visual
 
 from raff2urdf import RaffError, convert
 from raff2urdf.loops import gap
-from raff2urdf.simulators.bodies import Bodies
-from raff2urdf.simulators.inertia import inertias
-from raff2urdf.simulators.sdf import NAMESPACE, sdf
+from raff2urdf.writers.bodies import TreeAtHome
+from raff2urdf.writers.inertia import inertias
+from raff2urdf.writers.sdf import NAMESPACE, sdf
 
 Matrix = NDArray[np.float64]
 EXACT = 1e-9  # m and rad
@@ -262,7 +262,7 @@ def test_names_that_meet_are_parted_and_told() -> None:
     """A URDF may call a link as its joint; SDF may not."""
     links = [yourdfpy.Link(name="a"), yourdfpy.Link(name="b", visuals=[Visual(geometry=Geometry(box=Box(np.ones(3))))])]
     joints = [yourdfpy.Joint(name="b", type="continuous", parent="a", child="b", axis=np.array([0.0, 1.0, 0.0]))]
-    bodies = Bodies(yourdfpy.Robot(name="r", links=links, joints=joints), {"b": 0.25})
+    bodies = TreeAtHome(yourdfpy.Robot(name="r", links=links, joints=joints), {"b": 0.25})
     model = Model(sdf(bodies, {"joints": [], "loops": []}, inertias(bodies.model, moving=bodies.moving)))
     assert set(model.joints) == {"joint0", "b#2"}
     assert model.own["b#2"].get("called") == "b"
@@ -274,7 +274,7 @@ def test_ends_of_loops_that_stand_off_their_links_become_frames() -> None:
     place[:3, 3] = (0.3, -0.2, 0.1)
     names = ("a", "b", "c")
     joints = [yourdfpy.Joint(name=f"{n}s", type="continuous", parent="a", child=n) for n in "bc"]
-    bodies = Bodies(yourdfpy.Robot(name="r", links=[yourdfpy.Link(name=n) for n in names], joints=joints), {})
+    bodies = TreeAtHome(yourdfpy.Robot(name="r", links=[yourdfpy.Link(name=n) for n in names], joints=joints), {})
     ends = {which: {"node": node, "placement": place.tolist()} for which, node in (("first", "b"), ("second", "c"))}
     loops = [{"name": "l", "kind": "ball", **ends}]
     text = sdf(bodies, {"joints": [], "loops": loops}, inertias(bodies.model, moving=bodies.moving))
@@ -301,4 +301,4 @@ def test_what_cannot_be_written_is_named() -> None:
     links = [yourdfpy.Link(name="a"), yourdfpy.Link(name="b")]
     joint = yourdfpy.Joint(name="j", type="planar", parent="a", child="b")
     with pytest.raises(RaffError, match="planar"):
-        Bodies(yourdfpy.Robot(name="r", links=links, joints=[joint]), {})
+        TreeAtHome(yourdfpy.Robot(name="r", links=links, joints=[joint]), {})

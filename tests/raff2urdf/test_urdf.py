@@ -23,10 +23,10 @@ from strategies import ANGLES, EXTREME, UNITS, documents, examples
 import raff2urdf
 from raff2urdf import RaffError, RaffWarning, loads
 from raff2urdf.conversion import Translation, translate
-from raff2urdf.document import Document, JointType, Link, Parameters, Robot
+from raff2urdf.document import Document, JointType, Parameters, RaffLink, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger
 from raff2urdf.tree import placements
-from raff2urdf.urdf import UNLIMITED, roll_pitch_yaw
+from raff2urdf.writers.urdf import UNLIMITED, roll_pitch_yaw
 
 EXACT = 1e-12  # m and rad: rounding along a chain of some links of up to a metre
 
@@ -35,7 +35,7 @@ trees = documents(moderate=True, loops=False, graphics=False, least_robots=1)
 
 
 def translated(
-    document: Document, robot: Robot | None = None, beside: Path = HERE, out: Path | None = None
+    document: Document, robot: RaffRobot | None = None, beside: Path = HERE, out: Path | None = None
 ) -> Translation:
     return translate(document, robot or document.robot(), beside, out)
 
@@ -53,7 +53,7 @@ def numbers(text: str) -> list[float]:
     return [float(number) for number in text.split()]
 
 
-def drawn_q(document: Document, robot: Robot, seed: int) -> dict[str, float]:
+def drawn_q(document: Document, robot: RaffRobot, seed: int) -> dict[str, float]:
     """A value for every joint that moves, by name: rad or m."""
     rng = np.random.default_rng(seed)
     return {link.joint: rng.uniform(-3.0, 3.0) for link in robot.links if link.type is not JointType.FIXED}
@@ -191,8 +191,8 @@ def test_a_joint_without_limits_has_none_that_matter() -> None:
 @examples(100)
 def test_limits_read_back_to_the_same_double(pair: tuple[float, float], speed: float, kind: int, units: str) -> None:
     """Up to what counts as unlimited."""
-    link = Link(1, Parameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
-    document = Document("t", (Robot("r", parts=(link,)),), units=units)
+    link = RaffLink(1, Parameters(), JointType(kind), 0, limits=(min(pair), max(pair)), velocity=abs(speed))
+    document = Document("t", (RaffRobot("r", parts=(link,)),), units=units)
     limit = etree.fromstring(translated(document).urdf.encode()).find("joint/limit")
     si = math.radians if kind == 2 else document.metres
     low, high = (min(max(si(value), -UNLIMITED), UNLIMITED) for value in (min(pair), max(pair)))

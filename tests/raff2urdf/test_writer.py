@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from strategies import documents, examples, layouts
 
 import raff2urdf
-from raff2urdf.document import Document, JointType, Link, Parameters, Robot, Sensor, SensorConstraint
+from raff2urdf.document import Document, JointType, Parameters, RaffLink, RaffRobot, RaffSensor, SensorConstraint
 
 
 @given(documents())
@@ -40,7 +40,7 @@ def numbers_of(document: Document) -> list[float]:
     for robot in document.robots:
         for part in (robot.base, *robot.parts):
             found += [getattr(part.parameters, word) for word in Parameters.__dataclass_fields__]
-            if isinstance(part, Link):
+            if isinstance(part, RaffLink):
                 found += [*(part.limits or ()), *([part.velocity] if part.velocity is not None else [])]
     return found
 
@@ -55,14 +55,14 @@ def test_every_number_reads_back_to_the_same_double(document: Document) -> None:
 
 @pytest.mark.parametrize("value", [5e-324, 2.2250738585072014e-308, 1.7976931348623157e308, 0.1, 211.21, 1e22, 1 / 3])
 def test_hard_doubles_survive(value: float) -> None:
-    link = Link(1, Parameters(theta=value, r=-value), JointType.REVOLUTE, 0, limits=(-value, value), velocity=value)
-    document = Document("x", (Robot("r", parts=(link,)),))
+    link = RaffLink(1, Parameters(theta=value, r=-value), JointType.REVOLUTE, 0, limits=(-value, value), velocity=value)
+    document = Document("x", (RaffRobot("r", parts=(link,)),))
     assert raff2urdf.loads(raff2urdf.dumps(document)).robots[0].parts == (link,)
 
 
 def test_whole_numbers_are_written_without_a_point() -> None:
-    link = Link(1, Parameters(d=1500.0, theta=211.21), JointType.REVOLUTE, 0, limits=(-85.0, 80.0))
-    text = raff2urdf.dumps(Document("x", (Robot("r", parts=(link,)),)))
+    link = RaffLink(1, Parameters(d=1500.0, theta=211.21), JointType.REVOLUTE, 0, limits=(-85.0, 80.0))
+    text = raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
     assert "parameters { theta 211.21 d 1500 }" in text
     assert "limits { -85 80 }" in text
 
@@ -75,13 +75,13 @@ def test_a_file_may_bear_any_name(name: str) -> None:
 @pytest.mark.parametrize("wrong", ['a "b"', "a\nb"])
 @pytest.mark.parametrize("where", ["document", "path", "name", "filename", "port"])
 def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None:
-    link = Link(1, Parameters(), JointType.FIXED, 0)
+    link = RaffLink(1, Parameters(), JointType.FIXED, 0)
     document = {
         "document": lambda: Document(wrong),
-        "path": lambda: Document("x", (Robot("r", path=wrong),)),
-        "name": lambda: Document("x", (Robot("r", parts=(replace(link, name=wrong),)),)),
-        "filename": lambda: Document("x", (Robot("r", parts=(replace(link, filenames=(wrong,)),)),)),
-        "port": lambda: Document("x", sensors=(Sensor(1, wrong),)),
+        "path": lambda: Document("x", (RaffRobot("r", path=wrong),)),
+        "name": lambda: Document("x", (RaffRobot("r", parts=(replace(link, name=wrong),)),)),
+        "filename": lambda: Document("x", (RaffRobot("r", parts=(replace(link, filenames=(wrong,)),)),)),
+        "port": lambda: Document("x", sensors=(RaffSensor(1, wrong),)),
     }[where]()
     with pytest.raises(raff2urdf.RaffError, match="quotation mark or a line's end"):
         raff2urdf.dumps(document)
@@ -89,19 +89,19 @@ def test_a_text_that_raff_cannot_hold_is_refused(wrong: str, where: str) -> None
 
 @pytest.mark.parametrize("wrong", [math.inf, -math.inf, math.nan])
 def test_a_number_that_raff_cannot_hold_is_refused(wrong: float) -> None:
-    link = Link(1, Parameters(d=wrong), JointType.REVOLUTE, 0)
+    link = RaffLink(1, Parameters(d=wrong), JointType.REVOLUTE, 0)
     with pytest.raises(raff2urdf.RaffError):
-        raff2urdf.dumps(Document("x", (Robot("r", parts=(link,)),)))
+        raff2urdf.dumps(Document("x", (RaffRobot("r", parts=(link,)),)))
 
 
 @pytest.mark.parametrize("what", ["graphics", "sensors"])
 def test_a_long_list_is_written_so_that_it_can_be_read(what: str) -> None:
     """The reader takes no line of over 10,000 characters."""
     if what == "graphics":
-        link = Link(1, Parameters(), JointType.FIXED, 0, filenames=tuple(f"part-{i:04}.stl" for i in range(1000)))
-        document = Document("x", (Robot("r", parts=(link,)),))
+        link = RaffLink(1, Parameters(), JointType.FIXED, 0, filenames=tuple(f"part-{i:04}.stl" for i in range(1000)))
+        document = Document("x", (RaffRobot("r", parts=(link,)),))
     else:
-        sensors = tuple(Sensor(number, "port") for number in range(1, 3001))
+        sensors = tuple(RaffSensor(number, "port") for number in range(1, 3001))
         chosen = SensorConstraint(0, tuple(sensor.number for sensor in sensors))
-        document = Document("x", (Robot("r", sensor_constraints=(chosen,)),), sensors)
+        document = Document("x", (RaffRobot("r", sensor_constraints=(chosen,)),), sensors)
     assert raff2urdf.loads(raff2urdf.dumps(document)) == document

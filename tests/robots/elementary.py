@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import raff2urdf
-from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
+from raff2urdf.document import Document, JointType, RaffBase, RaffFrame, RaffLink, RaffRobot
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
@@ -64,18 +64,18 @@ def length(text: Document, value: float) -> float:
     return value / {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0}[text.units]
 
 
-def link(text: Document, number: int, robot: str | None = None) -> Link | Frame:
+def link(text: Document, number: int, robot: str | None = None) -> RaffLink | RaffFrame:
     """A link or frame of the file by its number."""
     found = text.robot(robot).nodes[number]
-    assert not isinstance(found, Base)
+    assert not isinstance(found, RaffBase)
     return found
 
 
-def local(text: Document, part: Base | Link | Frame, value: float | None = None) -> np.ndarray:
+def local(text: Document, part: RaffBase | RaffLink | RaffFrame, value: float | None = None) -> np.ndarray:
     """Where a node stands on its father, its joint at `value` (rad, m) or as written."""
     p = part.parameters
     theta, r = math.radians(p.theta), length(text, p.r)
-    if value is not None and isinstance(part, Link):
+    if value is not None and isinstance(part, RaffLink):
         theta = value if part.type is JointType.REVOLUTE else theta
         r = value if part.type is JointType.PRISMATIC else r
     return kleinfinger(
@@ -83,7 +83,7 @@ def local(text: Document, part: Base | Link | Frame, value: float | None = None)
     )
 
 
-def placed(text: Document, robot: Robot, q: Mapping[str, float]) -> dict[str, np.ndarray]:
+def placed(text: Document, robot: RaffRobot, q: Mapping[str, float]) -> dict[str, np.ndarray]:
     """Where each node stands in the world, joints by name at q (rad, m)."""
     by_number = {0: local(text, robot.base)}
     left = list(robot.parts)

@@ -30,7 +30,7 @@ from making import (
 
 import cinegen
 import raff2urdf
-from raff2urdf.document import Document, JointType, Link, Parameters
+from raff2urdf.document import Document, JointType, Parameters, RaffLink
 
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
@@ -57,7 +57,7 @@ def larger(text: Document, factor: float, units: str) -> Document:
 
     def part(p):
         p = replace(p, parameters=longer(p.parameters))
-        if isinstance(p, Link) and p.type is JointType.PRISMATIC:
+        if isinstance(p, RaffLink) and p.type is JointType.PRISMATIC:
             limits = None if p.limits is None else tuple(factor * limit for limit in p.limits)
             p = replace(p, limits=limits, velocity=None if p.velocity is None else factor * p.velocity)
         return p
@@ -203,7 +203,7 @@ def as_it_is(name: str) -> Mechanism:
     there, robot = cinegen.load(ROBOTS / f"{name}.raff"), document(name).robot()
     bodies = []
     for part in robot.parts:
-        kind = int(part.type) if isinstance(part, Link) else None
+        kind = int(part.type) if isinstance(part, RaffLink) else None
         more = 'name "tool"' if part is robot.parts[-1] else ""
         bodies.append(Body(part.number, part.pred, there.placement(there.q_home, part.node).homogeneous, kind, more))
     loops = tuple((loop.first, loop.second, int(loop.kind)) for loop in robot.loops)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from cinegen.workspace.errors import MapError
-from raff2urdf.document import Base, Frame, JointType, Link, Parameters, Robot
+from raff2urdf.document import JointType, Parameters, RaffBase, RaffFrame, RaffLink, RaffNode, RaffRobot
 from raff2urdf.errors import did_you_mean
 
 KLEINFINGER = tuple(Parameters.__dataclass_fields__)
@@ -53,7 +53,7 @@ class Parameter:
     def __str__(self) -> str:
         return f"{'-' * self.opposite}{self.node}.{self.name}"
 
-    def put(self, robot: Robot, value: float) -> Robot:
+    def put(self, robot: RaffRobot, value: float) -> RaffRobot:
         """The robot with another value, in the file's own unit: of lengths, degrees, or either per second.
 
         Raises:
@@ -65,11 +65,11 @@ class Parameter:
             changed = replace(part, parameters=replace(part.parameters, **{self.name: value}))
         else:
             changed = self._of_joint(part, value)
-        if isinstance(changed, Base):
+        if isinstance(changed, RaffBase):
             return replace(robot, base=changed)
         return replace(robot, parts=tuple(changed if one is part else one for one in robot.parts))
 
-    def whose(self, robot: Robot) -> str:
+    def whose(self, robot: RaffRobot) -> str:
         """The name of its node: a frame that has one goes by its number, too.
 
         Raises:
@@ -77,15 +77,15 @@ class Parameter:
         """
         return self._part(robot).node
 
-    def _part(self, robot: Robot) -> Base | Link | Frame:
-        parts: dict[str, Base | Link | Frame] = {f"{_kind(part)}{part.number}": part for part in robot.parts}
+    def _part(self, robot: RaffRobot) -> RaffNode:
+        parts: dict[str, RaffNode] = {f"{_kind(part)}{part.number}": part for part in robot.parts}
         parts |= {part.node: part for part in (robot.base, *robot.parts)}
         if self.node not in parts:
             raise MapError(f"robot {robot.name} has no link or frame '{self.node}'{did_you_mean(self.node, [*parts])}")
         return parts[self.node]
 
-    def _of_joint(self, part: Base | Link | Frame, value: float) -> Link:
-        if not isinstance(part, Link) or part.type is JointType.FIXED:
+    def _of_joint(self, part: RaffNode, value: float) -> RaffLink:
+        if not isinstance(part, RaffLink) or part.type is JointType.FIXED:
             raise MapError(f"{self.node} does not move on its father: it has no {self.name} that could vary")
         if self.name == "velocity":
             return replace(part, velocity=value)
@@ -95,5 +95,5 @@ class Parameter:
         return replace(part, limits=(value, high) if self.name == "limits.low" else (low, value))
 
 
-def _kind(part: Link | Frame) -> str:
+def _kind(part: RaffLink | RaffFrame) -> str:
     return type(part).__name__.lower()

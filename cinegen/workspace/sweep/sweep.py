@@ -19,7 +19,7 @@ from cinegen.workspace.sweep.studied import Plan, studied
 from cinegen.workspace.sweep.table import Row, Table
 from cinegen.workspace.sweep.variant import Variant, variants
 from cinegen.workspace.sweep.variation import Variation
-from raff2urdf.document import Document, Robot
+from raff2urdf.document import Document, RaffRobot
 from raff2urdf.files import write_all
 from raff2urdf.reader import parse, read
 from raff2urdf.writer import write
@@ -183,7 +183,7 @@ def _name(number: int, variant: Variant) -> str:
 def _seen_from(folder: Path, source: Path, document: Document) -> Document:
     """The document as it stands in another folder: its graphics are where they were."""
 
-    def moved(robot: Robot) -> Robot:
+    def moved(robot: RaffRobot) -> RaffRobot:
         there = source.parent.absolute() / Path(robot.path or "").expanduser()
         return replace(robot, path=Path(os.path.relpath(there, folder)).as_posix())
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import did_you_mean
-from raff2urdf.readers.sdf.poses import WORLD, Poses, error_at, named, pose
+from raff2urdf.readers.sdf.poses import WORLD, SdfPoses, error_at, named, pose
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, number, numbers
-from raff2urdf.simulators.sdf import NAMESPACE
+from raff2urdf.writers.sdf import NAMESPACE
 
 Array = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ _JOINTS = (*LOOPS, *TWO, COUPLING)
 
 
 @dataclass(slots=True, eq=False)
-class Joint:
+class SdfJoint:
     """A joint, everything in the model's frame."""
 
     element: Any
@@ -39,14 +39,14 @@ class Joint:
 
 
 @dataclass(slots=True)
-class Model:
+class SdfModel:
     """A model with those within it, links and joints by their full names, everything in the outermost model's frame."""
 
     name: str
     root: str | None = None
     links: dict[str, Any] = field(default_factory=dict)
     placements: dict[str, Array] = field(default_factory=dict)
-    joints: list[Joint] = field(default_factory=list)
+    joints: list[SdfJoint] = field(default_factory=list)
     frames: dict[str, str] = field(default_factory=dict)  # by the links that they are attached to
     fixed: bool = False  # static: it stands on the world
     ours: Any = None  # the element raff:robot
@@ -58,15 +58,15 @@ class Reader:
     def __init__(self, name: str, version: tuple[int, int]) -> None:
         self.name, self.version = name, version
 
-    def model(self, element: Any) -> Model:
+    def model(self, element: Any) -> SdfModel:
         """A model and all within it."""
-        found = Model(str(element.get("name", "model")))
+        found = SdfModel(str(element.get("name", "model")))
         for include in element.iter("include"):
             uri = include.findtext("uri", "").strip()
             raise error_at(self.name, include, f"it includes '{uri}': write what it holds into the file")
         around = element.getparent()
-        poses = Poses(self.name, around, np.eye(4), "").inner(element) if around.tag == "world" else None
-        poses = poses or Poses(self.name, element, pose(element, self.name), "")
+        poses = SdfPoses(self.name, around, np.eye(4), "").inner(element) if around.tag == "world" else None
+        poses = poses or SdfPoses(self.name, element, pose(element, self.name), "")
         poses.prefix = ""
         self._gather(poses, found)
         if not found.links:
@@ -77,7 +77,7 @@ class Reader:
         found.ours = element.find(f"{{{NAMESPACE}}}robot")
         return found
 
-    def _gather(self, poses: Poses, found: Model) -> None:
+    def _gather(self, poses: SdfPoses, found: SdfModel) -> None:
         for nested in poses.model.iterchildren("model"):
             self._gather(poses.inner(nested), found)
         for element in poses.model.iterchildren("link", "joint", "frame"):
@@ -107,7 +107,7 @@ class Reader:
                 )
             found.joints.append(self._joint(joint, poses, found))
 
-    def _joint(self, element: Any, poses: Poses, found: Model) -> Joint:
+    def _joint(self, element: Any, poses: SdfPoses, found: SdfModel) -> SdfJoint:
         name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))
         said = f"joint '{name}'"
         if kind not in _JOINTS:
@@ -136,9 +136,9 @@ class Reader:
         wanted = 2 if kind in TWO else 1 if kind in ONE else 0
         if len(axes) < wanted:
             raise error_at(self.name, element, f"{said} wants {wanted} axes and has {len(axes)}")
-        return Joint(element, name, kind, ends[0], ends[1], placement, axes, limits, velocities)
+        return SdfJoint(element, name, kind, ends[0], ends[1], placement, axes, limits, velocities)
 
-    def _axis(self, element: Any, said: str, placement: Array, poses: Poses) -> Array:
+    def _axis(self, element: Any, said: str, placement: Array, poses: SdfPoses) -> Array:
         xyz = element.find("xyz")
         text = "0 0 1" if xyz is None else xyz.text or ""
         found = numbers(text)

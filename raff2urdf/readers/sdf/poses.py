@@ -45,7 +45,7 @@ def pose(element: Any, name: str) -> Array:
     return matrix
 
 
-class Poses:
+class SdfPoses:
     """Where the links, joints, frames and models of one model stand, in the outermost model's frame.
 
     Names are looked up in the model itself; `inner::name` is in a model within it.
@@ -58,7 +58,7 @@ class Poses:
             for element in model.iterchildren(tag):
                 self.elements.setdefault(str(element.get("name", "")), element)
         self.found: dict[Any, Array] = {}
-        self.within: dict[Any, Poses] = {}
+        self.within: dict[Any, SdfPoses] = {}
         self.asked: set[Any] = set()
 
     def of(self, name: str, where: Any) -> Array:
@@ -89,13 +89,13 @@ class Poses:
         self.asked.difference_update(chain)
         return self.found[element]
 
-    def inner(self, model: Any) -> Poses:
+    def inner(self, model: Any) -> SdfPoses:
         """The same of a model within this one."""
         if model not in self.within:
             prefix, placed, held = f"{self.prefix}{model.get('name')}::", self.of_element(model), np.eye(4)
             if model.get("placement_frame"):  # that is what the pose places
-                held = Poses(self.name, model, np.eye(4), prefix).of(model.get("placement_frame"), model)
-            self.within[model] = Poses(self.name, model, placed @ inverse(held), prefix)
+                held = SdfPoses(self.name, model, np.eye(4), prefix).of(model.get("placement_frame"), model)
+            self.within[model] = SdfPoses(self.name, model, placed @ inverse(held), prefix)
         return self.within[model]
 
     def link(self, name: str, where: Any, wrong: str = "") -> str:
@@ -138,7 +138,7 @@ class Poses:
             return self.inner(model).canonical()
         raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link")
 
-    def _find(self, name: str) -> tuple[Any, Poses | None, str]:
+    def _find(self, name: str) -> tuple[Any, SdfPoses | None, str]:
         """The element of that name; or the model within this one where the rest of the name is to be looked up."""
         if name in ("__model__", WORLD, ""):
             return None, None, ""

@@ -16,11 +16,11 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.loops import skew
 from raff2urdf.placement import inverse, turn
 from raff2urdf.readers import visuals
-from raff2urdf.readers.sdf.model import COUPLING, LOOPS, ONE, TWO, Joint, Model
+from raff2urdf.readers.sdf.model import COUPLING, LOOPS, ONE, TWO, SdfJoint, SdfModel
 from raff2urdf.readers.sdf.poses import WORLD, pose
 from raff2urdf.readers.urdf import UNLIMITED, numbers
 from raff2urdf.tree import BASE_JOINT
-from raff2urdf.urdf import dumps
+from raff2urdf.writers.urdf import dumps
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ _STRAIGHT = 1e-12  # m: a joint whose axis passes this near a link's origin turn
 class Writer:
     """A model as a tree of joints, and loops."""
 
-    def __init__(self, name: str, model: Model) -> None:
+    def __init__(self, name: str, model: SdfModel) -> None:
         self.name, self.model = name, model
         self.placements = {**model.placements, WORLD: np.eye(4)}
         self.links: list[yourdfpy.Link] = []
@@ -73,7 +73,7 @@ class Writer:
         }
         return urdf, said
 
-    def _spanned(self) -> tuple[list[tuple[Joint, bool]], list[Joint], str]:
+    def _spanned(self) -> tuple[list[tuple[SdfJoint, bool]], list[SdfJoint], str]:
         """Joints that make a tree, each with whether it is walked from child to parent; those that close loops; root.
 
         A link stands on the first joint of the file that reaches it: from its parent if any does, else from its child.
@@ -109,7 +109,7 @@ class Writer:
             else:
                 return tree, left, root
 
-    def _first(self, joints: Sequence[Joint], reached: set[str]) -> str:
+    def _first(self, joints: Sequence[SdfJoint], reached: set[str]) -> str:
         """The first link, of those not reached, that no joint holds, or the first at all."""
         held = {joint.child for joint in joints}
         left = [link for link in self.model.links if link not in reached]
@@ -122,7 +122,7 @@ class Writer:
         self.taken.add(name)
         return name
 
-    def _tree_joint(self, joint: Joint, turned: bool) -> None:
+    def _tree_joint(self, joint: SdfJoint, turned: bool) -> None:
         """One joint for each axis; the last one holds the link, by a fixed joint where the axis passes beside it."""
         father, child = (joint.child, joint.parent) if turned else (joint.parent, joint.child)
         way = -1.0 if turned else 1.0
@@ -172,13 +172,13 @@ class Writer:
             raise RaffError(f"{self.name}:{said.sourceline}: home='{said.get('home')}' of a raff:joint is no number")
         return home[0], {"actuated": said.get("actuated") == "true"}
 
-    def _loop(self, joint: Joint) -> None:
+    def _loop(self, joint: SdfJoint) -> None:
         """A joint that was cut; of two axes, the first becomes a joint of the tree."""
         first, kind, axes = joint.parent, joint.kind, joint.axes
         if kind in TWO:
             helper = self._free(f"{joint.name}_cross")
             self.placements[helper] = joint.placement
-            half = Joint(joint.element, f"{joint.name}_1", "revolute", first, helper, joint.placement, [], [], [])
+            half = SdfJoint(joint.element, f"{joint.name}_1", "revolute", first, helper, joint.placement, [], [], [])
             half.axes, half.limits, half.velocities = axes[:1], joint.limits[:1], joint.velocities[:1]
             self.links.append(yourdfpy.Link(name=helper))
             self._tree_joint(half, False)

@@ -229,7 +229,7 @@ def test_of_xacro_it_is_said_what_it_is(bars):
 
 
 def test_urdf2raff_refuses_too_and_opens_on_demand(bars, tmp_path, capsys):
-    from raff2urdf.urdf2raff import main
+    from raff2urdf.urdf2raff.cli import main
 
     path = bars(DIALECTS["URDF+"][0])
     out = tmp_path / "bars.raff"

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.backward.tidy import TIDY, tidy
 from raff2urdf.kleinfinger import Kleinfinger, parameters, transform
 from raff2urdf.placement import inverse
+from raff2urdf.urdf2raff.tidy import TIDY, tidy
 
 Array = NDArray[np.float64]
 
@@ -31,7 +31,7 @@ _FAR = 10.0  # of the robot's size: no origin should be further away, as some co
 
 
 @dataclass(slots=True, eq=False)
-class Body:
+class RigidBody:
     """What moves as one: all links that are fixed to one another behind a joint.
 
     Attributes:
@@ -45,10 +45,10 @@ class Body:
     """
 
     joint: Any
-    father: Body | None
+    father: RigidBody | None
     links: list[tuple[str, Array]]
     axis: Array
-    children: list[Body] = field(default_factory=list)
+    children: list[RigidBody] = field(default_factory=list)
     frame: Array = field(default_factory=lambda: np.eye(4))
     size: int = 1
 
@@ -58,7 +58,7 @@ class Body:
         return self.links[0][1]
 
 
-def choose_frame(body: Body, length: float) -> Array:
+def choose_frame(body: RigidBody, length: float) -> Array:
     """The frame (4, 4) of a body: its own link's where that will do, else one for the child that carries most.
 
     It will do if its z is the axis, and nothing stands on it, or more than one, or one that needs neither gamma nor
@@ -165,7 +165,7 @@ def _error(found: Kleinfinger, relative: Array) -> float:
     return float(np.abs(transform(found) - relative).max())
 
 
-def _on_perpendicular(frame: Array, child: Body, length: float) -> bool:
+def _on_perpendicular(frame: Array, child: RigidBody, length: float) -> bool:
     """Whether a child's axis crosses the frame's x at a right angle: then it needs neither gamma nor epsilon."""
     inward = frame[:3, :3].T
     axis, point = inward @ child.axis, inward @ (child.own[:3, 3] - frame[:3, 3])
@@ -185,7 +185,7 @@ def _frame(z: Array, x: Array, origin: Array) -> Array:
     return frame
 
 
-def gather(root: Body, joints_on: dict[str, list[Any]], joint_axis: Any, placed_on: Any) -> list[Body]:
+def gather(root: RigidBody, joints_on: dict[str, list[Any]], joint_axis: Any, placed_on: Any) -> list[RigidBody]:
     """All bodies, fathers first.
 
     Args:
@@ -204,7 +204,7 @@ def gather(root: Body, joints_on: dict[str, list[Any]], joint_axis: Any, placed_
                 if axis is None:
                     body.links.append((child, there))
                     continue
-                moved = Body(joint, body, [(child, there)], there[:3, :3] @ (axis / np.linalg.norm(axis)))
+                moved = RigidBody(joint, body, [(child, there)], there[:3, :3] @ (axis / np.linalg.norm(axis)))
                 body.children.append(moved)
                 found.append(moved)
     for body in reversed(found):
@@ -213,7 +213,7 @@ def gather(root: Body, joints_on: dict[str, list[Any]], joint_axis: Any, placed_
     return found
 
 
-def reach(bodies: Sequence[Body]) -> float:
+def reach(bodies: Sequence[RigidBody]) -> float:
     """The robot's size (m): how far any of its links is from the base, 1 if nowhere."""
     base = bodies[0].own[:3, 3]
     furthest = max(float(np.abs(at[:3, 3] - base).max()) for body in bodies for _, at in body.links)

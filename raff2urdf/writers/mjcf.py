@@ -24,10 +24,10 @@ from numpy.typing import NDArray
 from raff2urdf.formats import Described
 from raff2urdf.loops import log
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.simulators.bodies import FIXED, SLIDES, TURNS, WORLD, Bodies, axis, greatest, limits, unlike
-from raff2urdf.simulators.inertia import Inertia, Inertias, sum_of
-from raff2urdf.simulators.mujoco_meshes import with_readable_meshes
 from raff2urdf.tree import BASE_JOINT, characteristic_length
+from raff2urdf.writers.bodies import FIXED, SLIDES, TURNS, WORLD, TreeAtHome, axis, greatest, limits, unlike
+from raff2urdf.writers.inertia import Inertia, Inertias, sum_of
+from raff2urdf.writers.mujoco_meshes import with_readable_meshes
 from raff2urdf.xml_text import comment, numeral, numerals, text_of
 
 Array = NDArray[np.float64]
@@ -56,7 +56,7 @@ def files(described: Described) -> dict[str, bytes]:
     return {f"{described.stem}.xml": text.encode(), **converted}
 
 
-def mjcf(bodies: Bodies, constraints: Mapping[str, Any], inertias: Inertias) -> str:
+def mjcf(bodies: TreeAtHome, constraints: Mapping[str, Any], inertias: Inertias) -> str:
     """The text of the file.
 
     Args:
@@ -72,7 +72,7 @@ def mjcf(bodies: Bodies, constraints: Mapping[str, Any], inertias: Inertias) -> 
 
 @dataclass
 class _Writer:
-    bodies: Bodies
+    bodies: TreeAtHome
     constraints: Mapping[str, Any]
     inertias: Inertias
     meshes: dict[tuple[str, tuple[float, ...]], str] = field(default_factory=dict)

@@ -15,10 +15,10 @@ from lxml import etree
 
 import raff2urdf
 from raff2urdf import tree as raff_tree
-from raff2urdf.backward.robot import reverse
-from raff2urdf.backward.tidy import tidy
 from raff2urdf.conversion import translate
 from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.urdf2raff.robot import reverse
+from raff2urdf.urdf2raff.tidy import tidy
 
 SPECIAL = st.sampled_from([0.0, 0.0, 0.0, math.pi / 2, -math.pi / 2, math.pi, 1.5708, 1e-7, 2.5e-5, 0.3])
 AXES = st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "0 0 -1", "1 1 0", "0.3 -0.2 1", "0 1e-7 1"])
@@ -94,7 +94,7 @@ def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
 
     def body(number):
         """What a node is fixed on: a link that moves, or the base."""
-        while number and not (isinstance(robot.nodes[number], raff2urdf.document.Link) and robot.nodes[number].type):
+        while number and not (isinstance(robot.nodes[number], raff2urdf.document.RaffLink) and robot.nodes[number].type):
             number = robot.nodes[number].pred
         return number
 

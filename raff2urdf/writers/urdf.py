@@ -1,4 +1,4 @@
-"""`Robot` -> URDF, built with yourdfpy's classes and written by its writer.
+"""`RaffRobot` -> URDF, built with yourdfpy's classes and written by its writer.
 
 Joint variables keep RAFF's own zero: the joint of a revolute link stands at Rz(gamma) Tz(epsilon) Rx(alpha)
 Tx(d) Tz(r) and turns by theta about its z, that of a prismatic link at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d)
@@ -14,9 +14,9 @@ import numpy as np
 import yourdfpy
 from lxml import etree
 
-from raff2urdf.document import Base, Document, Frame, JointType, Link, Robot
+from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffRobot
 from raff2urdf.graphics.meshes import Graphics
-from raff2urdf.graphics.skeleton import Skeleton
+from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.kleinfinger import transform
 from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.readers.urdf import UNLIMITED
@@ -26,7 +26,7 @@ _WORLD = "world"
 
 
 def urdf(
-    document: Document, robot: Robot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
+    document: Document, robot: RaffRobot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
 ) -> tuple[str, list[str]]:
     """The robot's tree as URDF text; see `tree` for arguments and what could not be shown."""
     model, missing = tree(document, robot, beside, out, graphics)
@@ -34,7 +34,7 @@ def urdf(
 
 
 def tree(
-    document: Document, robot: Robot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
+    document: Document, robot: RaffRobot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
 ) -> tuple[yourdfpy.Robot, list[str]]:
     """The robot's tree as yourdfpy's classes.
 
@@ -50,10 +50,10 @@ def tree(
     """
     graphics = graphics or Graphics(robot, beside)
     missing: list[str] = []
-    skeleton = Skeleton(document, robot)
+    skeleton = SkeletonDrawing(document, robot)
     links, joints = [], []
 
-    def body(part: Base | Link | Frame) -> yourdfpy.Link:
+    def body(part: RaffNode) -> yourdfpy.Link:
         drawings, reasons = graphics.of(part)
         if reasons:
             missing.append(f"{part.node}: {', '.join(reasons)}")
@@ -84,9 +84,9 @@ def dumps(model: yourdfpy.Robot) -> str:
     return text.decode()
 
 
-def _joint(document: Document, robot: Robot, part: Link | Frame) -> yourdfpy.Joint:
+def _joint(document: Document, robot: RaffRobot, part: RaffLink | RaffFrame) -> yourdfpy.Joint:
     parameters = kleinfinger(document, part)
-    kind = part.type if isinstance(part, Link) else JointType.FIXED
+    kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
     if kind is JointType.REVOLUTE:
         parameters = parameters._replace(theta=0.0)
     elif kind is JointType.PRISMATIC:
@@ -98,7 +98,7 @@ def _joint(document: Document, robot: Robot, part: Link | Frame) -> yourdfpy.Joi
         child=part.node,
         origin=transform(parameters),
     )
-    if isinstance(part, Link) and kind is not JointType.FIXED:
+    if isinstance(part, RaffLink) and kind is not JointType.FIXED:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
         speed = velocity(document, part)

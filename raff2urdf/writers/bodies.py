@@ -29,7 +29,7 @@ TURNS, SLIDES, FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 
 
 @dataclass(frozen=True)
-class Bodies:
+class TreeAtHome:
     """A robot's tree at closed home.
 
     Attributes:

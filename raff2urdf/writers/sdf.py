@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 
 from raff2urdf.formats import Described
 from raff2urdf.placement import roll_pitch_yaw
-from raff2urdf.simulators.bodies import FIXED, SLIDES, WORLD, Bodies, axis, greatest, limits, unlike
-from raff2urdf.simulators.inertia import Inertia, Inertias, sum_of
 from raff2urdf.tree import BASE_JOINT
+from raff2urdf.writers.bodies import FIXED, SLIDES, WORLD, TreeAtHome, axis, greatest, limits, unlike
+from raff2urdf.writers.inertia import Inertia, Inertias, sum_of
 from raff2urdf.xml_text import comment, numeral, numerals, text_of
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ def files(described: Described) -> dict[str, bytes]:
     return {f"{described.stem}.sdf": text.encode()}
 
 
-def sdf(bodies: Bodies, constraints: Mapping[str, Any], inertias: Inertias) -> str:
+def sdf(bodies: TreeAtHome, constraints: Mapping[str, Any], inertias: Inertias) -> str:
     """The text of the file.
 
     Args:
@@ -65,7 +65,7 @@ def sdf(bodies: Bodies, constraints: Mapping[str, Any], inertias: Inertias) -> s
 
 @dataclass
 class _Writer:
-    bodies: Bodies
+    bodies: TreeAtHome
     constraints: Mapping[str, Any]
     inertias: Inertias
     names: set[str] = field(default_factory=set)  # SDF has one list of names for links, frames and joints

@@ -1,6 +1,6 @@
 """URDF -> RAFF: any tree of revolute, continuous, prismatic and fixed joints by Kleinfinger's parameters.
 
-A moving joint becomes a link, its frame chosen by `raff2urdf.backward.axes`; a link of the URDF that stands elsewhere
+A moving joint becomes a link, its frame chosen by `raff2urdf.urdf2raff.axes`; a link of the URDF that stands elsewhere
 becomes a RAFF frame, fixed on it, under its own name; a link behind a fixed joint becomes a frame too (or a fixed link,
 if it is called as RAFF calls links). A joint variable differs from the URDF's by an offset at most:
 RAFF's q = URDF's q + offset.
@@ -17,21 +17,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.backward.axes import EXACT, Body, choose_frame, gather, reach, step, way
-from raff2urdf.backward.tidy import TIDY, tidy
 from raff2urdf.check import RESERVED, is_xml_name
 from raff2urdf.constraints import Constraints, loop_kind
 from raff2urdf.document import (
     UNITS_PER_METRE,
-    Base,
     Document,
-    Frame,
     JointType,
-    Link,
-    Loop,
     Parameters,
-    Robot,
-    Sensor,
+    RaffBase,
+    RaffFrame,
+    RaffLink,
+    RaffLoop,
+    RaffPart,
+    RaffRobot,
+    RaffSensor,
     SensorConstraint,
 )
 from raff2urdf.errors import RaffError, did_you_mean
@@ -40,6 +39,8 @@ from raff2urdf.placement import inverse, of_origin
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import ends, joints, limits, links, middle, origin, root_first, three, velocity
 from raff2urdf.tree import BASE_JOINT
+from raff2urdf.urdf2raff.axes import EXACT, RigidBody, choose_frame, gather, reach, step, way
+from raff2urdf.urdf2raff.tidy import TIDY, tidy
 
 Array = NDArray[np.float64]
 
@@ -117,7 +118,7 @@ class _Robot:
         own = self.placing is not None and self.placing.get("name") == BASE_JOINT
         self.numbers = _Numbers(tree, self.placing if own else None)
         self.names = _Names(str(link.get("name")) for link in links(tree))
-        self.parts: list[tuple[float, Link | Frame]] = []  # each with its place in the file
+        self.parts: list[tuple[float, RaffLink | RaffFrame]] = []  # each with its place in the file
         self.placed: dict[int, Array] = {}  # nodes by number, as the written numbers place them, joints at 0
         self.number_of: dict[str, int] = {}  # of the node that stands where a link stands
         self.joints: dict[str, str] = {}
@@ -126,9 +127,9 @@ class _Robot:
         self.notes: dict[int, str] = {}
 
     def reversal(self) -> Reversal:
-        """Body after body, from the base outwards."""
+        """RigidBody after body, from the base outwards."""
         start, placed, floats = self._start()
-        root = Body(None, None, [(start, placed)], placed[:3, 2])
+        root = RigidBody(None, None, [(start, placed)], placed[:3, 2])
         bodies = gather(root, self.joints_on, self._axis, self._held)
         self.length = reach(bodies)
         for body in bodies:
@@ -140,15 +141,15 @@ class _Robot:
             numbers[id(body)] = self._link(body, numbers[id(body.father)])
         loops = [self._loop(entry) for entry in self.beside.get("loops", [])]
         self.parts.sort(key=lambda pair: pair[0])
-        robot = Robot(
+        robot = RaffRobot(
             name=_xml_name(str(self.tree.get("name") or "robot")),
-            base=Base(base),
+            base=RaffBase(base),
             parts=tuple(self._with_motors(part for _, part in self.parts)),
             loops=tuple(loops),
             sensor_constraints=tuple(self._sensor_constraints(floats)),
         )
         sensors = tuple(
-            Sensor(sensor["number"], sensor["port"], sensor.get("translation", 3), sensor.get("rotation", 3))
+            RaffSensor(sensor["number"], sensor["port"], sensor.get("translation", 3), sensor.get("rotation", 3))
             for sensor in self.beside.get("sensors", [])
         )
         document = Document(str(self.beside.get("name") or robot.name), (robot,), sensors, self.units)
@@ -183,7 +184,7 @@ class _Robot:
 
     # --- links and frames ---------------------------------------------------------------------------------------
 
-    def _link(self, body: Body, pred: int) -> int:
+    def _link(self, body: RigidBody, pred: int) -> int:
         """A body's link and all that is fixed on it; returns its number."""
         joint, place = body.joint, float(self.holder[body.links[0][0]][0])
         own, number = str(joint.get("name")), self.numbers.of(joint)
@@ -197,7 +198,7 @@ class _Robot:
         home, allowed, fastest = self._motion(joint)
         at = self._length(offset + home) if slides else _degrees(offset + home)
         standing = next((link for link, there in body.links if self._same(number, there)), None)
-        link = Link(
+        link = RaffLink(
             number=number,
             parameters=replace(zero, r=at) if slides else replace(zero, theta=at),
             type=JointType.PRISMATIC if slides else JointType.REVOLUTE,
@@ -213,7 +214,7 @@ class _Robot:
         self._hang(body, number, standing, link.node)
         return number
 
-    def _hang(self, body: Body, number: int, standing: str | None = None, node: str = "base") -> None:
+    def _hang(self, body: RigidBody, number: int, standing: str | None = None, node: str = "base") -> None:
         """Frames for the links of a body that are not its node itself.
 
         Args:
@@ -262,9 +263,9 @@ class _Robot:
         written, local = self._written(found)
         named = self.names.give(name, name, f"{'link' if solid else 'frame'}{number}")
         if solid:
-            frame: Link | Frame = Link(number, written, JointType.FIXED, pred, name=named)
+            frame: RaffPart = RaffLink(number, written, JointType.FIXED, pred, name=named)
         else:
-            frame = Frame(number, written, pred, named)
+            frame = RaffFrame(number, written, pred, named)
         self.placed[number] = self.placed[pred] @ local
         self.parts.append((place, frame))
         if name in self.names.links:
@@ -285,19 +286,19 @@ class _Robot:
         inside = 0.0 if self.beside.get("loops") else middle(allowed)
         return entry.get("home", inside), allowed, fastest
 
-    def _with_motors(self, parts: Iterable[Link | Frame]) -> Iterator[Link | Frame]:
+    def _with_motors(self, parts: Iterable[RaffPart]) -> Iterator[RaffPart]:
         """Says which joints have motors, where that is not what RAFF takes for granted."""
         has = {self.joints[name]: entry.get("actuated", True) for name, entry in self.entries.items()}
         granted = all(has.values()) and not self.beside.get("loops")
         for part in parts:
-            if isinstance(part, Frame) or not part.type or granted:
+            if isinstance(part, RaffFrame) or not part.type or granted:
                 yield part
             elif any(has.values()):
                 yield replace(part, actuated=True) if has.get(part.joint, True) else part
             else:
                 yield replace(part, actuated=False)
 
-    def _note(self, link: Link, own: str, offset: float, slides: bool) -> None:
+    def _note(self, link: RaffLink, own: str, offset: float, slides: bool) -> None:
         """What a reader wants to know of a joint that has another name, or another zero, in the URDF."""
         unit = self.units if slides else "degrees"
         moved = f"; 0 here is {-offset:.10g} {unit} there" if offset else ""
@@ -306,9 +307,9 @@ class _Robot:
 
     # --- loops and sensors --------------------------------------------------------------------------------------
 
-    def _loop(self, entry: Mapping[str, Any]) -> Loop:
+    def _loop(self, entry: Mapping[str, Any]) -> RaffLoop:
         first, second = (self._end(entry[end], entry["name"]) for end in ("first", "second"))
-        return Loop(first, second, loop_kind(dict(entry)))
+        return RaffLoop(first, second, loop_kind(dict(entry)))
 
     def _end(self, end: Mapping[str, Any], loop: str) -> int:
         """The node where a loop ends: a frame of its own if it is none of the URDF's links."""

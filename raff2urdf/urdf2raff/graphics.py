@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import UNITS_PER_METRE, Document, Robot
+from raff2urdf.document import UNITS_PER_METRE, Document, RaffRobot
 from raff2urdf.errors import RaffError
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import find
-from raff2urdf.graphics.skeleton import Skeleton
+from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.placement import of_origin
 from raff2urdf.readers.urdf import links, numbers, origin, three
 
@@ -61,7 +61,7 @@ class Carried:
         self.colours = {m.get("name"): _rgba(m) for m in tree.iterchildren("material") if m.find("color") is not None}
         self.written: dict[Path, bytes] = {}
 
-    def robot(self, document: Document, nodes: Mapping[str, str]) -> Robot:
+    def robot(self, document: Document, nodes: Mapping[str, str]) -> RaffRobot:
         """The document's robot with the graphic files of its nodes.
 
         Args:
@@ -72,7 +72,7 @@ class Carried:
             RaffError: a mesh is missing, can't be read, or lies where it must not: with its line.
         """
         robot = document.robot()
-        skeleton = Skeleton(document, robot)
+        skeleton = SkeletonDrawing(document, robot)
         per_metre = UNITS_PER_METRE[document.units]
         drawn = {part.node: skeleton.draw(part) for part in (robot.base, *robot.parts)}
         seen: dict[str, list[Any]] = {node: [] for node in drawn}

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from raff2urdf import readers
 from raff2urdf.analysis import loop_kind
-from raff2urdf.backward.graphics import Carried, units_of
-from raff2urdf.backward.robot import Reversal, reverse
 from raff2urdf.check import check
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.files import is_stream, write_all
 from raff2urdf.readers.urdf import joints, parse, several, silent
+from raff2urdf.urdf2raff.graphics import Carried, units_of
+from raff2urdf.urdf2raff.robot import Reversal, reverse
 from raff2urdf.writer import write
 
 

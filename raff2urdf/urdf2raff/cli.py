@@ -16,7 +16,7 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.output import run
 
 if TYPE_CHECKING:
-    from raff2urdf.backward.robot import Reversal
+    from raff2urdf.urdf2raff.robot import Reversal
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -56,7 +56,7 @@ def _main(arguments: Sequence[str] | None) -> int:
             out = Path(options.out or f"{path.stem}.raff")
             if not options.out and out.exists():
                 raise RaffError(f"{out} is there already: say -o {out} to write over it")
-            from raff2urdf.backward.file import reverse_file
+            from raff2urdf.urdf2raff.file import reverse_file
 
             loops = dict(pair(text) for text in options.loop)
             found = reverse_file(
@@ -97,7 +97,3 @@ def _sentence(report: dict[str, Any]) -> str:
 
 
 _COUNTED = ("links", "frames", "joints", "loops")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
