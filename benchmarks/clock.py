@@ -40,12 +40,12 @@ asyncio.run(read())
 def follower(mechanism: cinegen.Mechanism, way: Way, period: float) -> Callable[[Tick], Any]:
     """Steps a solver along a path; returns the configuration."""
     solver = cinegen.Solver(mechanism, period)
-    pull = solver.pull(way.node, way.home, rotation=way.rotation)
+    task = solver.add_task(way.node, way.home, rotation=way.rotation)
     for _ in range(3):  # what is made at first use is made before the clock runs
         solver.step()
 
     def step(tick: Tick) -> Any:
-        pull.target = way.target(tick.time)
+        task.target = way.target(tick.time)
         return solver.step().q
 
     return step

@@ -63,14 +63,14 @@ async def hand(url: str, robot: str, node: str, count: int) -> list[float]:
                 return said
 
     await socket.write_message(json.dumps({"take": {"robot": robot, "node": node, "point": [0, 0, 0]}}))
-    while not (pulls := (await state())["pulls"]):
+    while not (tasks := (await state())["tasks"]):
         pass
-    home, waited = pulls[0]["target"][:3], []
+    home, waited = tasks[0]["target"][:3], []
     for number in range(count):
         to = [home[0], home[1], home[2] - 0.001 * (number % 7)]
         begin = time.perf_counter()
         await socket.write_message(json.dumps({"lead": to}))
-        while abs((await state())["pulls"][0]["target"][2] - to[2]) > 1e-9:
+        while abs((await state())["tasks"][0]["target"][2] - to[2]) > 1e-9:
             pass
         waited.append(time.perf_counter() - begin)
     await socket.write_message(json.dumps({"hand": False}))
@@ -92,7 +92,7 @@ def in_a_browser(url: str, count: int) -> list[float]:
         tab.mouse.move(x, y)
         tab.mouse.down()
         tab.mouse.move(x + 8, y)
-        tab.wait_for_function("cockpit.state.pulls.some((pull) => pull.who === 'hand')")
+        tab.wait_for_function("cockpit.state.tasks.some((task) => task.who === 'hand')")
         tab.evaluate(TIME)
         for number in range(count):
             tab.mouse.move(x + 8 + 4 * (number % 5), y + 3 * (number % 4))
@@ -114,7 +114,7 @@ TOUCH = """() => {
 TIME = """() => {
   window.waited = [];
   let begun = null;
-  const target = () => JSON.stringify(cockpit.state.pulls.find((pull) => pull.who === "hand")?.target);
+  const target = () => JSON.stringify(cockpit.state.tasks.find((task) => task.who === "hand")?.target);
   window.addEventListener("pointerrawupdate", () => { begun ??= { at: performance.now(), target: target() }; }, true);
   new MutationObserver(() => {  // of the number of the last state applied
     if (begun !== null && target() !== begun.target) {

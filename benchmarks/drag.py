@@ -28,7 +28,7 @@ from cinegen.planning.keep import Keep, part_in
 
 DT, NODE = 1e-3, "tool"
 DRAG, TICKS = 1000, 8000
-GAIN = 0.0952  # of a tick: 100/s, as in the cockpit
+GAIN = 100.0  # 1/s, as in the cockpit
 
 
 def drag(number: int) -> Scene:
@@ -63,11 +63,11 @@ def dragged(given: Scene, way: str) -> tuple[bool, float, list[float]]:
         if way == "damper":
             solver.barriers = (Keep(near, given.safety, part_in(DT)),)
     solver.gain = GAIN
-    pull = solver.pull(NODE, translation=3, rotation=0)
-    begin, times, least = pull.target.copy(), [], np.inf
+    task = solver.add_task(NODE, translation=3, rotation=0)
+    begin, times, least = task.target.copy(), [], np.inf
     for tick in range(TICKS):
         part = min(1.0, tick / DRAG)
-        pull.target = pin.SE3(begin.rotation, (1.0 - part) * begin.translation + part * given.goal.translation)
+        task.target = pin.SE3(begin.rotation, (1.0 - part) * begin.translation + part * given.goal.translation)
         start = time.perf_counter()
         step = solver.step()
         times.append(time.perf_counter() - start)

@@ -27,7 +27,7 @@ import cinegen
 from cinegen.collision.around import surroundings
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene, scene_of
-from cinegen.ik import Pull
+from cinegen.ik import FrameTask
 from cinegen.ik.seeker import Seeker
 from cinegen.model import Mechanism
 
@@ -205,8 +205,8 @@ def clear_posture(
     mechanism: Mechanism, node: str, place: Array, near: Clearance, rng: np.random.Generator
 ) -> Array | None:
     target = pin.SE3(np.eye(3), place)
-    seeker = Seeker(mechanism, (Pull(node, target, 3, 0, axes="world"),))
-    seeker.pulls[0].target = target
+    seeker = Seeker(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
+    seeker.tasks[0].target = target
     for _ in range(5):
         if seeker.seek(seeker.anywhere(rng), 1e-10) and near.least(seeker.best) > CLEAR:
             return seeker.best
@@ -229,7 +229,7 @@ def delta(number: int) -> Scene:
         for turn in rng.uniform(-np.pi, np.pi) + np.array([0.0, np.pi]):
             way = [1.0 * np.cos(turn), 1.0 * np.sin(turn), -rng.uniform(0.2, 0.5)]
             reached = cinegen.inverse_kinematics(
-                mechanism, [Pull(node, pin.SE3(np.eye(3), home + way), 3, 0)], mechanism.q_home
+                mechanism, [FrameTask(node, pin.SE3(np.eye(3), home + way), 3, 0)], mechanism.q_home
             )
             if reached and near.least(reached.q) > CLEAR:
                 ends.append(reached.q)

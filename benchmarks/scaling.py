@@ -138,7 +138,7 @@ class Run:
         self.mechanism = cinegen.load(file)
         self.targets = self._path()
         self.solver = cinegen.Solver(self.mechanism, DT)
-        self.pull = self.solver.pull("end")
+        self.task = self.solver.add_task("end")
         self.at, self.off = 0, 0.0
         self.spent: list[int] = []
         self.round(TICKS)
@@ -166,7 +166,7 @@ class Run:
             target = self.targets[self.at]
             self.at = (self.at + 1) % PATH
             began = time.perf_counter_ns()
-            self.pull.target = target
+            self.task.target = target
             step = self.solver.step()
             self.spent.append(time.perf_counter_ns() - began)
             self.off = max(self.off, step.errors[0][0])

@@ -28,13 +28,13 @@ def main() -> None:
         mechanism = cinegen.load(ROBOTS / f"{name}.raff")
         path = fitted(mechanism, mechanism.nodes[-1])
         solver = cinegen.Solver(mechanism, 1.0 / 240.0)
-        pull = solver.pull(path.node, path.home, rotation=path.rotation)
+        task = solver.add_task(path.node, path.home, rotation=path.rotation)
         matrix = np.asarray(mechanism.extended_jacobian(mechanism.q_home, path.node))
         ticks, svds = [], []
         for turn in range(ROUNDS):
             began = time.perf_counter()
             for i in range(TICKS):
-                pull.target = path.target((turn * TICKS + i) / 240.0)
+                task.target = path.target((turn * TICKS + i) / 240.0)
                 solver.step()
             between = time.perf_counter()
             for _ in range(TICKS):

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from cinegen.errors import CinegenError as CinegenError
     from cinegen.errors import CinegenWarning as CinegenWarning
     from cinegen.errors import ClosureError as ClosureError
+    from cinegen.ik import FrameTask as FrameTask
     from cinegen.ik import PersistentSolver as PersistentSolver
-    from cinegen.ik import Pull as Pull
     from cinegen.ik import Solver as Solver
     from cinegen.ik import Status as Status
     from cinegen.ik import Step as Step
@@ -36,7 +36,7 @@ __all__, __getattr__, __dir__ = lazy_names(
         "cinegen.assembly": ["assembly_modes"],
         "cinegen.cockpit": ["show"],
         "cinegen.errors": ["CinegenError", "CinegenWarning", "ClosureError"],
-        "cinegen.ik": ["PersistentSolver", "Pull", "Solver", "Status", "Step", "evaluate", "inverse_kinematics"],
+        "cinegen.ik": ["PersistentSolver", "FrameTask", "Solver", "Status", "Step", "evaluate", "inverse_kinematics"],
         "cinegen.model": ["Mechanism", "load"],
         "cinegen.planning": ["plan"],
         "cinegen.realtime": ["Clock"],

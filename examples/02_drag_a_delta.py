@@ -9,7 +9,7 @@ import cinegen
 
 delta = cinegen.load("robots/delta4.raff")
 solver = cinegen.Solver(delta, dt=1 / 240)
-hand = solver.pull("platform", rotation=0)
+hand = solver.add_task("platform", rotation=0)
 home = hand.target.copy()
 
 worst = 0.0

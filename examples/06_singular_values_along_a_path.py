@@ -4,14 +4,14 @@ import cinegen
 
 delta = cinegen.load("robots/delta4.raff")
 solver = cinegen.Solver(delta, dt=1 / 240)
-hand = solver.pull("platform", rotation=0)
+hand = solver.add_task("platform", rotation=0)
 for tick in range(1, 841):
     hand.target.translation -= [0.0, 0.0, 0.005]  # m
     step = solver.step()
     if tick % 120 == 0:
-        # Of the pulls, all three: a direction is lost where one vanishes (type 1 singularity). Of the loops, the
+        # Of the tasks, all three: a direction is lost where one vanishes (type 1 singularity). Of the loops, the
         # smallest: a direction is gained where it vanishes (type 2).
-        pulls = " ".join(f"{sigma:.3f}" for sigma in step.singular_values)
+        tasks = " ".join(f"{sigma:.3f}" for sigma in step.singular_values)
         loops = f"{step.loop_singular_values[-1]:.3f}"
         behind = f"{1000 * step.errors[0][0]:.1f} mm behind"
-        print(f"{tick * 0.005:.1f} m down: pulls {pulls}, loops {loops}, {step.status.name}, {behind}")
+        print(f"{tick * 0.005:.1f} m down: tasks {tasks}, loops {loops}, {step.status.name}, {behind}")

@@ -10,7 +10,7 @@ gough = cinegen.load("robots/gough.raff")
 page, scene = page_of({"gough": gough})
 
 solver = cinegen.Solver(gough, dt=1 / 60)
-hand = solver.pull("platform")
+hand = solver.add_task("platform")
 hand.target.translation += [0.05, 0.1, 0.1]  # m
 for _ in range(60):
     solver.step()

@@ -1,21 +1,21 @@
-"""Two pulls at once: one hand holds the tool of a seven-joint arm still, the other drags its elbow aside."""
+"""Two tasks at once: one hand holds the tool of a seven-joint arm still, the other drags its elbow aside."""
 
 import cinegen
 
 arm = cinegen.load("robots/arm7.raff")
 solver = cinegen.Solver(arm, dt=1 / 240)
-tool = solver.pull("tool")
+tool = solver.add_task("tool")
 tool.weight = 100.0  # where both can't be had, the tool counts more
-elbow = solver.pull("link4", rotation=0)
+elbow = solver.add_task("link4", rotation=0)
 start = elbow.target.translation.copy()
 for tick in range(480):
     elbow.target.translation += [0.0, 0.001, 0.0]  # m
     step = solver.step()
     if tick % 120 == 119:
         moved = arm.placement(step.q, "link4").translation - start
-        metres, radians = step.errors[0]  # in the order the pulls were made
+        metres, radians = step.errors[0]  # in the order the tasks were made
         print(f"elbow moved by {1000 * moved[1]:.0f} mm, tool off by {1000 * metres:.2f} mm and {radians:.5f} rad")
 
-solver.release(elbow)
+solver.remove_task(elbow)
 step = solver.step()
-print(f"let go: {step.status.name}, {len(solver.pulls)} pull holds")
+print(f"let go: {step.status.name}, {len(solver.tasks)} task holds")

@@ -7,11 +7,11 @@ import cinegen
 
 arm = cinegen.load("robots/planar_3r.raff")  # its links are 0.9 m long together
 solver = cinegen.Solver(arm, dt=1 / 240)
-hand = solver.pull("tool", rotation=0)
+hand = solver.add_task("tool", rotation=0)
 
 
-def pull_to(x: float, y: float) -> None:
-    """Pulls the tool to a place (m) for three seconds and says what became of it."""
+def task(x: float, y: float) -> None:
+    """Tasks the tool to a place (m) for three seconds and says what became of it."""
     hand.target = pin.SE3(hand.target.rotation, np.array([x, y, 0.0]))
     for _ in range(720):
         step = solver.step()
@@ -19,10 +19,10 @@ def pull_to(x: float, y: float) -> None:
     print(f"    ({step.status.value})")
 
 
-pull_to(0.4, 0.5)
-pull_to(1.5, 0.0)
-pull_to(0.4, -0.5)
-pull_to(-0.89, 0.05)
-pull_to(float("nan"), 0.0)
-solver.release(hand)
+task(0.4, 0.5)
+task(1.5, 0.0)
+task(0.4, -0.5)
+task(-0.89, 0.05)
+task(float("nan"), 0.0)
+solver.remove_task(hand)
 print(f"let go: {solver.step().status.name}")

@@ -12,7 +12,7 @@ PERIOD = 1e-3  # s
 
 delta = cinegen.load("robots/delta4.raff")
 solver = cinegen.Solver(delta, PERIOD)
-hand = solver.pull("platform")
+hand = solver.add_task("platform")
 
 
 def follow(tick: Tick) -> pin.SE3:

@@ -7,7 +7,7 @@ from cinegen.ik import LimitMargin, Manipulability, Objective, Posture, State
 
 arm = cinegen.load("robots/arm7.raff")
 solver = cinegen.Solver(arm, dt=1 / 240)
-tool = solver.pull("tool")
+tool = solver.add_task("tool")
 home = arm.placement(arm.q_home, "link4").translation
 
 

@@ -1,4 +1,4 @@
-"""A delta robot goes to MuJoCo, where gravity pulls at it and its loops hold, and comes back as it was."""
+"""A delta robot goes to MuJoCo, where gravity tasks at it and its loops hold, and comes back as it was."""
 
 import tempfile
 

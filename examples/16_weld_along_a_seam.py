@@ -19,7 +19,7 @@ print(seam)
 
 arm = cinegen.load("robots/rx90.raff")
 solver = cinegen.Solver(arm, dt=1 / 240)
-tool = solver.pull("tool")
+tool = solver.add_task("tool")
 
 worst = np.zeros(3)  # m, rad, rad
 for tick in range(round(240 * (1.0 + seam.duration))):

@@ -22,7 +22,7 @@ for q, pose in zip(modes, modes.placements("platform"), strict=True):
 
 if len(possible) == 1:  # else one more sensor has to tell, as an inclinometer
     solver = cinegen.Solver(robot, dt=1 / 240, q=possible[0])
-    hand = solver.pull("platform")
+    hand = solver.add_task("platform")
     hand.target.translation[2] += 0.05  # m, up
     for _ in range(240):
         step = solver.step()

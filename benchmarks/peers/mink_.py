@@ -15,11 +15,11 @@ SOLVER = "quadprog"
 """Of quadprog, daqp, proxqp and osqp the fastest, or within noise of it; compare.py --qp tries others."""
 
 LOOP = 100.0
-"""Weight of loops beside the pull's 1. From 10 to 1000 nothing changes: these targets don't fight the loops."""
+"""Weight of loops beside the task's 1. From 10 to 1000 nothing changes: these targets don't fight the loops."""
 
 
 class Mink:
-    """Pull: a FrameTask. Loops: RelativeFrameTasks of great weight. Limits: mink's own two.
+    """FrameTask: a FrameTask. Loops: RelativeFrameTasks of great weight. Limits: mink's own two.
 
     Loops could also be <equality> in MuJoCo's model with an EqualityConstraintTask: that is as accurate, but a solve
     takes 1.7 times as long (192 us for the delta, not 113). As hard constraints their rows would have to be
@@ -33,8 +33,8 @@ class Mink:
         self.model = mujoco.MjModel.from_xml_string(mjcf(scene))
         self.indices = [int(self.model.joint(joint["name"]).qposadr[0]) for joint in scene["joints"]]
         turns = 1.0 if scene["rotation"] else 0.0
-        self.pull = mink.FrameTask(scene["node"], "body", 1.0, turns, gain=scene["gain"])
-        self.tasks = [self.pull]
+        self.task = mink.FrameTask(scene["node"], "body", 1.0, turns, gain=scene["gain"])
+        self.tasks = [self.task]
         for loop in scene["loops"]:
             about = [LOOP, LOOP, LOOP if loop["kind"] == "rigid" else 0.0]  # a revolute loop is free about its z
             task = mink.RelativeFrameTask(loop["second"], "body", loop["first"], "body", LOOP, about)
@@ -53,7 +53,7 @@ class Mink:
 
     def step(self, target: mink.SE3) -> None:
         """What is timed."""
-        self.pull.set_target(target)
+        self.task.set_target(target)
         for _ in range(self.repeat):
             v = mink.solve_ik(self.configuration, self.tasks, self.dt, self.qp, limits=self.limits)
             self.configuration.integrate_inplace(v, self.dt)

@@ -23,12 +23,12 @@ class Ours:
 
     def home(self) -> None:
         """Back to the start."""
-        self.solver = cinegen.Solver(self.mechanism, self.scene["dt"], q=self.start, gain=self.scene["gain"])
-        self.pull = self.solver.pull(self.scene["node"], rotation=self.scene["rotation"])
+        self.solver = cinegen.Solver(self.mechanism, self.scene["dt"], q=self.start)
+        self.task = self.solver.add_task(self.scene["node"], rotation=self.scene["rotation"])
 
     def step(self, target: pin.SE3) -> None:
         """What is timed."""
-        self.pull.target = target
+        self.task.target = target
         self.solver.step()
 
     def q(self) -> list[float]:

@@ -15,11 +15,11 @@ SOLVER = "quadprog"
 """Of quadprog, daqp, proxqp and osqp the fastest, or within noise of it; compare.py --qp tries others."""
 
 LOOP = 100.0
-"""Weight of loops beside the pull's 1. From 10 to 1000 nothing changes: these targets don't fight the loops."""
+"""Weight of loops beside the task's 1. From 10 to 1000 nothing changes: these targets don't fight the loops."""
 
 
 class Pink:
-    """Pull: a FrameTask. Rigid loops: RelativeFrameTasks as equality constraints, the fastest way. Revolute loops:
+    """FrameTask: a FrameTask. Rigid loops: RelativeFrameTasks as equality constraints, the fastest way. Revolute loops:
     the same tasks in the cost, with great weight, for a constraint holds all six rows. Limits: pink's own two."""
 
     def __init__(self, scene: Scene) -> None:
@@ -35,8 +35,8 @@ class Pink:
                 fastest[joint.idx_v] = said["velocity"]
         self.limits = [ConfigurationLimit(self.model), VelocityLimit(self.model, fastest)]
         turns = 1.0 if scene["rotation"] else 0.0
-        self.pull = FrameTask(scene["node"], 1.0, turns, gain=scene["gain"])
-        self.tasks, self.constraints = [self.pull], []
+        self.task = FrameTask(scene["node"], 1.0, turns, gain=scene["gain"])
+        self.tasks, self.constraints = [self.task], []
         for loop in scene["loops"]:
             rigid = loop["kind"] == "rigid"
             about = [LOOP, LOOP, LOOP if rigid else 0.0]  # a revolute loop is free about its z
@@ -54,7 +54,7 @@ class Pink:
 
     def step(self, target: pin.SE3) -> None:
         """What is timed."""
-        self.pull.set_target(target)
+        self.task.set_target(target)
         for _ in range(self.repeat):
             v = pink.solve_ik(
                 self.configuration,

@@ -11,7 +11,7 @@ from worker import Scene, poses, serve
 
 
 class Placo:
-    """Pull: a soft task. Loops: hard tasks between the two ends. Limits: the solver's own, as bounds of its QP.
+    """FrameTask: a soft task. Loops: hard tasks between the two ends. Limits: the solver's own, as bounds of its QP.
 
     The rest is as it comes. A regularisation task on top of the QP's own 1e-8 makes a step slower (4.0 us instead of
     3.6 for the panda) and no target nearer; the problem's options for sparsity gain nothing here.
@@ -29,10 +29,10 @@ class Placo:
         self.solver.enable_velocity_limits(True)
         if scene["rotation"]:
             self.task = self.solver.add_frame_task(scene["node"], np.eye(4))
-            self.task.configure("pull", "soft", 1.0, 1.0)
+            self.task.configure("task", "soft", 1.0, 1.0)
         else:
             self.task = self.solver.add_position_task(scene["node"], np.zeros(3))
-            self.task.configure("pull", "soft", 1.0)
+            self.task.configure("task", "soft", 1.0)
         for i, loop in enumerate(scene["loops"]):
             self._close(f"loop{i}", loop)
         self.targets = [pose if scene["rotation"] else pose[:3, 3].copy() for pose in poses(scene)]

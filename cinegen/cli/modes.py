@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from cinegen.assembly import AssemblyModes
-    from cinegen.ik import Pull
+    from cinegen.ik import FrameTask
     from cinegen.model import Mechanism
 
 _POSE = ("x", "y", "z", "rx", "ry", "rz")
@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
 # --- where the motors are ----------------------------------------------------------------------------------------
 
 
-def _motors(mechanism: Mechanism, options: argparse.Namespace) -> tuple[NDArray[np.float64] | None, Pull | None]:
+def _motors(mechanism: Mechanism, options: argparse.Namespace) -> tuple[NDArray[np.float64] | None, FrameTask | None]:
     """Values of the motors, rad and m, None for those of home; and the pose that --at asked for."""
     import numpy as np
 
@@ -143,7 +143,7 @@ def _values(mechanism: Mechanism, given: Sequence[str]) -> NDArray[np.float64]:
     return np.array([home[joint] for joint in motors])
 
 
-def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> Pull:
+def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> FrameTask:
     """What of a node --at wants to be where.
 
     Raises:
@@ -153,7 +153,7 @@ def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> Pull:
     import pinocchio as pin
 
     from cinegen.errors import CinegenError, UnknownNameError
-    from cinegen.ik import Pull
+    from cinegen.ik import FrameTask
     from cinegen.plotting.words import place
 
     by_name = named(given, "--at", "x=10,rz=15")
@@ -168,10 +168,10 @@ def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> Pull:
         pose[_POSE.index(coordinate)] = value
     turned = any(coordinate in by_name for coordinate in _POSE[3:])
     target = pin.SE3(pin.rpy.rpyToMatrix(np.radians(pose[3:])), pose[:3] / 1e3)
-    return Pull(node, target, rotation=3 if turned else 0)
+    return FrameTask(node, target, rotation=3 if turned else 0)
 
 
-def _reached(mechanism: Mechanism, asked: Pull) -> NDArray[np.float64]:
+def _reached(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
     """(nq,) with a node where it should be, within limits if that can be had, and near home.
 
     Raises:
@@ -199,7 +199,7 @@ def _reached(mechanism: Mechanism, asked: Pull) -> NDArray[np.float64]:
 # --- what is told ------------------------------------------------------------------------------------------------
 
 
-def _told(name: str, modes: AssemblyModes, node: str | None, asked: Pull | None) -> list[str]:
+def _told(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask | None) -> list[str]:
     """Lines: what was asked, a table, and what it is worth."""
     import textwrap
 
@@ -228,7 +228,7 @@ def _sentence(words: str) -> str:
     return words[:1].upper() + words[1:] + ("" if words.endswith(".") else ".")
 
 
-def _table(modes: AssemblyModes, node: str, asked: Pull | None) -> list[str]:
+def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str]:
     """A line for each mode, below a heading."""
     import numpy as np
 
@@ -253,7 +253,7 @@ def _table(modes: AssemblyModes, node: str, asked: Pull | None) -> list[str]:
     return [*lines, "", "  * as asked"] if any(marks) else lines
 
 
-def _is_at(asked: Pull, placement: pin.SE3) -> bool:
+def _is_at(asked: FrameTask, placement: pin.SE3) -> bool:
     """Whether a node is where it should be, as exactly as that was typed."""
     import numpy as np
 

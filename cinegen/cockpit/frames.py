@@ -115,39 +115,39 @@ def frame(state: State, poses: Poses) -> dict[str, Any]:
         state: of the session.
         poses: of the same robots.
     """
-    placed, pulls, statuses = {}, [], {}
+    placed, tasks, statuses = {}, [], {}
     for name, robot in state.robots.items():
         nodes = poses.of(name, robot.q)
         placed[name] = numbers(np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes)]))
         statuses[name] = {"name": robot.status[0], "words": robot.status[1]}
-        pulls += _pulls(name, robot, nodes, poses)
+        tasks += _tasks(name, robot, nodes, poses)
     return {
         "kind": "state",
         "time": round(state.time, 3),
         "poses": placed,
-        "pulls": pulls,
+        "tasks": tasks,
         "statuses": statuses,
     }
 
 
-def _pulls(name: str, robot: RobotState, nodes: list[pin.SE3], poses: Poses) -> list[dict[str, Any]]:
+def _tasks(name: str, robot: RobotState, nodes: list[pin.SE3], poses: Poses) -> list[dict[str, Any]]:
     _, _, frames = poses._robots[name]
     model = poses._robots[name][0]
     places = {model.frames[frame].name: place for frame, place in zip(frames, nodes, strict=True)}
     return [
         {
-            "id": pull.number,
+            "id": task.number,
             "robot": name,
-            "node": pull.node,
-            "who": pull.who,
-            "label": pull.label,
-            "point": numbers(robot.base.act((places[pull.node] * pull.at).translation)),
-            "target": numbers(pin.SE3ToXYZQUAT(robot.base * pull.target)),
-            "error": numbers(pull.error),
-            "holds": [pull.translation, pull.rotation],
-            "weight": pull.weight,
+            "node": task.node,
+            "who": task.who,
+            "label": task.label,
+            "point": numbers(robot.base.act((places[task.node] * task.offset).translation)),
+            "target": numbers(pin.SE3ToXYZQUAT(robot.base * task.target)),
+            "error": numbers(task.error),
+            "holds": [task.translation, task.rotation],
+            "weight": task.weight,
         }
-        for pull in robot.pulls
+        for task in robot.tasks
     ]
 
 

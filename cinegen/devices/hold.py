@@ -1,4 +1,4 @@
-"""A sensor holds a node: what it says becomes the motion of a pull's target."""
+"""A sensor holds a node: what it says becomes the motion of a task's target."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, UnknownNameError
-from cinegen.ik import Pull
+from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorState, SensorStatus, Twist
 
 Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def _beyond(value: float, dead: float) -> float:
 
 
 class Hold:
-    """Moves a pull's target after a sensor, tick by tick.
+    """Moves a task's target after a sensor, tick by tick.
 
     A twist moves the target along the axes of the frame of command, and turns it about its own origin. When the sensor
     falls silent while it is deflected, or is lost, the target comes to rest within `REST` and stays. A placement sets
@@ -83,7 +83,7 @@ class Hold:
 
     Args:
         sensor: started by whoever has it.
-        pull: whose target it moves, after a pose.
+        task: whose target it moves, after a pose.
         grip: how a twist is taken.
         frame: of command: a name in `axes`, or "node" for the axes of the target itself (the tool's).
 
@@ -95,8 +95,8 @@ class Hold:
         UnknownNameError: no such frame.
     """
 
-    def __init__(self, sensor: Sensor, pull: Pull, grip: Grip | None = None, frame: str = "world") -> None:
-        self.sensor, self.pull, self.grip = sensor, pull, grip or Grip()
+    def __init__(self, sensor: Sensor, task: FrameTask, grip: Grip | None = None, frame: str = "world") -> None:
+        self.sensor, self.task, self.grip = sensor, task, grip or Grip()
         self.axes: dict[str, Array] = {"world": np.eye(3), "base": np.eye(3)}
         self.frame = frame
         self._twist: Twist = NO_TWIST
@@ -138,7 +138,7 @@ class Hold:
         return reading
 
     def _axes(self) -> Array:
-        return self.pull.target.rotation if self._frame == "node" else self.axes[self._frame]
+        return self.task.target.rotation if self._frame == "node" else self.axes[self._frame]
 
     def _move(self, dt: float) -> None:
         timeout = self.sensor.timeout
@@ -151,28 +151,28 @@ class Hold:
                 self._twist = NO_TWIST
                 return
             part *= part * (3.0 - 2.0 * part)  # neither begins nor ends with a jerk
-        pull = self.pull
-        if pull.twist is not None or not pull.makes_sense():
+        task = self.task
+        if task.twist is not None or not task.is_valid():
             return
-        target, axes = pull.target, self._axes()
+        target, axes = task.target, self._axes()
         if self._meant[:2] != (self._twist, self.grip):  # a device says the same for many ticks
             self._meant = self._twist, self.grip, self.grip.velocity(self._twist)
         velocity = part * dt * self._meant[2]
         turn = pin.exp3(axes @ velocity[3:]) @ target.rotation
-        pull.target = pin.SE3(_orthonormal(turn), target.translation + axes @ velocity[:3])
+        task.target = pin.SE3(_orthonormal(turn), target.translation + axes @ velocity[:3])
 
     def _set(self, given: pin.SE3) -> None:
         """The target there, as far as the sensor commands it."""
         free = np.array(self.grip.free, dtype=float)
         if free.all():
-            self.pull.target = given
+            self.task.target = given
             return
-        if not self.pull.makes_sense():
+        if not self.task.is_valid():
             return
-        target, axes = self.pull.target, self._axes()
+        target, axes = self.task.target, self._axes()
         step = axes @ (free[:3] * (axes.T @ (given.translation - target.translation)))
         turn = axes @ (free[3:] * (axes.T @ pin.log3(given.rotation @ target.rotation.T)))
-        self.pull.target = pin.SE3(_orthonormal(pin.exp3(turn) @ target.rotation), target.translation + step)
+        self.task.target = pin.SE3(_orthonormal(pin.exp3(turn) @ target.rotation), target.translation + step)
 
 
 def _orthonormal(rotation: Array) -> Array:

@@ -100,10 +100,10 @@ def _follows(mechanism: Mechanism, path: Path, freedoms: int) -> bool:
     ticks = 120
     dt = path.period / ticks
     solver = Solver(mechanism, dt)
-    pull = solver.pull(path.node, path.home, rotation=path.rotation)
+    task = solver.add_task(path.node, path.home, rotation=path.rotation)
     near = _ON_PATH if freedoms > 1 else 0.2 * path.size / mechanism.length  # a point on a curve can't follow a line
     for tick in range(ticks + round(_RAMP / dt)):
-        pull.target = path.target(tick * dt)
+        task.target = path.target(tick * dt)
         step = solver.step()
         if step.status is Status.REFUSED or step.errors[0][0] > near * mechanism.length:
             return False

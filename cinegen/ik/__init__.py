@@ -5,29 +5,29 @@ from cinegen.ik.forecast import Event, EventKind, Forecast
 from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
 from cinegen.ik.persistent import PersistentSolver
 from cinegen.ik.point_to_point import IKResult, inverse_kinematics
-from cinegen.ik.pull import Pull
-from cinegen.ik.singular import Gained, Lost
+from cinegen.ik.singular import LostDoF, UncontrolledDoF
 from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status, Step
+from cinegen.ik.task import FrameTask
 
 __all__ = [
     "Evaluations",
     "Event",
     "EventKind",
     "Forecast",
-    "Gained",
+    "FrameTask",
     "IKResult",
     "LimitMargin",
-    "Lost",
+    "LostDoF",
     "Manipulability",
     "Objective",
     "PersistentSolver",
     "Posture",
-    "Pull",
     "Solver",
     "State",
     "Status",
     "Step",
+    "UncontrolledDoF",
     "evaluate",
     "inverse_kinematics",
 ]

@@ -1,4 +1,4 @@
-"""A second solver that runs ahead of the first, to see where its pulls lead."""
+"""A second solver that runs ahead of the first, to see where its tasks lead."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik._kernels import memory as m
-from cinegen.ik.pull import Pull
 from cinegen.ik.step import Status
+from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import BEGIN, ERROR_CAP, JUDGE
 from cinegen.model import Mechanism
 from raff2urdf.loops import log
@@ -33,8 +33,8 @@ class Path:
         steps: (ticks + 2, nv) of all joints: the last one so far first, the one after the path's end last.
         stopped: (ticks + 1, nv) other than 0 where a joint's limit holds the step from there back.
         statuses: (ticks + 1,) of the step from there.
-        pulls: (ticks + 1, rows, n) what the motions that all loops allow do to the pulls.
-        pull_rank: generic, of that.
+        tasks: (ticks + 1, rows, n) what the motions that all loops allow do to the tasks.
+        task_rank: generic, of that.
         passive: (ticks + 1, rows, .) columns of the passive joints in the loops' Jacobian.
     """
 
@@ -44,8 +44,8 @@ class Path:
     steps: Array
     stopped: Array
     statuses: tuple[Status, ...]
-    pulls: Array
-    pull_rank: int
+    tasks: Array
+    task_rank: int
     passive: Array
 
 
@@ -72,12 +72,12 @@ class Ahead:
             ticks: how many.
             moving: whether targets that move go on moving.
         """
-        held = [(i, pull) for i, pull in enumerate(solver.pulls) if pull.makes_sense()]
+        held = [(i, task) for i, task in enumerate(solver.tasks) if task.is_valid()]
         self._mirror(solver, held)
         twin, mechanism = self._twin, solver.mechanism
         courses = []
-        for own, (i, pull) in zip(twin.pulls, held, strict=True):
-            course = _course(solver, i, pull) if moving else None
+        for own, (i, task) in zip(twin.tasks, held, strict=True):
+            course = _course(solver, i, task) if moving else None
             if course is not None:
                 courses.append((own, course))
         start, last = twin.q, twin._memory.arrays["last"].copy()
@@ -108,24 +108,24 @@ class Ahead:
             passive,
         )
 
-    def _mirror(self, solver: Solver, held: list[tuple[int, Pull]]) -> None:
-        """Makes the twin stand, move and be pulled as a solver is, by the pulls that hold in it."""
+    def _mirror(self, solver: Solver, held: list[tuple[int, FrameTask]]) -> None:
+        """Makes the twin stand, move and be pulled as a solver is, by the tasks that hold in it."""
         twin = self._twin
-        kinds = [(pull.node, pull.axes, pull.translation, pull.rotation, pull.at) for _, pull in held]
+        kinds = [(task.node, task.axes, task.translation, task.rotation, task.offset) for _, task in held]
         if kinds != self._kinds:
-            for own in twin.pulls:
-                twin.release(own)
+            for own in twin.tasks:
+                twin.remove_task(own)
             for node, axes, translation, rotation, at in kinds:
-                twin.pull(node, translation=translation, rotation=rotation, axes=axes, at=at)
+                twin.add_task(node, translation=translation, rotation=rotation, axes=axes, offset=at)
             self._kinds = kinds
-        for own, (_, pull) in zip(twin.pulls, held, strict=True):
-            own.weight, own.target = pull.weight, pull.target
-            if pull.twist is not None:
-                own.twist = pull.twist
+        for own, (_, task) in zip(twin.tasks, held, strict=True):
+            own.weight, own.target = task.weight, task.target
+            if task.twist is not None:
+                own.twist = task.twist
         if twin._changed:
-            twin._arrange()
+            twin._write_tasks()
         arrays, others, ratio = twin._memory.arrays, solver._memory.arrays, self.dt / solver.dt
-        twin.gain = solver.gain if ratio == 1.0 else 1.0 - (1.0 - solver.gain) ** ratio
+        twin.gain = solver.gain
         twin._q[:], twin._objectives = solver._q, solver._objectives
         twin.exception_log = solver.exception_log  # the same objectives: none of their exceptions is logged twice
         arrays["settings"][[m.CLOSED, m.TRUST, m.NEAR]] = others["settings"][[m.CLOSED, m.TRUST, m.NEAR]]
@@ -137,7 +137,7 @@ class Ahead:
         twin._table[m.WARM] = 0
         for j, (i, _) in enumerate(held):
             arrays["pull_state"][j] = 0.0 if solver._changed else others["pull_state"][i]
-        if not solver._changed and len(held) == len(solver.pulls):  # then it goes on as the solver will, bit for bit
+        if not solver._changed and len(held) == len(solver.tasks):  # then it goes on as the solver will, bit for bit
             twin._table[[m.WARM, m.SIGNATURE, m.PULL_RANK]] = solver._table[[m.WARM, m.SIGNATURE, m.PULL_RANK]]
             arrays["u"][:] = others["u"]
         self._evaluate(twin._model, twin._data, twin._q)
@@ -155,11 +155,11 @@ class Ahead:
         table, arrays = self._twin._table, self._twin._memory.arrays
         n, p, k, rows = (int(table[size]) for size in (m.N, m.P, m.K, m.ROWS))
         columns = self._twin.mechanism.passive_columns - int(table[m.OFFSET])
-        pulls, motions, loops = (
+        tasks, motions, loops = (
             arrays[name].ravel()[: height * n].reshape(height, n)
             for name, height in (("jp", p), ("motions", k), ("jc", rows))
         )
-        self._notes.append((pulls.copy(), motions.copy(), loops[:, columns]))
+        self._notes.append((tasks.copy(), motions.copy(), loops[:, columns]))
 
 
 class _Course(NamedTuple):
@@ -175,11 +175,11 @@ class _Course(NamedTuple):
         return pin.SE3(turned, self.begin.translation + self.linear * time)
 
 
-def _course(solver: Solver, i: int, pull: Pull) -> _Course | None:
-    """How the target of a solver's pull i moves, by where it was in the last two ticks; None where it stands, or was
+def _course(solver: Solver, i: int, task: FrameTask) -> _Course | None:
+    """How the target of a solver's task i moves, by where it was in the last two ticks; None where it stands, or was
     moved further than any tick follows: such a leap goes on no further."""
     earlier, latest = solver._earlier, solver._latest
-    if earlier is None or latest is None or solver._changed or pull.twist is not None:
+    if earlier is None or latest is None or solver._changed or task.twist is not None:
         return None
     if solver._memory.arrays["pull_state"][i, m.FOLLOWED]:  # it followed a twist
         return None
@@ -192,4 +192,4 @@ def _course(solver: Solver, i: int, pull: Pull) -> _Course | None:
     far = max(float(np.abs(linear).max()) / solver.mechanism.length, float(np.abs(angular).max()))
     if not far <= ERROR_CAP:
         return None
-    return _Course(pull.target.copy(), linear / solver.dt, angular / solver.dt)
+    return _Course(task.target.copy(), linear / solver.dt, angular / solver.dt)

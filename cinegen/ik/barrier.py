@@ -1,4 +1,4 @@
-"""What a mechanism must not run into: bounds of its velocities that no pull and no objective breaks."""
+"""What a mechanism must not run into: bounds of its velocities that no task and no objective breaks."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class Evaluations:
         placements: (count, 4, 4) of the node in the world, m.
         jacobians: (count, 6, motors) velocity of the node in its own axes, m/s above rad/s, by the motors' velocities,
             in the order of `mechanism.actuated`; infinite or not a number where they don't determine it (type 2).
-        singular_values: (count, .) of the pull on what the loops leave, without unit, largest first (type 1).
+        singular_values: (count, .) of the task on what the loops leave, without unit, largest first (type 1).
         closure: (count,) the largest loop residual, rad or characteristic lengths.
         second: (count,) the smallest singular value of the passive joints in the loops, without unit (type 2); not a
             number unless a `Sampler` was asked for it.
@@ -59,7 +59,7 @@ def evaluate(
         mechanism: which.
         node: base, link or frame.
         values: (count, motors), rad and m, in the order of `mechanism.actuated`.
-        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes (`Pull`).
+        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes.
         rotation: how many rotations.
 
     Raises:
@@ -81,7 +81,7 @@ class Sampler(Solver):
     Args:
         mechanism: which.
         node: base, link or frame.
-        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes (`Pull`).
+        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes.
         rotation: how many rotations.
         balls: joints, by threes, that are written for a ball joint each: they count as the balls that they are.
         second: whether the smallest singular value of the passive joints is wanted.
@@ -104,8 +104,8 @@ class Sampler(Solver):
     ) -> None:
         prepare_sample()
         super().__init__(mechanism, dt=1.0)
-        self.pull(node, None, translation, rotation, axes=node)
-        self._arrange()
+        self.add_task(node, None, translation, rotation, axes=node)
+        self._write_tasks()
         n = int(self._table[m.N])
         self._rows = min(translation + rotation, n - mechanism.loop_rank)
         self._places = [mechanism.q_index(joint) for joint in mechanism.actuated]

@@ -1,4 +1,4 @@
-"""What lies ahead: where the present pulls lead to a singularity, a joint's limit or the end of reach.
+"""What lies ahead: where the present tasks lead to a singularity, a joint's limit or the end of reach.
 
 After L. Flückiger, L. Piguet and C. Baur, "Generic robotic kinematic generator for virtual environment interfaces",
 section 4: "display in advance the singular configuration in which the robot will go".
@@ -49,7 +49,7 @@ class Event:
         kind: what.
         time: seconds from now; 0 where it is so already.
         q: (nq,) where, loops closed.
-        sigma: the smallest singular value there, without unit: of the passive joints for type 2, else of the pulls.
+        sigma: the smallest singular value there, without unit: of the passive joints for type 2, else of the tasks.
         joint: the one that meets its limit; None for other kinds.
     """
 
@@ -69,12 +69,12 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Where the present pulls lead.
+    """Where the present tasks lead.
 
     Attributes:
         times: (ticks + 1,) seconds from now, 0 first.
         q: (ticks + 1, nq) the path.
-        sigma_min: (ticks + 1,) the smallest singular value of the pulls along it (type 1), as many as their generic
+        sigma_min: (ticks + 1,) the smallest singular value of the tasks along it (type 1), as many as their generic
             rank; infinite where nothing is pulled that can move.
         passive_sigma_min: (ticks + 1,) that of the passive joints (type 2); infinite without loops.
         events: what lies ahead, in the order of time.
@@ -95,14 +95,14 @@ def foresee(path: Path, threshold: float, passive_threshold: float) -> Forecast:
 
     Args:
         path: of a solver that ran ahead.
-        threshold: of the pulls' smallest singular value, without unit.
+        threshold: of the tasks' smallest singular value, without unit.
         passive_threshold: of the passive joints' smallest singular value, without unit.
     """
-    pulls = _signed(path.pulls, path.pull_rank)
+    tasks = _signed(path.tasks, path.task_rank)
     passive = _signed(path.passive, path.mechanism.passive_rank)
-    sigma, passive_sigma = np.abs(pulls), np.abs(passive)
+    sigma, passive_sigma = np.abs(tasks), np.abs(passive)
     events = []
-    for x in _crossings(pulls, threshold):
+    for x in _crossings(tasks, threshold):
         found = threshold if x else float(sigma[0])
         events.append(Event(EventKind.TYPE_1, x * path.dt, _at(path, x), found))
     for x in _crossings(passive, passive_threshold):

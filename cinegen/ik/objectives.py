@@ -1,7 +1,7 @@
-"""What a redundant mechanism does with the motions that its loops and pulls leave free.
+"""What a redundant mechanism does with the motions that its loops and tasks leave free.
 
 Each objective says how fast the joints should move for its own sake. A tick adds these up, takes what neither opens a
-loop nor moves a pull, and adds that to its step: the gradient projection of A. Liégeois, "Automatic supervisory control
+loop nor moves a task, and adds that to its step: the gradient projection of A. Liégeois, "Automatic supervisory control
 of the configuration and behavior of multibody mechanisms", IEEE Trans. Systems, Man, and Cybernetics 7, 1977.
 """
 
@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.ik.plain import axes_of, equations
-from cinegen.ik.pull import Pull
+from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -35,14 +35,14 @@ class State:
         mechanism: which moves.
         q: (nq,) where it is.
         dt: seconds that the tick will last.
-        pulls: that hold.
+        tasks: that hold.
         resting: how many of the first columns rest: those of a base that is not pulled.
     """
 
     mechanism: Mechanism
     q: Array
     dt: float
-    pulls: Sequence[Pull] = ()
+    tasks: Sequence[FrameTask] = ()
     resting: int = 0
 
 
@@ -50,7 +50,7 @@ class Objective(Protocol):
     """Anything with a method `velocity`."""
 
     def velocity(self, state: State) -> ArrayLike:
-        """(nv,) how fast the joints should move for its sake, rad/s and m/s, loops and pulls apart."""
+        """(nv,) how fast the joints should move for its sake, rad/s and m/s, loops and tasks apart."""
         ...
 
 
@@ -189,16 +189,16 @@ def _ranges(mechanism: Mechanism, margin: float) -> tuple[NDArray[np.intp], NDAr
 
 
 class Manipulability(_Rated):
-    """Pulls stay far from singularities.
+    """Tasks stay far from singularities.
 
     Raises T. Yoshikawa's measure ("Manipulability of robotic mechanisms", International Journal of Robotics Research 4,
     1985): the product of the singular values of what is pulled, on the motions that the loops leave, all without unit.
-    It is its logarithm that is raised, so that weights and the number of pulls do not matter; and not faster than
+    It is its logarithm that is raised, so that weights and the number of tasks do not matter; and not faster than
     `rate`, in rad/s or characteristic lengths.
 
     Args:
-        node: whose measure it is; that of the pulls together unless given.
-        translation: how many translations of the node count, along the axes it has (see `Pull`).
+        node: whose measure it is; that of the tasks together unless given.
+        translation: how many translations of the node count, along the axes it has (see `FrameTask`).
         rotation: how many rotations.
         rate: 1/s.
 
@@ -226,11 +226,11 @@ class Manipulability(_Rated):
         return -float(np.log(sigma[sigma > _LOST * sigma.max(initial=0.0)]).sum())
 
     def gradient(self, state: State) -> Array:
-        """(nv,) of the measure's logarithm by the free motions that no pull asks for, without unit.
+        """(nv,) of the measure's logarithm by the free motions that no task asks for, without unit.
 
         With A = J V, V the free motions, it changes by the trace of A^+ dA; along a motion z that keeps loops closed,
         dV = -J_c^+ dJ_c V to what V does not span. The Jacobians' own changes are central differences: two evaluations
-        for each motion that the pulls leave.
+        for each motion that the tasks leave.
         """
         mechanism, measured = state.mechanism, self._measured(state)
         system, nv = mechanism.system, mechanism.model.nv
@@ -252,26 +252,26 @@ class Manipulability(_Rated):
                 gradient[state.resting :] += slope * way
         return gradient
 
-    def _measured(self, state: State) -> list[Pull] | None:
-        """Whose measure it is; None where it is that of the pulls."""
+    def _measured(self, state: State) -> list[FrameTask] | None:
+        """Whose measure it is; None where it is that of the tasks."""
         if self.node is None:
             return None
         frame = state.mechanism.frame_id(self.node)
         here = state.mechanism.placement(state.q, self.node)
-        return [Pull(self.node, here, self.translation, self.rotation, frame=frame)]
+        return [FrameTask(self.node, here, self.translation, self.rotation, frame=frame)]
 
-    def _rows(self, state: State, measured: list[Pull] | None, q: Array) -> tuple[Array, Array, Array]:
-        """The rows of loops, of pulls, and of what is measured, at q, without unit and without columns that rest."""
+    def _rows(self, state: State, measured: list[FrameTask] | None, q: Array) -> tuple[Array, Array, Array]:
+        """The rows of loops, of tasks, and of what is measured, at q, without unit and without columns that rest."""
         mechanism = state.mechanism
         system = mechanism.system
         loops = system.evaluate(q)[1][:, state.resting :]
         found: list[Array] = []
-        for pulls in (state.pulls, measured):
-            if pulls is None:
+        for tasks in (state.tasks, measured):
+            if tasks is None:
                 found.append(found[0])
                 continue
-            holding = [pull for pull in pulls if pull.makes_sense()]
-            with_axes = [(pull, axes_of(pull, mechanism, system)) for pull in holding]
+            holding = [task for task in tasks if task.is_valid()]
+            with_axes = [(task, axes_of(task, mechanism, system)) for task in holding]
             found.append(equations(mechanism, system, with_axes)[1][:, state.resting :])
         return loops, found[0], found[1]
 

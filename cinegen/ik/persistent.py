@@ -10,15 +10,15 @@ import pinocchio as pin
 from cinegen.errors import CinegenError
 from cinegen.ik.objectives import Objective, Posture
 from cinegen.ik.point_to_point import inverse_kinematics
-from cinegen.ik.pull import Pull
 from cinegen.ik.solver import Array, Solver
 from cinegen.ik.step import Status, Step
+from cinegen.ik.task import FrameTask
 
 _STARTS = 24  # from so many configurations a way out is looked for, once for each place of the targets
 _TICKS = 2  # at rest, before it is looked for
 _REST = 1e-6  # rad or lengths in a tick
 _RATE = 0.2  # part of the way to the other posture in a tick, at most; limits of speed count too
-_THERE = 0.02  # rad or lengths from that posture, pulls take over again
+_THERE = 0.02  # rad or lengths from that posture, tasks take over again
 
 
 class PersistentSolver(Solver):
@@ -26,10 +26,10 @@ class PersistentSolver(Solver):
 
     Where it comes to rest, its targets standing still and not reached, it looks for a posture that reaches them
     (`inverse_kinematics`). If there is one it goes there through the joints, loops closed and limits kept, while the
-    pulls wait. The status is DETOUR meanwhile.
+    tasks wait. The status is DETOUR meanwhile.
 
-    A tick in which a posture is looked for takes some milliseconds; the first for a set of pulls a few tenths of a
-    second where loops are to be closed. Pulls after twists never wait. What it finds may be far from where the robot
+    A tick in which a posture is looked for takes some milliseconds; the first for a set of tasks a few tenths of a
+    second where loops are to be closed. Tasks after twists never wait. What it finds may be far from where the robot
     is: not for robots among people.
     """
 
@@ -59,7 +59,7 @@ class PersistentSolver(Solver):
             left = np.abs(pin.difference(self._model, self._q, self._goal) / self.mechanism.scale).max(initial=0.0)
             if left < _THERE or moved < _REST:
                 self._take_over()
-        elif moved < _REST * self.gain and step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH):
+        elif moved < _REST * self.tick_gain and step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH):
             self._resting += 1
             if self._resting >= _TICKS and self._places() != self._tried:
                 self._look_for_another()
@@ -68,14 +68,16 @@ class PersistentSolver(Solver):
         return step
 
     def _places(self) -> tuple[bytes, ...]:
-        return tuple(pull.target.homogeneous.tobytes() for pull in self._pulls if pull.makes_sense())
+        return tuple(task.target.homogeneous.tobytes() for task in self._tasks if task.is_valid())
 
     def _look_for_another(self) -> None:
         self._tried = self._places()
-        pulls = [pull for pull in self._pulls if pull.makes_sense()]
-        if not pulls or any(pull.twist is not None for pull in pulls):
+        tasks = [task for task in self._tasks if task.is_valid()]
+        if not tasks or any(task.twist is not None for task in tasks):
             return
-        wanted = [Pull(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, at=p.at) for p in pulls]
+        wanted = [
+            FrameTask(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, offset=p.offset) for p in tasks
+        ]
         try:
             reached = inverse_kinematics(self.mechanism, wanted, starts=_STARTS)
         except CinegenError:
@@ -83,12 +85,12 @@ class PersistentSolver(Solver):
         if reached:
             self._goal, self._own = reached.q, self._objectives
             self._objectives = (Posture(reached.q, rate=_RATE / self.dt),)
-            self._suspend_pulls(True)
+            self._suspend_tasks(True)
 
     def _take_over(self) -> None:
-        """The pulls do, again."""
+        """The tasks do, again."""
         if self._goal is None:
             return
         self._goal, self._objectives, self._own = None, self._own, ()
-        self._suspend_pulls(False)
+        self._suspend_tasks(False)
         self._resting = 0

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.ik._kernels.seek import nearest_start
-from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
 from cinegen.ik.step import Status
+from cinegen.ik.task import FrameTask
 from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
 
@@ -49,18 +49,18 @@ class IKResult:
     iterations: int
     holding: tuple[str, ...]
     _mechanism: Mechanism = field(repr=False)
-    _pulls: tuple[Pull, ...] = field(repr=False)
+    _tasks: tuple[FrameTask, ...] = field(repr=False)
 
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
         """For each target, what is left: m and rad."""
-        return tuple(self._error(pull) for pull in self._pulls)
+        return tuple(self._error(task) for task in self._tasks)
 
-    def _error(self, pull: Pull) -> tuple[float, float]:
-        own = pull.target.rotation
-        if pull.axes != "target":
-            own = np.eye(3) if pull.axes == "world" else self._mechanism.placement(self.q, pull.axes).rotation
-        straight, turn = pull.errors(self._mechanism.placement(self.q, pull.node) * pull.at, own)
+    def _error(self, task: FrameTask) -> tuple[float, float]:
+        own = task.target.rotation
+        if task.axes != "target":
+            own = np.eye(3) if task.axes == "world" else self._mechanism.placement(self.q, task.axes).rotation
+        straight, turn = task.errors(self._mechanism.placement(self.q, task.node) * task.offset, own)
         return math.hypot(*straight), math.hypot(*turn)
 
     def __bool__(self) -> bool:
@@ -77,7 +77,7 @@ class IKResult:
 
 def inverse_kinematics(
     mechanism: Mechanism,
-    targets: Mapping[str, pin.SE3] | Sequence[Pull],
+    targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
     q: ArrayLike | None = None,
     *,
     tolerance: float = 1e-6,
@@ -93,7 +93,7 @@ def inverse_kinematics(
 
     Args:
         mechanism: which.
-        targets: pose of each node in the world; or pulls, where not all of a pose counts.
+        targets: pose of each node in the world; or tasks, where not all of a pose counts.
         q: (nq,) where to begin, loops closed or not; a solution near it is preferred then.
         tolerance: m and rad that may be left. Usually less is left than 1e-12.
         limits: whether joints must keep to their position limits.
@@ -106,27 +106,27 @@ def inverse_kinematics(
         CinegenError: nothing is asked for, a target makes no sense, or tolerance or starts are not positive.
     """
     if isinstance(targets, Mapping):
-        targets = [Pull(node, target) for node, target in targets.items()]
+        targets = [FrameTask(node, target) for node, target in targets.items()]
     if not targets:
         raise CinegenError("reach needs a target for at least one node")
-    for pull in targets:
-        if not pull.makes_sense() or pull.twist is not None:
-            raise CinegenError(f"a target of '{pull.node}' must be a finite pinocchio.SE3, and its weight above 0")
+    for task in targets:
+        if not task.is_valid() or task.twist is not None:
+            raise CinegenError(f"a target of '{task.node}' must be a finite pinocchio.SE3, and its weight above 0")
     if not (tolerance > 0.0 and starts > 0):
         raise CinegenError(f"tolerance and starts must be above 0, not {tolerance} and {starts}")
     return _finder(mechanism, tuple(targets), limits, seed).find(
-        [pull.target for pull in targets], None if q is None else mechanism.checked(q), tolerance, starts
+        [task.target for task in targets], None if q is None else mechanism.checked(q), tolerance, starts
     )
 
 
 class _Finder:
     """For one mechanism and some nodes: the seeker and its starts."""
 
-    def __init__(self, mechanism: Mechanism, pulls: tuple[Pull, ...], limits: bool, seed: int) -> None:
+    def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> None:
         self.mechanism = mechanism
-        self.seeker = Seeker(mechanism, pulls, limits)
+        self.seeker = Seeker(mechanism, tasks, limits)
         self._seed = seed
-        self._weights = [_weights(pull, mechanism.length) for pull in pulls]
+        self._weights = [_weights(task, mechanism.length) for task in tasks]
         closer = Seeker(mechanism, (), limits) if mechanism.loops else self.seeker
         self._spread = closer.spread(_SPREAD_CLOSED if mechanism.loops else _SPREAD, np.random.default_rng(seed))
         self._features = np.array([self._feature(self.seeker.placements(q)) for q in self._spread])
@@ -141,8 +141,8 @@ class _Finder:
 
     def find(self, targets: Sequence[pin.SE3], q: Array | None, tolerance: float, starts: int) -> IKResult:
         seeker = self.seeker
-        for pull, target in zip(seeker.pulls, targets, strict=True):
-            pull.target = target
+        for task, target in zip(seeker.tasks, targets, strict=True):
+            task.target = target
         goal = 0.5 * min(tolerance, tolerance / self.mechanism.length)  # of each of up to three residuals
         rng: np.random.Generator | None = None  # begun anew: what was asked before makes no difference
         point = self._feature(targets)
@@ -185,20 +185,20 @@ class _Finder:
         held, aims = step.saturated, self._aims()
         return IKResult(False, step.q, step.closure, starts, iterations, held, self.mechanism, aims)
 
-    def _aims(self) -> tuple[Pull, ...]:
-        """What was asked for, as values of its own: the seeker's pulls are for the next one."""
+    def _aims(self) -> tuple[FrameTask, ...]:
+        """What was asked for, as values of its own: the seeker's tasks are for the next one."""
         return tuple(
-            Pull(pull.node, pull.target, pull.translation, pull.rotation, 1.0, pull.axes, at=pull.at)
-            for pull in self.seeker.pulls
+            FrameTask(task.node, task.target, task.translation, task.rotation, 1.0, task.axes, offset=task.offset)
+            for task in self.seeker.tasks
         )
 
 
-def _weights(pull: Pull, length: float) -> tuple[float, Array]:
-    """How much place and axes of a pull count."""
-    turn = np.full(3, 0.5 * (pull.rotation / 3.0))
-    if pull.rotation == 2:
+def _weights(task: FrameTask, length: float) -> tuple[float, Array]:
+    """How much place and axes of a task count."""
+    turn = np.full(3, 0.5 * (task.rotation / 3.0))
+    if task.rotation == 2:
         turn = np.array([0.0, 0.0, 0.5])
-    return pull.translation / 3.0 / length, turn
+    return task.translation / 3.0 / length, turn
 
 
 class _Finders(threading.local):
@@ -211,16 +211,16 @@ class _Finders(threading.local):
 _finders = _Finders()
 
 
-def _finder(mechanism: Mechanism, pulls: tuple[Pull, ...], limits: bool, seed: int) -> _Finder:
+def _finder(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> _Finder:
     what = [
-        (pull.node, pull.translation, pull.rotation, pull.axes, pull.weight, *pull.at.homogeneous.ravel().tolist())
-        for pull in pulls
+        (task.node, task.translation, task.rotation, task.axes, task.weight, *task.offset.homogeneous.ravel().tolist())
+        for task in tasks
     ]
     key = (id(mechanism), limits, seed, *what)
     recent = _finders.recent
     finder = recent.get(key)
     if finder is None:
-        finder = recent[key] = _Finder(mechanism, pulls, limits, seed)  # holds the mechanism, so that its id stays
+        finder = recent[key] = _Finder(mechanism, tasks, limits, seed)  # holds the mechanism, so that its id stays
         if len(recent) > _KEPT:
             recent.popitem(last=False)
     else:

@@ -1,4 +1,4 @@
-"""The linear algebra of one tick, lexicographic: loops exactly, joint limits exactly, pulls as well as possible.
+"""The linear algebra of one tick, lexicographic: loops exactly, joint limits exactly, tasks as well as possible.
 
 Everything is without unit. This is the plain statement of the mathematics.
 """
@@ -22,7 +22,7 @@ _TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
 class Resolution:
     """Attributes:
     step: (nv,) the joint step.
-    sigma: singular values of the pulls on the motions that the loops leave, largest first.
+    sigma: singular values of the tasks on the motions that the loops leave, largest first.
     loop_sigma: singular values of the loops, as many as their generic rank.
     frozen: columns whose bound holds the step back; they end on it.
     """
@@ -44,14 +44,14 @@ def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
     return vt[rank:].T, sigma[:rank]
 
 
-def resolve(loops: Array, rank: int, pulls: Array, pull_rank: int, error: Array, low: Array, high: Array) -> Resolution:
-    """The step that does most for the pulls while every loop stays closed and every joint within its bounds.
+def resolve(loops: Array, rank: int, tasks: Array, task_rank: int, error: Array, low: Array, high: Array) -> Resolution:
+    """The step that does most for the tasks while every loop stays closed and every joint within its bounds.
 
-    In the coordinates y of the free motions V, with the SVD A = pulls V = U S W^T, the step minimises
+    In the coordinates y of the free motions V, with the SVD A = tasks V = U S W^T, the step minimises
 
         |A y - error|^2 + sum_i damping_i (w_i . y)^2    subject to    low <= V y <= high,
 
-    with no damping at all where singular values are large, and `RESTING` for motions that no pull asks for. With
+    with no damping at all where singular values are large, and `RESTING` for motions that no task asks for. With
     x_i = h_i (w_i . y), h_i^2 = s_i^2 + damping_i, that is the point x of a polyhedron that is nearest to
     b_i = (s_i / h_i) u_i . error. A joint frozen on its bound is
     let go again as soon as that helps.
@@ -59,8 +59,8 @@ def resolve(loops: Array, rank: int, pulls: Array, pull_rank: int, error: Array,
     Args:
         loops: (rows, nv) Jacobian of the loops.
         rank: its generic rank.
-        pulls: (k, nv) Jacobian of all pulls, weighted.
-        pull_rank: the generic rank of the pulls on the free motions.
+        tasks: (k, nv) Jacobian of all tasks, weighted.
+        task_rank: the generic rank of the tasks on the free motions.
         error: (k,) what they want.
         low: (nv,) lowest step of each joint, at most 0.
         high: (nv,) highest, at least 0.
@@ -69,12 +69,12 @@ def resolve(loops: Array, rank: int, pulls: Array, pull_rank: int, error: Array,
     width = motions.shape[1]
     if width == 0 or len(error) == 0:
         return Resolution(np.zeros(len(low)), np.zeros(0), loop_sigma, ())
-    u, sigma, wt = np.linalg.svd(pulls @ motions, full_matrices=True)
-    sigmas, along = np.zeros(width), np.zeros(width)  # motions that no pull asks for have singular value 0
+    u, sigma, wt = np.linalg.svd(tasks @ motions, full_matrices=True)
+    sigmas, along = np.zeros(width), np.zeros(width)  # motions that no task asks for have singular value 0
     used = min(len(sigma), width)
     sigmas[:used], along[:used] = sigma[:used], (u.T @ error)[:used]
     squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
-    squared[pull_rank:] = RESTING  # what no pull asks for stays still, unless a limit needs it
+    squared[task_rank:] = RESTING  # what no task asks for stays still, unless a limit needs it
     scale = np.sqrt(squared)
     wanted = sigmas / scale * along
     joints = motions @ wt.T / scale  # (nv, width): what x does to the joints

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels import seek as kernel
 from cinegen.ik._kernels.seek import FOUND, ONWARD, nearest_start, prepare_seek, scratch_size, seek
-from cinegen.ik.pull import Pull
 from cinegen.ik.solver import Solver
+from cinegen.ik.task import FrameTask
 from cinegen.loops._kernels.memory import address
 from cinegen.model import Mechanism
 
@@ -25,21 +25,21 @@ class Seeker(Solver):
 
     Args:
         mechanism: which.
-        pulls: what should be where; none, to close loops only.
+        tasks: what should be where; none, to close loops only.
         limits: whether joints keep to their position limits.
     """
 
-    def __init__(self, mechanism: Mechanism, pulls: tuple[Pull, ...] = (), limits: bool = True) -> None:
+    def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True) -> None:
         prepare_seek()
         super().__init__(mechanism, dt=1.0)
         arrays, model = self._memory.arrays, self._model
         arrays["longest"][:] = np.inf
         if not limits:
             arrays["low"][:], arrays["high"][:] = -np.inf, np.inf
-        for pull in pulls:
-            self.pull(pull.node, None, pull.translation, pull.rotation, pull.weight, pull.axes, pull.at)
-        self._arrange()
-        rows = 6 * len(pulls) + int(self._table[m.ROWS])
+        for task in tasks:
+            self.add_task(task.node, None, task.translation, task.rotation, task.weight, task.axes, task.offset)
+        self._write_tasks()
+        rows = 6 * len(tasks) + int(self._table[m.ROWS])
         self._scratch = np.zeros(scratch_size(rows, model.nv))
         self._scratch[kernel.MOST] = MOST
         self._s = address(self._scratch)
@@ -127,7 +127,7 @@ class Seeker(Solver):
 
     def placements(self, q: Array) -> list[pin.SE3]:
         """Of all pulled nodes."""
-        return [self.mechanism.placement(q, pull.node) * pull.at for pull in self.pulls]
+        return [self.mechanism.placement(q, task.node) * task.offset for task in self.tasks]
 
 
 _STRIDE = 0.6  # rad or lengths: from one configuration of the tree to the next

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float) -> Memory:
-    """All that does not depend on pulls, for Pinocchio's data in `system`."""
+    """All that does not depend on tasks, for Pinocchio's data in `system`."""
     model = mechanism.model
     nv = model.nv
     memory = loops.memory_of(system, mechanism.loop_rank, m.LAYOUT)

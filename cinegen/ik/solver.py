@@ -1,4 +1,4 @@
-"""The resolved-rate solver: moves any mechanism after any pulls, one tick at a time, loops closed at every tick."""
+"""The resolved-rate solver: frames of a mechanism follow targets, with all loops closed at every tick."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.blend import Blend
 from cinegen.ik.forecast import TICKS, Forecast, foresee
 from cinegen.ik.objectives import Objective, State
-from cinegen.ik.plain import pull_rank
-from cinegen.ik.pull import Pull
+from cinegen.ik.plain import task_rank
 from cinegen.ik.setup import make_room_for_barriers, memory_of
 from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.ik.step import Layout, Step
+from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import (
     ACCEPTED,
     ASTRAY,
@@ -43,23 +43,25 @@ _FASTEST = 1e100  # rad/s or m/s: no objective means more
 
 
 class Solver:
-    """Moves a mechanism; owns q. One thread at a time; the mechanism may serve others meanwhile.
+    """Resolved-rate solver of one mechanism. It owns the configuration q.
+
+    A solver may be used by one thread at a time; the mechanism may be shared.
 
     Args:
-        mechanism: what to move.
-        dt: seconds between two ticks.
-        q: (nq,) where to begin, loops closed; home unless given.
-        gain: part of a pull's error that a tick makes good, 0 to 1.
-        acceleration: largest acceleration of the joints, rad/s^2 and m/s^2: one number for all, or by joint; none
-            unless given.
+        mechanism: mechanism to move.
+        dt: period of a tick, s.
+        q: (nq,) initial configuration with closed loops; the home configuration unless given.
+        gain: rate at which pose errors decay, 1/s; see `Solver.gain`.
+        acceleration: limits of the joint accelerations, rad/s^2 and m/s^2: one number for all joints, or a mapping by
+            joint name. Accelerations are unlimited unless given.
 
     Attributes:
-        exception_log: what objectives and barriers raised so far. Each exception is logged once; see `ExceptionLog`.
+        exception_log: exceptions of objectives and barriers, each logged once; see `ExceptionLog`.
 
     Raises:
-        ConfigurationError: q is no configuration.
-        UnknownNameError: no such joint.
-        CinegenError: q leaves loops open, or dt, gain or an acceleration make no sense.
+        ConfigurationError: q has a wrong shape or is not finite.
+        UnknownNameError: `acceleration` names a joint that does not exist.
+        CinegenError: q leaves loops open; or dt, gain or an acceleration is not positive.
     """
 
     def __init__(
@@ -67,7 +69,7 @@ class Solver:
         mechanism: Mechanism,
         dt: float,
         q: ArrayLike | None = None,
-        gain: float = 1.0,
+        gain: float = math.inf,
         acceleration: float | Mapping[str, float] | None = None,
     ) -> None:
         if not (np.isfinite(dt) and dt > 0.0):
@@ -77,7 +79,7 @@ class Solver:
         self._system = mechanism.own_system()  # scratch of its own: no other thread or solver disturbs it
         self._model, self._data = self._system.model, self._system.data
         self._evaluate = pin.computeJointJacobians if self._model.nv else pin.forwardKinematics
-        self._pulls: list[Pull] = []
+        self._tasks: list[FrameTask] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
         self._barriers: tuple[Barrier, ...] = ()
@@ -101,42 +103,52 @@ class Solver:
 
     @property
     def gain(self) -> float:
-        """The part of a pull's error that a tick makes good, above 0 to 1. May be set at any time.
+        """Rate at which pose errors decay, 1/s; may be set at any time.
+
+        A tick corrects the fraction 1 - exp(-gain dt) of each error, so the decay does not depend on dt. With an
+        infinite gain, the default, a tick corrects all of it, as far as limits allow.
 
         Raises:
-            CinegenError: set to something else.
+            CinegenError: set to a value that is not above 0.
         """
-        return float(self._memory.arrays["settings"][m.GAIN])
+        return self._gain
 
     @gain.setter
     def gain(self, gain: float) -> None:
-        if not 0.0 < gain <= 1.0:
-            raise CinegenError(f"gain must be in (0, 1], not {gain}")
-        self._memory.arrays["settings"][m.GAIN] = gain
+        if not gain > 0.0:
+            raise CinegenError(f"gain must be above 0 (1/s), not {gain}")
+        self._gain = float(gain)
+        self._memory.arrays["settings"][m.GAIN] = -math.expm1(-self._gain * self.dt)
 
     @property
-    def near(self) -> float:
-        """The singular value (without unit) of the pulls below which motion is damped, 0.05 unless set. More makes a
-        robot calmer near singularities, and slower; less, livelier. May be set at any time.
+    def tick_gain(self) -> float:
+        """Fraction of an error that one tick corrects: 1 - exp(-gain dt)."""
+        return float(self._memory.arrays["settings"][m.GAIN])
+
+    @property
+    def damping_threshold(self) -> float:
+        """Dimensionless singular value of the tasks below which motion is damped; 0.05 by default.
+
+        A larger value makes motion near singularities slower and smoother. It may be set at any time.
 
         Raises:
-            CinegenError: set to what is not above 0 and 1 at most.
+            CinegenError: set to a value outside (0, 1].
         """
         return float(self._memory.arrays["settings"][m.NEAR])
 
-    @near.setter
-    def near(self, near: float) -> None:
+    @damping_threshold.setter
+    def damping_threshold(self, near: float) -> None:
         if not 0.0 < near <= 1.0:
-            raise CinegenError(f"damping sets in below a singular value above 0, 1 at most, not {near}")
+            raise CinegenError(f"damping_threshold must be in (0, 1], not {near}")
         self._memory.arrays["settings"][m.NEAR] = near
 
     @property
     def q(self) -> Array:
-        """(nq,) where the mechanism is. May be set: then it is there at once, and at rest.
+        """(nq,) configuration, a copy. Setting it moves the mechanism there at once, at rest.
 
         Raises:
-            ConfigurationError: set to what is no configuration.
-            CinegenError: set to where loops are open.
+            ConfigurationError: set to an array of wrong shape, or one that is not finite.
+            CinegenError: set to a configuration with open loops.
         """
         return self._q.copy()
 
@@ -145,14 +157,16 @@ class Solver:
         full = self.mechanism.checked(q)
         closure = self.mechanism.closure(full)
         if closure > CLOSURE:
-            raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {closure:.2g}: close it")
+            raise CinegenError(
+                f"q leaves loops of {self.mechanism.name} open by {closure:.2g}: use mechanism.close(q).q"
+            )
         self._q[:] = full
         self._memory.arrays["settings"][m.CLOSED] = closure
         for name in ("last", "drift", "secondary"):
             self._memory.arrays[name][:] = 0.0
         self._memory.arrays["settings"][m.TRUST] = 1.0
         self._table[m.PHASE] = ASTRAY
-        if not self._changed:  # pulls forget what they followed
+        if not self._changed:  # tasks forget what they followed
             self._memory.arrays["pull_state"][:] = 0.0
             self._table[m.WARM] = 0
             self._earlier, self._latest = None, None
@@ -171,14 +185,14 @@ class Solver:
             limits[column] = limit * self.dt * self.dt / mechanism.scale[column]
         self._table[m.ACCELERATED] = 1
 
-    # --- pulls ---------------------------------------------------------------------------------------------------
+    # --- tasks ---------------------------------------------------------------------------------------------------
 
     @property
-    def pulls(self) -> tuple[Pull, ...]:
-        """The pulls that hold, in the order they were made."""
-        return tuple(self._pulls)
+    def tasks(self) -> tuple[FrameTask, ...]:
+        """Tasks in the order in which they were added."""
+        return tuple(self._tasks)
 
-    def pull(
+    def add_task(
         self,
         node: str,
         target: pin.SE3 | None = None,
@@ -186,132 +200,145 @@ class Solver:
         rotation: int = 3,
         weight: float = 1.0,
         axes: str = "target",
-        at: pin.SE3 | ArrayLike | None = None,
-    ) -> Pull:
-        """Makes a node follow a pose. Set `pull.target` to move it on, or `pull.twist` to give it a speed.
+        offset: pin.SE3 | ArrayLike | None = None,
+    ) -> FrameTask:
+        """Add a task: a frame on a node follows a target pose. Set `task.target` or `task.twist` to move it.
 
         Args:
-            node: base, link or frame.
-            target: where it should be, in the world; where it is unless given.
-            translation: how many translations it holds, 0 to 3 (see `Pull`).
-            rotation: how many rotations it holds, 0 to 3.
-            weight: of its equations where several pulls can't all be met.
-            axes: whose axes these are: "target", "world" or the name of a node.
-            at: what of the node follows: a point (3,) or a frame that is fixed on it, as seen from it (m); its own
-                frame unless given. A part may be taken anywhere.
+            node: name of a base, link or frame.
+            target: pose in the world; the present pose unless given.
+            translation: number of constrained translations, 0 to 3; see `FrameTask.translation`.
+            rotation: number of constrained rotations, 0 to 3; see `FrameTask.rotation`.
+            weight: weight of the task where several tasks can't all be met; only proportions matter.
+            axes: frame whose axes the rows are expressed in: "target", "world" or the name of a node.
+            offset: point (3,) or pose on the node, in the node's frame (m), that follows the target; the node's own
+                frame unless given.
 
         Raises:
             UnknownNameError: no such node.
-            CinegenError: translation or rotation not 0 to 3, a weight not above 0, the target no SE3, or `at` neither
-                that nor three finite numbers.
+            CinegenError: translation or rotation is not 0 to 3, weight is not positive and finite, target is no SE3, or
+                offset is neither an SE3 nor three finite numbers.
         """
         frame = self.mechanism.frame_id(node)
         if translation not in range(4) or rotation not in range(4):
-            raise CinegenError(f"a pull holds 0 to 3 translations and rotations, not {translation} and {rotation}")
+            raise CinegenError(f"a task constrains 0 to 3 translations and rotations, not {translation} and {rotation}")
         if not 0.0 < weight < np.inf:
-            raise CinegenError(f"a pull's weight must be above 0, not {weight}")
+            raise CinegenError(f"a task's weight must be positive and finite, not {weight}")
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
-        grip = _grip(at)
+        frame_on_node = _offset(offset)
         if target is None:
-            target = self.mechanism.placement(self._q, node) * grip
+            target = self.mechanism.placement(self._q, node) * frame_on_node
         if not isinstance(target, pin.SE3):
-            raise CinegenError(f"a pull's target is a pinocchio.SE3, not {type(target).__name__}")
-        pull = Pull(node, target, translation, rotation, weight, axes, frame, grip)
-        pull.changed = self._notice
-        self._pulls.append(pull)
+            raise CinegenError(f"a task's target is a pinocchio.SE3, not {type(target).__name__}")
+        task = FrameTask(node, target, translation, rotation, weight, axes, frame, frame_on_node)
+        task.changed, task.measure = self._mark_changed, self._error_of
+        self._tasks.append(task)
         self._changed = True
-        return pull
+        return task
 
     def blend(
-        self, pull: Pull, target: pin.SE3 | None = None, seconds: float = 0.5, weight: float | None = None
+        self, task: FrameTask, target: pin.SE3 | None = None, seconds: float = 0.5, weight: float | None = None
     ) -> None:
-        """Leads a pull over to another target or weight, without a jerk: the following ticks do that. Where its target
-        or weight is set meanwhile, that holds; and another blend of the same pull takes over.
+        """Move a task smoothly to another target or weight during the following ticks.
+
+        A target or weight that is set meanwhile ends its interpolation. Another blend of the same task replaces this.
 
         Args:
-            pull: that follows a pose.
-            target: where it should be at the end, in the world; as it is unless given.
-            seconds: how long that takes.
-            weight: at the end; as it is unless given. With 0 the pull is let go then.
+            task: task that follows a pose.
+            target: final pose in the world; unchanged unless given.
+            seconds: duration.
+            weight: final weight; unchanged unless given. A task whose weight reaches 0 is removed.
 
         Raises:
-            CinegenError: the pull is not one of this solver's or follows no pose, or the others make no sense.
+            CinegenError: the task is not one of this solver's or follows a twist; or seconds, target or weight is
+                negative or not finite.
         """
-        if pull not in self._pulls:
-            raise CinegenError(f"the pull of '{pull.node}' is not one of this solver's")
-        blend = Blend(pull, seconds, target, weight)
-        self._blends = [other for other in self._blends if other.pull is not pull] + [blend]
+        if task not in self._tasks:
+            raise CinegenError(f"the task of '{task.node}' is not one of this solver's")
+        blend = Blend(task, seconds, target, weight)
+        self._blends = [other for other in self._blends if other.task is not task] + [blend]
 
-    def release(self, pull: Pull, seconds: float = 0.0) -> None:
-        """Lets go; a pull that holds no longer is let go already.
+    def remove_task(self, task: FrameTask, seconds: float = 0.0) -> None:
+        """Remove a task. Does nothing if it has been removed already.
 
         Args:
-            pull: which.
-            seconds: in which its weight fades first, so that others take over without a jerk.
+            task: task to remove.
+            seconds: time in which its weight fades to 0 first, so that the motion stays smooth.
 
         Raises:
-            CinegenError: seconds make no sense.
+            CinegenError: seconds is negative or not finite.
         """
-        if seconds != 0.0 and pull in self._pulls:
-            self.blend(pull, seconds=seconds, weight=0.0)
+        if seconds != 0.0 and task in self._tasks:
+            self.blend(task, seconds=seconds, weight=0.0)
             return
-        self._blends = [blend for blend in self._blends if blend.pull is not pull]
-        if pull in self._pulls:
-            pull.lies_in(np.zeros(m.PULL_WIDTH))
-            pull.changed = _nothing
-            self._pulls.remove(pull)
+        self._blends = [blend for blend in self._blends if blend.task is not task]
+        if task in self._tasks:
+            task.move_to(np.zeros(m.PULL_WIDTH))
+            task.changed = _nothing
+            self._tasks.remove(task)
             self._changed = True
 
-    def _go_on_blending(self) -> None:
+    def _advance_blends(self) -> None:
         for blend in self._blends[:]:
             if not blend.advance(self.dt):
                 self._blends.remove(blend)
-                if blend.lets_go:
-                    self.release(blend.pull)
+                if blend.removes:
+                    self.remove_task(blend.task)
 
-    def _suspend_pulls(self, waits: bool) -> None:
-        """For solvers that lead elsewhere: pulls wait, and objectives alone lead."""
+    def _suspend_tasks(self, waits: bool) -> None:
+        """Suspend all tasks, so that the objectives alone move the mechanism (for solvers that recover)."""
         self._table[m.DETOUR] = waits
         if not waits:
             self._table[m.WISHING] = 0
 
-    def _notice(self) -> None:
+    def _error_of(self, task: FrameTask) -> tuple[float, float]:
+        """Return what the last tick left of a task's error; at the present configuration if there was none since."""
+        if self._latest is not None and not self._changed and task in self._tasks:
+            return Step(self._latest, self._layout).errors[self._tasks.index(task)]
+        placement = self.mechanism.placement(self._q, task.node) * task.offset
+        axes = None
+        if task.axes != "target":
+            axes = np.eye(3) if task.axes == "world" else self.mechanism.placement(self._q, task.axes).rotation
+        linear, angular = task.errors(placement, axes)
+        return math.hypot(*linear), math.hypot(*angular)
+
+    def _mark_changed(self) -> None:
         self._changed = True
 
-    def _arrange(self) -> None:
-        """Makes room for the pulls as they are."""
-        mechanism, memory, pulls = self.mechanism, self._memory, self._pulls
-        table = np.zeros((max(len(pulls), 1), m.PULL_WIDTH))
-        moved_by = np.zeros((max(len(pulls), 1), self._model.nv))
-        for i, pull in enumerate(pulls):
-            pull.lies_in(table[i])
-            frame = self._model.frames[pull.frame]
+    def _write_tasks(self) -> None:
+        """Write the tasks into the kernel's memory, which is allocated again for their number."""
+        mechanism, memory, tasks = self.mechanism, self._memory, self._tasks
+        table = np.zeros((max(len(tasks), 1), m.PULL_WIDTH))
+        moved_by = np.zeros((max(len(tasks), 1), self._model.nv))
+        for i, task in enumerate(tasks):
+            task.move_to(table[i])
+            frame = self._model.frames[task.frame]
             table[i, m.JOINT] = frame.parentJoint
-            table[i, m.LOCAL : m.LOCAL + 12] = m.columns_of(frame.placement * pull.at)
-            table[i, m.AXES_OF] = {"target": m.OF_TARGET, "world": m.OF_WORLD}.get(pull.axes, m.OF_NODE)
-            if pull.axes not in ("target", "world"):
-                axes = self._model.frames[mechanism.frame_id(pull.axes)]
+            table[i, m.LOCAL : m.LOCAL + 12] = m.columns_of(frame.placement * task.offset)
+            table[i, m.AXES_OF] = {"target": m.OF_TARGET, "world": m.OF_WORLD}.get(task.axes, m.OF_NODE)
+            if task.axes not in ("target", "world"):
+                axes = self._model.frames[mechanism.frame_id(task.axes)]
                 table[i, m.AXES_JOINT] = axes.parentJoint
                 table[i, m.AXES_LOCAL : m.AXES_LOCAL + 9] = axes.placement.rotation.ravel()
             moved_by[i] = moves(self._model, frame.parentJoint)
-        offset = 6 if self._rests() else 0
+        offset = 6 if self._base_is_fixed() else 0
         if offset != self._table[m.OFFSET]:
             memory.arrays["last"][:] = memory.arrays["drift"][:] = 0.0
         self._table[m.OFFSET], self._table[m.N] = offset, self._model.nv - offset
-        self._table[m.PULLS], self._table[m.SIGNATURE], self._table[m.WARM] = len(pulls), -1, 0
+        self._table[m.PULLS], self._table[m.SIGNATURE], self._table[m.WARM] = len(tasks), -1, 0
         memory.put("pull_table", table)
-        for i, pull in enumerate(pulls):
-            pull.lies_in(memory.arrays["pull_table"][i])
-        memory.put("pull_state", np.zeros((max(len(pulls), 1), m.STATE_WIDTH)))
+        for i, task in enumerate(tasks):
+            task.move_to(memory.arrays["pull_table"][i])
+        memory.put("pull_state", np.zeros((max(len(tasks), 1), m.STATE_WIDTH)))
         memory.put("moves", moved_by)
-        self._make_room(6 * len(pulls))
-        self._layout = Layout(mechanism, tuple((pull.node, pull.axes, pull.at) for pull in pulls), offset)
+        self._allocate_rows(6 * len(tasks))
+        self._layout = Layout(mechanism, tuple((task.node, task.axes, task.offset) for task in tasks), offset)
         self._record = memory.put("record", np.zeros(self._layout.starts[-1]))
         self._earlier, self._latest = None, None
         self._changed = False
 
-    def _make_room(self, p: int) -> None:
+    def _allocate_rows(self, p: int) -> None:
         nv = self._model.nv
         for name in ("e", "e_whole", "e_trial"):
             self._memory.put(name, np.zeros(p + 6))
@@ -323,13 +350,13 @@ class Solver:
         self._memory.put("triangle", np.zeros((2, max(p, 1), max(p, 1))))
 
     def _rank(self) -> None:
-        """The generic rank of the pulls that make sense."""
-        pulls = [pull for pull in self._pulls if pull.makes_sense()]
+        """Compute the generic rank of the valid tasks."""
+        tasks = [task for task in self._tasks if task.is_valid()]
         offset = int(self._table[m.OFFSET])
-        grips = [(pull.frame, pull.axes, *pull.at.homogeneous.ravel().tolist()) for pull in pulls]
-        key = (offset, *((grip, pull.translation, pull.rotation) for grip, pull in zip(grips, pulls, strict=True)))
+        offsets = [(task.frame, task.axes, *task.offset.homogeneous.ravel().tolist()) for task in tasks]
+        key = (offset, *((place, task.translation, task.rotation) for place, task in zip(offsets, tasks, strict=True)))
         if key not in self._ranks:
-            self._ranks[key] = pull_rank(self.mechanism, self.mechanism.system, pulls, slice(offset, None))
+            self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks, slice(offset, None))
         self._table[m.PULL_RANK] = self._ranks[key]
         self._table[m.WARM] = 0
 
@@ -343,24 +370,24 @@ class Solver:
         passive_threshold: float = NEAR_PASSIVE,
         moving: bool = True,
     ) -> Forecast:
-        """What the present pulls lead to: singularities, limits of joints, the end of reach. Changes nothing.
+        """Predict the motion: singularities, joint limits and the end of reach. The solver's state does not change.
 
-        Pulls that make no sense are left out. Targets that moved between the last two ticks go on moving as fast.
+        Invalid tasks are left out. Targets that moved between the last two ticks continue at that velocity.
 
         Args:
-            seconds: how far ahead.
-            dt: seconds between two of its ticks. The solver's own tells exactly what its ticks will do; unless given,
-                as much more as makes them 100 at most. No joint moves on by more than 0.1 rad in any.
-            threshold: below which singular value the pulls are near a singularity of type 1.
-            passive_threshold: below which one the passive joints are near one of type 2.
-            moving: whether targets go on moving.
+            seconds: horizon.
+            dt: period of the prediction's ticks, s. With the solver's own period the prediction is exactly what its
+                ticks will do. By default at most 100 ticks are computed. No joint moves by more than 0.1 rad in one.
+            threshold: singular value of the tasks below which a type 1 singularity is reported.
+            passive_threshold: singular value of the passive joints below which a type 2 singularity is reported.
+            moving: whether moving targets continue.
 
         Raises:
-            CinegenError: seconds or dt are no positive times.
+            CinegenError: seconds or dt is not a positive, finite time.
         """
         dt = max(self.dt, seconds / TICKS) if dt is None else dt
         if not (0.0 < seconds < np.inf and 0.0 < dt < np.inf):
-            raise CinegenError(f"a forecast's seconds and dt must be positive times, not {seconds} and {dt}")
+            raise CinegenError(f"a forecast's seconds and dt must be positive and finite, not {seconds} and {dt}")
         if self._ahead is None or self._ahead.dt != dt:
             self._ahead = Ahead(Solver(self.mechanism, dt))
         path = self._ahead.run(self, math.ceil(seconds / dt - 1e-9), moving)
@@ -370,15 +397,16 @@ class Solver:
 
     @property
     def objectives(self) -> tuple[Objective, ...]:
-        """What the mechanism does with the motions that loops and pulls leave free: what these wish for, added up.
+        """Objectives whose velocities, added, act in the null space that loops and tasks leave; may be set at any
+        time.
 
-        May be set at any time, to any number of them. None of them moves a pull. One that fails in a tick, or returns
-        what is no velocity, is left out in that tick; the step's `left_out` and `exceptions` report it, and the logger
-        "cinegen" gets the traceback once.
+        Objectives do not disturb tasks. One that raises in a tick, or returns no finite velocity of shape (nv,), is
+        left out in that tick: the step's `failed_objectives` and `exceptions` report it, and the logger "cinegen" gets
+        the traceback once.
 
         Raises:
-            CinegenError: set to something without a method `velocity`, or to what does not fit this mechanism. Other
-                exceptions of a first call are only logged: the objective may work in a later tick.
+            CinegenError: set to an object without a method `velocity`, or to one that does not fit this mechanism.
+                Other exceptions of the first call are only logged: the objective may work in a later tick.
         """
         return self._objectives
 
@@ -398,21 +426,21 @@ class Solver:
 
     @property
     def state(self) -> State:
-        """What objectives are told."""
-        resting = 6 if self._rests() else 0
-        return State(self.mechanism, self.q, self.dt, self.pulls, resting)
+        """State that objectives and barriers are given."""
+        resting = 6 if self._base_is_fixed() else 0
+        return State(self.mechanism, self.q, self.dt, self.tasks, resting)
 
     # --- barriers ------------------------------------------------------------------------------------------------
 
     @property
     def barriers(self) -> tuple[Barrier, ...]:
-        """What the mechanism must not run into: neither pulls nor objectives lead beyond. May be set at any time.
+        """Barriers that neither tasks nor objectives cross; may be set at any time.
 
-        A barrier that raises, or returns what makes no sense, allows no motion in that tick. The step's `exceptions`
-        report it, and the logger "cinegen" gets the traceback once.
+        A barrier that raises, or returns invalid bounds, stops all motion in that tick. The step's `exceptions` report
+        it, and the logger "cinegen" gets the traceback once.
 
         Raises:
-            CinegenError: set to something without the methods `bounds` and `clear`.
+            CinegenError: set to an object without the methods `bounds` and `clear`.
         """
         return self._barriers
 
@@ -425,8 +453,8 @@ class Solver:
         self._barriers = given
         self._table[m.GUARDED], self._table[m.BARRIERS] = bool(given), 0
 
-    def _look_around(self) -> None:
-        """Asks the barriers what holds in this tick."""
+    def _evaluate_barriers(self) -> None:
+        """Collect the barriers' bounds for this tick."""
         state, offset, mechanism = self.state, int(self._table[m.OFFSET]), self.mechanism
         rows: list[Array] = []
         most: list[Array] = []
@@ -449,7 +477,7 @@ class Solver:
             self._memory.arrays["barrier_room"][:count] = np.concatenate(most)
 
     def _clear(self) -> float:
-        """The part of the way to the trial that barriers allow."""
+        """Return the fraction of the step to the trial configuration that barriers allow."""
         if self._blocked:
             return 0.0
         state, least = self.state, np.inf
@@ -464,13 +492,13 @@ class Solver:
                 self._catch(self._source("barrier", i, barrier), error)
         return 0.0 if self._blocked else least
 
-    def _rests(self) -> bool:
-        """Whether the mechanism has a base that could move, and does not: it moves when it is pulled itself."""
+    def _base_is_fixed(self) -> bool:
+        """Return whether the mechanism has a floating base that no task moves: it is then fixed."""
         base = self.mechanism.nodes[0]
-        return self.mechanism.floating and all(pull.node != base for pull in self._pulls)
+        return self.mechanism.floating and all(task.node != base for task in self._tasks)
 
-    def _wish(self) -> None:
-        """Asks the objectives what they wish for in this tick."""
+    def _evaluate_objectives(self) -> None:
+        """Add up the objectives' velocities for this tick."""
         state, total, left_out = self.state, np.zeros(self._model.nv), 0
         for i, objective in enumerate(self._objectives):
             try:
@@ -502,15 +530,15 @@ class Solver:
     # --- one tick ------------------------------------------------------------------------------------------------
 
     def step(self) -> Step:
-        """One tick of dt. Never raises: the status says what happened."""
+        """Compute one tick of dt. Never raises; `Step.status` reports what happened."""
         if self._blends:
-            self._go_on_blending()
+            self._advance_blends()
         if self._changed:
-            self._arrange()
+            self._write_tasks()
         if self._objectives:
-            self._wish()
+            self._evaluate_objectives()
         if self._barriers:
-            self._look_around()
+            self._evaluate_barriers()
         table = self._table
         request = tick(table)
         while request != ACCEPTED and request != DONE:
@@ -535,7 +563,7 @@ class Solver:
         return Step(record, self._layout)
 
     def _integrate(self, at_q: NDArray[np.intp], at_v: NDArray[np.intp]) -> None:
-        """Joints whose configuration is no number (a free base, a ball) go on as Pinocchio says."""
+        """Integrate the joints whose configuration is no vector (floating base, ball joint) by Pinocchio."""
         arrays, offset = self._memory.arrays, int(self._table[m.OFFSET])
         self._trial[at_q] = pin.integrate(self._model, arrays["before"], arrays["delta"])[at_q]
         moved = pin.difference(self._model, self._q, self._trial) / self.mechanism.scale
@@ -544,10 +572,10 @@ class Solver:
 
 
 def _checked(bounds: Bounds, nv: int) -> Bounds:
-    """Bounds as they should be.
+    """Return valid bounds.
 
     Raises:
-        ValueError: they are not.
+        ValueError: a shape is wrong, or a number is not finite.
     """
     rows, most = np.asarray(bounds.rows, dtype=float), np.asarray(bounds.most, dtype=float)
     if most.ndim != 1 or rows.shape != (len(most), nv) or not np.isfinite(rows).all() or np.isnan(most).any():
@@ -559,20 +587,20 @@ def _checked(bounds: Bounds, nv: int) -> Bounds:
 
 
 def _nothing() -> None:
-    """Nobody is to be told."""
+    """Do nothing, in place of the callback of a task that was removed."""
 
 
-def _grip(at: pin.SE3 | ArrayLike | None) -> pin.SE3:
-    """What of a node is pulled, as a frame on it."""
-    if at is None:
+def _offset(offset: pin.SE3 | ArrayLike | None) -> pin.SE3:
+    """Return an offset as a pose in the node's frame."""
+    if offset is None:
         return pin.SE3.Identity()
-    if isinstance(at, pin.SE3):
-        grip = at
+    if isinstance(offset, pin.SE3):
+        pose = offset
     else:
         try:
-            grip = pin.SE3(np.eye(3), np.asarray(at, dtype=float).reshape(3))
+            pose = pin.SE3(np.eye(3), np.asarray(offset, dtype=float).reshape(3))
         except (TypeError, ValueError):
-            grip = None
-    if grip is None or not np.isfinite(grip.homogeneous).all():
-        raise CinegenError("what of a node is pulled is a point of three finite numbers, or a pinocchio.SE3")
-    return grip
+            pose = None
+    if pose is None or not np.isfinite(pose.homogeneous).all():
+        raise CinegenError("offset must be a point of three finite numbers (m) or a pinocchio.SE3")
+    return pose

@@ -1,4 +1,4 @@
-"""What a tick did: its status, and the numbers behind it."""
+"""The result of a tick: its status, and the numbers behind it."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from numpy.typing import NDArray
 
 from cinegen.ik._kernels import memory as m
 from cinegen.ik.plain import equations
-from cinegen.ik.pull import Pull
 from cinegen.ik.resolve import free_motions
-from cinegen.ik.singular import Gained, Lost, gained, lost, passive_singular_values
+from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
+from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
 
 class Status(Enum):
-    """What became of a tick. Where several are true, this one is said: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
-    targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (on the way)."""
+    """Outcome of a tick. The first that applies is reported, in this order: BAD_TARGET, IDLE, REFUSED, FOLLOWING (all
+    targets reached), DETOUR, BARRED, AT_LIMIT, OUT_OF_REACH, SINGULAR, FOLLOWING (moving towards them)."""
 
-    BAD_TARGET = "a pull was set to what can't be followed: it is left out"
-    REFUSED = "the loops could not be closed after any part of the step: the last state stays"
-    AT_LIMIT = "a joint limit holds the motion back"
-    SINGULAR = "near a singularity: damped"
-    OUT_OF_REACH = "nothing moves any more and a target is not reached"
-    FOLLOWING = "every pull is followed"
-    IDLE = "nothing is pulled"
-    DETOUR = "on the way to the targets by another posture"
-    BARRED = "a barrier holds the motion back"
+    BAD_TARGET = "a task has an invalid target, weight or count: it is left out"
+    REFUSED = "the loops could not be closed after any fraction of the step: the configuration is unchanged"
+    AT_LIMIT = "a joint limit restricts the motion"
+    SINGULAR = "near a singularity: motion is damped"
+    OUT_OF_REACH = "the motion has stopped and a target is not reached"
+    FOLLOWING = "every task is followed"
+    IDLE = "there is no task"
+    DETOUR = "moving to the targets by another configuration"
+    BARRED = "a barrier restricts the motion"
 
 
 STATUSES = tuple(Status)  # in the kernel's order
@@ -41,27 +41,27 @@ STATUSES = tuple(Status)  # in the kernel's order
 
 @dataclass(frozen=True)
 class Layout:
-    """Where things lie in a tick's record.
+    """Layout of a tick's record.
 
     Attributes:
-        mechanism: which was moved.
-        pulls: of each pull the node, the axes, and what of the node is pulled.
-        resting: columns that rest: those of a base that is not pulled.
+        mechanism: mechanism that was moved.
+        tasks: node, axes and offset of each task.
+        resting: number of leading columns that are fixed: 6 for a floating base that no task moves.
     """
 
     mechanism: Mechanism
-    pulls: tuple[tuple[str, str, pin.SE3], ...]
+    tasks: tuple[tuple[str, str, pin.SE3], ...]
     resting: int
 
     @cached_property
     def starts(self) -> tuple[int, ...]:
-        """Of q, v, errors, what was wanted, singular values and stopped joints; then the record's length."""
-        nq, nv, pulls = self.mechanism.model.nq, self.mechanism.model.nv, len(self.pulls)
-        return tuple(np.cumsum((m.R_HEAD, nq, nv, 2 * pulls, m.WANTED * pulls, 6 * pulls, nv)).tolist())
+        """Starts of q, v, errors, targets, singular values and active limits; then the record's length."""
+        nq, nv, tasks = self.mechanism.model.nq, self.mechanism.model.nv, len(self.tasks)
+        return tuple(np.cumsum((m.R_HEAD, nq, nv, 2 * tasks, m.WANTED * tasks, 6 * tasks, nv)).tolist())
 
 
 class Step:
-    """What one tick did. A value: later ticks do not change it."""
+    """Result of one tick; immutable."""
 
     __slots__ = ("_exceptions", "_layout", "_record")
 
@@ -73,18 +73,18 @@ class Step:
 
     @property
     def status(self) -> Status:
-        """In one word."""
+        """Outcome of the tick."""
         return STATUSES[int(self._record[m.R_STATUS])]
 
     @property
     def q(self) -> Array:
-        """(nq,) the new configuration."""
+        """(nq,) new configuration."""
         start = self._layout.starts
         return self._record[start[0] : start[1]]
 
     @property
     def v(self) -> Array:
-        """(nv,) the velocity that led there, rad/s and m/s."""
+        """(nv,) velocity of the tick, rad/s and m/s."""
         start = self._layout.starts
         return self._record[start[1] : start[2]]
 
@@ -95,35 +95,35 @@ class Step:
 
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
-        """For each pull, in the order they were made, what is left: metres and radians."""
+        """Remaining error of each task, in the order in which they were added: m and rad."""
         start = self._layout.starts
         if self._record[m.R_MEASURED]:
             left = self._record[start[2] : start[3]].tolist()
             return tuple(zip(left[::2], left[1::2], strict=True))
         mechanism, q = self._layout.mechanism, self.q
         found = []
-        for pull, axes in self._wanted():
-            straight, turn = pull.errors(mechanism.placement(q, pull.node) * pull.at, axes)
+        for task, axes in self._wanted():
+            straight, turn = task.errors(mechanism.placement(q, task.node) * task.offset, axes)
             found.append((math.hypot(*straight), math.hypot(*turn)))
         return tuple(found)
 
-    def _wanted(self) -> list[tuple[Pull, Array]]:
-        """What each pull that held wanted, and its axes in the world."""
+    def _wanted(self) -> list[tuple[FrameTask, Array]]:
+        """Return the valid tasks as they were in the tick, each with its axes in the world."""
         start = self._layout.starts
         rows = self._record[start[3] : start[4]].reshape(-1, m.WANTED)
-        pulls = []
-        for (node, _, at), row in zip(self._layout.pulls, rows, strict=True):
+        tasks = []
+        for (node, _, at), row in zip(self._layout.tasks, rows, strict=True):
             if row[24]:
                 aim = pin.SE3(row[:9].reshape(3, 3).T, row[9:12])
                 frame = self._layout.mechanism.frame_id(node)
-                pull = Pull(node, aim, int(row[21]), int(row[22]), row[23], frame=frame, at=at)
-                pulls.append((pull, row[12:21].reshape(3, 3)))
-        return pulls
+                task = FrameTask(node, aim, int(row[21]), int(row[22]), row[23], frame=frame, offset=at)
+                tasks.append((task, row[12:21].reshape(3, 3)))
+        return tasks
 
     @property
     def singular_values(self) -> Array:
-        """Of the pulls on what the loops leave, largest first, as many as their generic rank (type 1 where one
-        vanishes). Far from singularities they are computed when asked for, at q."""
+        """Dimensionless singular values of the tasks in the loops' null space, largest first, as many as their generic
+        rank. At a type 1 singularity the last is 0. Far from singularities they are computed on access, at q."""
         count = int(self._record[m.R_PULL_RANK])
         if self._record[m.R_SIGMA]:
             start = self._layout.starts[4]
@@ -137,7 +137,8 @@ class Step:
 
     @property
     def loop_singular_values(self) -> Array:
-        """Of all loops at q, largest first, as many as their generic rank. Computed when asked for."""
+        """Dimensionless singular values of all loops at q, largest first, as many as their generic rank. Computed on
+        access."""
         mechanism = self._layout.mechanism
         if not mechanism.loops or mechanism.loop_rank == 0:
             return np.zeros(0)
@@ -146,32 +147,32 @@ class Step:
 
     @property
     def passive_singular_values(self) -> Array:
-        """Of the passive joints in the loops at q, largest first, as many as their generic rank (type 2 where one
-        vanishes: the mechanism moves though its motors are held). Computed when asked for."""
+        """Dimensionless singular values of the passive joints' columns in the loops' Jacobian at q, largest first, as
+        many as their generic rank. At a type 2 singularity the last is 0. Computed on access."""
         return passive_singular_values(self._layout.mechanism, self.q)
 
     @property
-    def losing(self) -> Lost | None:
-        """The direction that the pulls follow worst at q, with its singular value (type 1); None where nothing is
-        pulled that can move. Computed when asked for."""
+    def lost_dof(self) -> LostDoF | None:
+        """Direction that the tasks follow worst at q, with its singular value (type 1); None without a task that can
+        move. Computed on access."""
         wanted, layout, start = self._wanted(), self._layout, self._layout.starts
         count = int(self._record[m.R_PULL_RANK])
         found = lost(layout.mechanism, self.q, wanted, count, layout.resting)
-        if found is None or len(wanted) == len(layout.pulls):
+        if found is None or len(wanted) == len(layout.tasks):
             return found
-        twists = np.zeros((len(layout.pulls), 6))
+        twists = np.zeros((len(layout.tasks), 6))
         twists[self._record[start[3] : start[4]].reshape(-1, m.WANTED)[:, 24] != 0.0] = found.twists
         return replace(found, twists=twists)
 
     @property
-    def gaining(self) -> Gained | None:
-        """The motion that the motors hold least at q, with its singular value (type 2); None without loops. Computed
-        when asked for."""
+    def uncontrolled_dof(self) -> UncontrolledDoF | None:
+        """Motion that the actuated joints control least at q, with its singular value (type 2); None without loops.
+        Computed on access."""
         return gained(self._layout.mechanism, self.q)
 
     @property
     def saturated(self) -> tuple[str, ...]:
-        """Joints that stand at a position limit which holds the motion back."""
+        """Joints at a position limit that restricts the motion."""
         flags = self.stopped
         if not flags.any():
             return ()
@@ -180,49 +181,49 @@ class Step:
 
     @property
     def stopped(self) -> Array:
-        """(nv,) other than 0 for these: -1 at the lower limit, 1 at the upper."""
+        """(nv,) -1 for each of these at its lower limit, 1 at its upper limit, else 0."""
         start = self._layout.starts
         return self._record[start[5] : start[6]]
 
     @property
-    def pace(self) -> float:
-        """The part of the wanted motion that speed limits (and the longest step that a tick's linearisation is good
-        for, 0.1 rad or characteristic lengths) let through, 0 to 1."""
+    def speed_scale(self) -> float:
+        """Fraction of the desired motion, 0 to 1, that remains after scaling to velocity limits and to the largest
+        step of a tick (0.1 rad or characteristic lengths)."""
         return float(self._record[m.R_PACE])
 
     @property
-    def slowest(self) -> str | None:
-        """The joint whose speed or acceleration limit the pace is due to."""
+    def limiting_joint(self) -> str | None:
+        """Joint whose velocity or acceleration limit determines `speed_scale`; None without one."""
         which = int(self._record[m.R_SLOWEST])
         return None if which < 0 else self._layout.mechanism.columns[which]
 
     @property
-    def left_out(self) -> tuple[int, ...]:
-        """Which of the solver's objectives failed in this tick, by position: they were left out."""
+    def failed_objectives(self) -> tuple[int, ...]:
+        """Indices of the solver's objectives that failed in this tick and were left out."""
         flags = int(self._record[m.R_LEFT_OUT])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 
     @property
     def exceptions(self) -> tuple[Exception, ...]:
-        """What objectives, barriers or the search for a path around obstacles raised in this tick, with tracebacks.
+        """Exceptions, with tracebacks, of objectives, barriers and the search for a path around obstacles in this tick.
 
-        A value returned by them that makes no sense is a ValueError here. Empty as a rule.
+        An invalid return value of theirs is a ValueError here.
         """
         return self._exceptions
 
     @property
-    def barred(self) -> tuple[int, ...]:
-        """Which rows of the solver's barriers hold the motion back, by position among all of this tick; 52 stands
-        for all from there on."""
+    def active_barriers(self) -> tuple[int, ...]:
+        """Indices of the barriers' rows that restrict the motion, among all rows of this tick; 52 stands for all
+        from there on."""
         flags = int(self._record[m.R_BARRED])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 
     @property
     def evaluations(self) -> int:
-        """How often Pinocchio was called."""
+        """Number of Pinocchio evaluations."""
         return int(self._record[m.R_EVALUATIONS])
 
     @property
     def sweeps(self) -> int:
-        """How many sweeps of rotations the singular values took."""
+        """Number of sweeps of rotations for the singular values."""
         return int(self._record[m.R_SWEEPS])

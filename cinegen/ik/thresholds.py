@@ -29,7 +29,7 @@ NEAR_TYPE_2 = 1e-3
 """A singular value of the loops below this is near a type 2 singularity."""
 
 ARRIVED = 1e-6
-"""rad or lengths: a pull this near to its target has reached it."""
+"""rad or lengths: a task this near to its target has reached it."""
 
 REST = 1e-7
 """rad or lengths in a tick that makes good all it can (times its gain else): slower than this nothing moves."""
@@ -43,4 +43,4 @@ TRUST_GROWS = 1.25  # from tick to tick, up to 1
 LEAST_TRUST = 1e-3
 SPARE_SPEED = 0.9  # of a speed limit is for redundancy: what closing the loops adds needs the rest
 CORRECTIONS = 12  # evaluations that closing one trial may take
-EXACT = 1e-11  # rad or lengths: pulls are corrected with the loops to this
+EXACT = 1e-11  # rad or lengths: tasks are corrected with the loops to this

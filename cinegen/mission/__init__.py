@@ -3,7 +3,7 @@
 from cinegen.mission.check import Finding, Findings, Kind, check
 from cinegen.mission.export import ExportReport, export, report_text
 from cinegen.mission.formats import FORMATS
-from cinegen.mission.line import MissionError, Motion, Place, Pull
+from cinegen.mission.line import MissionError, Motion, Place, RecordedTask
 from cinegen.mission.player import Player
 from cinegen.mission.recorder import Recorder
 from cinegen.mission.recording import Recording
@@ -19,7 +19,7 @@ __all__ = [
     "Motion",
     "Place",
     "Player",
-    "Pull",
+    "RecordedTask",
     "Recorder",
     "Recording",
     "Trajectory",

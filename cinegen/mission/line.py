@@ -2,17 +2,17 @@
 
 The first line, here in several, holds all that is needed to build the robots again:
 
-    {"cinegen": "mission", "version": 1, "created": "2025-01-31T12:00:00+00:00", "robots": {"delta4": {
+    {"cinegen": "mission", "version": 2, "created": "2025-01-31T12:00:00+00:00", "robots": {"delta4": {
         "robot": "r1", "hash": "...", "joints": ["joint1", ...], "index": [0, ...], "actuated": ["joint1", ...],
         "nq": 15, "urdf": "<robot ...", "constraints": {...}, "folder": null, "source": "URDF",
         "stands_on": null, "placement": [0, 0, 0, 0, 0, 0, 1]}}}
 
 Each other line is a moment; `t` is in seconds since the first of them:
 
-    {"t": 0.01, "robots": {"delta4": {"q": [...], "pulls": [{"node": "platform", "who": "hand", "at": [7 numbers],
+    {"t": 0.01, "robots": {"delta4": {"q": [...], "tasks": [{"node": "platform", "who": "hand", "offset": [7 numbers],
         "target": [7 numbers], "translation": 3, "rotation": 0, "weight": 1.0}], "status": "FOLLOWING"}}}
 
-q is in rad and m, and reads back to the same doubles. A placement is x y z (m) and a quaternion x y z w. Where pulls
+q is in rad and m, and reads back to the same doubles. A placement is x y z (m) and a quaternion x y z w. Where tasks
 are left out they are as in the line before, and so is a robot that is left out.
 """
 
@@ -36,7 +36,7 @@ from cinegen.model.mechanism import Mechanism
 
 Array = NDArray[np.float64]
 
-KIND, VERSION = "mission", 1
+KIND, VERSION = "mission", 2
 
 _NOT_A_ROTATION = 1e-6  # how far a quaternion's length may be from 1
 
@@ -49,13 +49,13 @@ class LineError(MissionError):
     """A line that makes no sense; says why."""
 
 
-class Pull(NamedTuple):
-    """A pull as it was.
+class RecordedTask(NamedTuple):
+    """A task as it was.
 
     Attributes:
         node: that was pulled.
         who: pulled it, such as "hand".
-        at: what of the node: a frame fixed on it, as seen from it (m).
+        offset: frame fixed on the node that was constrained, in the node's frame (m).
         target: where that should be, in the world in which all robots stand (m); None for what can't be followed.
         translation: how many translations it held, 0 to 3.
         rotation: how many rotations.
@@ -64,7 +64,7 @@ class Pull(NamedTuple):
 
     node: str
     who: str
-    at: pin.SE3
+    offset: pin.SE3
     target: pin.SE3 | None
     translation: int = 3
     rotation: int = 3
@@ -76,12 +76,12 @@ class Motion(NamedTuple):
 
     Attributes:
         q: (nq,) where all joints are, rad and m.
-        pulls: what holds it.
+        tasks: what holds it.
         status: name of the tick's status.
     """
 
     q: Array
-    pulls: Sequence[Pull] = ()
+    tasks: Sequence[RecordedTask] = ()
     status: str = "IDLE"
 
 
@@ -165,27 +165,27 @@ def _entry(mechanism: Mechanism, place: Place) -> dict[str, Any]:
 
 
 def written(motion: Motion) -> dict[str, Any]:
-    """A robot's part of a line, with all its pulls.
+    """A robot's part of a line, with all its tasks.
 
     Raises:
         ValueError: it holds what is no number.
     """
-    pulls = [
+    tasks = [
         {
-            "node": str(pull.node),
-            "who": str(pull.who),
-            "at": _numbers_of(pull.at),
-            "target": _finite_numbers_of(pull.target),
-            "translation": int(pull.translation),
-            "rotation": int(pull.rotation),
-            "weight": float(pull.weight),
+            "node": str(task.node),
+            "who": str(task.who),
+            "offset": _numbers_of(task.offset),
+            "target": _finite_numbers_of(task.target),
+            "translation": int(task.translation),
+            "rotation": int(task.rotation),
+            "weight": float(task.weight),
         }
-        for pull in motion.pulls
+        for task in motion.tasks
     ]
     q = [float(value) for value in motion.q]
     if not all(map(math.isfinite, q)):
         raise ValueError("q holds numbers that are not finite")
-    return {"q": q, "pulls": pulls, "status": str(motion.status)}
+    return {"q": q, "tasks": tasks, "status": str(motion.status)}
 
 
 def line(time: float, robots: Mapping[str, Mapping[str, Any]]) -> bytes:
@@ -271,7 +271,7 @@ def _read_entry(entry: Any) -> Entry:
 
 
 def parse_line(data: bytes, robots: Mapping[str, int]) -> tuple[float, dict[str, tuple[Motion, bool]]]:
-    """The time of a line, and the robots that it names: their motion, and whether it names their pulls.
+    """The time of a line, and the robots that it names: their motion, and whether it names their tasks.
 
     Args:
         data: the line.
@@ -297,31 +297,31 @@ def parse_line(data: bytes, robots: Mapping[str, int]) -> tuple[float, dict[str,
         status = part.get("status")
         if not isinstance(status, str):
             raise LineError("'status' must be a word")
-        pulls = part.get("pulls")
-        if pulls is not None and not isinstance(pulls, list):
-            raise LineError("'pulls' must be a list")
-        found[name] = Motion(q, tuple(map(_pulled, pulls or ())), status), pulls is not None
+        tasks = part.get("tasks")
+        if tasks is not None and not isinstance(tasks, list):
+            raise LineError("'tasks' must be a list")
+        found[name] = Motion(q, tuple(map(_pulled, tasks or ())), status), tasks is not None
     return time, found
 
 
-def _pulled(values: Any) -> Pull:
+def _pulled(values: Any) -> RecordedTask:
     if (
         not isinstance(values, dict)
         or not isinstance(values.get("node"), str)
         or not isinstance(values.get("who"), str)
     ):
-        raise LineError("a pull must be an object that says which 'node' is pulled, and 'who' pulls")
+        raise LineError("a task must be an object that says which 'node' is pulled, and 'who' tasks")
     target = values.get("target")
     translation, rotation = (_count(values.get(name), name) for name in ("translation", "rotation"))
     (weight,) = _numbers([values.get("weight")], 1, "weight")
-    at = _placement(values.get("at"), "at")
+    offset = _placement(values.get("offset"), "offset")
     aim = None if target is None else _placement(target, "target")
-    return Pull(values["node"], values["who"], at, aim, translation, rotation, weight)
+    return RecordedTask(values["node"], values["who"], offset, aim, translation, rotation, weight)
 
 
 def _count(value: Any, name: str) -> int:
     if type(value) is not int or not 0 <= value <= 3:
-        raise LineError(f"'{name}' of a pull must be 0 to 3")
+        raise LineError(f"'{name}' of a task must be 0 to 3")
     return value
 
 

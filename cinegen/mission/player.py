@@ -49,7 +49,7 @@ class Player:
 
     @property
     def index(self) -> int:
-        """Of the recorded moment that it is at, or has just passed: for `recording.pulls` and `recording.statuses`."""
+        """Of the recorded moment that it is at, or has just passed: for `recording.tasks` and `recording.statuses`."""
         return self.recording.index_at(self.time)
 
     def play(self) -> None:

@@ -170,8 +170,8 @@ class Recorder:
                 if part == before and repr(part["q"]) == repr(before["q"]):  # -0.0 is not 0.0
                     continue
                 news[name] = parts[name] = part
-                if before is not None and part["pulls"] == before["pulls"]:
-                    parts[name] = {key: value for key, value in part.items() if key != "pulls"}
+                if before is not None and part["tasks"] == before["tasks"]:
+                    parts[name] = {key: value for key, value in part.items() if key != "tasks"}
             data = line(time, parts)
         except Exception:
             return None
@@ -181,12 +181,12 @@ class Recorder:
 
 def _kept(motion: Motion) -> Motion:
     """A copy of what its owner may change."""
-    pulls = tuple([pull._replace(target=_copied(pull.target)) for pull in motion.pulls])
-    return Motion(motion.q.copy(), pulls, motion.status)
+    tasks = tuple([task._replace(target=_copied(task.target)) for task in motion.tasks])
+    return Motion(motion.q.copy(), tasks, motion.status)
 
 
 def _copied(target: pin.SE3 | None) -> pin.SE3 | None:
-    """A pull may have been set to anything."""
+    """A task may have been set to anything."""
     return target.copy() if isinstance(target, pin.SE3) else None
 
 

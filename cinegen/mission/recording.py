@@ -13,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
-from cinegen.mission.line import Entry, LineError, MissionError, Motion, Place, Pull, parse_header
+from cinegen.mission.line import Entry, LineError, MissionError, Motion, Place, RecordedTask, parse_header
 from cinegen.mission.line import parse_line as parse
 from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
@@ -31,7 +31,7 @@ class Recording:
         created: when, as in ISO 8601.
         times: (count,) s since the first moment.
         q: of each robot (count, nq), rad and m, as it was written, bit for bit.
-        pulls: of each robot what held it, (count).
+        tasks: of each robot what held it, (count).
         statuses: of each robot the names of its statuses, (count).
         places: where each robot stands.
     """
@@ -40,7 +40,7 @@ class Recording:
     created: str
     times: Array
     q: Mapping[str, Array]
-    pulls: Mapping[str, list[tuple[Pull, ...]]]
+    tasks: Mapping[str, list[tuple[RecordedTask, ...]]]
     statuses: Mapping[str, list[str]]
     places: Mapping[str, Place]
     _entries: Mapping[str, Entry] = field(repr=False)
@@ -70,25 +70,25 @@ class Recording:
         return replace(
             self,
             q={name: course[0] for name, course in courses.items()},
-            pulls={name: course[1] for name, course in courses.items()},
+            tasks={name: course[1] for name, course in courses.items()},
             statuses={name: course[2] for name, course in courses.items()},
             places={name: entry.place for name, entry in entries.items()},
         )
 
     def _course(
         self, name: str, said: list[tuple[Motion, bool] | None]
-    ) -> tuple[Array, list[tuple[Pull, ...]], list[str]]:
-        """A robot's q (count, nq), pulls and statuses, from what the moments say of it; None where they don't."""
+    ) -> tuple[Array, list[tuple[RecordedTask, ...]], list[str]]:
+        """A robot's q (count, nq), tasks and statuses, from what the moments say of it; None where they don't."""
         motions: list[Motion] = []
         for one in said:
             if one is None:
                 motions.append(motions[-1] if motions else Motion(self.mechanism(name).q_home))
             else:
-                motion, says_pulls = one
-                motions.append(motion if says_pulls or not motions else motion._replace(pulls=motions[-1].pulls))
+                motion, says_tasks = one
+                motions.append(motion if says_tasks or not motions else motion._replace(tasks=motions[-1].tasks))
         q = np.array([motion.q for motion in motions]).reshape(len(motions), self._entries[name].nq)
         q.flags.writeable = False
-        return q, [tuple(motion.pulls) for motion in motions], [motion.status for motion in motions]
+        return q, [tuple(motion.tasks) for motion in motions], [motion.status for motion in motions]
 
     @property
     def robots(self) -> tuple[str, ...]:

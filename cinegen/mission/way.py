@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.mission.line import MissionError, Motion, Place, Pull
+from cinegen.mission.line import MissionError, Motion, Place, RecordedTask
 from cinegen.mission.recorder import Recorder
 from cinegen.model import Mechanism
 from cinegen.model.mechanism import translations
@@ -32,7 +32,7 @@ def record_plan(
     places: Mapping[str, Place] | None = None,
 ) -> Array:
     """Writes the path of a plan, so that some joint always is as fast as it may be; the node's goal is recorded as what
-    pulls it. A recording goes straight between its moments, as the path does: what keeps clear there keeps clear here.
+    tasks it. A recording goes straight between its moments, as the path does: what keeps clear there keeps clear here.
 
     Args:
         plan: whose path has two configurations at least.
@@ -54,12 +54,12 @@ def record_plan(
     if times[-1] < _AT_ONCE:
         raise MissionError(f"{plan.scene.name}: there is no way that could be recorded: {plan}")
     scene = plan.scene
-    pull = Pull(scene.node, "plan", pin.SE3.Identity(), scene.goal, scene.translation, scene.rotation)
+    task = RecordedTask(scene.node, "plan", pin.SE3.Identity(), scene.goal, scene.translation, scene.rotation)
     with Recorder(path, {name: mechanism} if robots is None else robots, places) as recorder:
         last = -np.inf
         for time, q in zip(times.tolist(), plan.path, strict=True):
             if time - last >= _AT_ONCE:
-                recorder.write(time, {name: Motion(q, (pull,), "FOLLOWING")})
+                recorder.write(time, {name: Motion(q, (task,), "FOLLOWING")})
                 last = time
     if recorder.error != "closed" or recorder.lost:
         raise MissionError(f"{path}: can't be written: {recorder.error}")

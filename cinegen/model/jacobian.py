@@ -1,4 +1,4 @@
-"""The paper's extended Jacobian (seed paper, section 3.3.1 and figure 9): pulls above, loops below, all labelled."""
+"""The paper's extended Jacobian (seed paper, section 3.3.1 and figure 9): tasks above, loops below, all labelled."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision.clearance import Clearance
-from cinegen.ik import Pull, Solver, Step
+from cinegen.ik import FrameTask, Solver, Step
 from cinegen.ik.objectives import Objective, State
 from cinegen.ik.seeker import Seeker
 from cinegen.loops.thresholds import CLOSURE
@@ -22,26 +22,26 @@ from cinegen.planning.vortices import Turning, Vortices
 
 Array = NDArray[np.float64]
 
-_SCOUTS = 0.2  # gain of what runs ahead: it is there in a few ticks
+_SCOUTS = -math.log1p(-0.2)  # 1/tick, gain of the look-ahead: it arrives within a few ticks
 _THERE = 1e-4  # rad or m in a step of it: it has arrived
-_TRUSTED = 0.25  # s without coming nearer, then the pulls wait and all of the mechanism goes round
+_TRUSTED = 0.25  # s without coming nearer, then the tasks wait and all of the mechanism goes round
 _TRIED = 0.6  # s without coming nearer, then another way round is tried
 _STILL = 0.1  # s at rest are long enough for either
 _REST = 2e-3  # rad/s or lengths/s: slower than that is at rest
 _NEARER = 0.02  # part of what is left at the time, that counts as nearer
-_CALM = 0.02  # s without a vortex, then the pulls take over again
+_CALM = 0.02  # s without a vortex, then the tasks take over again
 _MOVED = 0.02  # lengths or rad: targets further away than that from where they were are others
 _STARTS = 40  # from which postures are looked for, one in a tick
 _POSTURES = 3  # that are tried
 _STRIDE = 0.02  # rad or lengths in a tick towards a posture, at most; limits of speed count too
-_AT_POSTURE = 0.02  # rad or lengths from it the pulls take over
+_AT_POSTURE = 0.02  # rad or lengths from it the tasks take over
 
 _FIRST = (Turning.SHORTER, Turning.FOLDING)
 _OTHERS = (Turning.LONGER, Turning.UP, Turning.DOWN, Turning.ASIDE)
 
 
 class _Way(NamedTuple):
-    """One way to the targets: after the pulls, or by a posture (nq,); and which way round."""
+    """One way to the targets: after the tasks, or by a posture (nq,); and which way round."""
 
     posture: Array | None
     turning: Turning
@@ -50,11 +50,11 @@ class _Way(NamedTuple):
 class AvoidingSolver(Solver):
     """A `Solver` that never leads nearer to an obstacle than the safety distance, and goes round what is in the way.
 
-    Links that come near slow down and slide along (`Keep`); that is never given up. Where following the pulls would
-    hit, vortices turn: first in the motions that the pulls leave free, so that what is pulled stays with the hand;
-    where that does not help, the pulls wait and the whole mechanism goes round, as a plan would. If it comes no nearer
+    Links that come near slow down and slide along (`Keep`); that is never given up. Where following the tasks would
+    hit, vortices turn: first in the motions that the tasks leave free, so that what is pulled stays with the hand;
+    where that does not help, the tasks wait and the whole mechanism goes round, as a plan would. If it comes no nearer
     so, other ways round are tried one after the other, by postures that reach the targets, too; when none is left it
-    waits at the safety distance until the targets move. The status is DETOUR while pulls wait, and BARRED where an
+    waits at the safety distance until the targets move. The status is DETOUR while tasks wait, and BARRED where an
     obstacle holds the motion back.
 
     What would be hit is found out by a shadow that runs ahead, a little in each tick.
@@ -96,7 +96,7 @@ class AvoidingSolver(Solver):
 
     @property
     def objectives(self) -> tuple[Objective, ...]:
-        """See `Solver`; while the pulls wait, these wait too."""
+        """See `Solver`; while the tasks wait, these wait too."""
         return self._own
 
     @objectives.setter
@@ -154,28 +154,28 @@ class AvoidingSolver(Solver):
             self.vortices.turning = self._ways[0].turning
 
     def _wait(self, waits: bool) -> None:
-        """Whether the pulls wait."""
+        """Whether the tasks wait."""
         self._waits = waits
-        self._suspend_pulls(waits)
+        self._suspend_tasks(waits)
 
     def _look(self) -> None:
         """Before a tick: what is in the way, and how to get round it."""
-        pulls = [pull for pull in self.pulls if pull.makes_sense()]
-        if not pulls or any(pull.twist is not None for pull in pulls):
+        tasks = [task for task in self.tasks if task.is_valid()]
+        if not tasks or any(task.twist is not None for task in tasks):
             if self._aims:
                 self._begin_anew()
             return
-        aims = tuple(pull.target.homogeneous for pull in pulls)
+        aims = tuple(task.target.homogeneous for task in tasks)
         if self._are_others(aims):
             self._begin_anew()
             self._aims = tuple(aim.copy() for aim in aims)
         if not self._ways:
-            self._look_for_postures(pulls)
+            self._look_for_postures(tasks)
             return
         q = self.q
         posture = self._ways[0].posture
-        self._run_ahead(q, pulls, posture)
-        motion = self._follower.motion(q, pulls, self.gain) if posture is None else self._towards(q, posture)
+        self._run_ahead(q, tasks, posture)
+        motion = self._follower.motion(q, tasks, self.gain) if posture is None else self._towards(q, posture)
         turned = self.vortices.turn(q, motion, lambda: self._hit)
         turning = len(self.vortices.awake) > 0
         self._calm = 0 if turning else self._calm + 1
@@ -184,7 +184,7 @@ class AvoidingSolver(Solver):
         elif turning:
             self._objectives = (*self._own, _Wish(turned - motion))
         if turning or posture is not None:
-            self._notice_progress(pulls, posture)
+            self._notice_progress(tasks, posture)
         elif self._waits and self._calm * self.dt >= _CALM:
             self._wait(False)
 
@@ -199,12 +199,12 @@ class AvoidingSolver(Solver):
             for now, then in zip(aims, self._aims, strict=True)
         )
 
-    def _run_ahead(self, q: Array, pulls: Sequence[Pull], posture: Array | None) -> None:
+    def _run_ahead(self, q: Array, tasks: Sequence[FrameTask], posture: Array | None) -> None:
         """The shadow goes on; where it hits something or arrives, it comes back."""
         scout = self._scout
         before = q if scout.q is None else scout.q
         if posture is None:
-            scout.q = scout.ahead(before, pulls)
+            scout.q = scout.ahead(before, tasks)
         else:
             scout.q = np.asarray(pin.integrate(self._model, before, 3.0 * self._towards(before, posture)))
         hit = self.vortices.hits(scout.q)
@@ -215,11 +215,11 @@ class AvoidingSolver(Solver):
         """(nv,) a tick's motion to a posture, loops apart."""
         way = pin.difference(self._model, q, posture)
         largest = float(np.abs(way / self.mechanism.scale).max(initial=0.0))
-        return np.asarray(way * min(self.gain, _STRIDE / max(largest, 1e-300)))
+        return np.asarray(way * min(self.tick_gain, _STRIDE / max(largest, 1e-300)))
 
-    def _notice_progress(self, pulls: Sequence[Pull], posture: Array | None) -> None:
+    def _notice_progress(self, tasks: Sequence[FrameTask], posture: Array | None) -> None:
         """Tries harder where it comes no nearer."""
-        left = self._left(pulls) if posture is None else self._apart(posture)
+        left = self._left(tasks) if posture is None else self._apart(posture)
         if posture is not None and left < _AT_POSTURE:
             self._ways = [_Way(None, Turning.SHORTER)]
             self._set_out()
@@ -237,12 +237,12 @@ class AvoidingSolver(Solver):
             self._set_out()
             self._wait(bool(self._ways))
 
-    def _left(self, pulls: Sequence[Pull]) -> float:
-        """How far pulls are from their targets, lengths and rad."""
+    def _left(self, tasks: Sequence[FrameTask]) -> float:
+        """How far tasks are from their targets, lengths and rad."""
         total = 0.0
-        for pull in pulls:
-            axes = np.eye(3) if pull.axes == "world" else None
-            straight, turn = pull.errors(self.mechanism.placement(self._q, pull.node) * pull.at, axes)
+        for task in tasks:
+            axes = np.eye(3) if task.axes == "world" else None
+            straight, turn = task.errors(self.mechanism.placement(self._q, task.node) * task.offset, axes)
             total += float(np.linalg.norm(straight)) / self.mechanism.length + float(np.linalg.norm(turn))
         return total
 
@@ -253,10 +253,10 @@ class AvoidingSolver(Solver):
 
     # --- postures ------------------------------------------------------------------------------------------------
 
-    def _look_for_postures(self, pulls: Sequence[Pull]) -> None:
+    def _look_for_postures(self, tasks: Sequence[FrameTask]) -> None:
         """One more start, once for each place of the targets; then the postures found are tried."""
         if self._search is None:
-            self._search = _Search(self.mechanism, pulls)
+            self._search = _Search(self.mechanism, tasks)
         if self._search.ends(self.clearance, self.keep.safety):
             nearest = sorted(self._search.found, key=self._apart)[:_POSTURES]
             others = _OTHERS if self.vortices.plane is None else _OTHERS[:1]
@@ -269,10 +269,10 @@ class AvoidingSolver(Solver):
 class _Search:
     """For postures in which all targets are reached, clear of everything."""
 
-    def __init__(self, mechanism: Mechanism, pulls: Sequence[Pull]) -> None:
-        self._seeker = Seeker(mechanism, tuple(pulls))
-        for own, pull in zip(self._seeker.pulls, pulls, strict=True):
-            own.target = pull.target.copy()
+    def __init__(self, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
+        self._seeker = Seeker(mechanism, tuple(tasks))
+        for own, task in zip(self._seeker.tasks, tasks, strict=True):
+            own.target = task.target.copy()
         self._rng, self._left = np.random.default_rng(0), _STARTS
         self.found: list[Array] = []
 

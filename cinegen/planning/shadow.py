@@ -1,14 +1,15 @@
-"""`Shadow`: follows the pulls of another solver as if there were no obstacles."""
+"""`Shadow`: follows the tasks of another solver as if there were no obstacles."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik import Pull, Solver
+from cinegen.ik import FrameTask, Solver
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -27,30 +28,32 @@ class Shadow:
     """
 
     def __init__(self, mechanism: Mechanism, dt: float, gain: float | None = None) -> None:
-        self._solver = Solver(mechanism, dt if gain is None else 1.0, gain=gain or 1.0)
+        self._solver = Solver(mechanism, dt if gain is None else 1.0, gain=math.inf if gain is None else gain)
         self._mechanism, self._kinds = mechanism, list[tuple[object, ...]]()
         self.q: Array | None = None
 
-    def ahead(self, q: Array, pulls: Sequence[Pull]) -> Array:
+    def ahead(self, q: Array, tasks: Sequence[FrameTask]) -> Array:
         """(nq,) where a tick leads from q (nq,)."""
         solver = self._solver
-        self._follow(pulls)
+        self._follow(tasks)
         solver.q = q
         return solver.step().q
 
-    def motion(self, q: Array, pulls: Sequence[Pull], gain: float) -> Array:
+    def motion(self, q: Array, tasks: Sequence[FrameTask], gain: float) -> Array:
         """(nv,) how a tick moves the joints from q (nq,), rad and m."""
         self._solver.gain = gain
-        return np.asarray(pin.difference(self._mechanism.model, q, self.ahead(q, pulls)))
+        return np.asarray(pin.difference(self._mechanism.model, q, self.ahead(q, tasks)))
 
-    def _follow(self, pulls: Sequence[Pull]) -> None:
+    def _follow(self, tasks: Sequence[FrameTask]) -> None:
         solver = self._solver
-        kinds: list[tuple[object, ...]] = [(p.node, p.axes, p.translation, p.rotation, p.at) for p in pulls]
+        kinds: list[tuple[object, ...]] = [(p.node, p.axes, p.translation, p.rotation, p.offset) for p in tasks]
         if kinds != self._kinds:
-            for own in solver.pulls:
-                solver.release(own)
-            for pull in pulls:
-                solver.pull(pull.node, pull.target, pull.translation, pull.rotation, pull.weight, pull.axes, pull.at)
+            for own in solver.tasks:
+                solver.remove_task(own)
+            for task in tasks:
+                solver.add_task(
+                    task.node, task.target, task.translation, task.rotation, task.weight, task.axes, task.offset
+                )
             self._kinds = kinds
-        for own, pull in zip(solver.pulls, pulls, strict=True):
-            own.target, own.weight = pull.target, pull.weight
+        for own, task in zip(solver.tasks, tasks, strict=True):
+            own.target, own.weight = task.target, task.weight

@@ -146,14 +146,14 @@ def figure4() -> Figure:
     arc = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
     marks = np.searchsorted(arc, np.linspace(arc[first] + 0.1, arc[last] - 0.08, 4))
     for k in (*marks, last):
-        p, (pull, turn) = way[k], _vectors(way[k])
-        for vector, colour in ((pull, PULL), (turn, TURN)):
+        p, (task, turn) = way[k], _vectors(way[k])
+        for vector, colour in ((task, PULL), (turn, TURN)):
             tip = 0.24 * vector / np.linalg.norm(vector)
             axes.annotate(
                 "", tuple(p[:2] + tip[:2]), tuple(p[:2]), arrowprops={"arrowstyle": "-|>", "color": colour, "lw": 1.8}
             )
         if k != last:
-            low, high = sorted(np.degrees(np.arctan2(v[1], v[0])) for v in (turn, pull))
+            low, high = sorted(np.degrees(np.arctan2(v[1], v[0])) for v in (turn, task))
             axes.add_patch(Arc(p[:2], 0.2, 0.2, theta1=low, theta2=high, color=INK, linewidth=1.0))
             middle = np.radians((low + high) / 2.0)
             place = p[:2] + 0.15 * np.array([np.cos(middle), np.sin(middle)])
@@ -180,14 +180,14 @@ def avoided() -> tuple[Array, Array]:
     p = START
     way = [p]
     while np.linalg.norm(GOAL - p) > _STEP:
-        pull, turn = _vectors(p)
-        total = pull + facing(pull, _normals(p)[1]) * turn
+        task, turn = _vectors(p)
+        total = task + facing(task, _normals(p)[1]) * turn
         p = p + _STEP * total / np.linalg.norm(total)
         way.append(p)
     points = np.array(way)
-    pull, (_, normals) = ATTRACTION.gradient(points), _normals(points)
+    task, (_, normals) = ATTRACTION.gradient(points), _normals(points)
     across = np.cross(_axis(), normals)
-    return points, np.arctan2((normals * pull).sum(axis=1), -(across * pull).sum(axis=1))
+    return points, np.arctan2((normals * task).sum(axis=1), -(across * task).sum(axis=1))
 
 
 def _axis() -> Array:

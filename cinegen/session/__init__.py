@@ -22,7 +22,7 @@ from cinegen.session.setup import (
     stand_of,
 )
 from cinegen.session.solids import solids_of
-from cinegen.session.state import Notice, PullState, Replayed, RobotState, SensorState, State
+from cinegen.session.state import Notice, Replayed, RobotState, SensorState, State, TaskState
 from cinegen.session.surroundings import in_scene
 
 __all__ = [
@@ -34,7 +34,6 @@ __all__ = [
     "Loop",
     "MapBeside",
     "Notice",
-    "PullState",
     "Replayed",
     "Report",
     "Reporter",
@@ -50,6 +49,7 @@ __all__ = [
     "State",
     "Surroundings",
     "Switch",
+    "TaskState",
     "Vocabulary",
     "arrange",
     "in_scene",

@@ -21,7 +21,7 @@ _NAMED = 2  # in a status, at most
 
 
 class AvoidingRobot(Driven):
-    """That of a scene. Pulls lead it round obstacles or up to them; obstacles that come near push it away; other
+    """That of a scene. Tasks lead it round obstacles or up to them; obstacles that come near push it away; other
     motions stop before they hit anything.
 
     Args:
@@ -76,7 +76,7 @@ class AvoidingRobot(Driven):
             return name, words
         if name == "BARRED":
             return name, f"held off by {self._listed(self._barring())}"
-        if name == "IDLE" and self.step.barred:
+        if name == "IDLE" and self.step.active_barriers:
             return "PUSHED", f"pushed by {self._listed(self._barring())}"
         round_what = [self._obstacles[i] for i in self._avoiding.vortices.awake if i < len(self._obstacles)]
         if name == "DETOUR" and round_what:
@@ -88,7 +88,7 @@ class AvoidingRobot(Driven):
     def _barring(self) -> list[str]:
         """What holds the last step back."""
         held = self._avoiding.keep.held
-        return [self._what(int(held[row])) for row in self.step.barred if row < len(held)]
+        return [self._what(int(held[row])) for row in self.step.active_barriers if row < len(held)]
 
     def _what(self, pair: int) -> str:
         """What a link meets in a pair."""

@@ -66,31 +66,31 @@ class Pin:
 
 @dataclass(frozen=True, slots=True)
 class Release:
-    """A pull ends."""
+    """A task ends."""
 
-    pull: int
+    task: int
 
 
 @dataclass(frozen=True, slots=True)
 class Weigh:
-    """A pull's weight."""
+    """A task's weight."""
 
-    pull: int
+    task: int
     weight: float
 
 
 @dataclass(frozen=True, slots=True)
 class Holds:
-    """How many translations and rotations a pull holds, 0 to 3."""
+    """How many translations and rotations a task holds, 0 to 3."""
 
-    pull: int
+    task: int
     translation: int
     rotation: int
 
 
 @dataclass(frozen=True, slots=True)
 class MoveJoint:
-    """A motor goes to a value, rad or m; all that no pull could hold follows."""
+    """A motor goes to a value, rad or m; all that no task could hold follows."""
 
     robot: str
     joint: str
@@ -301,20 +301,20 @@ def _pin(value: Any, known: Vocabulary) -> Pin:
 
 
 def _release(value: Any, known: Vocabulary) -> Release:
-    return Release(_count(value, "a pull"))
+    return Release(_count(value, "a task"))
 
 
 def _weigh(value: Any, known: Vocabulary) -> Weigh:
-    pull, weight = _pair(value, 2)
-    return Weigh(_count(pull, "a pull"), _within(weight, 0.01, 100.0, "a weight"))
+    task, weight = _pair(value, 2)
+    return Weigh(_count(task, "a task"), _within(weight, 0.01, 100.0, "a weight"))
 
 
 def _holds(value: Any, known: Vocabulary) -> Holds:
-    pull, translation, rotation = _pair(value, 3)
+    task, translation, rotation = _pair(value, 3)
     counts = [_count(count, "a number of freedoms") for count in (translation, rotation)]
     if max(counts) > 3:
-        raise CommandError("a pull holds 0 to 3 translations and rotations")
-    return Holds(_count(pull, "a pull"), *counts)
+        raise CommandError("a task holds 0 to 3 translations and rotations")
+    return Holds(_count(task, "a task"), *counts)
 
 
 def _joint(value: Any, known: Vocabulary) -> MoveJoint | EndJoint:

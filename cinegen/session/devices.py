@@ -27,7 +27,7 @@ class Devices:
     Args:
         setup: of the session.
         robots: that are driven.
-        number: gives the next pull its number.
+        number: gives the next task its number.
 
     Attributes:
         chosen: which sensor holds each node; None: none. By robot and node.
@@ -142,7 +142,7 @@ class Devices:
         held = one.take(self._number(), node, SENSOR, f"sensor {device.name}", freedoms=(device.translation, rotation))
         held.scripted = scheme(device.url) in _SCRIPTS
         grip = Grip(self.speed, self.turning, translation=device.translation, rotation=device.rotation)
-        self._holds[robot, node] = held, Hold(sensor.tap(), held.pull, grip)
+        self._holds[robot, node] = held, Hold(sensor.tap(), held.task, grip)
 
     def _let_go(self, robot: str, node: str) -> None:
         self._aside.discard((robot, node))

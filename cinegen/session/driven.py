@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik import Pull, Solver, Step
+from cinegen.ik import FrameTask, Solver, Step
 from cinegen.model import Mechanism
 from cinegen.session.motion import Motion
 
@@ -22,18 +22,18 @@ HAND, PIN, SENSOR = "hand", "pin", "sensor"
 
 @dataclass(eq=False)
 class Held:
-    """A pull, and who holds it.
+    """A task, and who holds it.
 
     Attributes:
         number: its own in the session.
-        pull: of the robot's solver; its target is as seen from where the robot stands.
+        task: of the robot's solver; its target is as seen from where the robot stands.
         who: `HAND`, `PIN` or `SENSOR`.
         label: what people call it.
         scripted: whether a script leads it.
     """
 
     number: int
-    pull: Pull
+    task: FrameTask
     who: str
     label: str
     scripted: bool = False
@@ -97,40 +97,40 @@ class Driven:
         freedoms: tuple[int, int] = (3, 3),
     ) -> Held:
         """Somebody holds a node, at a place on it, where it is."""
-        pull = self.solver.pull(node, translation=freedoms[0], rotation=freedoms[1], at=at)
-        held = Held(number, pull, who, label)
+        task = self.solver.add_task(node, translation=freedoms[0], rotation=freedoms[1], offset=at)
+        held = Held(number, task, who, label)
         self.held.append(held)
         return held
 
     def release(self, held: Held) -> None:
         """It is held no more."""
         self.held.remove(held)
-        self.solver.release(held.pull)
+        self.solver.remove_task(held.task)
 
     def holding(self, who: str, node: str | None = None) -> Iterator[Held]:
         """What somebody holds, of a node or all."""
         for held in tuple(self.held):
-            if held.who == who and node in (None, held.pull.node):
+            if held.who == who and node in (None, held.task.node):
                 yield held
 
     @property
     def pins(self) -> tuple[Pinned, ...]:
         """What is pinned, as values."""
         return tuple(
-            Pinned(p.node, p.at.copy(), self.base * p.target, p.translation, p.rotation, p.weight)
-            for p in (held.pull for held in self.holding(PIN))
+            Pinned(p.node, p.offset.copy(), self.base * p.target, p.translation, p.rotation, p.weight)
+            for p in (held.task for held in self.holding(PIN))
         )
 
     def pin_again(self, number: int, pinned: Pinned) -> Held:
         """Pins a node again."""
         held = self.take(number, pinned.node, PIN, "pin", pinned.at, (pinned.translation, pinned.rotation))
-        held.pull.weight = pinned.weight
+        held.task.weight = pinned.weight
         self.aim(held, pinned.target)
         return held
 
     def aim(self, held: Held, target: pin.SE3) -> None:
         """What is held should be there, in the session's world."""
-        held.pull.target = self.base.actInv(target)
+        held.task.target = self.base.actInv(target)
 
     # --- motion --------------------------------------------------------------------------------------------------
 
@@ -139,8 +139,8 @@ class Driven:
         moved = base.actInv(self.base)
         self.base = base
         for held in self.held:
-            if held.pull.makes_sense():
-                held.pull.target = moved * held.pull.target
+            if held.task.is_valid():
+                held.task.target = moved * held.task.target
 
     def tick(self, dt: float) -> str:
         """Moves it on by a tick. Returns what there is to tell people; mostly nothing."""
@@ -176,7 +176,7 @@ class Driven:
         if not np.array_equal(q, self.solver.q):
             self.solver.q = q
             for held in self.held:
-                held.pull.target = self.mechanism.placement(q, held.pull.node) * held.pull.at
+                held.task.target = self.mechanism.placement(q, held.task.node) * held.task.offset
         self.step = self.solver.step()
 
     def status(self) -> tuple[str, str]:

@@ -64,10 +64,10 @@ class DrivenObstacle(Driven):
         """See `Driven`: what moves in the plane stays in it."""
         super().aim(held, target)
         if not self.mechanism.floating:
-            here = self.mechanism.placement(self.q, held.pull.node) * held.pull.at
-            aim = held.pull.target.copy()
+            here = self.mechanism.placement(self.q, held.task.node) * held.task.offset
+            aim = held.task.target.copy()
             aim.translation[2] = here.translation[2]
-            held.pull.target = aim
+            held.task.target = aim
 
     def stand(self, base: pin.SE3) -> None:
         """See `Driven`."""
@@ -101,7 +101,7 @@ class DrivenObstacle(Driven):
         name, words = super().status()
         if self.motion is None and name == "BARRED":
             held = self._keep.held
-            links = [self._clearance.names(int(held[row]))[1] for row in self.step.barred if row < len(held)]
+            links = [self._clearance.names(int(held[row]))[1] for row in self.step.active_barriers if row < len(held)]
             return name, f"stopped by '{links[0]}'" if links else words
         return name, words
 

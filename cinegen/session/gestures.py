@@ -83,7 +83,7 @@ class Gestures:
         robots: that are driven.
         devices: that let go of a robot which is led.
         rate: ticks a second.
-        number: gives the next pull its number.
+        number: gives the next task its number.
     """
 
     def __init__(self, robots: Mapping[str, Driven], devices: Devices, rate: float, number: Callable[[], int]) -> None:

@@ -1,4 +1,4 @@
-"""Motions of a robot that no pull makes: motors led by hand, the way to a configuration, a way gone before.
+"""Motions of a robot that no task makes: motors led by hand, the way to a configuration, a way gone before.
 
 Each has `advance(dt)`: the configuration after dt (s), loops closed, or None where it has ended. None of them raises.
 """

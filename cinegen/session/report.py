@@ -21,7 +21,7 @@ AHEAD = 1.5
 """s that are foreseen."""
 
 NEAR = 0.05
-"""A singular value of the pulls (without unit) below this is near a singularity of type 1."""
+"""A singular value of the tasks (without unit) below this is near a singularity of type 1."""
 
 _DT = 1.0 / 60.0  # s: of the twin's ticks
 _REACH = 0.2  # rad or lengths of the joints that the ellipsoid is drawn for
@@ -112,21 +112,21 @@ class Reporter:
         """
         mechanism, q = self.mechanism, robot.q
         self._hold(robot)
-        pulls = self._twin.pulls
-        node, at = pulls[0].node, pulls[0].at
+        tasks = self._twin.tasks
+        node, at = tasks[0].node, tasks[0].offset
         velocities = self._velocities(robot, time)
         self._twin.q = q
         here = mechanism.placement(q, node) * at
-        for pull in pulls:
-            pull.target = mechanism.placement(q, pull.node) * pull.at
+        for task in tasks:
+            task.target = mechanism.placement(q, task.node) * task.offset
         step = self._twin.step()  # of no length: what it knows is of q
-        lost, gained = step.losing, step.gaining
+        lost, gained = step.lost_dof, step.uncontrolled_dof
         type1 = type2 = None
         base = robot.base
         if lost is not None:
             which = int(np.argmax(np.linalg.norm(lost.twists, axis=1)))
-            own = pulls[which]
-            type1 = self._singularity(lost.sigma, NEAR, own.node, own.at, lost.twists[which], robot, "lost")
+            own = tasks[which]
+            type1 = self._singularity(lost.sigma, NEAR, own.node, own.offset, lost.twists[which], robot, "lost")
         if gained is not None:
             moving, twist = self._moved_most(q, gained.joints)
             type2 = self._singularity(gained.sigma, NEAR_PASSIVE, moving, pin.SE3.Identity(), twist, robot, "gained")
@@ -148,28 +148,28 @@ class Reporter:
     def _hold(self, robot: RobotState) -> None:
         """The twin is held as the robot is; by its end where nothing holds it."""
         kinds: list[tuple[object, ...]] = [
-            (pull.node, pull.translation, pull.rotation, pull.at.homogeneous.tobytes()) for pull in robot.pulls
+            (task.node, task.translation, task.rotation, task.offset.homogeneous.tobytes()) for task in robot.tasks
         ]
         if not kinds or kinds != self._kinds:
-            for pull in self._twin.pulls:
-                self._twin.release(pull)
-            for state in robot.pulls:
-                self._twin.pull(
-                    state.node, translation=state.translation, rotation=state.rotation, at=state.at
+            for task in self._twin.tasks:
+                self._twin.remove_task(task)
+            for state in robot.tasks:
+                self._twin.add_task(
+                    state.node, translation=state.translation, rotation=state.rotation, offset=state.offset
                 ).weight = state.weight
             if not kinds:
-                self._twin.pull(self.mechanism.end)
+                self._twin.add_task(self.mechanism.end)
             self._kinds = kinds
 
     def _velocities(self, robot: RobotState, time: float) -> list[pin.Motion]:
         """How fast the targets move, each in its own axes."""
         found, now = [], {}
-        for pull in robot.pulls:
+        for task in robot.tasks:
             velocity = pin.Motion.Zero()
-            before = self._last.get(pull.number)
-            if before is not None and time > before[0] and not pull.scripted:
-                velocity = pin.log6(before[1].actInv(pull.target)) / (time - before[0])
-            now[pull.number] = time, pull.target
+            before = self._last.get(task.number)
+            if before is not None and time > before[0] and not task.scripted:
+                velocity = pin.log6(before[1].actInv(task.target)) / (time - before[0])
+            now[task.number] = time, task.target
             found.append(velocity)
         self._last = now
         return found
@@ -255,11 +255,11 @@ class Reporter:
     ) -> tuple[Array, tuple[Ahead, ...]]:
         """Where the node will go when targets move on as they do, and what happens then."""
         twin, mechanism = self._twin, self.mechanism
-        if not robot.pulls:
+        if not robot.tasks:
             return np.zeros((0, 3)), ()
         for part in (-1.0, 0.0):
-            for own, pull, velocity in zip(twin.pulls, robot.pulls, velocities, strict=True):
-                own.target = pull.target * pin.exp6(velocity * (part * _DT))
+            for own, task, velocity in zip(twin.tasks, robot.tasks, velocities, strict=True):
+                own.target = task.target * pin.exp6(velocity * (part * _DT))
             twin.step()
         forecast = twin.forecast(AHEAD, dt=_DT, threshold=NEAR, passive_threshold=NEAR_PASSIVE)
         every = max(1, len(forecast.q) // _POINTS)

@@ -5,7 +5,6 @@ It knows no screen and no socket. It runs wherever its ticks come from: see `cin
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -18,7 +17,7 @@ import pinocchio as pin
 
 from cinegen.errors import CinegenError
 from cinegen.mission import Motion as Sample
-from cinegen.mission import Place, Player, Pull, Recorder, Recording
+from cinegen.mission import Place, Player, RecordedTask, Recorder, Recording
 from cinegen.session import commands as c
 from cinegen.session.devices import Devices
 from cinegen.session.driven import HAND, PIN, SENSOR, Driven, Held, Pinned
@@ -26,7 +25,7 @@ from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.gestures import Gestures
 from cinegen.session.motion import Motors, Way
 from cinegen.session.setup import Setup
-from cinegen.session.state import Notice, PullState, Replayed, RobotState, State
+from cinegen.session.state import Notice, Replayed, RobotState, State, TaskState
 from cinegen.session.state import Recording as RecordingState
 from cinegen.session.surroundings import driven
 from cinegen.session.visit import Visit
@@ -34,7 +33,7 @@ from cinegen.session.visit import Visit
 SAMPLES = 100
 """A second, that are recorded."""
 
-MOST_PULLS = 64
+MOST_TASKS = 64
 """Nodes that may be held at once."""
 
 _NOTICES = 8  # that are kept
@@ -180,33 +179,33 @@ class Session:
         if len(to) == 7:
             one.aim(held, pin.XYZQUATToSE3(to))
         else:
-            one.aim(held, pin.SE3((one.base * held.pull.target).rotation, to))
+            one.aim(held, pin.SE3((one.base * held.task.target).rotation, to))
 
     def _let_go(self, command: c.LetGo) -> None:
         if self._hand is None:
             return
         one, held = self._hand
         self._hand = None
-        pull = held.pull
+        task = held.task
         if command.pin:
             held.who = held.label = PIN
-            self.devices.give_up(one.name, pull.node)
+            self.devices.give_up(one.name, task.node)
         else:
             one.release(held)
             if self._was_pinned is not None:
                 was = self._was_pinned
                 one.pin_again(self._number(), replace(was, target=one.placement(was.node) * was.at))
-            self.devices.take_up(one.name, pull.node)
+            self.devices.take_up(one.name, task.node)
         self._was_pinned = None
 
-    # --- pulls ---------------------------------------------------------------------------------------------------
+    # --- tasks ---------------------------------------------------------------------------------------------------
 
     def _pin(self, command: c.Pin) -> None:
         one = self.robots[command.robot]
         if any(one.holding(PIN, command.node)):
             return
-        if sum(len(other.held) for other in self.robots.values()) >= MOST_PULLS:
-            self._notice(f"{MOST_PULLS} nodes are held: release some first", warning=True)
+        if sum(len(other.held) for other in self.robots.values()) >= MOST_TASKS:
+            self._notice(f"{MOST_TASKS} nodes are held: release some first", warning=True)
         else:
             self._gestures.begin()
             one.take(self._number(), command.node, PIN, "pin")
@@ -214,25 +213,25 @@ class Session:
     def _release(self, command: c.Release) -> None:
         for one in self.robots.values():
             for held in tuple(one.held):
-                if held.number != command.pull:
+                if held.number != command.task:
                     continue
                 if self._hand is not None and held is self._hand[1]:
                     self._let_go(c.LetGo(False))
                 elif held.who == SENSOR:
-                    self.devices.choose(one.name, held.pull.node, None)
+                    self.devices.choose(one.name, held.task.node, None)
                 else:
                     self._gestures.begin()
                     one.release(held)
 
     def _weigh(self, command: c.Weigh) -> None:
-        held = self._held(command.pull)
+        held = self._held(command.task)
         if held is not None:
-            held.pull.weight = command.weight
+            held.task.weight = command.weight
 
     def _holds(self, command: c.Holds) -> None:
-        held = self._held(command.pull)
+        held = self._held(command.task)
         if held is not None:
-            held.pull.translation, held.pull.rotation = command.translation, command.rotation
+            held.task.translation, held.task.rotation = command.translation, command.rotation
 
     def _held(self, number: int) -> Held | None:
         return next((held for one in self.robots.values() for held in one.held if held.number == number), None)
@@ -299,9 +298,9 @@ class Session:
         self._settings[command.name] = command.value
         for one in self.robots.values():
             if command.name == "gain":
-                one.solver.gain = -math.expm1(-command.value * self.dt)
+                one.solver.gain = command.value
             else:
-                one.solver.near = command.value
+                one.solver.damping_threshold = command.value
 
     def _gamepad(self, command: c.Gamepad) -> None:
         self.devices.tell_gamepad(command.twist, command.buttons)
@@ -384,19 +383,19 @@ class Session:
 
 def _robot(one: Driven) -> RobotState:
     errors = one.step.errors if len(one.step.errors) == len(one.held) else ((0.0, 0.0),) * len(one.held)
-    pulls = tuple(
-        PullState(
-            held.number, pull.node, held.who, held.label, held.scripted, pull.at.copy(), pull.target.copy(),
-            pull.translation, pull.rotation, pull.weight, error,
+    tasks = tuple(
+        TaskState(
+            held.number, task.node, held.who, held.label, held.scripted, task.offset.copy(), task.target.copy(),
+            task.translation, task.rotation, task.weight, error,
         )
-        for held, pull, error in zip(one.held, (held.pull for held in one.held), errors, strict=True)
+        for held, task, error in zip(one.held, (held.task for held in one.held), errors, strict=True)
     )  # fmt: skip
-    return RobotState(one.q, one.base.copy(), pulls, one.status(), one.step.saturated, one.step.closure)
+    return RobotState(one.q, one.base.copy(), tasks, one.status(), one.step.saturated, one.step.closure)
 
 
 def _sample(one: Driven) -> Sample:
-    pulls = tuple(
-        Pull(p.node, held.who, p.at, one.base * p.target, p.translation, p.rotation, p.weight)
-        for held, p in ((held, held.pull) for held in one.held)
+    tasks = tuple(
+        RecordedTask(p.node, held.who, p.offset, one.base * p.target, p.translation, p.rotation, p.weight)
+        for held, p in ((held, held.task) for held in one.held)
     )
-    return Sample(one.q, pulls, one.status()[0])
+    return Sample(one.q, tasks, one.status()[0])

@@ -15,8 +15,8 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class PullState:
-    """A pull.
+class TaskState:
+    """A task.
 
     Attributes:
         number: its own in the session.
@@ -24,7 +24,7 @@ class PullState:
         who: holds it: "hand", "pin" or "sensor".
         label: what people call it.
         scripted: whether a script leads it, which goes nowhere else.
-        at: what of the node is held, as seen from it.
+        offset: frame fixed on the node that is constrained, in the node's frame (m).
         target: where that should be, as seen from where the robot stands.
         translation: how many translations it holds.
         rotation: how many rotations.
@@ -37,7 +37,7 @@ class PullState:
     who: str
     label: str
     scripted: bool
-    at: pin.SE3
+    offset: pin.SE3
     target: pin.SE3
     translation: int
     rotation: int
@@ -52,7 +52,7 @@ class RobotState:
     Attributes:
         q: (nq,) where it is, loops closed.
         base: where it stands, in the session's world.
-        pulls: what holds it.
+        tasks: what holds it.
         status: of the last tick, and words for people.
         saturated: joints whose limit holds the motion back.
         closure: the largest gap of its loops, rad or characteristic lengths.
@@ -60,7 +60,7 @@ class RobotState:
 
     q: Array
     base: pin.SE3
-    pulls: tuple[PullState, ...]
+    tasks: tuple[TaskState, ...]
     status: tuple[str, str]
     saturated: tuple[str, ...]
     closure: float

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 _SPEED = 0.6  # characteristic lengths or rad a second, on average
 _SHORTEST, _LONGEST = 0.4, 10.0  # s
-_LAG = 0.01  # lengths or rad that the node may be behind; the pull waits for what is further
+_LAG = 0.01  # lengths or rad that the node may be behind; the task waits for what is further
 _PATIENCE = 0.4  # s that it waits in all
 _WHOLE = 6  # freedoms: with fewer, how the node is turned follows from its place
 
@@ -49,11 +49,11 @@ class Visit:
         if closure > CLOSURE:
             raise CinegenError(f"there loops of {mechanism.name} would be open by {closure:.2g}: it stays here")
         self._solver = Solver(mechanism, dt, q)
-        self._pull = self._solver.pull(node, rotation=3 if mechanism.mobility >= _WHOLE else 0)
+        self._task = self._solver.add_task(node, rotation=3 if mechanism.mobility >= _WHOLE else 0)
         self._from, self._to = mechanism.placement(q, node), mechanism.placement(self._goal, node)
         self._turn = pin.log3(self._from.rotation.T @ self._to.rotation)
         far = float(np.linalg.norm(self._to.translation - self._from.translation)) / mechanism.length
-        if self._pull.rotation:
+        if self._task.rotation:
             far = max(far, float(np.linalg.norm(self._turn)))
         self._seconds = min(max(far / _SPEED, _SHORTEST), _LONGEST)
         self._solver.objectives = (Posture(self._goal, rate=3.0 / self._seconds),)
@@ -68,7 +68,7 @@ class Visit:
             q = self._way.advance(dt)
             self.trouble = self._way.trouble if q is None else ""
             return q
-        self._pull.target = self._on_the_way(eased(min(self._time / self._seconds, 1.0)))
+        self._task.target = self._on_the_way(eased(min(self._time / self._seconds, 1.0)))
         step = self._solver.step()
         metres, turned = step.errors[0]
         if max(metres / self._mechanism.length, turned) > _LAG:

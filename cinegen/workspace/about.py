@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
+from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.errors import MapError
@@ -107,12 +107,12 @@ def _led_on(mechanism: Mechanism, node: str, axis: int, way: float) -> float:
     outwards = np.zeros(3)
     outwards[axis] = way
     first, last = _STEPS[0] * np.ptp(places, axis=0).max(), _STEPS[1] * np.ptp(places, axis=0).max()
-    seeker = Seeker(mechanism, (Pull(node, pin.SE3.Identity(), 3, 0),))
+    seeker = Seeker(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 0),))
     furthest = float((places @ outwards).max())
     for k in np.argsort(-(places @ outwards), kind="stable")[:_FURTHEST]:
         q, at, step = configurations[k], places[k], first
         while step > last:
-            seeker.pulls[0].target = pin.SE3(np.eye(3), at + step * outwards)
+            seeker.tasks[0].target = pin.SE3(np.eye(3), at + step * outwards)
             if seeker.seek(q, _GOAL):
                 q, at = seeker.best, at + step * outwards
             else:

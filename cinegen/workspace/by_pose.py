@@ -16,8 +16,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import Evaluations, Sampler
-from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
+from cinegen.ik.task import FrameTask
 from cinegen.workspace.neighbours import neighbours
 from cinegen.workspace.reach_bounds import ReachBounds
 from cinegen.workspace.settled import How, Settled
@@ -66,7 +66,7 @@ class ByPose:
 
     def _seeker_of(self, rotation: int) -> Seeker:
         spec = self.spec
-        return Seeker(spec.mechanism, (Pull(spec.node, pin.SE3.Identity(), 3, rotation),), spec.limits)
+        return Seeker(spec.mechanism, (FrameTask(spec.node, pin.SE3.Identity(), 3, rotation),), spec.limits)
 
     @property
     def _weights(self) -> tuple[float, float, float]:
@@ -118,7 +118,7 @@ class ByPose:
 
     def seek(self, start: Array, target: pin.SE3) -> Array | None:
         """(nq,) from a start; None where it leads nowhere."""
-        self._seeker.pulls[0].target = target
+        self._seeker.tasks[0].target = target
         return self._seeker.best if self._seeker.seek(start, _GOAL) else None
 
     def away(self, q: Array, other: Array) -> float:
@@ -179,7 +179,7 @@ class ByPose:
         for _ in directions:
             at = int(np.argmax(np.where(left, nearness, -np.inf)))
             left[at] = False
-            target = seeker.pulls[0].target = pin.SE3(_turned_to(directions[at]), point)
+            target = seeker.tasks[0].target = pin.SE3(_turned_to(directions[at]), point)
             if any(seeker.seek(start, _GOAL) for start in (known[by[at]], *self.starts(target))):
                 known.append(seeker.best)
                 nearer = directions @ directions[at]

@@ -15,8 +15,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import ClosureError
-from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
+from cinegen.ik.task import FrameTask
 from cinegen.singularities.contour import Curve, Grid
 from cinegen.singularities.crossing import Rows, of_node, of_passive_joints
 from cinegen.workspace.errors import MapError
@@ -80,8 +80,8 @@ class _Sheet:
     def __init__(self, spec: MapSpecification) -> None:
         self.mechanism, self.of_motors = spec.mechanism, spec.of_motors
         self._survey, self._region = spec, spec.region
-        pulls = () if self.of_motors else (Pull(spec.node, pin.SE3.Identity(), 3, spec.rotation),)
-        self._seeker = Seeker(self.mechanism, pulls, spec.limits)
+        tasks = () if self.of_motors else (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),)
+        self._seeker = Seeker(self.mechanism, tasks, spec.limits)
         model, self._motors = self.mechanism.model, [self.mechanism.q_index(name) for name in self.mechanism.actuated]
         self._low, self._high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
         self._moved = np.zeros(model.nv, dtype=bool)  # by the step itself, which is no jump
@@ -126,7 +126,7 @@ class _Sheet:
         return pin.SE3(rotations[0], points[0])
 
     def _sought(self, u: float, v: float, q: Array) -> Array | None:
-        self._seeker.pulls[0].target = self._target(u, v)
+        self._seeker.tasks[0].target = self._target(u, v)
         return self._seeker.best if self._seeker.seek(q, _GOAL) else None
 
     def _closed(self, u: float, v: float, q: Array) -> Array | None:

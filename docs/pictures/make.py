@@ -32,8 +32,8 @@ HIDDEN = "<style>.dg.main { display: none; }</style></head>"  # the viewer's own
 def pulled(mechanism, offset):
     """The configuration after two seconds of pulling the robot's end towards an offset (m)."""
     solver = cinegen.Solver(mechanism, 1 / 60)
-    pull = solver.pull(mechanism.sensor_constraints[0][0], rotation=0)
-    pull.target = pin.SE3(pull.target.rotation, pull.target.translation + np.array(offset))
+    task = solver.add_task(mechanism.sensor_constraints[0][0], rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array(offset))
     for _ in range(120):
         solver.step()
     return solver.q

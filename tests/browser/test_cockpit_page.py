@@ -104,7 +104,7 @@ def place(cockpit, name, node, point=(0.0, 0.0, 0.0)):
 
 
 def held(cockpit, name, who="hand"):
-    return [pull for pull in cockpit.state.robots[name].pulls if pull.who == who]
+    return [task for task in cockpit.state.robots[name].tasks if task.who == who]
 
 
 def picture(tab, name):
@@ -126,7 +126,7 @@ def find(tab, name, node):
 
 
 def grab(tab, cockpit, name, node):
-    """Presses on a part and draws it a little; where it was touched, in pixels and as the pull has it."""
+    """Presses on a part and draws it a little; where it was touched, in pixels and as the task has it."""
     x, y, *point = find(tab, name, node)
     tab.mouse.move(x, y)
     tab.mouse.down()
@@ -170,11 +170,11 @@ def test_a_part_follows_the_mouse(cockpit, tab, names, name, node):
     page = tab(one)
     before = {other: robot.q for other, robot in one.state.robots.items()}
     x, y, touched = grab(page, one, name, node)
-    (pull,) = held(one, name)
-    assert pull.node == node
-    start = place(one, name, node, pull.at.translation)
+    (task,) = held(one, name)
+    assert task.node == node
+    start = place(one, name, node, task.offset.translation)
     assert np.linalg.norm(touched - start) < 0.3 * one.setup.robots[name].length
-    way = easiest(one, name, node, pull.at.translation)
+    way = easiest(one, name, node, task.offset.translation)
     near, far = np.array(page.evaluate(PIXELS, [start.tolist(), (start + way * 1e-2).tolist()]))
     way_seen = (far - near) / np.linalg.norm(far - near)
     for i in range(1, 6):
@@ -187,15 +187,15 @@ def test_a_part_follows_the_mouse(cockpit, tab, names, name, node):
         return np.abs(one.state.robots[name].q - earlier).max() < 1e-6
 
     assert becomes(page, rests)
-    (pull,) = held(one, name)
-    wanted = pull.target.translation - start
-    moved = place(one, name, node, pull.at.translation) - start
+    (task,) = held(one, name)
+    wanted = task.target.translation - start
+    moved = place(one, name, node, task.offset.translation) - start
     assert moved @ wanted > 0.1 * wanted @ wanted  # the right way
     assert np.linalg.norm(wanted - moved) < np.linalg.norm(wanted)
     assert one.state.robots[name].closure < 1e-10
     picture(page, f"drag_{name}_{node}")
     page.mouse.up()
-    assert becomes(page, lambda: not one.state.robots[name].pulls)
+    assert becomes(page, lambda: not one.state.robots[name].tasks)
     for other in set(names) - {name}:
         assert np.array_equal(one.state.robots[other].q, before[other])
     # and what has happened is undone
@@ -244,8 +244,8 @@ def test_a_click_selects_the_gizmo_moves_it_and_a_pin_holds_it(cockpit, tab):
     moved = place(one, "delta4", "link5") - start
     assert np.abs(moved[:2]).max() < 0.1 * abs(moved[2])
     number = held(one, "delta4", "pin")[0].number
-    page.click(f"[data-pull='{number}'] button")
-    assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
+    page.click(f"[data-task='{number}'] button")
+    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
 
 
 def test_escape_lets_go_and_beside_the_robot_the_view_turns(cockpit, tab):
@@ -253,7 +253,7 @@ def test_escape_lets_go_and_beside_the_robot_the_view_turns(cockpit, tab):
     page = tab(one)
     grab(page, one, "delta4", "link5")
     page.keyboard.press("Escape")
-    assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
+    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
     page.mouse.up()
     before = page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()")
     box = page.locator("canvas").first.bounding_box()
@@ -262,7 +262,7 @@ def test_escape_lets_go_and_beside_the_robot_the_view_turns(cockpit, tab):
     page.mouse.move(box["x"] + 60, box["y"] + box["height"] - 30, steps=4)
     page.mouse.up()
     assert becomes(page, lambda: page.evaluate("cockpit.viewer.camera.matrixWorld.toArray()") != before)
-    assert not one.state.robots["delta4"].pulls
+    assert not one.state.robots["delta4"].tasks
 
 
 def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
@@ -340,12 +340,12 @@ def test_a_second_browser_sees_it_and_takes_the_hand(cockpit, tab):
     first, second = tab(one), tab(one)
     grab(first, one, "five_bar", "link2")
     assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.hand") == "other")
-    assert becomes(second, lambda: second.evaluate("cockpit.state.pulls.length") == 1)
+    assert becomes(second, lambda: second.evaluate("cockpit.state.tasks.length") == 1)
     assert second.is_visible("#take-hand")
     picture(second, "another_hand")
     second.click("#take-hand")
     assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.hand") == "mine")
-    assert becomes(first, lambda: not one.state.robots["five_bar"].pulls)
+    assert becomes(first, lambda: not one.state.robots["five_bar"].tasks)
     first.mouse.up()
 
 
@@ -408,7 +408,7 @@ def test_a_finger_drags_too(cockpit, browser):
         line.send("Input.dispatchTouchEvent", {"type": "touchMove", "touchPoints": points})
     assert becomes(page, lambda: held(one, "delta4"))
     line.send("Input.dispatchTouchEvent", {"type": "touchEnd", "touchPoints": []})
-    assert becomes(page, lambda: not one.state.robots["delta4"].pulls)
+    assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
     picture(page, "phone")
     context.close()
 
@@ -472,7 +472,7 @@ def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, tab):
         assert np.abs(cockpit.state.robots["arm7"].q - rest).max() > 0.01
         assert "arm7: pushed by 'pole'" in statuses
         page.mouse.up()
-        assert becomes(page, lambda: not cockpit.state.robots["pole"].pulls)
+        assert becomes(page, lambda: not cockpit.state.robots["pole"].tasks)
         page.keyboard.press("Control+z")
         assert becomes(page, lambda: np.linalg.norm(place(cockpit, "pole", "pole") - begin) < 1e-9)
     finally:

@@ -62,9 +62,9 @@ def test_what_one_browser_drags_all_see(cockpit):
     assert becomes(lambda: second.state["hand"] == first.told[0]["client"])
     late = Browser(one.url)
     assert becomes(lambda: late.state is not None and late.report is not None)
-    assert late.state["pulls"][0]["node"] == "platform"
+    assert late.state["tasks"][0]["node"] == "platform"
     first.leave()
-    assert becomes(lambda: second.state["hand"] is None and second.state["pulls"] == [])
+    assert becomes(lambda: second.state["hand"] is None and second.state["tasks"] == [])
 
 
 def test_a_report_says_how_near_singularities_are(cockpit):

@@ -256,8 +256,8 @@ def test_dragging_does_not_lead_the_hand_into_link_5():
     given = scene(panda(), READY, panda().configuration(READY))
     clearance, around = surroundings(given)
     solver = AvoidingSolver(panda(), 1e-2, clearance, around, given.safety, q=given.start)
-    pull = solver.pull(panda().end)
-    pull.target = panda().placement(panda().configuration(FOLDED), panda().end)
+    task = solver.add_task(panda().end)
+    task.target = panda().placement(panda().configuration(FOLDED), panda().end)
     for tick in range(600):
         step = solver.step()
         assert tick % 5 or not meshes().touch(step.q)

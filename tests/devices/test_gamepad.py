@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cinegen.devices import Gamepad, Hold, SensorError, SensorState, open_sensor
-from cinegen.ik import Pull
+from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST
 
 UP = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -92,7 +92,7 @@ def test_it_falls_silent_only_when_it_was_not_at_rest(gamepad, clock):
 
 
 def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
-    hold = Hold(gamepad, Pull("tool", pin.SE3.Identity()))
+    hold = Hold(gamepad, FrameTask("tool", pin.SE3.Identity()))
     for tick in range(600):
         if tick in (0, 50):
             gamepad.put(UP)
@@ -101,24 +101,24 @@ def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
         if tick == 390:
             assert hold.status.state is gamepad.status.state is SensorState.SILENT
         if tick == 402:
-            rest = hold.pull.target.copy()
-    assert hold.pull.target == rest
+            rest = hold.task.target.copy()
+    assert hold.task.target == rest
     assert 0.03 < rest.translation[2] < 0.1 * 0.4
 
 
 def test_who_serves_the_page_may_say_that_the_browser_is_gone(gamepad, clock):
     gamepad.gone()
     assert gamepad.status.state is SensorState.OPENING
-    hold = Hold(gamepad, Pull("tool", pin.SE3.Identity()))
+    hold = Hold(gamepad, FrameTask("tool", pin.SE3.Identity()))
     gamepad.put(UP, [1])
     hold.advance(0.001)
     clock[0] += 0.001
     gamepad.gone()
     assert gamepad.status.state is SensorState.LOST
-    rest = hold.pull.target.copy()
+    rest = hold.task.target.copy()
     assert hold.advance(0.001).buttons == frozenset()
     hold.advance(0.001)
-    assert hold.pull.target == rest
+    assert hold.task.target == rest
     gamepad.put(UP)
     assert gamepad.status.state is SensorState.LIVE
 

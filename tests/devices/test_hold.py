@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from cinegen import Solver, Status
 from cinegen.devices import Grip, Hold, Reading, Scripted, SensorState, SensorStatus, fitted
 from cinegen.errors import CinegenError, UnknownNameError
-from cinegen.ik import Pull
+from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST
 
 DT = 0.001
@@ -49,7 +49,7 @@ class Played:
 
 def held(target: pin.SE3 | None = None, grip: Grip | None = None, frame: str = "world") -> tuple[Played, Hold]:
     sensor = Played()
-    return sensor, Hold(sensor, Pull("tool", target or pin.SE3.Identity()), grip, frame)
+    return sensor, Hold(sensor, FrameTask("tool", target or pin.SE3.Identity()), grip, frame)
 
 
 deflections = st.tuples(*[st.floats(-1, 1)] * 6)
@@ -65,31 +65,31 @@ def test_full_deflection_is_the_grips_speed():
     sensor.say((0, 0, 1, 0, 0, -1))
     for _ in range(100):
         hold.advance(DT)
-    assert hold.pull.target.translation == pytest.approx([0, 0, 0.02])
-    assert pin.log3(hold.pull.target.rotation) == pytest.approx([0, 0, -0.07])
+    assert hold.task.target.translation == pytest.approx([0, 0, 0.02])
+    assert pin.log3(hold.task.target.rotation) == pytest.approx([0, 0, -0.07])
 
 
 @given(deflections, st.integers(0, 1000))
 def test_silence_brings_rest_within_a_tenth_of_a_second_and_nothing_drifts(twist, seed):
     sensor, hold = held(placements(seed))
     sensor.say(twist)
-    speeds, before = [], hold.pull.target.translation.copy()
+    speeds, before = [], hold.task.target.translation.copy()
     for tick in range(420):
         hold.advance(DT)
-        speeds.append(np.linalg.norm(hold.pull.target.translation - before) / DT)
-        before = hold.pull.target.translation.copy()
+        speeds.append(np.linalg.norm(hold.task.target.translation - before) / DT)
+        before = hold.task.target.translation.copy()
         if tick == 300 and np.any(hold.grip.velocity(twist)):
             assert hold.status.state is SensorState.SILENT
     assert np.ptp(speeds[:240]) < 1e-9  # as it was told, until the time-out
     assert np.abs(np.diff(speeds[240:])).max() <= 0.02 * speeds[0] + 1e-9  # without a jerk
-    rest = hold.pull.target.copy()
+    rest = hold.task.target.copy()
     for _ in range(1000):
         hold.advance(DT)
-    assert np.array_equal(hold.pull.target.homogeneous, rest.homogeneous)
+    assert np.array_equal(hold.task.target.homogeneous, rest.homogeneous)
     assert hold.status.state is SensorState.LIVE
     sensor.say((1, 0, 0, 0, 0, 0))
     hold.advance(DT)
-    assert not np.array_equal(hold.pull.target.homogeneous, rest.homogeneous)
+    assert not np.array_equal(hold.task.target.homogeneous, rest.homogeneous)
 
 
 @pytest.mark.parametrize("state", [SensorState.LOST, SensorState.CLOSED, SensorState.REFUSED, SensorState.OPENING])
@@ -101,11 +101,11 @@ def test_a_sensor_that_is_lost_comes_to_rest_at_once(state):
     sensor.state = state
     for _ in range(102):
         hold.advance(DT)
-    rest = hold.pull.target.copy()
+    rest = hold.task.target.copy()
     assert 0.001 < rest.translation[0] < 0.011
     for _ in range(100):
         hold.advance(DT)
-    assert hold.pull.target == rest
+    assert hold.task.target == rest
 
 
 def test_buttons_alone_keep_no_motion_alive():
@@ -115,7 +115,7 @@ def test_buttons_alone_keep_no_motion_alive():
     for _ in range(500):
         sensor.next = Reading(sensor.time, (1, 0, 0, 0, 0, 0), None, frozenset({1}), (1,))
         assert hold.advance(DT).pressed == (1,)
-    assert hold.pull.target.translation[0] < 0.1 * 0.36
+    assert hold.task.target.translation[0] < 0.1 * 0.36
 
 
 @given(deflections, st.integers(0, 1000))
@@ -129,7 +129,7 @@ def test_the_frame_of_command_turns_the_motion_with_it(twist, seed):
     turn = frame @ plain[1].grip.velocity(twist)[3:]
     for _ in range(20):
         turned[1].advance(DT)
-    moved = turned[1].pull.target
+    moved = turned[1].task.target
     assert moved.translation - start.translation == pytest.approx(0.02 * np.array([x, y, z]), abs=1e-12)
     assert pin.log3(moved.rotation @ start.rotation.T) == pytest.approx(0.02 * turn, abs=1e-9)
 
@@ -144,7 +144,7 @@ def test_the_nodes_own_axes_go_with_it(twist, seed):
     for _ in range(200):
         here.advance(DT)
         there.advance(DT)
-    assert there.pull.target.isApprox(start * here.pull.target, 1e-9)
+    assert there.task.target.isApprox(start * here.task.target, 1e-9)
 
 
 @given(st.floats(0, 0.9), st.floats(-1, 1), st.floats(0, 1e-6))
@@ -182,7 +182,7 @@ def test_raffs_freedoms(translation, rotation, free):
     given_ = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
     sensor.say(target=given_)
     hold.advance(DT)
-    moved = np.concatenate([hold.pull.target.translation, pin.log3(hold.pull.target.rotation)])
+    moved = np.concatenate([hold.task.target.translation, pin.log3(hold.task.target.rotation)])
     assert moved == pytest.approx(np.array([1, 2, 3, 0.1, 0.2, 0.3]) * free)
 
 
@@ -195,13 +195,13 @@ def test_what_makes_no_sense():
         hold.frame = "tool"
     hold.axes["view"] = np.eye(3)
     hold.frame = "view"
-    hold.pull.target = "somewhere"
+    hold.task.target = "somewhere"
     sensor = hold.sensor
     sensor.say((1, 0, 0, 0, 0, 0))
     hold.advance(DT)  # a target that is none stays what it is, and the solver says so
     sensor.say(target=pin.SE3.Identity())
     hold.advance(DT)
-    assert hold.pull.makes_sense()
+    assert hold.task.is_valid()
 
 
 def test_a_rotation_stays_one_for_hours():
@@ -210,15 +210,15 @@ def test_a_rotation_stays_one_for_hours():
         if tick % 100 == 0:
             sensor.say((0, 0, 0, 1.0, 0.5, -0.7))
         hold.advance(DT)
-    rotation = hold.pull.target.rotation
+    rotation = hold.task.target.rotation
     assert np.abs(rotation.T @ rotation - np.eye(3)).max() < 1e-14
 
 
 def test_a_delta_follows_a_device(robot):
     solver = Solver(robot("delta4"), DT)
-    pull = solver.pull("platform", rotation=0)
+    task = solver.add_task("platform", rotation=0)
     sensor = Played()
-    hold = Hold(sensor, pull, Grip(speed=0.2))
+    hold = Hold(sensor, task, Grip(speed=0.2))
     for tick in range(500):
         if tick % 50 == 0:
             sensor.say((0, 0, -1, 0, 0, 0))
@@ -226,7 +226,7 @@ def test_a_delta_follows_a_device(robot):
         step = solver.step()
     assert step.status is Status.FOLLOWING
     assert step.errors[0][0] < 1e-3
-    assert pull.target.translation[2] - robot("delta4").placement(robot("delta4").q_home, "platform").translation[
+    assert task.target.translation[2] - robot("delta4").placement(robot("delta4").q_home, "platform").translation[
         2
     ] == pytest.approx(-0.1)
 
@@ -235,13 +235,13 @@ def test_a_script_is_a_sensor(robot):
     mechanism = robot("five_bar")
     path = fitted(mechanism, "tool")
     sensor = Scripted(path)
-    hold = Hold(sensor, Pull("tool", path.home))
+    hold = Hold(sensor, FrameTask("tool", path.home))
     assert hold.advance(DT) is None
     assert sensor.status.state is SensorState.CLOSED
     sensor.start()
     reading = hold.advance(DT)
     assert reading.twist is None
-    assert hold.pull.target == reading.target
+    assert hold.task.target == reading.target
     assert path.home.translation == pytest.approx(reading.target.translation, abs=0.01)
     assert "circle" in sensor.status.words
     assert hold.status.state is SensorState.LIVE

@@ -44,8 +44,8 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to(kind, robot, tmp_path):
                 return len(rest) > 100 and rest[-1] == rest[-100]
 
             wait(rests)
-            (pull,) = loop.state.robots["delta"].pulls
-            assert np.linalg.norm(pull.target.translation[2] - height()) < 1e-6  # held there
+            (task,) = loop.state.robots["delta"].tasks
+            assert np.linalg.norm(task.target.translation[2] - height()) < 1e-6  # held there
             device.plug()
             wait(lambda: sensor().status.state.value == "live", 20.0)
     device.unplug()

@@ -17,9 +17,9 @@ def test_a_fitted_circle_is_followed_all_the_way_round(robot, name):
     assert path.shape == "circle"
     assert path.size > 0.02 * mechanism.length
     solver = Solver(mechanism, 0.01)
-    pull = solver.pull(path.node, path.home, rotation=path.rotation)
+    task = solver.add_task(path.node, path.home, rotation=path.rotation)
     for tick in range(900):
-        pull.target = path.target(0.01 * tick)
+        task.target = path.target(0.01 * tick)
         step = solver.step()
         assert step.errors[0][0] < 2e-3 * mechanism.length
         assert step.closure <= 1e-12

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cinegen.devices import Hold, Reading, Sensor, SensorState, SensorStatus, Taps
-from cinegen.ik import Pull
+from cinegen.ik import FrameTask
 
 DT = 0.001
 UP = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
@@ -121,8 +121,8 @@ def test_who_has_the_sensor_starts_and_closes_it():
 def test_three_nodes_held_by_one_device_move_alike(order):
     sensor = Played()
     taps = Taps(sensor)
-    holds = [Hold(taps.tap(), Pull("tool", pin.SE3.Identity())) for _ in range(3)]
-    alone = Hold(lone := Played(), Pull("tool", pin.SE3.Identity()))
+    holds = [Hold(taps.tap(), FrameTask("tool", pin.SE3.Identity())) for _ in range(3)]
+    alone = Hold(lone := Played(), FrameTask("tool", pin.SE3.Identity()))
     for tick in range(420):
         if tick < 50 and tick % 10 == 0:
             sensor.say(UP)
@@ -133,14 +133,14 @@ def test_three_nodes_held_by_one_device_move_alike(order):
         alone.advance(DT)
         if tick == 300:  # the device has said nothing for a while
             assert [hold.status.state for hold in (*holds, alone)] == [SensorState.SILENT] * 4
-    assert [hold.pull.target for hold in holds] == [alone.pull.target] * 3
-    assert alone.pull.target.translation[2] > 0.02
+    assert [hold.task.target for hold in holds] == [alone.task.target] * 3
+    assert alone.task.target.translation[2] > 0.02
 
 
 def test_a_device_that_is_lost_brings_all_to_rest_at_once():
     sensor = Played()
     taps = Taps(sensor)
-    holds = [Hold(taps.tap(), Pull("tool", pin.SE3.Identity())) for _ in range(2)]
+    holds = [Hold(taps.tap(), FrameTask("tool", pin.SE3.Identity())) for _ in range(2)]
     sensor.say(UP)
     for tick in range(112):
         if tick == 10:
@@ -148,10 +148,10 @@ def test_a_device_that_is_lost_brings_all_to_rest_at_once():
         taps.read()
         for hold in holds:
             hold.advance(DT)
-    rest = [hold.pull.target.copy() for hold in holds]
+    rest = [hold.task.target.copy() for hold in holds]
     assert 0.001 < rest[0].translation[2] < 0.011
     for _ in range(100):
         taps.read()
         for hold in holds:
             hold.advance(DT)
-    assert [hold.pull.target for hold in holds] == rest
+    assert [hold.task.target for hold in holds] == rest

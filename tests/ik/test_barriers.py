@@ -1,4 +1,4 @@
-"""Barriers: bounds of velocity that no pull and no objective breaks."""
+"""Barriers: bounds of velocity that no task and no objective breaks."""
 
 from __future__ import annotations
 
@@ -56,9 +56,9 @@ def away(mechanism, q, rng, lengths):
 
 def pulled(mechanism, rng, lengths=0.3, rotation=0, **options):
     solver = Solver(mechanism, DT, **options)
-    pull = solver.pull(mechanism.nodes[-1], rotation=rotation, axes="world")
-    pull.target = away(mechanism, solver.q, rng, lengths)
-    return solver, pull
+    task = solver.add_task(mechanism.nodes[-1], rotation=rotation, axes="world")
+    task.target = away(mechanism, solver.q, rng, lengths)
+    return solver, task
 
 
 def fastest(mechanism):
@@ -69,7 +69,7 @@ def fastest(mechanism):
 
 
 def random_rows(mechanism, rng, count):
-    """Some that a motion without any pull would keep, some that it would not, and that can be kept all together."""
+    """Some that a motion without any task would keep, some that it would not, and that can be kept all together."""
     nv = mechanism.model.nv
     rows = rng.normal(size=(count, nv)) / mechanism.scale
     motions, _ = free_motions(loops_at_home(mechanism), mechanism.loop_rank)
@@ -96,7 +96,7 @@ def proposed(solver):
 @given(seed=seeds, wishing=st.booleans(), accelerated=st.booleans(), rotation=st.sampled_from([0, 3]))
 def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, accelerated, rotation):
     mechanism, rng = robot(name), np.random.default_rng(seed)
-    solver, pull = pulled(mechanism, rng, rotation=rotation, acceleration=30.0 if accelerated else None)
+    solver, task = pulled(mechanism, rng, rotation=rotation, acceleration=30.0 if accelerated else None)
     rows, most = random_rows(mechanism, rng, int(rng.integers(1, 6)))
     most = np.maximum(most, 0.0)
     solver.barriers = [Linear(rows[:2], most[:2]), Linear(rows[2:], most[2:])]
@@ -111,7 +111,7 @@ def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, acce
         # what can't stop at once turns back by half, which is not quite within what the loops of this tick would allow
         rounded = 1e-4 if accelerated and mechanism.loops else EXACT
         assert (rows @ proposed(solver) <= most + rounded * size).all()
-        # closing the loops, and keeping pulls where wishes would move them, adds what is of second order
+        # closing the loops, and keeping tasks where wishes would move them, adds what is of second order
         exact = not (mechanism.loops or wishing)
         second = 0.0 if exact else 2.0 * (np.abs(step.v / mechanism.scale).max() * DT) ** 2 / DT
         assert (rows @ step.v <= most + (rounded + second) * size).all()
@@ -120,18 +120,18 @@ def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, acce
         assert (step.q <= high + 1e-9).all()
         assert step.closure <= EXACT
         if rng.random() < 0.2:
-            pull.target = away(mechanism, solver.q, rng, 0.3)
+            task.target = away(mechanism, solver.q, rng, 0.3)
 
 
 @pytest.mark.parametrize("name", ["planar_3r", "arm7", "five_bar", "delta4"])
 @settings(max_examples=40)
 @given(seed=seeds)
 def test_where_it_has_to_go_back_it_does_at_once_if_it_can(robot, name, seed):
-    """Also where that costs the pull, and without any."""
+    """Also where that costs the task, and without any."""
     mechanism, rng = robot(name), np.random.default_rng(seed)
-    solver, pull = pulled(mechanism, rng)
+    solver, task = pulled(mechanism, rng)
     if rng.random() < 0.3:
-        solver.release(pull)
+        solver.remove_task(task)
     rows, most = random_rows(mechanism, rng, int(rng.integers(1, 4)))
     most -= 0.01 * np.abs(most)
     solver.barriers = [Linear(rows, most)]
@@ -151,19 +151,19 @@ def test_where_it_has_to_go_back_it_does_at_once_if_it_can(robot, name, seed):
 def test_a_pull_that_loses_by_it_does_not_hold_it_there(robot):
     mechanism = robot("planar_3r")
     solver = Solver(mechanism, DT)
-    solver.pull("tool", rotation=0)
+    solver.add_task("tool", rotation=0)
     row = np.array([[1.0, 0.0, 0.0]])
     solver.barriers = [Linear(row, np.array([-0.5]))]
     step = solver.step()
     assert step.v[0] <= -0.5 + 1e-9
     assert step.status is Status.BARRED
-    assert step.barred == (0,)
+    assert step.active_barriers == (0,)
 
 
 def test_where_joints_cant_go_back_so_fast_they_go_as_fast_as_they_can(robot):
     mechanism = robot("planar_3r")
     solver = Solver(mechanism, DT)
-    solver.pull("tool", rotation=0)
+    solver.add_task("tool", rotation=0)
     solver.barriers = [Linear(np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]]), np.array([-1e3, -1.0]))]
     assert solver.step().v[0] == pytest.approx(-mechanism.model.upperVelocityLimit[0], rel=1e-6)
 
@@ -182,15 +182,15 @@ def test_it_goes_back_on_when_it_went_on_before(robot):
 
 
 def best_by_scipy(mechanism, solver, rows, most):
-    """(nv,) what does most for the pulls by the plain statement (`cinegen.ik.resolve`), by scipy's SLSQP."""
+    """(nv,) what does most for the tasks by the plain statement (`cinegen.ik.resolve`), by scipy's SLSQP."""
     system = mechanism.system
     _, loops = system.evaluate(solver.q)
-    pulls = [(pull, plain.axes_of(pull, mechanism, system)) for pull in solver.pulls]
-    error, jacobian = plain.equations(mechanism, system, pulls)
+    tasks = [(task, plain.axes_of(task, mechanism, system)) for task in solver.tasks]
+    error, jacobian = plain.equations(mechanism, system, tasks)
     motions, _ = free_motions(loops, mechanism.loop_rank)
     u, sigma, wt = np.linalg.svd(jacobian @ motions)
     sigmas, along = np.zeros(motions.shape[1]), np.zeros(motions.shape[1])
-    rank = min(plain.pull_rank(mechanism, system, solver.pulls, slice(None)), len(sigma))
+    rank = min(plain.task_rank(mechanism, system, solver.tasks, slice(None)), len(sigma))
     sigmas[:rank], along[:rank] = sigma[:rank], (u.T @ error)[:rank]
     squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
     squared[rank:] = RESTING
@@ -231,15 +231,15 @@ def test_within_its_bounds_a_step_does_most_for_the_pulls(robot, name, seed):
 
 
 def test_a_bound_takes_no_more_from_a_pull_than_it_has_to(robot):
-    """One row across the way of a robot with a motion to spare: the pull feels nothing."""
+    """One row across the way of a robot with a motion to spare: the task feels nothing."""
     mechanism = robot("arm7")
     solver = Solver(mechanism, DT)
-    pull = solver.pull("tool", axes="world")
-    here = pull.target
+    task = solver.add_task("tool", axes="world")
+    here = task.target
     row = np.eye(7)[:1]
     solver.barriers = [Linear(row, np.array([0.0]))]
     for tick in range(60):
-        pull.target = pin.SE3(here.rotation, here.translation + 0.0005 * tick * np.eye(3)[1])
+        task.target = pin.SE3(here.rotation, here.translation + 0.0005 * tick * np.eye(3)[1])
         step = solver.step()
         assert step.v[0] <= 1e-9
     assert step.errors[0][0] < 1e-5
@@ -248,7 +248,7 @@ def test_a_bound_takes_no_more_from_a_pull_than_it_has_to(robot):
 def test_what_redundancy_would_like_gives_way_to_a_bound_and_the_pull_does_not_feel_it(robot):
     mechanism = robot("arm7")
     solver = Solver(mechanism, DT)
-    solver.pull("tool")
+    solver.add_task("tool")
     solver.objectives = [Posture(mechanism.q_home + 0.3, rate=2.0)]
     free = solver.step().v
     assert np.abs(free).max() > 1e-3
@@ -417,7 +417,7 @@ def test_more_rows_than_bits_are_told_from_none(robot):
     step = solver.step()
     assert rows[150] @ step.v <= 1e-9
     assert step.status is Status.BARRED
-    assert step.barred == (52,)
+    assert step.active_barriers == (52,)
 
 
 @pytest.mark.parametrize("wrong", [object(), Posture, "bounds", 3.0])
@@ -439,8 +439,8 @@ def test_a_base_that_rests_has_no_part_in_bounds(raff):
         frame 3 { parameters { d 200 } pred 2 name "tool" }
         constraint { base sensor ( 0 1 ) } }""")
     solver = Solver(mechanism, DT)
-    pull = solver.pull("tool", rotation=0)
-    pull.target = pin.SE3(pull.target.rotation, pull.target.translation + np.array([0.05, 0.02, 0.0]))
+    task = solver.add_task("tool", rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + np.array([0.05, 0.02, 0.0]))
     free = solver.step().v
     rows = np.zeros((1, mechanism.model.nv))
     rows[0, 6:] = free[6:] / np.linalg.norm(free)
@@ -449,4 +449,4 @@ def test_a_base_that_rests_has_no_part_in_bounds(raff):
     step = solver.step()
     assert not step.v[:6].any()
     assert rows[0] @ step.v <= 1e-9
-    assert step.barred == (0,)
+    assert step.active_barriers == (0,)

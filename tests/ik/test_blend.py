@@ -41,17 +41,17 @@ def test_it_begins_and_ends_at_rest_and_never_turns_back(part: float, more: floa
 
 def test_the_target_arrives_in_time_on_a_straight_line_and_the_node_with_it(arm: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(arm, DT)
-    pull = solver.pull(arm.end)
-    begin = pull.target.copy()
+    task = solver.add_task(arm.end)
+    begin = task.target.copy()
     end = beside(begin, [-0.03, 0.02, 0.02], (0.1, -0.2, 0.1))
-    solver.blend(pull, end, seconds=0.3)
+    solver.blend(task, end, seconds=0.3)
     places, turns = [], []
     for _ in range(300):
         step = solver.step()
         assert step.errors[0][0] < 1e-5
-        places.append(pull.target.translation.copy())
-        turns.append(np.linalg.norm(pin.log3(begin.rotation.T @ pull.target.rotation)))
-    assert pull.target == end
+        places.append(task.target.translation.copy())
+        turns.append(np.linalg.norm(pin.log3(begin.rotation.T @ task.target.rotation)))
+    assert task.target == end
     way = end.translation - begin.translation
     along = (np.array(places) - begin.translation) @ way / (way @ way)
     np.testing.assert_allclose(np.array(places), begin.translation + along[:, None] * way, atol=1e-12)
@@ -63,98 +63,98 @@ def test_the_target_arrives_in_time_on_a_straight_line_and_the_node_with_it(arm:
 
 def test_who_sets_the_target_meanwhile_takes_over(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
-    pull = solver.pull("platform")
-    home = pull.target.copy()
-    solver.blend(pull, beside(home, [0.0, 0.0, -0.1]), seconds=1.0)
+    task = solver.add_task("platform")
+    home = task.target.copy()
+    solver.blend(task, beside(home, [0.0, 0.0, -0.1]), seconds=1.0)
     for _ in range(100):
         solver.step()
     own = beside(home, [0.01, 0.0, 0.0])
-    pull.target = own
+    task.target = own
     for _ in range(1000):
         solver.step()
-    assert pull.target == own
+    assert task.target == own
 
 
 def test_a_target_that_is_moved_in_place_takes_over_too(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
-    pull = solver.pull("platform")
-    solver.blend(pull, beside(pull.target, [0.0, 0.0, -0.1]), seconds=1.0)
+    task = solver.add_task("platform")
+    solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=1.0)
     for _ in range(100):
         solver.step()
-    pull.target.translation += np.array([0.01, 0.0, 0.0])
-    there = pull.target.copy()
+    task.target.translation += np.array([0.01, 0.0, 0.0])
+    there = task.target.copy()
     for _ in range(1000):
         solver.step()
-    assert pull.target == there
+    assert task.target == there
 
 
 def test_a_later_blend_replaces_the_one_before(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
-    pull = solver.pull("platform")
-    home = pull.target.copy()
-    solver.blend(pull, beside(home, [0.0, 0.0, -0.1]), seconds=0.5)
+    task = solver.add_task("platform")
+    home = task.target.copy()
+    solver.blend(task, beside(home, [0.0, 0.0, -0.1]), seconds=0.5)
     for _ in range(100):
         solver.step()
     end = beside(home, [0.05, 0.0, 0.0])
-    solver.blend(pull, end, seconds=0.2)
+    solver.blend(task, end, seconds=0.2)
     for _ in range(200):
         solver.step()
-    assert pull.target == end
+    assert task.target == end
 
 
 def test_a_fading_pull_gives_way_smoothly_and_ends(arm: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(arm, DT)
     middle, end = arm.nodes[4], arm.end
-    one, other = solver.pull(middle, rotation=0), solver.pull(end, rotation=0)
+    one, other = solver.add_task(middle, rotation=0), solver.add_task(end, rotation=0)
     other.target.translation += np.array([0.0, 0.05, 0.05])
     one.target.translation += np.array([0.0, -0.03, 0.0])
     for _ in range(400):
         step = solver.step()
-    solver.release(one, seconds=0.4)
-    assert solver.pulls == (one, other)
+    solver.remove_task(one, seconds=0.4)
+    assert solver.tasks == (one, other)
     for tick in range(400):
         step = solver.step()
         assert np.abs(step.v).max() < 2.0
-        assert len(solver.pulls) == (2 if tick < 399 else 1)
+        assert len(solver.tasks) == (2 if tick < 399 else 1)
     for _ in range(200):
         step = solver.step()
     assert step.errors[0][0] < 1e-6
-    solver.release(one)  # is let go already
+    solver.remove_task(one)  # is let go already
 
 
 def test_released_at_once_it_blends_no_more(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
-    pull = solver.pull("platform")
-    solver.blend(pull, beside(pull.target, [0.0, 0.0, -0.1]), seconds=0.5)
+    task = solver.add_task("platform")
+    solver.blend(task, beside(task.target, [0.0, 0.0, -0.1]), seconds=0.5)
     solver.step()
-    solver.release(pull)
-    held = pull.target.copy()
+    solver.remove_task(task)
+    held = task.target.copy()
     assert solver.step().status is cinegen.Status.IDLE
-    assert pull.target == held
+    assert task.target == held
 
 
 def test_in_no_time_it_is_there_at_the_next_tick(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
-    pull = solver.pull("platform")
-    end = beside(pull.target, [0.0, 0.0, -0.01])
-    solver.blend(pull, end, seconds=0.0, weight=2.0)
+    task = solver.add_task("platform")
+    end = beside(task.target, [0.0, 0.0, -0.01])
+    solver.blend(task, end, seconds=0.0, weight=2.0)
     solver.step()
-    assert pull.target == end
-    assert pull.weight == 2.0
+    assert task.target == end
+    assert task.weight == 2.0
 
 
 def test_what_makes_no_sense_is_refused(delta: cinegen.Mechanism) -> None:
     solver = cinegen.Solver(delta, DT)
-    pull = solver.pull("platform")
-    home = pull.target.copy()
+    task = solver.add_task("platform")
+    home = task.target.copy()
     with pytest.raises(cinegen.CinegenError, match="0 seconds or more"):
-        solver.blend(pull, home, seconds=-1.0)
+        solver.blend(task, home, seconds=-1.0)
     with pytest.raises(cinegen.CinegenError, match="finite"):
-        solver.blend(pull, "there")
-    with pytest.raises(cinegen.CinegenError, match="weight of 0"):
-        solver.blend(pull, weight=float("nan"))
+        solver.blend(task, "there")
+    with pytest.raises(cinegen.CinegenError, match="weight must be 0"):
+        solver.blend(task, weight=float("nan"))
     with pytest.raises(cinegen.CinegenError, match="not one of"):
-        cinegen.Solver(delta, DT).blend(pull, home)
-    pull.twist = np.zeros(6)
-    with pytest.raises(cinegen.CinegenError, match="follows none"):
-        solver.blend(pull, home)
+        cinegen.Solver(delta, DT).blend(task, home)
+    task.twist = np.zeros(6)
+    with pytest.raises(cinegen.CinegenError, match="follows a twist"):
+        solver.blend(task, home)

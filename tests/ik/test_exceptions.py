@@ -57,15 +57,15 @@ def records(caplog):
 def dragged(mechanism, objectives=(), barriers=()):
     """A solver whose last node is led to and fro, and the function that makes a tick of it."""
     solver = Solver(mechanism, DT)
-    pull = solver.pull(mechanism.nodes[-1], rotation=0, axes="world")
+    task = solver.add_task(mechanism.nodes[-1], rotation=0, axes="world")
     solver.objectives, solver.barriers = objectives, barriers
-    home, count = pull.target.copy(), 0
+    home, count = task.target.copy(), 0
 
     def tick():
         nonlocal count
         count += 1
         way = 0.02 * mechanism.length * np.array([np.sin(0.1 * count), 0.0, np.cos(0.1 * count) - 1.0])
-        pull.target = pin.SE3(home.rotation, home.translation + way)
+        task.target = pin.SE3(home.rotation, home.translation + way)
         step = solver.step()
         assert step.closure <= 1e-10
         return step
@@ -84,7 +84,7 @@ def test_an_objective_that_raises_is_in_each_step_and_once_in_the_log(robot, cap
         (error,) = step.exceptions
         assert type(error) is ValueError
         assert error.__traceback__ is not None
-        assert step.left_out == (0,)
+        assert step.failed_objectives == (0,)
         assert step.status is Status.FOLLOWING
     assert not good.exception_log.messages
     (record,) = records(caplog)
@@ -132,7 +132,7 @@ def test_an_objective_that_raises_sometimes_is_used_in_all_other_ticks(robot, ca
     count = 0
     for i in range(1, 31):
         step = tick()
-        assert bool(step.exceptions) == (i % 3 == 0) == bool(step.left_out)
+        assert bool(step.exceptions) == (i % 3 == 0) == bool(step.failed_objectives)
     assert len(records(caplog)) == 1
     assert solver.exception_log.messages == [
         f"objective 0 (Objective) of {mechanism.name}: RuntimeError: tick 3",
@@ -163,7 +163,7 @@ def test_what_an_objective_returns_that_makes_no_sense_is_an_exception_of_the_st
         (error,) = step.exceptions
         assert type(error) is ValueError
         assert text.format(nv=nv, less=nv - 1) in str(error)
-        assert step.left_out == (0,)
+        assert step.failed_objectives == (0,)
         assert (step.q == expected().q).all()
     assert len(records(caplog)) == 1
 
@@ -234,7 +234,7 @@ def test_exceptions_of_past_ticks_take_no_memory(robot, same):
     gc.collect()
     assert len(alive) <= 2  # the last one, and the one that pytest's log records keep
     assert [frame.name for frame in traceback.extract_tb(step.exceptions[0].__traceback__)] == [
-        "_wish",
+        "_evaluate_objectives",
         "velocity",
         "answer",
     ]

@@ -44,14 +44,14 @@ def test_when_an_arm_is_stretched(raff, how, dt):
     """Its end goes straight out at a constant speed: the law of cosines tells the elbow, and so the singular value."""
     arm, speed, ran = _two_r(raff), 0.05, 5
     solver = Solver(arm, DT)
-    pull = solver.pull("tool", rotation=0, axes="world")
-    begin = pull.target.translation.copy()
+    task = solver.add_task("tool", rotation=0, axes="world")
+    begin = task.target.translation.copy()
     out = begin / np.linalg.norm(begin)
     if how == "twist":
-        pull.twist = [*(speed * out), 0.0, 0.0, 0.0]
+        task.twist = [*(speed * out), 0.0, 0.0, 0.0]
     for tick in range(1, ran + 1):
         if how == "target":
-            pull.target.translation = begin + speed * tick * DT * out
+            task.target.translation = begin + speed * tick * DT * out
         solver.step()
     forecast = solver.forecast(3.0, dt)
     here = np.linalg.norm(begin) + speed * ran * DT
@@ -79,7 +79,7 @@ def test_when_an_arm_is_stretched(raff, how, dt):
 def test_a_threshold_may_be_given(raff):
     arm = _two_r(raff)
     solver = Solver(arm, DT)
-    solver.pull("tool", rotation=0, axes="world").twist = [0.05, 0.02, 0.0, 0.0, 0.0, 0.0]
+    solver.add_task("tool", rotation=0, axes="world").twist = [0.05, 0.02, 0.0, 0.0, 0.0, 0.0]
     times = [_first(solver.forecast(4.0, threshold=t), EventKind.TYPE_1).time for t in (0.2, 0.1, 0.05)]
     assert times == sorted(times)
     assert times[0] < times[1] < times[2]
@@ -88,7 +88,7 @@ def test_a_threshold_may_be_given(raff):
 def test_what_is_near_already_is_said_at_once(raff):
     arm = _two_r(raff, second=1)
     solver = Solver(arm, DT)
-    solver.pull("tool", rotation=0)
+    solver.add_task("tool", rotation=0)
     (event,) = solver.forecast(1.0).events
     assert event.kind is EventKind.TYPE_1
     assert event.time == 0.0
@@ -128,8 +128,8 @@ def test_when_a_four_bar_meets_its_dead_point(raff, dt):
     found however low the threshold."""
     bar = raff(ROCKER)
     solver = Solver(bar, DT)
-    pull = solver.pull("link1", translation=0, rotation=1)
-    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # rad/s
+    task = solver.add_task("link1", translation=0, rotation=1)
+    task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # rad/s
     start = bar.q_home[bar.q_index("joint1")]
     values = passive_singular_values(bar, bar.q_home)
     side = next(s for s in (1.0, -1.0) if _rocker_singular(start, s)[0][1] / bar.length == pytest.approx(values[1]))
@@ -162,8 +162,8 @@ SWING = """
 def test_when_a_joint_meets_its_limit(raff, dt, speed, bound):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT)
-    pull = solver.pull("tool", translation=0, rotation=1)
-    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
+    task = solver.add_task("tool", translation=0, rotation=1)
+    task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
     time = math.radians(bound - 10) / speed
     for _ in range(2):
         forecast = solver.forecast(3.0, dt)
@@ -182,7 +182,7 @@ def test_a_slide_and_a_limit_of_speed(raff):
         link 1 { parameters { r 100 } type 1 pred 0 limits { 0 400 } velocity 50 }
         frame 2 { pred 1 name "tool" } }""")
     solver = Solver(arm, DT)
-    solver.pull("tool").target.translation += [0.0, 0.0, 5.0]
+    solver.add_task("tool").target.translation += [0.0, 0.0, 5.0]
     assert _first(solver.forecast(8.0), EventKind.LIMIT).time == pytest.approx(6.0, abs=1e-6)
 
 
@@ -190,7 +190,7 @@ def test_a_limit_of_acceleration(raff):
     """Up to speed and down again in even ramps: the way takes d / v + v / a."""
     arm, speed, most = raff(SWING % {"velocity": ""}), 0.5, 2.0
     solver = Solver(arm, 1e-3, acceleration=most)
-    solver.pull("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
+    solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
     time = math.radians(60) / speed + speed / most
     for dt in (1e-3, 0.02):
         assert _first(solver.forecast(4.0, dt), EventKind.LIMIT).time == pytest.approx(time, abs=2.5 * dt)
@@ -199,20 +199,20 @@ def test_a_limit_of_acceleration(raff):
 def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT, q=[math.radians(70)])
-    pull = solver.pull("tool", translation=0, rotation=1)
-    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+    task = solver.add_task("tool", translation=0, rotation=1)
+    task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
     assert [(event.kind, event.time) for event in solver.forecast(1.0).events] == [
         (EventKind.LIMIT, 0.0),
         (EventKind.STOPPED, 0.0),
     ]
-    pull.twist = [0.0, 0.0, 0.0, 0.0, 0.0, -0.5]  # it stands there, but is not held
+    task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, -0.5]  # it stands there, but is not held
     assert solver.forecast(1.0).events == ()
 
 
 def test_limits_that_a_looped_robot_meets_are_met_closed(robot):
     gough = robot("gough")
     solver = Solver(gough, DT)
-    solver.pull(gough.end).twist = [0.0, 0.3 * gough.length, 0.1 * gough.length, 0.0, 0.0, 0.2]
+    solver.add_task(gough.end).twist = [0.0, 0.3 * gough.length, 0.1 * gough.length, 0.0, 0.0, 0.2]
     events = [event for event in solver.forecast(4.0).events if event.kind is EventKind.LIMIT]
     assert events
     for event in events:
@@ -225,7 +225,7 @@ def test_a_limit_that_holds_for_long_is_said_once(robot):
     """While a joint is pressed against its limit, closing the loops moves it off by a hair now and then."""
     bar = robot("five_bar")
     solver = Solver(bar, 1 / 240)
-    solver.pull("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    solver.add_task("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     forecast = solver.forecast(4.0)
     assert [(event.kind, event.joint) for event in forecast.events] == [
         (EventKind.TYPE_1, None),
@@ -239,7 +239,7 @@ def test_a_limit_that_holds_for_long_is_said_once(robot):
 def test_where_a_target_is_out_of_reach_all_comes_to_rest(raff):
     arm = _two_r(raff)
     solver = Solver(arm, DT)
-    solver.pull("tool", pin.SE3(np.eye(3), np.array([1.0, 0.5, 0.0])), rotation=0)
+    solver.add_task("tool", pin.SE3(np.eye(3), np.array([1.0, 0.5, 0.0])), rotation=0)
     forecast = solver.forecast(30.0, DT)
     event = _first(forecast, EventKind.STOPPED)
     assert _kinds(forecast) == [EventKind.TYPE_1, EventKind.STOPPED]
@@ -256,12 +256,12 @@ def _play(solver, seed, ticks, each=lambda tick: None):
     rng = np.random.default_rng(seed)
     mechanism = solver.mechanism
     path = []
-    first = solver.pull(mechanism.end)
+    first = solver.add_task(mechanism.end)
     for tick in range(ticks):
         if tick % 7 == 0:
             move = 0.1 * mechanism.length * rng.normal(size=3)
         if tick == 20:
-            second = solver.pull(mechanism.nodes[-2], rotation=int(rng.integers(0, 4)), weight=0.3)
+            second = solver.add_task(mechanism.nodes[-2], rotation=int(rng.integers(0, 4)), weight=0.3)
             second.target.translation += 0.1 * mechanism.length
         if tick == 27:
             first.twist = 0.2 * rng.normal(size=6)
@@ -269,7 +269,7 @@ def _play(solver, seed, ticks, each=lambda tick: None):
             second.weight = 2.0
             first.target = mechanism.placement(solver.q, mechanism.end)
         if tick == 40:
-            solver.release(second)
+            solver.remove_task(second)
         if first.twist is None:
             first.target.translation += move * solver.dt
         each(tick)
@@ -281,8 +281,8 @@ def _play(solver, seed, ticks, each=lambda tick: None):
 @given(seeds, st.sampled_from(ROBOTS), st.sampled_from([None, 5.0]))
 def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
     """Not a bit of the ticks that follow; and what is foreseen does not depend on what was foreseen before."""
-    looking = Solver(robot(name), DT, gain=0.8, acceleration=acceleration)
-    other = Solver(robot(name), DT, gain=0.8, acceleration=acceleration)
+    looking = Solver(robot(name), DT, gain=-np.log(0.2) / DT, acceleration=acceleration)
+    other = Solver(robot(name), DT, gain=-np.log(0.2) / DT, acceleration=acceleration)
 
     def look(tick):
         looking.forecast(0.05 + 0.01 * (tick % 3), moving=tick % 2 == 0)
@@ -298,14 +298,14 @@ def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
 @given(seeds, st.sampled_from(ROBOTS))
 def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
-    solver = Solver(mechanism, DT, gain=0.7, acceleration=30.0)
-    pull = solver.pull(mechanism.end)
-    pull.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
+    solver = Solver(mechanism, DT, gain=-np.log(0.3) / DT, acceleration=30.0)
+    task = solver.add_task(mechanism.end)
+    task.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
     for _ in range(4):
         solver.step()
     forecast = solver.forecast(0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
-    pull.twist = 0.2 * rng.normal(size=6)
+    task.twist = 0.2 * rng.normal(size=6)
     for _ in range(4):
         solver.step()
     forecast = solver.forecast(0.3, DT)
@@ -316,7 +316,7 @@ def test_redundancy_goes_on_as_its_objectives_wish(robot):
     arm = robot("arm7")
     solver = Solver(arm, DT)
     solver.objectives = [Posture(arm.q_home + 0.3), LimitMargin()]
-    solver.pull("tool", rotation=0).twist = [0.05, 0.0, 0.02, 0.0, 0.0, 0.0]
+    solver.add_task("tool", rotation=0).twist = [0.05, 0.0, 0.02, 0.0, 0.0, 0.0]
     for _ in range(10):
         solver.step()
     forecast = solver.forecast(0.3, DT)
@@ -329,12 +329,12 @@ def test_targets_go_on_as_they_moved(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
     linear, angular = 0.1 * mechanism.length * rng.normal(size=3), 0.3 * rng.normal(size=3)
     solver = Solver(mechanism, DT)
-    pull = solver.pull(mechanism.end)
-    begin = pull.target.copy()
+    task = solver.add_task(mechanism.end)
+    begin = task.target.copy()
 
     def step(tick):
         time = tick * DT
-        pull.target = pin.SE3(pin.exp3(angular * time) @ begin.rotation, begin.translation + linear * time)
+        task.target = pin.SE3(pin.exp3(angular * time) @ begin.rotation, begin.translation + linear * time)
         return solver.step().q
 
     for tick in range(1, 6):
@@ -348,22 +348,22 @@ def test_targets_go_on_as_they_moved(robot, seed, name):
 def test_singular_values_are_those_of_the_path(robot, seed, name):
     mechanism, rng = robot(name), np.random.default_rng(seed)
     solver = Solver(mechanism, DT)
-    pull = solver.pull(mechanism.end, axes="world", rotation=int(rng.choice([0, 3])))
-    pull.twist = 0.3 * mechanism.length * rng.normal(size=6)
+    task = solver.add_task(mechanism.end, axes="world", rotation=int(rng.choice([0, 3])))
+    task.twist = 0.3 * mechanism.length * rng.normal(size=6)
     forecast = solver.forecast(0.5)
     for q, sigma, passive in zip(forecast.q, forecast.sigma_min, forecast.passive_sigma_min, strict=True):
         there = Solver(mechanism, DT, q=q)
-        there.pull(mechanism.end, axes="world", rotation=pull.rotation)
+        there.add_task(mechanism.end, axes="world", rotation=task.rotation)
         step = there.step()
-        assert step.losing.sigma == pytest.approx(sigma, abs=1e-9)
-        assert passive == (pytest.approx(step.gaining.sigma, abs=1e-9) if mechanism.loops else np.inf)
+        assert step.lost_dof.sigma == pytest.approx(sigma, abs=1e-9)
+        assert passive == (pytest.approx(step.uncontrolled_dof.sigma, abs=1e-9) if mechanism.loops else np.inf)
 
 
 def test_a_coarser_tick_makes_good_as_much_in_the_same_time(raff):
     arm = raff(SWING % {"velocity": ""})
-    solver = Solver(arm, DT, gain=0.05)
-    pull = solver.pull("tool", translation=0, rotation=1)
-    pull.target.rotation = pull.target.rotation @ pin.exp3(np.array([0.0, 0.0, 0.1]))
+    solver = Solver(arm, DT, gain=-np.log(0.95) / DT)
+    task = solver.add_task("tool", translation=0, rotation=1)
+    task.target.rotation = task.target.rotation @ pin.exp3(np.array([0.0, 0.0, 0.1]))
     left = 0.1 * 0.95 ** (np.arange(11) * 10)
     assert math.radians(10) + 0.1 - solver.forecast(1.0, 10 * DT).q[:, 0] == pytest.approx(left, abs=1e-9)
 
@@ -371,15 +371,15 @@ def test_a_coarser_tick_makes_good_as_much_in_the_same_time(raff):
 def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
     delta = robot("delta4")
     solver = Solver(delta, DT)
-    pull = solver.pull("platform")
+    task = solver.add_task("platform")
     solver.step()
-    pull.target.translation += [0.0, 0.0, 0.9]
+    task.target.translation += [0.0, 0.0, 0.9]
     solver.step()
     assert np.array_equal(solver.forecast(0.5).q, solver.forecast(0.5, moving=False).q)
-    pull.twist = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0]
+    task.twist = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0]
     for _ in range(50):
         step = solver.step()
-    pull.target = delta.placement(step.q, "platform")  # stop
+    task.target = delta.placement(step.q, "platform")  # stop
     assert np.array_equal(solver.forecast(0.5).q, solver.forecast(0.5, moving=False).q)
 
 
@@ -392,10 +392,10 @@ def test_a_base_that_can_move_is_foreseen_too(raff):
         frame 3 { parameters { d 200 } pred 2 name "tool" }
         constraint { base sensor ( 0 1 ) } }""")
     solver = Solver(mechanism, DT)
-    solver.pull("tool", rotation=0).twist = [0.05, 0.0, 0.0, 0.0, 0.0, 0.0]
+    solver.add_task("tool", rotation=0).twist = [0.05, 0.0, 0.0, 0.0, 0.0, 0.0]
     for node in ("tool", "base"):
         if node == "base":
-            solver.pull("base").twist = [0.1, 0.0, 0.2, 0.0, 0.3, 0.0]
+            solver.add_task("base").twist = [0.1, 0.0, 0.2, 0.0, 0.3, 0.0]
         forecast = solver.forecast(0.2, DT)
         assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(20))])
 
@@ -406,10 +406,10 @@ def test_a_base_that_can_move_is_foreseen_too(raff):
 def test_pulls_that_make_no_sense_are_left_out(robot):
     arm = robot("arm7")
     solver = Solver(arm, DT)
-    wrong = solver.pull("link3")
-    solver.pull("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    wrong = solver.add_task("link3")
+    solver.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     alone = Solver(arm, DT)
-    alone.pull("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    alone.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     expected = alone.forecast(1.0)
     nowhere = pin.SE3(np.eye(3), np.array([np.nan, 0.0, np.inf]))
     for attribute, value in (("target", None), ("target", nowhere), ("weight", 0.0), ("rotation", 9), ("twist", "x")):
@@ -423,12 +423,12 @@ def test_pulls_that_make_no_sense_are_left_out(robot):
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_a_rotation_that_is_none_raises_nothing(robot):
     solver = Solver(robot("delta4"), DT)
-    pull = solver.pull("platform")
+    task = solver.add_task("platform")
     for number in (0.0, 7.0, 7.01, -1e200, 1e308):
-        pull.target.rotation = np.full((3, 3), number)
+        task.target.rotation = np.full((3, 3), number)
         step = solver.step()
         assert np.isfinite(solver.forecast(0.3).q).all()
-        assert step.losing is None or np.isfinite(step.losing.sigma)
+        assert step.lost_dof is None or np.isfinite(step.lost_dof.sigma)
 
 
 def test_where_nothing_is_pulled_nothing_lies_ahead(robot):
@@ -460,7 +460,7 @@ def test_it_reads_well(raff):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT)
     assert repr(solver.forecast(1.0)) == "<Forecast of 1 s: nothing ahead>"
-    solver.pull("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
+    solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
     forecast = solver.forecast(2.5)
     assert str(forecast.events[0]) == "in 2.09 s joint1 meets its limit"
     assert repr(forecast.events[0]) == "<Event LIMIT: in 2.09 s joint1 meets its limit>"

@@ -84,10 +84,10 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
             assert arrays["c"] == pytest.approx(np.concatenate(by_hand), abs=1e-13)
 
 
-# --- pulls -------------------------------------------------------------------------------------------------------
+# --- tasks -------------------------------------------------------------------------------------------------------
 
 
-def all_kinds_of_pulls(mechanism: cinegen.Mechanism, solver: Solver, rng: np.random.Generator) -> None:
+def all_kinds_of_tasks(mechanism: cinegen.Mechanism, solver: Solver, rng: np.random.Generator) -> None:
     """0 to 3 translations by 0 to 3 rotations, in the axes of the target, the world, and a node; near and far."""
     for axes in ("target", "world", mechanism.nodes[len(mechanism.nodes) // 2]):
         for translation in range(4):
@@ -95,12 +95,12 @@ def all_kinds_of_pulls(mechanism: cinegen.Mechanism, solver: Solver, rng: np.ran
                 node = str(rng.choice(mechanism.nodes[1:]))
                 there = mechanism.placement(solver.q, node)
                 target = near(mechanism, there, rng, float(rng.choice([1e-9, 1e-3, 0.1, 3.0])))
-                solver.pull(node, target, translation, rotation, float(rng.uniform(0.1, 10.0)), axes)
+                solver.add_task(node, target, translation, rotation, float(rng.uniform(0.1, 10.0)), axes)
 
 
 def kernels_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
-    """What is wanted and the rows of all pulls, as the kernels compute them at the solver's q."""
-    solver._arrange()
+    """What is wanted and the rows of all tasks, as the kernels compute them at the solver's q."""
+    solver._write_tasks()
     pin.computeJointJacobians(solver.mechanism.model, solver._data, solver.q)
     aims.holding(solver._table)
     aims.aim_at(solver._table)
@@ -112,8 +112,8 @@ def plain_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
     mechanism = solver.mechanism
     system = mechanism.system
     system.evaluate(solver.q)
-    pulls = [(pull, plain.axes_of(pull, mechanism, system)) for pull in solver.pulls]
-    return plain.equations(mechanism, system, pulls)
+    tasks = [(task, plain.axes_of(task, mechanism, system)) for task in solver.tasks]
+    return plain.equations(mechanism, system, tasks)
 
 
 @every_robot
@@ -121,7 +121,7 @@ def test_rows_and_errors_of_all_kinds_of_pulls_are_those_of_the_plain_statement(
     mechanism, rng = load(name, which), np.random.default_rng(1)
     for q in mechanism.random_closed(3, seed=2):
         solver = Solver(mechanism, 0.01, q=q)
-        all_kinds_of_pulls(mechanism, solver, rng)
+        all_kinds_of_tasks(mechanism, solver, rng)
         wanted, rows = kernels_equations(solver)
         error, jacobian = plain_equations(solver)
         assert wanted == pytest.approx(error, abs=1e-12)
@@ -139,7 +139,7 @@ def test_a_base_that_rests_has_no_columns(raff):
     rng = np.random.default_rng(2)
     for held in ("tool", "base"):
         solver = Solver(mechanism, 0.01)
-        solver.pull(held, near(mechanism, mechanism.placement(solver.q, held), rng, 0.1))
+        solver.add_task(held, near(mechanism, mechanism.placement(solver.q, held), rng, 0.1))
         wanted, rows = kernels_equations(solver)
         error, jacobian = plain_equations(solver)
         assert rows.shape == (6, 2 if held == "tool" else 8)
@@ -157,18 +157,18 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
     mechanism = solver.mechanism
     loops = mechanism.system.evaluate(solver.q)[1]
     error, rows = plain_equations(solver)
-    rank, pull_rank = mechanism.loop_rank, plain.pull_rank(mechanism, mechanism.system, solver.pulls, slice(None))
+    rank, task_rank = mechanism.loop_rank, plain.task_rank(mechanism, mechanism.system, solver.tasks, slice(None))
     infinite = np.full(len(low), np.inf)
-    found = resolve(loops, rank, rows, pull_rank, error, -infinite, infinite)
+    found = resolve(loops, rank, rows, task_rank, error, -infinite, infinite)
     pace = min(1.0, FULL / float((np.abs(found.step) / longest).max(initial=1e-9)))
     step = pace * found.step
     if (step <= high).all() and (step >= low).all():
         return step
-    lost = found.sigma[pull_rank - 1]
+    lost = found.sigma[task_rank - 1]
     if (pace < 1.0 and lost < NEAR) or lost < 1e-9:
         return None
     return resolve(
-        loops, rank, rows, pull_rank, pace * error, np.maximum(low, -longest), np.minimum(high, longest)
+        loops, rank, rows, task_rank, pace * error, np.maximum(low, -longest), np.minimum(high, longest)
     ).step
 
 
@@ -192,12 +192,12 @@ def steps_agree(solver: Solver, rng: np.random.Generator, tight: float) -> str:
         assert np.abs(expected).max(initial=0.0) <= REST
         return "nudged"
     assert arrays["step"] == pytest.approx(expected, abs=1e-8)
-    return "bent" if step.saturated else "slowed" if step.pace < 1.0 else "free"
+    return "bent" if step.saturated else "slowed" if step.speed_scale < 1.0 else "free"
 
 
 @every_robot
 def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
-    """From home on: random closed places, random pulls, limits near and far."""
+    """From home on: random closed places, random tasks, limits near and far."""
     mechanism, rng = load(name, which), np.random.default_rng(3)
     seen = []
     for q in [mechanism.q_home, *mechanism.random_closed(30, seed=3)]:
@@ -206,7 +206,7 @@ def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
             node = mechanism.nodes[-1] if rng.random() < 0.7 else str(rng.choice(mechanism.nodes[1:]))
             target = near(mechanism, mechanism.placement(q, node), rng, float(rng.choice([1e-3, 1e-2, 0.3])))
             kind = [(3, 3), (3, 0), (2, 1), (1, 2), (0, 3)][rng.integers(5)]
-            solver.pull(node, target, *kind, float(rng.uniform(0.3, 3.0)))
+            solver.add_task(node, target, *kind, float(rng.uniform(0.3, 3.0)))
         seen.append(steps_agree(solver, rng, float(rng.choice([1e-3, 0.03, 100.0]))))
     assert seen.count("not compared") < 10
     assert "bent" in seen
@@ -224,7 +224,7 @@ def test_near_singularities_too(name, which, bent):
     for rotation in (0, 3):
         for _ in range(6):
             solver = Solver(mechanism, 1.0, q=q)
-            solver.pull("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, rotation)
+            solver.add_task("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, rotation)
             damped += solver.step().singular_values[-1] < NEAR
             solver.q = q
             seen.append(steps_agree(solver, rng, float(rng.choice([1e-3, 100.0]))))
@@ -252,7 +252,7 @@ def test_near_a_singularity_of_the_loops_too(raff, off):
     assert smallest < 2.0 * off + 1e-12
     for _ in range(5):
         solver = Solver(mechanism, 1.0, q=q)
-        solver.pull("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, 0)
+        solver.add_task("tool", near(mechanism, mechanism.placement(q, "tool"), rng, 0.01), 3, 0)
         if off > 1e-8:  # where the rank is lost two motions are free, and which of them is taken is anyone's choice
             assert steps_agree(solver, rng, 100.0) in ("free", "slowed", "bent")
         else:
@@ -453,7 +453,7 @@ def nearest(
 
 
 def check_nearest(wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Inside, and optimal: what pulls it away from where it was wanted is held by bounds that push inwards (Karush,
+    """Inside, and optimal: what tasks it away from where it was wanted is held by bounds that push inwards (Karush,
     Kuhn and Tucker; the problem is strictly convex, so nothing else is to be shown)."""
     found, x, held = nearest(wanted, g, low, high)
     size = max(1.0, np.abs(wanted).max())
@@ -560,12 +560,12 @@ def test_a_wish_that_keeps_all_bounds_is_granted_as_it_is():
 def test_ticks_leave_nothing_behind(name, which):
     mechanism = load(name, which)
     solver = Solver(mechanism, 0.01)
-    pull = solver.pull("tool", rotation=0)
-    targets = [near(mechanism, pull.target, np.random.default_rng(8), 0.1) for _ in range(50)]
+    task = solver.add_task("tool", rotation=0)
+    targets = [near(mechanism, task.target, np.random.default_rng(8), 0.1) for _ in range(50)]
 
     def run(ticks: int) -> int:
         for tick in range(ticks):
-            pull.target = targets[tick // 20 % 50]
+            task.target = targets[tick // 20 % 50]
             solver.step()
         gc.collect()
         return sys.getallocatedblocks()

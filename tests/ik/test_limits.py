@@ -57,7 +57,7 @@ def test_a_robot_starts_no_faster_than_its_acceleration_allows(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(0)
     for _ in range(10):
         solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
-        solver.pull("tool", away(mechanism, "tool", rng, 3.0), rotation=0)
+        solver.add_task("tool", away(mechanism, "tool", rng, 3.0), rotation=0)
         assert 0.999 < worst_acceleration(solver, mechanism, 3.0, 20) <= ROUNDING
 
 
@@ -68,14 +68,14 @@ def test_so_does_a_closed_one_but_for_what_closes_its_loops_again(robot, name):
     node = mechanism.nodes[-1]
     for _ in range(10):
         solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
-        solver.pull(node, away(mechanism, node, rng, 3.0), rotation=0)
+        solver.add_task(node, away(mechanism, node, rng, 3.0), rotation=0)
         assert 0.98 < worst_acceleration(solver, mechanism, 3.0, 20) <= 1.005
 
 
 def test_a_joint_stops_at_its_target_within_its_acceleration(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01, acceleration=2.0)
-    solver.pull("tool", turned(0.5), translation=0)
+    solver.add_task("tool", turned(0.5), translation=0)
     assert worst_acceleration(solver, arm, 2.0, 400) <= ROUNDING
     assert solver.q[0] == pytest.approx(0.5, abs=1e-9)
 
@@ -83,11 +83,11 @@ def test_a_joint_stops_at_its_target_within_its_acceleration(raff):
 def test_a_joint_turns_round_within_its_acceleration(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01, acceleration=2.0)
-    pull = solver.pull("tool", turned(0.9), translation=0)
+    task = solver.add_task("tool", turned(0.9), translation=0)
 
     def turn_round(tick):
         if tick == 20:  # on its way
-            pull.target = turned(-0.9)
+            task.target = turned(-0.9)
 
     assert worst_acceleration(solver, arm, 2.0, 60, turn_round) <= ROUNDING
 
@@ -97,7 +97,7 @@ def test_a_joint_brakes_before_its_limit_and_ends_on_it(raff):
     arm = raff(ONE_JOINT)
     for acceleration in (0.5, 2.0, 7.3, 40.0):
         solver = Solver(arm, 0.01, acceleration=acceleration)
-        solver.pull("tool", turned(3.0), translation=0)
+        solver.add_task("tool", turned(3.0), translation=0)
         assert worst_acceleration(solver, arm, acceleration, 600) <= ROUNDING
         assert solver.q[0] == arm.model.upperPositionLimit[0]
 
@@ -109,7 +109,7 @@ def test_a_joint_brakes_before_its_limit_whatever_the_others_do(raff):
       link 2 { parameters { theta 0 d 1000 } type 2 pred 1 limits { -60 60 } }
       frame 3 { parameters { d 1000 } pred 2 name "tool" } }""")
     solver = Solver(arm, 0.01, acceleration=2.0)
-    first, second = solver.pull("link1", translation=0), solver.pull("tool", translation=0)
+    first, second = solver.add_task("link1", translation=0), solver.add_task("tool", translation=0)
 
     def lead(tick):
         ahead = solver.q[0] + 1.0
@@ -121,11 +121,11 @@ def test_a_joint_brakes_before_its_limit_whatever_the_others_do(raff):
 def while_the_target_leaps(mechanism, every: int) -> np.ndarray:
     rng, node = np.random.default_rng(1), mechanism.nodes[-1]
     solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
-    pull = solver.pull(node, rotation=0)
+    task = solver.add_task(node, rotation=0)
 
     def leap(tick):
         if tick % every == 0:
-            pull.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
+            task.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
 
     return accelerations(solver, mechanism, 3.0, 600, leap)
 
@@ -149,10 +149,10 @@ def test_let_go_on_its_way_a_robot_brakes(robot):
         mechanism, rng = robot(name), np.random.default_rng(6)
         node = mechanism.nodes[-1]
         solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 3.0))
-        pull = solver.pull(node, away(mechanism, node, rng, 0.5), rotation=0)
+        task = solver.add_task(node, away(mechanism, node, rng, 0.5), rotation=0)
         for _ in range(30):
             before = solver.step()
-        solver.release(pull)
+        solver.remove_task(task)
         ticks = 0
         while np.abs(before.v).max() > 0.0:
             step = solver.step()
@@ -168,10 +168,10 @@ def test_with_limits_of_acceleration_all_other_limits_are_kept(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(2)
     model, node = mechanism.model, mechanism.nodes[-1]
     solver = Solver(mechanism, DT, acceleration=allowed(mechanism, 5.0))
-    pull = solver.pull(node, rotation=0)
+    task = solver.add_task(node, rotation=0)
     for tick in range(600):
         if tick % 40 == 0:
-            pull.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
+            task.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
         step = solver.step()
         assert (step.q >= model.lowerPositionLimit).all()
         assert (step.q <= model.upperPositionLimit).all()
@@ -182,9 +182,9 @@ def test_with_limits_of_acceleration_all_other_limits_are_kept(robot, name):
 def test_the_joint_whose_acceleration_is_the_limit_is_named(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01, acceleration={"joint1": 2.0})
-    solver.pull("tool", turned(0.9), translation=0)
+    solver.add_task("tool", turned(0.9), translation=0)
     step = solver.step()
-    assert step.slowest == "joint1"
+    assert step.limiting_joint == "joint1"
     assert step.v[0] == pytest.approx(0.02)
     assert step.saturated == ()
     assert step.status is Status.FOLLOWING
@@ -198,11 +198,11 @@ def test_velocities_are_kept_to_rounding_however_the_target_jumps(robot, name):
     mechanism, rng = robot(name), np.random.default_rng(3)
     node, limit = mechanism.nodes[-1], mechanism.model.upperVelocityLimit
     solver = Solver(mechanism, DT)
-    pull = solver.pull(node, rotation=0)
+    task = solver.add_task(node, rotation=0)
     fastest = 0.0
     for tick in range(800):
         if tick % (40 if tick < 400 else 1) == 0:
-            pull.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
+            task.target = away(mechanism, node, rng, float(rng.choice([0.1, 1.0, 10.0])))
         step = solver.step()
         assert (np.abs(step.v) <= limit * (1.0 + 1e-12)).all()
         fastest = max(fastest, float((np.abs(step.v) / limit).max()))
@@ -211,7 +211,7 @@ def test_velocities_are_kept_to_rounding_however_the_target_jumps(robot, name):
 
 @pytest.mark.parametrize("name", FREE + CLOSED)
 def test_under_a_limit_of_speed_the_tool_keeps_its_direction(robot, name):
-    """The same pull at a tick so long that nothing is too fast, and at a short one."""
+    """The same task at a tick so long that nothing is too fast, and at a short one."""
     mechanism, rng = robot(name), np.random.default_rng(4)
     node, slowed = mechanism.nodes[-1], 0
     for _ in range(20):
@@ -219,7 +219,7 @@ def test_under_a_limit_of_speed_the_tool_keeps_its_direction(robot, name):
         tool = []
         for dt in (100.0, 1e-4):
             solver = Solver(mechanism, dt)
-            solver.pull(node, target, rotation=0)
+            solver.add_task(node, target, rotation=0)
             step = solver.step()
             if step.saturated:
                 break
@@ -227,9 +227,9 @@ def test_under_a_limit_of_speed_the_tool_keeps_its_direction(robot, name):
             tool.append((after - before) / np.linalg.norm(after - before))
         if len(tool) < 2:
             continue
-        assert step.pace < 1.0
+        assert step.speed_scale < 1.0
         limit = mechanism.model.upperVelocityLimit
-        assert step.slowest == mechanism.columns[int(np.argmax(np.abs(step.v) / limit))]
+        assert step.limiting_joint == mechanism.columns[int(np.argmax(np.abs(step.v) / limit))]
         # the long step bends by what is of second order in its length
         assert tool[1] == pytest.approx(tool[0], abs=0.1)
         slowed += 1
@@ -245,11 +245,11 @@ def test_slowed_down_the_tool_goes_straight_to_its_target(robot, name):
     way = mechanism.placement(there, node).translation - home
     way *= 0.05 * mechanism.length / np.linalg.norm(way)
     solver = Solver(mechanism, 1e-3)
-    solver.pull(node, pin.SE3(mechanism.placement(mechanism.q_home, node).rotation, home + way), rotation=0)
+    solver.add_task(node, pin.SE3(mechanism.placement(mechanism.q_home, node).rotation, home + way), rotation=0)
     slowed = 0
     for _ in range(400):
         step = solver.step()
-        slowed += step.pace < 1.0
+        slowed += step.speed_scale < 1.0
         gone = mechanism.placement(step.q, node).translation - home
         assert np.linalg.norm(np.cross(gone, way)) / np.linalg.norm(way) < 3e-3 * np.linalg.norm(way)
     assert slowed > 3
@@ -263,13 +263,13 @@ WALLS += [("planar_hybrid", [9.0, -9.0, 0.0]), ("delta4", [1.0, 0.0, -9.0])]
 
 
 def pressed(mechanism, direction):
-    """A solver whose tool is pulled far beyond a wall, and the pull."""
+    """A solver whose tool is pulled far beyond a wall, and the task."""
     node = mechanism.nodes[-1]
     solver = Solver(mechanism, 1 / 60)
     home = mechanism.placement(mechanism.q_home, node)
-    pull = solver.pull(node, rotation=0)
-    pull.target = pin.SE3(home.rotation, home.translation + mechanism.length * np.array(direction))
-    return solver, pull
+    task = solver.add_task(node, rotation=0)
+    task.target = pin.SE3(home.rotation, home.translation + mechanism.length * np.array(direction))
+    return solver, task
 
 
 @pytest.mark.parametrize(("name", "direction"), WALLS)
@@ -308,12 +308,12 @@ def test_for_a_hundred_thousand_ticks_it_does_not_tremble(robot, name, direction
 @pytest.mark.parametrize(("name", "direction"), WALLS)
 def test_a_wall_is_left_in_the_first_tick_that_pulls_away_from_it(robot, name, direction):
     mechanism = robot(name)
-    solver, pull = pressed(mechanism, direction)
+    solver, task = pressed(mechanism, direction)
     for _ in range(1500):
         step = solver.step()
     node = mechanism.nodes[-1]
     here, home = (mechanism.placement(q, node) for q in (step.q, mechanism.q_home))
-    pull.target = home
+    task.target = home
     step = solver.step()
     there = mechanism.placement(step.q, node)
     nearer = np.linalg.norm(here.translation - home.translation) - np.linalg.norm(there.translation - home.translation)
@@ -327,13 +327,13 @@ def test_a_wall_is_left_in_the_first_tick_that_pulls_away_from_it(robot, name, d
 def test_the_joint_that_holds_the_motion_is_named_and_the_one_that_leaves_is_not(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01)
-    pull = solver.pull("tool", turned(2.0), translation=0)
+    task = solver.add_task("tool", turned(2.0), translation=0)
     for _ in range(20):
         step = solver.step()
     assert step.saturated == ("joint1",)
     assert step.status is Status.AT_LIMIT
     assert step.q[0] == arm.model.upperPositionLimit[0]
-    pull.target = turned(0.0)
+    task.target = turned(0.0)
     step = solver.step()
     assert step.saturated == ()
     assert step.v[0] < 0.0
@@ -342,10 +342,10 @@ def test_the_joint_that_holds_the_motion_is_named_and_the_one_that_leaves_is_not
 def test_a_robot_that_begins_beyond_a_limit_comes_back_and_goes_no_further(raff):
     arm = raff(ONE_JOINT)
     solver = Solver(arm, 0.01, q=[1.2])
-    pull = solver.pull("tool", turned(3.0), translation=0)
+    task = solver.add_task("tool", turned(3.0), translation=0)
     for _ in range(20):
         assert solver.step().q[0] <= 1.2
-    pull.target = turned(0.5)
+    task.target = turned(0.5)
     for _ in range(20):
         step = solver.step()
     assert step.q[0] == pytest.approx(0.5)

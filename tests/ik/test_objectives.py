@@ -1,4 +1,4 @@
-"""What redundancy does: it serves its objectives, and neither pulls nor loops feel it."""
+"""What redundancy does: it serves its objectives, and neither tasks nor loops feel it."""
 
 from __future__ import annotations
 
@@ -87,16 +87,16 @@ def test_pulls_that_move_do_not_feel_an_objective(name, node, translation, rotat
     errors, ends = [], []
     for objectives in ((), (made(kind, mechanism),)):
         solver = Solver(mechanism, DT, q=q)
-        pull = solver.pull(node, translation=translation, rotation=rotation, axes="world")
+        task = solver.add_task(node, translation=translation, rotation=rotation, axes="world")
         solver.objectives = objectives
-        home, off = pull.target.copy(), []
+        home, off = task.target.copy(), []
         for tick in range(200):
-            pull.target = target(home, mechanism.length, tick * DT)
+            task.target = target(home, mechanism.length, tick * DT)
             step = solver.step()
             metres, radians = step.errors[0]
             off.append(max(metres / mechanism.length, radians))
             assert step.closure <= 1e-10
-            assert not step.left_out
+            assert not step.failed_objectives
         errors.append(np.array(off))
         ends.append(step.q)
     assert (errors[1] - errors[0]).max() < 1e-9  # not further from its targets than without
@@ -110,7 +110,7 @@ def test_pulls_that_move_do_not_feel_an_objective(name, node, translation, rotat
 def test_an_objective_gets_better_and_better_until_the_robot_rests(name, node, translation, rotation, kind):
     mechanism = load(name)
     solver = Solver(mechanism, 0.05, q=begin(mechanism))
-    solver.pull(node or mechanism.nodes[-1], translation=translation, rotation=rotation)
+    solver.add_task(node or mechanism.nodes[-1], translation=translation, rotation=rotation)
     objective = made(kind, mechanism)
     solver.objectives = [objective]
     values, speeds = [objective.value(solver.state)], []
@@ -144,7 +144,7 @@ def test_with_nothing_pulled_a_posture_is_reached_and_loops_stay_closed(name):
 def test_a_posture_is_reached_exactly_with_the_tool_held_where_the_null_space_allows():
     arm = load("arm7")
     solver = Solver(arm, DT)
-    solver.pull("tool")
+    solver.add_task("tool")
     solver.objectives = [Manipulability(rate=3.0)]
     for _ in range(100):
         solver.step()  # swings its elbow
@@ -176,7 +176,7 @@ def test_the_elbow_takes_a_joint_away_from_its_limit_while_the_tool_stands():
     q = begin(arm)
     q[i] = high[i] - 0.01 * (high[i] - low[i])
     solver = Solver(arm, DT, q=q)
-    solver.pull("tool")
+    solver.add_task("tool")
     solver.objectives = [LimitMargin(0.1, joints="joint1", rate=5.0)]
     for _ in range(2000):
         step = solver.step()
@@ -204,14 +204,14 @@ def test_an_objective_that_pushes_against_a_limit_disturbs_nobody():
     arm = load("arm7")
     q = begin(arm)
     solver = Solver(arm, DT, q=q)
-    pull = solver.pull("tool", rotation=0)
-    home = pull.target.copy()
+    task = solver.add_task("tool", rotation=0)
+    home = task.target.copy()
     beyond = arm.q_home.copy()
     i = arm.q_index("joint1")
     beyond[i] = arm.model.upperPositionLimit[i] + 1.0
     solver.objectives = [Posture(beyond, rate=3.0)]
     for tick in range(1500):
-        pull.target = target(home, arm.length, tick * DT)
+        task.target = target(home, arm.length, tick * DT)
         step = solver.step()
         assert step.errors[0][0] < 1e-9
         assert (step.q <= arm.model.upperPositionLimit).all()
@@ -223,11 +223,11 @@ def test_it_keeps_limits_of_speed_and_acceleration_without_slowing_the_pulls_dow
     ends = []
     for objectives in ((), (Posture(elsewhere(arm) + 1.0, rate=50.0),)):
         solver = Solver(arm, DT, q=begin(arm), acceleration=8.0)
-        pull = solver.pull("tool", rotation=0)
+        task = solver.add_task("tool", rotation=0)
         solver.objectives = objectives
-        home, last = pull.target.copy(), np.zeros(arm.model.nv)
+        home, last = task.target.copy(), np.zeros(arm.model.nv)
         for tick in range(150):
-            pull.target = target(home, arm.length, tick * DT)
+            task.target = target(home, arm.length, tick * DT)
             step = solver.step()
             assert (np.abs(step.v) <= arm.model.upperVelocityLimit * (1.0 + 1e-9)).all()
             assert np.abs(step.v - last).max() <= 8.0 * DT * 1.1
@@ -262,7 +262,7 @@ def test_its_gradient_is_that_of_finite_differences_over_closed_configurations(n
         q = begin(mechanism, seed)
         solver = Solver(mechanism, DT, q=q)
         if pulled:
-            solver.pull(node, rotation=rotation)
+            solver.add_task(node, rotation=rotation)
         objective = Manipulability(None if pulled else node, rotation=rotation)
         gradient = objective.gradient(solver.state)
         assert -objective.value(solver.state) == pytest.approx(logarithm(mechanism, q, node, rows), abs=1e-9)
@@ -304,7 +304,7 @@ def test_a_robot_in_micrometres_moves_like_its_twin_in_metres(raff, objective):
         twin = raff(f"units m\n{TWIN % {'a': repr(0.2 * factor), 'b': repr(0.5 * factor)}}", name)
         given = {LimitMargin: (0.5,), Posture: (twin.q_home + 0.3 * twin.scale,)}.get(objective, ())
         solver = Solver(twin, DT)
-        solver.pull("tool", rotation=0)
+        solver.add_task("tool", rotation=0)
         solver.objectives = [objective(*given, rate=2.0)]
         way = [solver.step().q for _ in range(200)]
         ways.append(pin.difference(twin.model, twin.q_home, way[-1]) / twin.scale)
@@ -318,7 +318,7 @@ def test_how_long_a_tick_is_does_not_matter(kind):
     ends = []
     for dt in (0.05, 0.01):
         solver = Solver(arm, dt, q=begin(arm))
-        solver.pull("tool")
+        solver.add_task("tool")
         solver.objectives = [made(kind, arm)]
         for _ in range(round(1.0 / dt)):
             step = solver.step()
@@ -346,7 +346,7 @@ def test_whatever_is_wished_for_the_tool_stands_and_no_loop_opens(name, seed, wi
         "random": Random(),
     }
     solver = Solver(mechanism, DT, q=begin(mechanism, seed % 5))
-    solver.pull(mechanism.nodes[-1], translation=2, rotation=0, axes="world")
+    solver.add_task(mechanism.nodes[-1], translation=2, rotation=0, axes="world")
     solver.objectives = [kinds[wish] for wish in wishes]
     low, high = mechanism.model.lowerPositionLimit, mechanism.model.upperPositionLimit
     for _ in range(30):
@@ -385,18 +385,18 @@ def test_one_that_fails_is_left_out_and_the_others_go_on(answer):
     good, both = Solver(arm, DT, q=begin(arm)), Solver(arm, DT, q=begin(arm))
     bad = Bad(np.zeros(7))
     for solver, objectives in ((good, [Posture()]), (both, [bad, Posture(), bad])):
-        solver.pull("tool")
+        solver.add_task("tool")
         solver.objectives = objectives
     bad.answer = answer
     for _ in range(20):
         one, other = good.step(), both.step()
         assert (one.q == other.q).all()
-        assert one.left_out == ()
-        assert other.left_out == (0, 2)
+        assert one.failed_objectives == ()
+        assert other.failed_objectives == (0, 2)
     bad.answer = np.zeros(7)
-    assert both.step().left_out == ()
+    assert both.step().failed_objectives == ()
     both.objectives = []
-    assert both.step().left_out == ()
+    assert both.step().failed_objectives == ()
 
 
 def test_wrong_objectives_are_refused_when_they_are_set():
@@ -428,10 +428,10 @@ def test_a_base_that_rests_stays_where_it_is(raff):
         constraint { base sensor ( 0 1 ) } }""")
     assert free.floating
     solver = Solver(free, DT)
-    solver.pull("tool", rotation=0)
+    solver.add_task("tool", rotation=0)
     solver.objectives = [Manipulability(), Posture(rate=0.1), LimitMargin()]
     for _ in range(50):
         step = solver.step()
-    assert not step.left_out
+    assert not step.failed_objectives
     assert (step.q[:7] == free.q_home[:7]).all()
     assert np.abs(step.q[7:] - free.q_home[7:]).max() > 1e-3

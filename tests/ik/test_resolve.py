@@ -41,13 +41,13 @@ def test_no_step_leaves_its_bounds(seed):
 @given(seeds)
 def test_without_bounds_the_pulls_are_met_by_the_shortest_step(seed):
     rng = np.random.default_rng(seed)
-    loops, pulls, error = _loops(rng, 5, 9, 3), rng.normal(size=(3, 9)), rng.normal(size=3)
+    loops, tasks, error = _loops(rng, 5, 9, 3), rng.normal(size=(3, 9)), rng.normal(size=3)
     free = np.full(9, np.inf)
-    found = resolve(loops, 3, pulls, 3, error, -free, free)
+    found = resolve(loops, 3, tasks, 3, error, -free, free)
     if found.sigma[-1] < NEAR:
         return
     # an independent statement: the least-norm solution of both together
-    shortest = np.linalg.lstsq(np.vstack([loops, pulls]), np.concatenate([np.zeros(5), error]), rcond=1e-10)[0]
+    shortest = np.linalg.lstsq(np.vstack([loops, tasks]), np.concatenate([np.zeros(5), error]), rcond=1e-10)[0]
     assert found.step == pytest.approx(shortest, abs=1e-8)
 
 
@@ -55,15 +55,15 @@ def test_without_bounds_the_pulls_are_met_by_the_shortest_step(seed):
 def test_with_bounds_it_is_the_best_of_all_steps_within_them(seed):
     """Against a general optimiser, on the function that the docstring states."""
     rng = np.random.default_rng(seed)
-    loops, pulls, error = _loops(rng, 4, 7, 2), rng.normal(size=(3, 7)), rng.normal(size=3)
+    loops, tasks, error = _loops(rng, 4, 7, 2), rng.normal(size=(3, 7)), rng.normal(size=3)
     low, high = -rng.uniform(0.0, 0.4, 7), rng.uniform(0.0, 0.4, 7)
-    found = resolve(loops, 2, pulls, 3, error, low, high)
+    found = resolve(loops, 2, tasks, 3, error, low, high)
     motions, _ = free_motions(loops, 2)
-    _, sigma, wt = np.linalg.svd(pulls @ motions)
+    _, sigma, wt = np.linalg.svd(tasks @ motions)
     weight = np.concatenate([damping(sigma, float(np.linalg.norm(error))), np.full(2, RESTING)])
 
     def cost(y):
-        return np.sum((pulls @ motions @ y - error) ** 2) + weight @ (wt @ y) ** 2
+        return np.sum((tasks @ motions @ y - error) ** 2) + weight @ (wt @ y) ** 2
 
     within = LinearConstraint(motions, low, high)
     best = minimize(cost, np.zeros(5), constraints=[within], method="SLSQP", options={"ftol": 1e-14, "maxiter": 500})
@@ -71,9 +71,9 @@ def test_with_bounds_it_is_the_best_of_all_steps_within_them(seed):
 
 
 def test_a_joint_at_its_bound_is_frozen_and_the_others_do_the_rest():
-    pulls = np.array([[1.0, 1.0, 0.0]])
+    tasks = np.array([[1.0, 1.0, 0.0]])
     low, high = np.full(3, -np.inf), np.array([0.1, np.inf, np.inf])
-    found = resolve(np.zeros((0, 3)), 0, pulls, 1, np.array([1.0]), low, high)
+    found = resolve(np.zeros((0, 3)), 0, tasks, 1, np.array([1.0]), low, high)
     assert found.frozen == (0,)
     assert found.step == pytest.approx([0.1, 0.9, 0.0], abs=1e-3)
     assert found.step[0] == pytest.approx(0.1, abs=1e-12)

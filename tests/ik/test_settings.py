@@ -17,27 +17,27 @@ ARM = load("robots/planar_3r.raff")
 END = ARM.nodes[-1]
 
 
-def _pulled(near=None, gain=1.0):
+def _pulled(near=None, gain=math.inf):
     """An arm pulled outwards near where it is stretched, one tick on: its step, and how far that went."""
     q = ARM.configuration(dict(zip(ARM.joints, (0.3, 0.02, 0.02), strict=True)))
     solver = Solver(ARM, 0.01, q=q, gain=gain)
     if near is not None:
-        solver.near = near
-    pull = solver.pull(END, translation=2, rotation=0)
-    pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.0, -1e-4, 0.0]))
+        solver.damping_threshold = near
+    task = solver.add_task(END, translation=2, rotation=0)
+    task.target = task.target * pin.SE3(np.eye(3), np.array([0.0, -1e-4, 0.0]))
     before = ARM.placement(q, END).translation
     step = solver.step()
     return step, float(np.linalg.norm(ARM.placement(step.q, END).translation - before))
 
 
-@given(st.floats(0.01, 1.0))
-def test_gain_is_the_part_of_an_error_that_a_tick_makes_good(gain):
+@given(st.floats(1.0, 1000.0))
+def test_errors_decay_exponentially_at_the_gain(gain):
     solver = Solver(ARM, 0.01)
     solver.gain = gain
-    pull = solver.pull(END, rotation=0, translation=2)
-    pull.target = pull.target * pin.SE3(np.eye(3), np.array([1e-5, 0.0, 0.0]))
+    task = solver.add_task(END, rotation=0, translation=2)
+    task.target = task.target * pin.SE3(np.eye(3), np.array([1e-5, 0.0, 0.0]))
     assert solver.gain == gain
-    assert solver.step().errors[0][0] == pytest.approx((1.0 - gain) * 1e-5, abs=1e-9)
+    assert solver.step().errors[0][0] == pytest.approx(math.exp(-0.01 * gain) * 1e-5, abs=1e-9)
 
 
 def test_damping_sets_in_below_the_value_that_is_set():
@@ -57,30 +57,36 @@ def test_the_plain_damping_has_the_same_setting():
 
 def test_a_forecast_goes_by_the_same_settings():
     solver = Solver(ARM, 0.01)
-    solver.gain, solver.near = 0.2, 0.2
-    pull = solver.pull(END, rotation=0, translation=2)
-    pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.05, 0.02, 0.0]))
+    solver.gain, solver.damping_threshold = 20.0, 0.2
+    task = solver.add_task(END, rotation=0, translation=2)
+    task.target = task.target * pin.SE3(np.eye(3), np.array([0.05, 0.02, 0.0]))
     ahead = solver.forecast(0.1, dt=0.01)
     for tick in range(1, 11):
         assert np.allclose(solver.step().q, ahead.q[tick], atol=1e-12)
         if tick == 1:
-            assert solver.near == 0.2
+            assert solver.damping_threshold == 0.2
+
+
+def test_by_default_a_tick_corrects_all_of_an_error():
+    solver = Solver(ARM, 0.01)
+    assert (solver.gain, solver.tick_gain) == (math.inf, 1.0)
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, 1.5, math.nan])
-def test_what_makes_no_sense_is_refused_and_nothing_changes(value):
-    solver = Solver(ARM, 0.01, gain=0.5)
-    with pytest.raises(CinegenError, match="gain"):
-        solver.gain = value
+def test_invalid_settings_are_refused_and_nothing_changes(value):
+    solver = Solver(ARM, 0.01, gain=50.0)
+    if value != 1.5:
+        with pytest.raises(CinegenError, match="gain"):
+            solver.gain = value
     with pytest.raises(CinegenError, match="damping"):
-        solver.near = value
-    assert (solver.gain, solver.near) == (0.5, 0.05)
+        solver.damping_threshold = value
+    assert (solver.gain, solver.damping_threshold) == (50.0, 0.05)
 
 
 def test_a_gentle_pull_is_followed_to_the_end_and_never_said_to_be_out_of_reach():
-    solver = Solver(ARM, 0.001, gain=0.02)
-    pull = solver.pull(END, translation=2, rotation=0)
-    pull.target = pull.target * pin.SE3(np.eye(3), np.array([0.01, 0.01, 0.0]))
+    solver = Solver(ARM, 0.001, gain=20.0)
+    task = solver.add_task(END, translation=2, rotation=0)
+    task.target = task.target * pin.SE3(np.eye(3), np.array([0.01, 0.01, 0.0]))
     statuses = {solver.step().status for _ in range(2000)}
     assert statuses == {Status.FOLLOWING}
     assert solver.step().errors[0][0] < 1e-6 * ARM.length

@@ -42,9 +42,9 @@ def test_a_two_r_arm_loses_what_its_closed_form_says(raff):
     for second in (0.6, 0.1, 1e-3, 1e-6, -0.4, math.pi - 0.2):
         q = arm.configuration({"joint1": 0.7, "joint2": second})
         solver = Solver(arm, DT, q=q)
-        solver.pull("tool", rotation=0)
+        solver.add_task("tool", rotation=0)
         step = solver.step()
-        lost = step.losing
+        lost = step.lost_dof
         greater, smaller = singular_values(two_r(a, b, 0.7, second) / arm.length)
         assert lost.sigma == pytest.approx(smaller, abs=1e-12)
         assert step.singular_values == pytest.approx([greater, smaller], abs=1e-12)
@@ -54,24 +54,24 @@ def test_a_stretched_arm_loses_the_way_along_itself(raff):
     a, b, turn = 0.4, 0.3, math.radians(30)
     arm = raff(TWO_R % {"first": 30, "second": 0, "a": 1000 * a, "b": 1000 * b})
     solver = Solver(arm, DT)
-    pull = solver.pull("tool", rotation=0)
-    lost = solver.step().losing
+    task = solver.add_task("tool", rotation=0)
+    lost = solver.step().lost_dof
     assert lost.sigma == pytest.approx(0.0, abs=1e-12)
     along = np.array([math.cos(turn), math.sin(turn), 0.0, 0.0, 0.0, 0.0])
     assert abs(lost.twists[0] @ along) == pytest.approx(arm.length)
     assert np.linalg.norm(lost.twists) == pytest.approx(arm.length)
     # what both joints do to the end cancels
     assert lost.joints == pytest.approx(np.array([-b, a + b]) / math.hypot(b, a + b), abs=1e-9)
-    solver.release(pull)
-    assert solver.step().losing is None
+    solver.remove_task(task)
+    assert solver.step().lost_dof is None
 
 
 def test_out_of_its_plane_a_planar_robot_loses_nothing(robot):
     arm = robot("planar_3r")
     stretched = arm.configuration({"joint1": 0.3, "joint2": 0.0, "joint3": 0.0})
     solver = Solver(arm, DT, q=stretched)
-    solver.pull("tool")
-    lost = solver.step().losing
+    solver.add_task("tool")
+    lost = solver.step().lost_dof
     assert lost.sigma == pytest.approx(0.0, abs=1e-12)
     assert np.abs(lost.twists[0][[2, 3, 4]]).max() < 1e-9
     assert abs(lost.twists[0][0] * math.sin(0.3) - lost.twists[0][1] * math.cos(0.3)) < 1e-9  # along the arm
@@ -79,13 +79,13 @@ def test_out_of_its_plane_a_planar_robot_loses_nothing(robot):
 
 @given(seeds, st.sampled_from(ROBOTS))
 def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name):
-    """J v = sigma t, loops closed to first order, both of unit length; nothing moves the pulls less."""
+    """J v = sigma t, loops closed to first order, both of unit length; nothing moves the tasks less."""
     mechanism = robot(name)
     q = _random(mechanism, seed)
     solver = Solver(mechanism, DT, q=q)
-    solver.pull(mechanism.end)
+    solver.add_task(mechanism.end)
     step = solver.step()
-    lost, unit = step.losing, _unit(mechanism)
+    lost, unit = step.lost_dof, _unit(mechanism)
     jacobian = _world(mechanism, step.q, mechanism.end)
     assert jacobian @ lost.joints / unit == pytest.approx(lost.sigma * lost.twists[0] / unit, abs=1e-9)
     assert np.linalg.norm(lost.joints / mechanism.scale) == pytest.approx(1.0)
@@ -101,9 +101,9 @@ def test_several_pulls_of_any_weight_share_one_direction(robot, seed):
     nodes, weights = ("tool", "link2"), rng.uniform(0.2, 5.0, 2)
     solver = Solver(mechanism, DT, q=_random(mechanism, seed))
     for node, weight in zip(nodes, weights, strict=True):
-        solver.pull(node, weight=weight, axes=str(rng.choice(["target", "world", "tool"])))
+        solver.add_task(node, weight=weight, axes=str(rng.choice(["target", "world", "tool"])))
     step = solver.step()
-    lost, unit = step.losing, _unit(mechanism)
+    lost, unit = step.lost_dof, _unit(mechanism)
     total = 0.0
     for node, weight, twist in zip(nodes, weights / weights.max(), lost.twists, strict=True):
         moved = _world(mechanism, step.q, node) @ lost.joints
@@ -115,21 +115,21 @@ def test_several_pulls_of_any_weight_share_one_direction(robot, seed):
 def test_a_pull_that_is_left_out_has_no_part_in_it(robot):
     arm = robot("arm7")
     solver = Solver(arm, DT)
-    solver.pull("link3").target = None
-    solver.pull("tool")
-    both = solver.step().losing
+    solver.add_task("link3").target = None
+    solver.add_task("tool")
+    both = solver.step().lost_dof
     assert not both.twists[0].any()
     alone = Solver(arm, DT)
-    alone.pull("tool")
-    assert both.twists[1] == pytest.approx(alone.step().losing.twists[0], abs=1e-12)
+    alone.add_task("tool")
+    assert both.twists[1] == pytest.approx(alone.step().lost_dof.twists[0], abs=1e-12)
 
 
 def test_what_is_not_held_is_not_lost(robot):
     arm = robot("rx90")
     for translation, rotation, free in ((3, 0, [3, 4, 5]), (2, 2, [2, 5]), (0, 1, [0, 1, 2, 3, 4]), (1, 3, [1, 2])):
         solver = Solver(arm, DT)
-        solver.pull("tool", translation=translation, rotation=rotation, axes="world")
-        assert solver.step().losing.twists[0][free] == pytest.approx(0.0, abs=1e-12)
+        solver.add_task("tool", translation=translation, rotation=rotation, axes="world")
+        assert solver.step().lost_dof.twists[0][free] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_a_base_that_rests_has_no_part_in_it(raff):
@@ -141,8 +141,8 @@ def test_a_base_that_rests_has_no_part_in_it(raff):
         frame 3 { parameters { d 200 } pred 2 name "tool" }
         constraint { base sensor ( 0 1 ) } }"""
     solver = Solver(raff(text), DT)
-    solver.pull("tool", rotation=0)
-    lost = solver.step().losing
+    solver.add_task("tool", rotation=0)
+    lost = solver.step().lost_dof
     assert lost.sigma == pytest.approx(0.0, abs=1e-12)
     assert lost.joints[:6] == pytest.approx(0.0)
     assert np.linalg.norm(lost.joints) == pytest.approx(1.0)
@@ -165,7 +165,7 @@ def test_a_four_bar_gains_a_motion_as_its_closed_form_says(robot):
         step = solver.step()
         expected = singular_values(_rods(bar, q, "link2", "link3") / bar.length)
         assert step.passive_singular_values == pytest.approx(expected, abs=1e-12)
-        assert step.gaining.sigma == pytest.approx(expected[1], abs=1e-12)
+        assert step.uncontrolled_dof.sigma == pytest.approx(expected[1], abs=1e-12)
 
 
 ROCKER = """
@@ -187,7 +187,7 @@ def test_a_four_bar_driven_by_its_rocker_has_a_dead_point(raff):
     q = bar.close(bar.configuration({"joint1": crank, "joint2": 0.0, "joint3": rocker}))
     assert bar.closure(q) < 1e-12
     step = Solver(bar, DT, q=q).step()
-    gained = step.gaining
+    gained = step.uncontrolled_dof
     assert gained.sigma < 1e-6  # closing leaves the square root of rounding
     # crank and coupler buckle, the rocker stands: the pin stays where it is to first order
     expected = {"joint1": b, "joint2": -(a + b), "joint3": 0.0}
@@ -205,7 +205,7 @@ def test_along_the_gained_motion_loops_open_by_sigma(robot, seed, name):
     mechanism = robot(name)
     q = _random(mechanism, seed)
     step = Solver(mechanism, DT, q=q).step()
-    gained = step.gaining
+    gained = step.uncontrolled_dof
     motors = [mechanism.v_index(joint) for joint in mechanism.actuated]
     assert not gained.joints[motors].any()
     assert np.linalg.norm(gained.joints / mechanism.scale) == pytest.approx(1.0)
@@ -220,7 +220,7 @@ def test_along_the_gained_motion_loops_open_by_sigma(robot, seed, name):
 
 def test_without_loops_nothing_is_gained(robot):
     step = Solver(robot("arm7"), DT).step()
-    assert step.gaining is None
+    assert step.uncontrolled_dof is None
     assert step.passive_singular_values.shape == (0,)
 
 
@@ -233,16 +233,18 @@ def test_a_joint_that_no_motor_determines_is_no_singularity(raff):
     q = Solver(idle, DT).step()
     ratio = idle.length / bar.length
     assert ratio * q.passive_singular_values == pytest.approx(Solver(bar, DT).step().passive_singular_values)
-    assert q.gaining.joints[idle.v_index("joint6")] == pytest.approx(0.0, abs=1e-12)
+    assert q.uncontrolled_dof.joints[idle.v_index("joint6")] == pytest.approx(0.0, abs=1e-12)
 
 
 def test_values_do_not_change_with_later_ticks(robot):
     delta = robot("delta4")
     solver = Solver(delta, DT)
-    pull = solver.pull("platform")
+    task = solver.add_task("platform")
     step = solver.step()
-    before = step.losing.joints, step.gaining.joints, step.passive_singular_values
-    pull.target.translation += [0.2, 0.1, -0.1]
+    before = step.lost_dof.joints, step.uncontrolled_dof.joints, step.passive_singular_values
+    task.target.translation += [0.2, 0.1, -0.1]
     solver.step()
-    for one, other in zip(before, (step.losing.joints, step.gaining.joints, step.passive_singular_values), strict=True):
+    for one, other in zip(
+        before, (step.lost_dof.joints, step.uncontrolled_dof.joints, step.passive_singular_values), strict=True
+    ):
         assert np.array_equal(one, other)

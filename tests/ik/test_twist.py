@@ -1,4 +1,4 @@
-"""Pulls by a speed, and pulls that are another thing in every tick."""
+"""Tasks by a speed, and tasks that are another thing in every tick."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
         twist[3:] = [0.0, 0.0, 0.2] if way == "both" else [0.1, -0.2, 0.3] if way == "turn" else 0.0
     solver = Solver(arm, DT)
     begin = arm.placement(solver.q, "tool")
-    pull = solver.pull("tool", axes=axes)
-    pull.twist = twist
+    task = solver.add_task("tool", axes=axes)
+    task.twist = twist
     turning = axes in ("target", "tool")
     for seconds in (1, 2):
         for _ in range(240):
@@ -69,7 +69,7 @@ def test_a_twist_moves_the_node_by_itself_times_the_seconds(raff, axes, way):
         late = 0.5 * (DT * float(np.linalg.norm(twist[3:]))) ** 2  # of second order in the last tick alone
         assert there.translation == pytest.approx(expected.translation, abs=late + 1e-11)
         assert there.rotation == pytest.approx(expected.rotation, abs=late + 1e-11)
-    pull.twist = np.zeros(6)
+    task.twist = np.zeros(6)
     solver.step()
     there = arm.placement(solver.q, "tool")  # exactly, now that it rests
     # but axes that turn with the node are taken where it is, not where it should be: of second order in a tick
@@ -85,7 +85,7 @@ def test_so_it_does_with_a_closed_robot(robot, name):
     solver = Solver(mechanism, DT)
     begin = mechanism.placement(solver.q, node)
     speed = 0.05 * mechanism.length
-    solver.pull(node, rotation=0, axes="world").twist = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
+    solver.add_task(node, rotation=0, axes="world").twist = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
     for _ in range(120):
         solver.step()
     gone = mechanism.placement(solver.q, node).translation - begin.translation
@@ -97,9 +97,9 @@ def test_what_is_0_in_a_twist_does_not_drift_in_ten_thousand_ticks(raff, axes):
     arm = raff(SIX)
     solver = Solver(arm, 1e-3)
     begin = arm.placement(solver.q, "tool")
-    pull = solver.pull("tool", axes=axes)
+    task = solver.add_task("tool", axes=axes)
     for tick in range(10_000):
-        pull.twist = [0.1 * math.sin(1e-3 * tick), 0.0, 0.0, 0.0, 0.0, 0.0]
+        task.twist = [0.1 * math.sin(1e-3 * tick), 0.0, 0.0, 0.0, 0.0, 0.0]
         solver.step()
     gone = arm.placement(solver.q, "tool")
     along = (
@@ -115,7 +115,7 @@ def test_what_is_0_in_a_twist_does_not_drift_in_ten_thousand_ticks(raff, axes):
 def test_a_twist_of_0_holds_the_node_where_it_is(raff):
     arm = raff(SIX)
     solver = Solver(arm, 1e-3)
-    solver.pull("tool").twist = np.zeros(6)
+    solver.add_task("tool").twist = np.zeros(6)
     begin = solver.q
     for _ in range(1000):
         step = solver.step()
@@ -128,15 +128,15 @@ def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, n
     mechanism = robot(name)
     node = mechanism.nodes[-1]
     solver = Solver(mechanism, 1 / 60)
-    pull = solver.pull(node, rotation=0, axes="world")
+    task = solver.add_task(node, rotation=0, axes="world")
     twist = np.zeros(6)
     twist[way] = -0.3 * mechanism.length
-    pull.twist = twist
+    task.twist = twist
     for _ in range(1200):  # six lengths
         step = solver.step()
     assert step.status in (Status.AT_LIMIT, Status.SINGULAR, Status.OUT_OF_REACH)
     at_the_wall = mechanism.placement(step.q, node).translation[way]
-    pull.twist = -twist
+    task.twist = -twist
     for tick in range(30):
         step = solver.step()
         if tick == 2:
@@ -147,18 +147,18 @@ def test_a_twist_against_a_wall_winds_nothing_up_and_leads_back_at_once(robot, n
 def test_a_twist_that_is_no_number_is_left_out_and_moves_nothing(robot):
     delta = robot("delta4")
     solver = Solver(delta, DT)
-    pull = solver.pull("platform", rotation=0, axes="world")
-    pull.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    task = solver.add_task("platform", rotation=0, axes="world")
+    task.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     moving = solver.step()
     assert moving.status is Status.FOLLOWING
     before = solver.q
     for bad in ([math.nan] * 6, [0.0, math.inf, 0.0, 0.0, 0.0, 0.0], [1.0, 2.0], "fast", object()):
-        pull.twist = bad
+        task.twist = bad
         step = solver.step()
         assert step.status is Status.BAD_TARGET
         assert np.array_equal(step.q, before)
         assert np.isnan(step.errors[0]).all()
-    pull.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
+    task.twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     step = solver.step()
     assert step.status is Status.FOLLOWING
     assert not np.array_equal(step.q, before)
@@ -168,17 +168,17 @@ def test_a_twist_that_is_no_number_is_left_out_and_moves_nothing(robot):
 def test_twists_as_far_as_numbers_go_are_survived(name, which):
     mechanism = cinegen.load(ROBOTS / f"{name}.raff", which)
     solver = Solver(mechanism, DT)
-    pull = solver.pull(mechanism.nodes[-1])
+    task = solver.add_task(mechanism.nodes[-1])
     for fast in (1e-300, 1e3, 1e30, 1e150, 1e300, 1.7e308):
         for twist in (*np.eye(6), -np.ones(6)):
-            pull.twist = fast * twist
+            task.twist = fast * twist
             for _ in range(2):
                 check(mechanism, solver.step())
     # and nothing of it is left
     goal = mechanism.placement(mechanism.random_closed(1, seed=3)[0], mechanism.nodes[-1])
     other = Solver(mechanism, DT, q=solver.q)
-    other.pull(mechanism.nodes[-1], goal)
-    pull.target = goal
+    other.add_task(mechanism.nodes[-1], goal)
+    task.target = goal
     for _ in range(20):
         assert solver.step().q == pytest.approx(other.step().q, abs=1e-9)
     assert not np.array_equal(solver.q, mechanism.q_home)
@@ -189,15 +189,15 @@ def test_a_target_and_a_twist_in_turn_end_each_other(raff):
     arm = raff(SIX)
     solver = Solver(arm, DT)
     begin = arm.placement(solver.q, "tool")
-    pull = solver.pull("tool", axes="world")
+    task = solver.add_task("tool", axes="world")
     twist = np.array([0.3, 0.1, 0.0, 0.0, 0.0, 0.2])
     for tick in range(400):
         if tick % 2 == 0:
-            pull.twist = twist
-            assert pull.twist == pytest.approx(twist)
+            task.twist = twist
+            assert task.twist == pytest.approx(twist)
         else:
-            pull.target = begin
-            assert pull.twist is None
+            task.target = begin
+            assert task.twist is None
         step = solver.step()
         gone = arm.placement(step.q, "tool").translation - begin.translation
         assert gone == pytest.approx(DT * twist[:3] if tick % 2 == 0 else np.zeros(3), abs=1e-4)
@@ -216,12 +216,12 @@ def check(mechanism: cinegen.Mechanism, step: cinegen.Step) -> None:
     assert (np.abs(step.v) <= model.upperVelocityLimit * (1.0 + 1e-9)).all()
     assert step.closure <= 1e-10
     assert mechanism.closure(step.q) <= 1e-10
-    assert 0.0 <= step.pace <= 1.0
+    assert 0.0 <= step.speed_scale <= 1.0
     assert not np.isnan(step.singular_values).any()
 
 
 class Whim:
-    """Does something else to the pulls before every tick, sense or nonsense."""
+    """Does something else to the tasks before every tick, sense or nonsense."""
 
     def __init__(self, mechanism: cinegen.Mechanism, solver: Solver, seed: int) -> None:
         self.mechanism, self.solver, self.rng = mechanism, solver, np.random.default_rng(seed)
@@ -237,29 +237,29 @@ class Whim:
 
     def act(self) -> None:
         rng, solver, mechanism = self.rng, self.solver, self.mechanism
-        pulls = solver.pulls
-        if len(pulls) < 5 and rng.random() < 0.3:
+        tasks = solver.tasks
+        if len(tasks) < 5 and rng.random() < 0.3:
             node = str(rng.choice(mechanism.nodes))
             axes = str(rng.choice(["target", "world", *mechanism.nodes]))
-            solver.pull(node, self.pose(node), int(rng.integers(4)), int(rng.integers(4)), axes=axes)
-        if pulls and rng.random() < 0.25:
-            solver.release(pulls[rng.integers(len(pulls))])
-        for pull in solver.pulls:
+            solver.add_task(node, self.pose(node), int(rng.integers(4)), int(rng.integers(4)), axes=axes)
+        if tasks and rng.random() < 0.25:
+            solver.remove_task(tasks[rng.integers(len(tasks))])
+        for task in solver.tasks:
             match rng.integers(8):
                 case 0:
-                    pull.target = self.pose(pull.node)
+                    task.target = self.pose(task.node)
                 case 1:
-                    pull.twist = rng.normal(size=6) * 10.0 ** rng.uniform(-3.0, 2.0)
+                    task.twist = rng.normal(size=6) * 10.0 ** rng.uniform(-3.0, 2.0)
                 case 2:
-                    pull.weight = 10.0 ** rng.uniform(-12.0, 12.0)
+                    task.weight = 10.0 ** rng.uniform(-12.0, 12.0)
                 case 3:
-                    pull.translation = int(rng.integers(4))
+                    task.translation = int(rng.integers(4))
                 case 4:
-                    pull.rotation = int(rng.integers(4))
+                    task.rotation = int(rng.integers(4))
                 case 5 if rng.random() < 0.1:
-                    pull.weight = float(rng.choice([0.0, -1.0, math.nan]))
+                    task.weight = float(rng.choice([0.0, -1.0, math.nan]))
                 case 6 if rng.random() < 0.1:
-                    pull.twist = [math.nan] * 6
+                    task.twist = [math.nan] * 6
 
 
 @every_robot
@@ -274,8 +274,8 @@ def test_whatever_becomes_of_the_pulls_there_is_a_status_and_nothing_breaks(name
         before = solver.q
         step = solver.step()
         check(mechanism, step)
-        assert (step.status is Status.IDLE) == (not solver.pulls)
-        assert len(step.errors) == len(solver.pulls)
+        assert (step.status is Status.IDLE) == (not solver.tasks)
+        assert len(step.errors) == len(solver.tasks)
         if step.status is Status.REFUSED:
             assert np.array_equal(step.q, before)
         statuses.add(step.status)

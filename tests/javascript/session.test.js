@@ -71,12 +71,12 @@ test("a part is selected once; unknown ones select nothing", () => {
 
 test("another scene forgets the state, and a selection that is not in it", () => {
   link.tell("hello", { client: 1, robots: [ARM] });
-  link.tell("state", { hand: null, pulls: [{ id: 1 }], poses: {} });
+  link.tell("state", { hand: null, tasks: [{ id: 1 }], poses: {} });
   link.tell("report", { robots: {} });
   session.select("arm", "tool");
-  assert.equal(session.pulls.length, 1);
+  assert.equal(session.tasks.length, 1);
   link.tell("hello", { client: 2, robots: [ARM] });
-  assert.deepEqual([session.state, session.report, session.pulls], [null, null, []]);
+  assert.deepEqual([session.state, session.report, session.tasks], [null, null, []]);
   assert.deepEqual(session.selected, { robot: "arm", node: "tool" });
   link.tell("hello", { client: 3, robots: [WALL] });
   assert.equal(session.selected, null);

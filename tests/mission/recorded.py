@@ -43,11 +43,11 @@ def swung(mechanism: Mechanism, seconds: float = 2.0, rate: float = 100.0, part:
 def dragged(mechanism: Mechanism, way, seconds: float = 1.0, rate: float = 100.0, rotation: int = 0):
     """Times and configurations of the end pulled along `way` (3,), m, by a solver of 1 kHz."""
     solver = Solver(mechanism, 0.001)
-    pull = solver.pull(mechanism.end, rotation=rotation)
-    begin, every = pull.target.translation.copy(), round(1000 / rate)
+    task = solver.add_task(mechanism.end, rotation=rotation)
+    begin, every = task.target.translation.copy(), round(1000 / rate)
     times, found = [0.0], [solver.q]
     for tick in range(1, round(1000 * seconds) + 1):
-        pull.target = pin.SE3(pull.target.rotation, begin + np.asarray(way) * (tick / (1000 * seconds)))
+        task.target = pin.SE3(task.target.rotation, begin + np.asarray(way) * (tick / (1000 * seconds)))
         solver.step()
         if tick % every == 0:
             times.append(tick / 1000)

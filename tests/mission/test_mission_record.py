@@ -20,7 +20,7 @@ from recorded import record, swung
 import cinegen.mission.recorder as module
 from cinegen import CinegenError
 from cinegen.errors import UnknownNameError
-from cinegen.mission import MissionError, Motion, Place, Player, Pull, Recorder, Recording
+from cinegen.mission import MissionError, Motion, Place, Player, RecordedTask, Recorder, Recording
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 doubles = st.lists(finite, min_size=3, max_size=3)
@@ -33,15 +33,15 @@ def _wait(condition, seconds=10.0):
         time.sleep(0.002)
 
 
-def _pull(x=0.0, who="hand"):
+def _task(x=0.0, who="hand"):
     turned = pin.SE3(pin.exp3(np.array([0.1, x, -0.3])), np.array([x, 0.2, 0.3]))
-    return Pull("tool", who, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), turned, 3, 0, 2.5)
+    return RecordedTask("tool", who, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), turned, 3, 0, 2.5)
 
 
-def _same(one: Pull, other: Pull):
+def _same(one: RecordedTask, other: RecordedTask):
     assert one[:2] == other[:2]
     assert one[4:] == other[4:]
-    assert one.at.isApprox(other.at, 1e-14)
+    assert one.offset.isApprox(other.offset, 1e-14)
     assert (one.target is None) == (other.target is None)
     assert one.target is None or one.target.isApprox(other.target, 1e-14)
 
@@ -66,9 +66,9 @@ def test_what_was_recorded_is_read_bit_for_bit(robot, tmp_path_factory, configur
 def test_pulls_statuss_and_places_are_read(robot, tmp_path):
     arm, delta = robot("planar_3r"), robot("delta4")
     place = Place(("arm", "tool"), pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), np.array([0.1, 0.0, 0.5])))
-    pulls = [(), (_pull(),), (_pull(),), (_pull(1.0), _pull(0.0, "pin")), (_pull()._replace(target=None),), ()]
+    tasks = [(), (_task(),), (_task(),), (_task(1.0), _task(0.0, "pin")), (_task()._replace(target=None),), ()]
     with Recorder(tmp_path / "run.jsonl", {"arm": arm, "delta": delta}, {"delta": place}) as recorder:
-        for i, now in enumerate(pulls):
+        for i, now in enumerate(tasks):
             q = np.array([0.1, 0.2, 0.01 * i])
             robots = {"arm": Motion(q, now, "FOLLOWING" if now else "IDLE")}
             if i == 3:
@@ -77,7 +77,7 @@ def test_pulls_statuss_and_places_are_read(robot, tmp_path):
             q[:] = np.nan  # it may be used again
     recording = Recording.load(tmp_path / "run.jsonl")
     assert recording.robots == ("arm", "delta")
-    for said, read in zip(pulls, recording.pulls["arm"], strict=True):
+    for said, read in zip(tasks, recording.tasks["arm"], strict=True):
         assert len(said) == len(read)
         for one, other in zip(said, read, strict=True):
             _same(one, other)
@@ -96,11 +96,11 @@ def test_what_does_not_change_is_not_written_again(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
     with Recorder(path, {"arm": arm}) as recorder:
         for i in range(4):
-            recorder.write(i, {"arm": Motion(np.array([0.0, 0.0, 1.0 * (i > 1)]), (_pull(),))})
-        recorder.write(4, {"arm": Motion(np.array([-0.0, 0.0, 1.0]), (_pull(),))})
+            recorder.write(i, {"arm": Motion(np.array([0.0, 0.0, 1.0 * (i > 1)]), (_task(),))})
+        recorder.write(4, {"arm": Motion(np.array([-0.0, 0.0, 1.0]), (_task(),))})
     lines = [json.loads(line)["robots"] for line in path.read_text().splitlines()[1:]]
     assert [sorted(line.get("arm", "")) for line in lines] == [
-        ["pulls", "q", "status"], [], ["q", "status"], [], ["q", "status"]
+        ["q", "status", "tasks"], [], ["q", "status"], [], ["q", "status"]
     ]  # fmt: skip
     assert np.signbit(Recording.load(path).q["arm"][-1, 0])
 
@@ -260,7 +260,7 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
             {"arm": Motion(np.zeros(4))},
             {"leg": Motion(good)},
             {"arm": Motion(good, (None,))},
-            {"arm": Motion(good, (_pull()._replace(weight=float("nan")),))},
+            {"arm": Motion(good, (_task()._replace(weight=float("nan")),))},
             {"arm": None},
             None,
         ):
@@ -269,12 +269,12 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
             time.sleep(0.03)
         recorder.write(0.5, {"arm": Motion(good)})  # earlier
         recorder.write(float("nan"), {"arm": Motion(good)})
-        pull = _pull()._replace(target="somewhere")
-        recorder.write(40.0, {"arm": Motion(good + 1.0, (pull,))})
+        task = _task()._replace(target="somewhere")
+        recorder.write(40.0, {"arm": Motion(good + 1.0, (task,))})
     assert recorder.lost == 14
     recording = Recording.load(path)
     assert recording.times.tolist() == [0.0, 39.0]
-    assert recording.pulls["arm"][1][0].target is None
+    assert recording.tasks["arm"][1][0].target is None
 
 
 def test_a_loop_closes_without_waiting(robot, tmp_path):
@@ -305,7 +305,7 @@ def test_it_leaves_no_file_and_no_thread(robot, tmp_path):
 
 def test_it_takes_no_time(robot, tmp_path):
     mechanism = robot("gough")
-    motion = {"gough": Motion(mechanism.q_home, (_pull(), _pull()))}
+    motion = {"gough": Motion(mechanism.q_home, (_task(), _task()))}
     with Recorder(tmp_path / "run.jsonl", {"gough": mechanism}) as recorder:
         took = []
         for i in range(500):
@@ -356,9 +356,9 @@ def test_places_of_robots_that_are_not_there(robot, tmp_path):
         (lambda lines: [b"", *lines], "no recording of a mission"),
         (lambda lines: [b"[]"], "no recording of a mission"),
         (lambda lines: [b'{"cinegen":"readings","version":1}'], "It is one of a sensor's readings"),
-        (lambda lines: [lines[0].replace(b'"version":1', b'"version":7', 1)], "version 7, only 1"),
-        (lambda lines: [b'{"cinegen":"mission","version":1,"robots":{}}'], "names no robots"),
-        (lambda lines: [b'{"cinegen":"mission","version":1,"robots":{"a":{"nq":1}}}'], "does not describe"),
+        (lambda lines: [lines[0].replace(b'"version":2', b'"version":7', 1)], "version 7, only 2"),
+        (lambda lines: [b'{"cinegen":"mission","version":2,"robots":{}}'], "names no robots"),
+        (lambda lines: [b'{"cinegen":"mission","version":2,"robots":{"a":{"nq":1}}}'], "does not describe"),
         (lambda lines: [*lines[:2], lines[2][:-5], *lines[3:]], ":3: no JSON"),
         (lambda lines: [*lines[:3], lines[1]], ":4: its time is not after"),
         (lambda lines: [*lines, b'{"t":9,"robots":{"leg":{}}}'], ":5: robot 'leg' is not one"),
@@ -366,7 +366,7 @@ def test_places_of_robots_that_are_not_there(robot, tmp_path):
         (lambda lines: [*lines, b'{"t":1e999,"robots":{}}'], ":5: 't' must be finite"),
         (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1]}}}'], ":5: 'q' must be a list of 3"),
         (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'], ":5: 'status'"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","pulls":[3]}}}'], ":5: a pull"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","tasks":[3]}}}'], ":5: a task"),
     ],
 )
 def test_a_file_that_is_damaged_or_something_else(robot, tmp_path, change, why):

@@ -39,9 +39,9 @@ def test_a_recording_holds_the_way_itself(rod, tmp_path):
     assert (recording.q[name] == rod.path).all()
     assert recording.times == pytest.approx(times, abs=2e-9)
     assert Player(recording).seconds == pytest.approx(times[-1])
-    (pull,) = recording.pulls[name][0]
-    assert (pull.node, pull.translation, pull.rotation) == ("tool", 2, 0)
-    assert pull.target.isApprox(rod.scene.goal, 1e-12)
+    (task,) = recording.tasks[name][0]
+    assert (task.node, task.translation, task.rotation) == ("tool", 2, 0)
+    assert task.target.isApprox(rod.scene.goal, 1e-12)
 
 
 @pytest.mark.parametrize("name", ["rod", "disc"])

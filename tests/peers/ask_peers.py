@@ -5,7 +5,7 @@
 
 They bring a Pinocchio of their own, so they can't stand beside ours in one environment: test_differential_ik.py
 compares with what is kept in data/differential_ik.json, and asks again where .venv-bench is there. The problems have
-one answer each: as many joints as the pull has rows, and a robot that is not singular.
+one answer each: as many joints as the task has rows, and a robot that is not singular.
 """
 
 from __future__ import annotations

@@ -92,14 +92,14 @@ def test_dragged_about_it_does_not_tear(mechanism):
     solver = cinegen.Solver(mechanism, 1e-3)
     end = mechanism.end
     home = mechanism.placement(mechanism.q_home, end)
-    pull = solver.pull(end, home, rotation=0)
+    task = solver.add_task(end, home, rotation=0)
     q = solver.q.copy()
     worst = leap = 0.0
     start = home.translation.copy()
     for tick in range(1500):
         phase = 2.0 * np.pi * tick / 500
         offset = mechanism.length * np.array([np.sin(phase), np.sin(2.0 * phase), np.cos(phase) - 1.0])
-        pull.target = pin.SE3(home.rotation, start + offset)
+        task.target = pin.SE3(home.rotation, start + offset)
         step = solver.step()
         worst = max(worst, step.closure)
         leap = max(leap, float(np.abs(pin.difference(mechanism.model, q, solver.q)).max()))

@@ -32,8 +32,8 @@ def ours(answer, folder):
     q = np.zeros(mechanism.model.nq)
     q[indices] = begin + offsets
     solver = cinegen.Solver(mechanism, DT, q=q)
-    pull = solver.pull(found.nodes[answer["node"]], rotation=answer["rotation"])
-    pull.target = pin.SE3(np.array(problem["targets"][0]))
+    task = solver.add_task(found.nodes[answer["node"]], rotation=answer["rotation"])
+    task.target = pin.SE3(np.array(problem["targets"][0]))
     solver.step()
     return solver.q[indices] - offsets, begin
 

@@ -32,8 +32,8 @@ def pole(x, y):
     return {"kind": "cylinder", "radius": 0.03, "length": 1.2, "point": [x, y, 0.4]}
 
 
-def moved(pull, translation):
-    pull.target = pin.SE3(pull.target.rotation, np.asarray(translation, dtype=float))
+def moved(task, translation):
+    task.target = pin.SE3(task.target.rotation, np.asarray(translation, dtype=float))
 
 
 def balls_about(name, node, rng):
@@ -59,17 +59,17 @@ def test_however_it_is_pulled_it_stays_clear_all_along(name, node, dt):
         rng = np.random.default_rng(seed)
         balls = balls_about(name, node, rng)
         solver, clearance = hand(scene(name, *balls), dt)
-        pull = solver.pull(node, translation=3, rotation=0, axes="world")
+        task = solver.add_task(node, translation=3, rotation=0, axes="world")
         before, barred = solver.q, 0
         for tick in range(240):
             if tick % 40 == 0:
-                moved(pull, balls[tick // 40 % 4]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
+                moved(task, balls[tick // 40 % 4]["point"] + rng.uniform(-0.05, 0.05, 3) * mechanism.length)
             step = solver.step()
             for part in (0.5, 1.0):
                 between = pin.interpolate(mechanism.model, before, step.q, part)
                 assert measured(clearance, between).min() >= SAFETY - EXACT
             assert mechanism.closure(step.q) <= 1e-9
-            barred += bool(step.barred)
+            barred += bool(step.active_barriers)
             before = step.q
         assert barred, f"nothing was held off with seed {seed}"
 
@@ -81,8 +81,8 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     goal = [0.6, 0.3, 0.0]
 
     def pulled(solver, ticks=6000):
-        pull = solver.pull("tool", translation=2, rotation=0, axes="world")
-        moved(pull, goal)
+        task = solver.add_task("tool", translation=2, rotation=0, axes="world")
+        moved(task, goal)
         seen = set()
         for _ in range(ticks):
             step = solver.step()
@@ -106,8 +106,8 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
 def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
     """Neither raises, nor moves what it must not."""
     solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))
-    tool = solver.pull("tool", translation=3, rotation=0)
-    other = solver.pull("link4", translation=3, rotation=0)
+    tool = solver.add_task("tool", translation=3, rotation=0)
+    other = solver.add_task("link4", translation=3, rotation=0)
     x, y, z = tool.target.translation
     for wrong in ("nowhere", None, pin.SE3(np.eye(3), np.full(3, np.nan))):
         other.target = wrong
@@ -127,8 +127,8 @@ def test_where_nothing_leads_on_an_obstacle_that_goes_away_is_noticed():
          "obstacle": listed}
     )  # fmt: skip
     solver, clearance = hand(around_)
-    pull = solver.pull("mobile", translation=2, rotation=0, axes="world")
-    moved(pull, [2.0, 0.0, 0.0])
+    task = solver.add_task("mobile", translation=2, rotation=0, axes="world")
+    moved(task, [2.0, 0.0, 0.0])
     for _ in range(6000):
         step = solver.step()
     assert np.abs(step.q).max() < 0.45
@@ -143,9 +143,9 @@ def test_objectives_wait_and_are_kept():
     solver, _ = hand(scene("arm7", pole(0.45, 0.0)))
     posture = Posture()
     solver.objectives = (posture,)
-    pull = solver.pull("tool", translation=3, rotation=0)
-    x, y, z = pull.target.translation
-    moved(pull, [x, -y - 0.6, z])
+    task = solver.add_task("tool", translation=3, rotation=0)
+    x, y, z = task.target.translation
+    moved(task, [x, -y - 0.6, z])
     for _ in range(800):
         solver.step()
         assert solver.objectives == (posture,)
@@ -154,9 +154,9 @@ def test_objectives_wait_and_are_kept():
 def test_a_fault_of_its_own_is_reported_and_it_stays_clear(monkeypatch, caplog):
     """What goes wrong in looking for a path is no secret: it is in the step, and in the log once."""
     solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))
-    pull = solver.pull("tool", rotation=0)
-    x, y, z = pull.target.translation
-    moved(pull, [x, -y - 0.6, z])
+    task = solver.add_task("tool", rotation=0)
+    x, y, z = task.target.translation
+    moved(task, [x, -y - 0.6, z])
     assert solver.step().exceptions == ()
 
     def broken(*_):
@@ -182,8 +182,8 @@ def test_an_objective_that_raises_beside_obstacles_is_reported(caplog):
             raise ValueError("wrong")
 
     solver, clearance = hand(scene("delta4", {"kind": "sphere", "radius": 0.05, "point": [0.6, 0.0, -0.8]}))
-    pull = solver.pull("platform", rotation=0)
-    moved(pull, pull.target.translation + np.array([0.05, 0.0, -0.05]))
+    task = solver.add_task("platform", rotation=0)
+    moved(task, task.target.translation + np.array([0.05, 0.0, -0.05]))
     solver.objectives = [Wrong()]
     for _ in range(300):
         step = solver.step()

@@ -71,11 +71,11 @@ def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
             Posture(mechanism.close(mechanism.q_home + 0.3 * rng.normal(size=mechanism.model.nq)), rate=5.0)
         ]
     node = mechanism.nodes[-1]
-    pull = solver.pull(node, rotation=rotation)
+    task = solver.add_task(node, rotation=rotation)
     path = [solver.q]
     for tick in range(25 if name == "delta4" else 60):
         if tick % every == 0:
-            pull.target = away(mechanism, node, rng, float(rng.choice([0.3, 1.0, 10.0])))
+            task.target = away(mechanism, node, rng, float(rng.choice([0.3, 1.0, 10.0])))
         step = solver.step()
         assert step.closure <= 1e-9
         path.append(step.q)
@@ -97,11 +97,11 @@ def test_a_point_among_obstacles_stays_clear(seed, fast):
     clearance = point_among(obstacles)
     q = next(q for q in rng.uniform(-2, 2, (1000, 2)) if clearance.least(q) > 0.03)
     solver = kept(clearance, 0.02, q)
-    pull = solver.pull("mobile", rotation=0, translation=2, axes="world")
+    task = solver.add_task("mobile", rotation=0, translation=2, axes="world")
     path = [solver.q]
     for tick in range(150):
         if fast or tick % 50 == 0:
-            pull.target = at(*rng.uniform(-1.5, 1.5, 2), 0.0)
+            task.target = at(*rng.uniform(-1.5, 1.5, 2), 0.0)
         path.append(solver.step().q)
     assert least_along(clearance, np.array(path), 0.01) >= 0.99 * 0.02 - EXACT
 
@@ -109,7 +109,7 @@ def test_a_point_among_obstacles_stays_clear(seed, fast):
 def test_with_thousands_of_obstacles_the_nearest_still_counts():
     obstacles = [ball(0.001, 0.3 + 1e-5 * i, 0.25, 0.0) for i in range(500)] + [ball(0.1, 0.3, 0.0, 0.0)]
     solver = kept(point_among(obstacles), 0.02)
-    solver.pull("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
+    solver.add_task("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
     for _ in range(40):
         step = solver.step()
     assert step.q == pytest.approx([0.2 - 0.02 * STOP, 0.0], abs=1e-6)
@@ -128,19 +128,19 @@ def test_along_a_wall_a_point_goes_to_the_nearest_point_to_its_target(seed):
     clearance = point_among([wall(normal, -0.3)])
     solver = kept(clearance, 0.05)
     target = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
-    solver.pull("mobile", at(*target), translation=2, rotation=0, axes="world")
+    solver.add_task("mobile", at(*target), translation=2, rotation=0, axes="world")
     for _ in range(200):
         step = solver.step()
     beyond = max(STOP * 0.05 - 0.3 - normal @ target, 0.0)
     assert np.append(step.q, 0.0) == pytest.approx(target + beyond * normal, abs=1e-6)
     assert step.status is (Status.BARRED if beyond > 1e-5 else Status.FOLLOWING)
-    assert bool(step.barred) == (beyond > 1e-5)
+    assert bool(step.active_barriers) == (beyond > 1e-5)
 
 
 def test_in_a_corner_a_point_goes_to_the_nearest_point_to_its_target():
     clearance = point_among([wall([-1.0, 0.0, 0.0], -0.4), wall([0.0, -1.0, 0.0], -0.2)])
     solver = kept(clearance, 0.04)
-    solver.pull("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
+    solver.add_task("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
     for _ in range(100):
         step = solver.step()
     assert step.q == pytest.approx([0.35, 0.15], abs=1e-6)
@@ -149,7 +149,7 @@ def test_in_a_corner_a_point_goes_to_the_nearest_point_to_its_target():
 def test_without_a_safety_distance_it_comes_as_near_as_it_likes_and_no_nearer():
     clearance = point_among([wall([-1.0, 0.0, 0.0], -0.4)])
     solver = kept(clearance, 0.0)
-    solver.pull("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
+    solver.add_task("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
     for _ in range(12):
         step = solver.step()
         assert clearance.least(step.q) >= 0.0
@@ -168,14 +168,14 @@ def test_an_arm_that_is_led_into_a_wall_stops_before_it_and_comes_back(robot, na
     assert home > 0.02
     safety = 0.25 * home
     solver = kept(clearance, safety)
-    pull = solver.pull("tool", rotation=0, axes="world")
-    start = pull.target
-    pull.target = at(*(tool + 0.5 * mechanism.length * way))
+    task = solver.add_task("tool", rotation=0, axes="world")
+    start = task.target
+    task.target = at(*(tool + 0.5 * mechanism.length * way))
     for _ in range(300):
         step = solver.step()
     assert step.status is Status.BARRED
     assert clearance.least(step.q) == pytest.approx(STOP * safety, rel=0.02)
-    pull.target = start
+    task.target = start
     for _ in range(300):
         step = solver.step()
     assert step.status is Status.FOLLOWING
@@ -193,7 +193,7 @@ def test_what_an_obstacle_was_put_onto_only_goes_away(led, deep):
     solver = kept(clearance, 0.05)
     targets = {"in": at(0.3, 0.0, 0.0), "out": at(-1.0, 0.2, 0.0), "there": at(0.0, 0.0, 0.0)}
     if led in targets:
-        solver.pull("mobile", targets[led], translation=2, rotation=0, axes="world")
+        solver.add_task("mobile", targets[led], translation=2, rotation=0, axes="world")
     solver.step()
     solver.q = np.zeros(2)
     clearance.move(1, at(0.1 + deep, 0.0, 0.0))
@@ -240,7 +240,7 @@ def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, se
     solver.barriers = [Keep(clearance, safety)]
     node = mechanism.nodes[-1]
     if rng.random() < 0.7:
-        solver.pull(node, away(mechanism, node, rng, 0.5), rotation=0)
+        solver.add_task(node, away(mechanism, node, rng, 0.5), rotation=0)
     link = int(rng.choice(np.flatnonzero([b.joint > 0 for b in clearance.bodies[:-1]])))
     place = clearance.bodies[link]
     clearance.see(mechanism.q_home)
@@ -273,8 +273,8 @@ def test_links_that_stand_too_near_for_ever_hold_nothing_up():
     clearance.move(len(clearance.bodies) - 1, at(*(lower - [0.0, 0.0, 0.1 + one.radius + 0.005])))
     near = clearance.near(mechanism.q_home, 0.02)
     solver = kept(clearance, 0.02)
-    pull = solver.pull("tool", rotation=0)
-    pull.target = pin.SE3(np.eye(3), pull.target.translation + np.array([0.0, 0.03, 0.0]))
+    task = solver.add_task("tool", rotation=0)
+    task.target = pin.SE3(np.eye(3), task.target.translation + np.array([0.0, 0.03, 0.0]))
     assert len(near.pairs)
     for _ in range(100):
         step = solver.step()
@@ -302,7 +302,7 @@ def test_nor_is_one_of_an_arm(robot):
     assert clearance.least(-q) > 0.02
     assert not is_clear(clearance, q, -q, 1e-3)
     solver = kept(clearance, 1e-3, q)
-    solver.pull("tool", mechanism.placement(-q, "tool"), rotation=3, axes="world")
+    solver.add_task("tool", mechanism.placement(-q, "tool"), rotation=3, axes="world")
     path = np.array([q, *(solver.step().q for _ in range(200))])
     assert least_along(clearance, path) > 0.0
     assert np.abs(path[-1] - q).max() > 0.05
@@ -378,11 +378,11 @@ def test_what_held_is_told_by_pair_and_stays_when_somebody_looks_elsewhere():
     clearance = point_among([ball(0.1, 3.0, 0.0, 0.0), ball(0.1, 0.3, 0.0, 0.0)])
     solver = kept(clearance, 0.05)
     keep = solver.barriers[0]
-    solver.pull("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
+    solver.add_task("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
     for _ in range(30):
         step = solver.step()
-    held = [clearance.names(int(keep.held[row]))[1] for row in step.barred]
+    held = [clearance.names(int(keep.held[row]))[1] for row in step.active_barriers]
     assert held == ["ball"]
-    assert keep.held[step.barred[0]] == 1
+    assert keep.held[step.active_barriers[0]] == 1
     clearance.near(np.array([3.0, 0.3]), 0.5)
-    assert keep.held[step.barred[0]] == 1
+    assert keep.held[step.active_barriers[0]] == 1

@@ -189,8 +189,8 @@ def test_loops_stay_closed_and_the_link_is_led_all_the_same():
     pair = min(met, key=lambda p: clearance.distances(q)[p])
     normal = clearance.points(pair)[2]
     towards = cinegen.Solver(mechanism, 1.0)
-    pull = towards.pull("platform", rotation=0)
-    pull.target = pin.SE3(pull.target.rotation, pull.target.translation + 0.02 * normal)
+    task = towards.add_task("platform", rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02 * normal)
     motion = pin.difference(mechanism.model, q, towards.step().q)
     which = np.where(np.arange(len(clearance.pairs)) == pair, 0, 1)
     axis = np.cross(-normal, [0.0, 0.0, 1.0])

@@ -543,7 +543,7 @@ def test_what_cant_be_sent_is_said():
 def follower(mechanism, period):
     """Made in the clock's process: a robot whose end follows the command, an offset from home in m."""
     solver = cinegen.Solver(mechanism, period)
-    hand = solver.pull(mechanism.end, rotation=0)
+    hand = solver.add_task(mechanism.end, rotation=0)
     home = hand.target.copy()
     solver.step()  # what is made at first use is made before the clock runs
 

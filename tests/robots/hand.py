@@ -1,4 +1,4 @@
-"""A wild hand that pulls a robot about, and what must hold at every tick all the same."""
+"""A wild hand that tasks a robot about, and what must hold at every tick all the same."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ DT = 1 / 60
 
 
 class Hand:
-    """Pulls at random: near and far targets that jump every 40 ticks or so, on one node or two, held and let go."""
+    """Tasks at random: near and far targets that jump every 40 ticks or so, on one node or two, held and let go."""
 
     def __init__(self, mechanism: cinegen.Mechanism, solver: cinegen.Solver, seed: int) -> None:
         self.mechanism, self.solver = mechanism, solver
@@ -31,29 +31,29 @@ class Hand:
         return pin.SE3(there.rotation @ turned, there.translation + away * mechanism.length * rng.normal(0.0, 1.0, 3))
 
     def grasp(self) -> None:
-        """One more pull: of the end most of the time, of any node else; all of its pose or a part of it."""
+        """One more task: of the end most of the time, of any node else; all of its pose or a part of it."""
         rng = self.rng
         node = self.mechanism.nodes[-1] if rng.random() < 0.7 else str(rng.choice(self.mechanism.nodes))
         translation, rotation = [(3, 0), (3, 3), (3, 3), (int(rng.integers(4)), int(rng.integers(4)))][rng.integers(4)]
-        pull = self.solver.pull(node, self.target(node), translation, rotation)
-        pull.weight = float(rng.choice([1.0, 1.0, 0.01, 30.0]))
+        task = self.solver.add_task(node, self.target(node), translation, rotation)
+        task.weight = float(rng.choice([1.0, 1.0, 0.01, 30.0]))
 
     def act(self) -> None:
         """What the hand does before a tick."""
-        rng, pulls = self.rng, self.solver.pulls
-        if not pulls:
+        rng, tasks = self.rng, self.solver.tasks
+        if not tasks:
             if rng.random() < 0.2:
                 self.grasp()
-        elif rng.random() < 1 / 200 and len(pulls) < 2:
+        elif rng.random() < 1 / 200 and len(tasks) < 2:
             self.grasp()
         elif rng.random() < 1 / 300:
-            self.solver.release(pulls[rng.integers(len(pulls))])
-        for pull in self.solver.pulls:
+            self.solver.remove_task(tasks[rng.integers(len(tasks))])
+        for task in self.solver.tasks:
             if rng.random() < 1 / 40:
-                pull.target = self.target(pull.node)
+                task.target = self.target(task.node)
             elif rng.random() < 0.5:  # and it trembles
-                shaken = pull.target.translation + rng.normal(0.0, 1e-4 * self.mechanism.length, 3)
-                pull.target = pin.SE3(pull.target.rotation, shaken)
+                shaken = task.target.translation + rng.normal(0.0, 1e-4 * self.mechanism.length, 3)
+                task.target = pin.SE3(task.target.rotation, shaken)
 
 
 def check(mechanism: cinegen.Mechanism, before: np.ndarray, step: cinegen.Step) -> None:
@@ -70,4 +70,4 @@ def check(mechanism: cinegen.Mechanism, before: np.ndarray, step: cinegen.Step) 
     moved = pin.difference(model, before, step.q)
     assert (np.abs(moved) / mechanism.scale).max(initial=0.0) <= 0.1 * (1.0 + 1e-9)
     assert step.v * DT == pytest.approx(moved, abs=1e-12)
-    assert 0.0 <= step.pace <= 1.0
+    assert 0.0 <= step.speed_scale <= 1.0

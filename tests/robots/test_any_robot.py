@@ -332,7 +332,7 @@ def test_small_and_odd_loops_are_counted_right(body, mobility):
     end = mechanism.nodes[-1]
     assert mechanism.jacobian(mechanism.q_home, end).shape == (6, mechanism.model.nv)
     solver = cinegen.Solver(mechanism, DT)
-    solver.pull(end, translation=3, rotation=0).target.translation += 0.01
+    solver.add_task(end, translation=3, rotation=0).target.translation += 0.01
     for _ in range(20):
         before = solver.q.copy()
         check(mechanism, before, solver.step())
@@ -346,7 +346,7 @@ def test_a_robot_of_a_single_joint_moves(kind):
     assert mechanism.extended_jacobian(mechanism.q_home, ["frame2"]).shape == (6, 1)
     solver = cinegen.Solver(mechanism, DT)
     goal = mechanism.placement(mechanism.q_home + 0.05, "frame2")
-    solver.pull("frame2", goal)
+    solver.add_task("frame2", goal)
     for _ in range(10):
         step = solver.step()
     assert mechanism.placement(step.q, "frame2").homogeneous == pytest.approx(goal.homogeneous, abs=1e-9)
@@ -358,7 +358,7 @@ for path in sys.argv[1:]:
     print(path)
     mechanism = cinegen.load(path)
     solver = cinegen.Solver(mechanism, 0.01)
-    solver.pull(mechanism.nodes[-1]).target.translation += 1.0
+    solver.add_task(mechanism.nodes[-1]).target.translation += 1.0
     step = solver.step()
     assert mechanism.mobility == len(step.q) == 0
     assert mechanism.jacobian(mechanism.q_home, mechanism.nodes[-1]).shape == (6, 0)
@@ -411,7 +411,7 @@ def moved(mechanism: cinegen.Mechanism, seed: int, far: float = 0.15) -> np.ndar
 def reaches(mechanism: cinegen.Mechanism, target: pin.SE3) -> bool:
     """Whether the solver brings the tool there."""
     solver = cinegen.Solver(mechanism, dt=1.0)
-    solver.pull("tool", target)
+    solver.add_task("tool", target)
     for _ in range(300):
         metres, angle = solver.step().errors[0]
         if max(metres / mechanism.length, angle) <= 1e-9:
@@ -506,13 +506,13 @@ def test_a_robot_of_micrometres_moves_like_its_twin_of_metres(seed, factor):
     one, other = exactly(mechanism), exactly(mechanism.scaled(factor), "um" if factor < 1.0 else "m")
     assert other.length == pytest.approx(factor * one.length, rel=1e-12)
     solvers = [cinegen.Solver(each, DT) for each in (one, other)]
-    pulls = [solver.pull("tool", rotation=0) for solver in solvers]
+    tasks = [solver.add_task("tool", rotation=0) for solver in solvers]
     rng = np.random.default_rng(seed)
     for tick in range(40):
         if tick % 20 == 0:
             away = rng.normal(size=3)
-            for pull, each in zip(pulls, (one, other), strict=True):
-                pull.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
+            for task, each in zip(tasks, (one, other), strict=True):
+                task.target.translation = each.placement(each.q_home, "tool").translation + 0.3 * each.length * away
         steps = [solver.step() for solver in solvers]
         assert steps[0].status is steps[1].status
         assert steps[1].q / other.scale == pytest.approx(steps[0].q / one.scale, abs=1e-5)

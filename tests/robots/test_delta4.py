@@ -185,14 +185,14 @@ def test_dragged_to_random_positions_its_motors_stand_where_the_closed_form_says
     """Where all passive joints have room too the solver arrives; everywhere it stays with the closed form."""
     mechanism, delta = robot(name), Delta.of(name)
     solver = cinegen.Solver(mechanism, dt=0.2)
-    pull = solver.pull("platform", rotation=0)
+    task = solver.add_task("platform", rotation=0)
     low, high = limits(mechanism, mechanism.joints)
     order = [mechanism.q_index(joint) for joint in mechanism.joints]
     arrived = 0
     for position, motors in reachable(name, 60, seed=11, margin=0.05):
         goal = forward(mechanism, mechanism.q_home, motors, STEP[name])[order]
         roomy = (goal > low).all() and (goal < high).all()
-        pull.target = pin.SE3(np.eye(3), position)
+        task.target = pin.SE3(np.eye(3), position)
         for _ in range(150):
             step = solver.step()
             there = mechanism.placement(step.q, "platform")

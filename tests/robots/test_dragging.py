@@ -40,8 +40,8 @@ def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, whic
         step = solver.step()
         check(mechanism, before, step)
         assert np.array_equal(step.q, solver.q)
-        assert len(step.errors) == len(solver.pulls)
-        assert (step.status is Status.IDLE) == (not solver.pulls)
+        assert len(step.errors) == len(solver.tasks)
+        assert (step.status is Status.IDLE) == (not solver.tasks)
         moving += not np.array_equal(before, step.q)
     assert moving > TICKS / 10  # it did follow the hand
 
@@ -50,21 +50,21 @@ def test_a_wild_hand_neither_tears_a_robot_nor_drives_it_over_a_limit(name, whic
 def test_a_target_that_is_no_number_gets_a_status_and_moves_nothing(name, which):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)
-    pull = solver.pull(mechanism.nodes[-1])
+    task = solver.add_task(mechanism.nodes[-1])
     for bad in (math.nan, math.inf, -math.inf):
         for i in range(12):
             numbers = np.eye(4)
             numbers[i // 4, i % 4] = bad
             target = pin.SE3.Identity()
             target.rotation, target.translation = numbers[:3, :3], numbers[:3, 3]
-            pull.target = target
+            task.target = target
             step = solver.step()
             assert step.status is Status.BAD_TARGET
             assert np.array_equal(step.q, mechanism.q_home)
             assert not step.v.any()
-        pull.target, pull.weight = mechanism.placement(mechanism.q_home, mechanism.nodes[-1]), bad
+        task.target, task.weight = mechanism.placement(mechanism.q_home, mechanism.nodes[-1]), bad
         assert solver.step().status is Status.BAD_TARGET
-        pull.weight = 1.0
+        task.weight = 1.0
         assert solver.step().status is Status.FOLLOWING
 
 
@@ -72,10 +72,10 @@ def test_a_target_that_is_no_number_gets_a_status_and_moves_nothing(name, which)
 def test_targets_as_far_as_numbers_go_are_survived(name, which):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)
-    pull = solver.pull(mechanism.nodes[-1])
+    task = solver.add_task(mechanism.nodes[-1])
     for far in (1e6, 1e30, 1e150, 1e300, 1.7e308):
         for direction in (*np.eye(3), *-np.eye(3), np.ones(3)):
-            pull.target = pin.SE3(np.eye(3), far * direction)
+            task.target = pin.SE3(np.eye(3), far * direction)
             for _ in range(3):
                 before = solver.q.copy()
                 check(mechanism, before, solver.step())
@@ -85,10 +85,10 @@ def test_targets_as_far_as_numbers_go_are_survived(name, which):
 def test_weights_as_far_as_numbers_go_are_survived(name, which):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)
-    pull = solver.pull(mechanism.nodes[-1])
-    pull.target.translation = pull.target.translation + 0.1 * mechanism.length
-    solver.pull(mechanism.nodes[-2], rotation=0)
-    for pull.weight in (1e-300, 1e-160, 1e-12, 1e12, 1e160, 1e300):
+    task = solver.add_task(mechanism.nodes[-1])
+    task.target.translation = task.target.translation + 0.1 * mechanism.length
+    solver.add_task(mechanism.nodes[-2], rotation=0)
+    for task.weight in (1e-300, 1e-160, 1e-12, 1e12, 1e160, 1e300):
         for _ in range(3):
             before = solver.q.copy()
             check(mechanism, before, solver.step())
@@ -101,7 +101,7 @@ def test_the_weight_of_a_pull_that_is_alone_does_not_matter(name, which):
     goal = mechanism.placement(mechanism.random_closed(1, seed=4)[0], end)
     solvers = {weight: cinegen.Solver(mechanism, DT) for weight in (1.0, 1e-3, 1e3)}
     for weight, solver in solvers.items():
-        solver.pull(end, goal).weight = weight
+        solver.add_task(end, goal).weight = weight
     for _ in range(30):
         steps = [solver.step() for solver in solvers.values()]
         for other in steps[1:]:
@@ -116,8 +116,8 @@ def test_one_bad_pull_among_good_ones_is_left_out(name, which):
     (goal,) = mechanism.random_closed(1, seed=4)
     alone, beside = cinegen.Solver(mechanism, DT), cinegen.Solver(mechanism, DT)
     for solver in (alone, beside):
-        solver.pull(end, mechanism.placement(goal, end))
-    beside.pull(end, pin.SE3(np.eye(3), np.full(3, math.nan)))
+        solver.add_task(end, mechanism.placement(goal, end))
+    beside.add_task(end, pin.SE3(np.eye(3), np.full(3, math.nan)))
     for _ in range(30):
         one, other = alone.step(), beside.step()
         assert np.array_equal(one.q, other.q)
@@ -130,16 +130,16 @@ def test_one_bad_pull_among_good_ones_is_left_out(name, which):
 def test_let_go_it_rests_and_pulled_to_where_it_is_it_stays(name, which):
     mechanism = load(name, which)
     solver = cinegen.Solver(mechanism, DT)
-    pull = solver.pull(mechanism.nodes[-1], rotation=0)
-    pull.target.translation = pull.target.translation + 0.2 * mechanism.length
+    task = solver.add_task(mechanism.nodes[-1], rotation=0)
+    task.target.translation = task.target.translation + 0.2 * mechanism.length
     for _ in range(20):
         solver.step()
-    solver.release(pull)
+    solver.remove_task(task)
     rest = solver.q.copy()
     step = solver.step()
     assert step.status is Status.IDLE
     assert np.array_equal(step.q, rest)
-    solver.pull(mechanism.nodes[-1])
+    solver.add_task(mechanism.nodes[-1])
     for _ in range(10):
         step = solver.step()
         assert step.status is Status.FOLLOWING
@@ -178,10 +178,10 @@ def test_pulled_for_long_to_one_place_it_comes_to_rest_as_near_as_its_limits_all
     for _ in range(150):  # somewhere
         hand.act()
         solver.step()
-    for pull in solver.pulls:
-        solver.release(pull)
+    for task in solver.tasks:
+        solver.remove_task(task)
     end = mechanism.nodes[-1]
-    pull = solver.pull(end, hand.target(end), 3, int(hand.rng.choice([0, 3])))
+    task = solver.add_task(end, hand.target(end), 3, int(hand.rng.choice([0, 3])))
     for _ in range(600):
         step = solver.step()
     begin, way = solver.q.copy(), np.zeros(mechanism.model.nv)
@@ -197,17 +197,17 @@ def test_pulled_for_long_to_one_place_it_comes_to_rest_as_near_as_its_limits_all
             break
     resting = np.abs(step.v / mechanism.scale).max() * DT < 1e-7
     if resting and max(step.errors[0][0] / mechanism.length, step.errors[0][1]) > 1e-6:
-        won, error = what_could_be_won(mechanism, step.q, pull)
+        won, error = what_could_be_won(mechanism, step.q, task)
         assert won <= 0.05 * 0.05 * error, f"it rests too early, held by {step.saturated}"
 
 
-def what_could_be_won(mechanism: cinegen.Mechanism, q: np.ndarray, pull: cinegen.Pull) -> tuple[float, float]:
+def what_could_be_won(mechanism: cinegen.Mechanism, q: np.ndarray, task: cinegen.FrameTask) -> tuple[float, float]:
     """The most that a motion of 0.05 (rad, lengths) can win to first order, loops closed and limits kept, by linear
     programming: of the product of error and way, and the error itself; without unit."""
     low, high = mechanism.model.lowerPositionLimit - q, mechanism.model.upperPositionLimit - q
     low, high = np.maximum(low / mechanism.scale, -0.05), np.minimum(high / mechanism.scale, 0.05)
-    error, rows = pull.equations(mechanism.placement(q, pull.node), mechanism.jacobian(q, pull.node) * mechanism.scale)
-    unit = np.array([mechanism.length] * 3 + [1.0] * pull.rotation)
+    error, rows = task.equations(mechanism.placement(q, task.node), mechanism.jacobian(q, task.node) * mechanism.scale)
+    unit = np.array([mechanism.length] * 3 + [1.0] * task.rotation)
     parts = np.split(error / unit, [3])
     error = np.concatenate([part * min(1.0, 0.2 / max(float(np.linalg.norm(part)), 1e-9)) for part in parts])
     gradient = (rows / unit[:, None]).T @ error

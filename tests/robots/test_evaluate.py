@@ -80,7 +80,7 @@ def test_singular_values_are_those_of_a_tick(name: str, translation: int, rotati
         if not np.isfinite(q).all():
             continue
         solver = cinegen.Solver(mechanism, 0.01, q)
-        solver.pull(node, None, translation, rotation)
+        solver.add_task(node, None, translation, rotation)
         expected = solver.step().singular_values
         np.testing.assert_allclose(sigma[: len(expected)], expected, atol=1e-9)
         np.testing.assert_allclose(sigma[len(expected) :], 0.0, atol=1e-9)

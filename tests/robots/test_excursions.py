@@ -39,7 +39,7 @@ def starts(mechanism: cinegen.Mechanism) -> list[np.ndarray]:
     for seed in range(6):
         for q in mechanism.random_closed(20, seed):
             solver = Solver(mechanism, DT, q=q)
-            solver.pull(node)
+            solver.add_task(node)
             sigma = solver.step().singular_values
             if within_limits(mechanism, q) and sigma.min(initial=1.0) > NEAR:
                 found.append(q)
@@ -49,7 +49,7 @@ def starts(mechanism: cinegen.Mechanism) -> list[np.ndarray]:
 def could_be_won(solver: Solver) -> float:
     """The part of a small motion that loops and limits leave for going nearer to the target, to first order; by linear
     programming."""
-    won, error = what_could_be_won(solver.mechanism, solver.q, solver.pulls[0])
+    won, error = what_could_be_won(solver.mechanism, solver.q, solver.tasks[0])
     return won / (0.05 * error)
 
 
@@ -64,12 +64,12 @@ def out_and_back(solver: Solver, rng: np.random.Generator) -> cinegen.Step:
     node, way = mechanism.nodes[-1], rng.normal(size=3)
     home = mechanism.placement(solver.q, node)
     far = mechanism.length * 10.0 ** rng.uniform(0.5, 2.0)
-    pull = solver.pull(node, rotation=int(rng.choice([0, 3])))
-    pull.target = pin.SE3(home.rotation, home.translation + far * way / np.linalg.norm(way))
+    task = solver.add_task(node, rotation=int(rng.choice([0, 3])))
+    task.target = pin.SE3(home.rotation, home.translation + far * way / np.linalg.norm(way))
     rests = 0
     for tick in range(OUT + BACK):
         if tick == OUT:
-            pull.target = home
+            task.target = home
         step = solver.step()
         assert step.closure <= 1e-10
         assert within_limits(mechanism, step.q)
@@ -107,7 +107,7 @@ def test_on_a_detour_it_says_so_and_its_limits_of_speed_are_kept():
     for excursion in range(12):
         solver = PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)])
         step = out_and_back(solver, rng)
-        solver.pulls[0].target = mechanism.placement(begin[0], mechanism.nodes[-1])
+        solver.tasks[0].target = mechanism.placement(begin[0], mechanism.nodes[-1])
         for _ in range(600):
             step = solver.step()
             seen.add(step.status)
@@ -120,8 +120,8 @@ def test_what_is_really_out_of_reach_is_looked_for_once():
     mechanism = load("rx90", "arm")
     solver = PersistentSolver(mechanism, DT)
     home = mechanism.placement(solver.q, mechanism.nodes[-1])
-    pull = solver.pull(mechanism.nodes[-1])
-    pull.target = pin.SE3(home.rotation, home.translation + 20.0 * mechanism.length)
+    task = solver.add_task(mechanism.nodes[-1])
+    task.target = pin.SE3(home.rotation, home.translation + 20.0 * mechanism.length)
     for _ in range(400):
         step = solver.step()
         assert step.status is not Status.DETOUR
@@ -135,11 +135,11 @@ def test_a_new_target_ends_a_detour_at_once():
         solver = PersistentSolver(mechanism, DT, q=begin[excursion % len(begin)])
         node, way = mechanism.nodes[-1], rng.normal(size=3)
         home = mechanism.placement(solver.q, node)
-        pull = solver.pull(node)
-        pull.target = pin.SE3(home.rotation, home.translation + 5.0 * mechanism.length * way / np.linalg.norm(way))
+        task = solver.add_task(node)
+        task.target = pin.SE3(home.rotation, home.translation + 5.0 * mechanism.length * way / np.linalg.norm(way))
         for tick in range(800):
             if tick == OUT:
-                pull.target = home
+                task.target = home
             step = solver.step()
             if step.status is Status.DETOUR:
                 assert np.abs(solver.forecast(5 * DT, dt=DT).q[-1] - step.q).max() > 1e-3  # it goes on, and not to rest
@@ -148,7 +148,7 @@ def test_a_new_target_ends_a_detour_at_once():
                 solver.objectives = [own]  # that ends it too
                 assert solver.step().status is not Status.DETOUR
                 assert solver.objectives == (own,)
-                pull.target = mechanism.placement(step.q, node)
+                task.target = mechanism.placement(step.q, node)
                 assert solver.step().status is not Status.DETOUR
                 return
     raise AssertionError("no detour was made")
@@ -181,7 +181,7 @@ STRETCHED = {"2R": chain(400, 300), "3R": chain(400, 300, 200), "5R": chain(*[20
 
 
 def drawn_in(solver: Solver, node: str, away: pin.SE3, ticks: int) -> cinegen.Step:
-    solver.pull(node, away, rotation=0)
+    solver.add_task(node, away, rotation=0)
     for _ in range(ticks):
         step = solver.step()
     return step
@@ -223,11 +223,11 @@ def test_a_stretched_arm_that_was_pulled_there_comes_back_from_it(raff, name):
         q = 0.5 * rng.normal(size=arm.model.nq)
         solver = Solver(arm, DT, q=q)
         home = arm.placement(q, "tool")
-        pull = solver.pull("tool", rotation=0)
-        pull.target = pin.SE3(home.rotation, 5.0 * home.translation)
+        task = solver.add_task("tool", rotation=0)
+        task.target = pin.SE3(home.rotation, 5.0 * home.translation)
         for _ in range(300):
             solver.step()
-        pull.target = home
+        task.target = home
         for tick in range(400):
             before, step = solver.q, solver.step()
             if tick == 0:
@@ -247,7 +247,7 @@ def test_in_a_singularity_whatever_is_free_moves_at_once(name, which):
         for sign in (1.0, -1.0):
             solver = Solver(arm, DT, q=q)
             goal = here.translation + sign * 0.01 * arm.length * way
-            solver.pull("tool", pin.SE3(here.rotation, goal), rotation=0)
+            solver.add_task("tool", pin.SE3(here.rotation, goal), rotation=0)
             step = solver.step()
             gone = arm.placement(step.q, "tool").translation - here.translation
             if not step.saturated:
@@ -265,17 +265,17 @@ def test_from_a_limit_it_moves_at_once_in_every_direction_that_is_free(name, whi
     for i in range(6):
         solver = Solver(mechanism, DT, q=begin[i % len(begin)])
         here, way = mechanism.placement(solver.q, node), rng.normal(size=3)
-        pull = solver.pull(node, rotation=0)
-        pull.target = pin.SE3(here.rotation, here.translation + 20.0 * mechanism.length * way)
+        task = solver.add_task(node, rotation=0)
+        task.target = pin.SE3(here.rotation, here.translation + 20.0 * mechanism.length * way)
         for _ in range(200):
             solver.step()
         q = solver.q
         here = mechanism.placement(q, node)
         for _ in range(6):
             solver.q = q
-            pull.target = pin.SE3(here.rotation, here.translation + 0.05 * mechanism.length * rng.normal(size=3))
+            task.target = pin.SE3(here.rotation, here.translation + 0.05 * mechanism.length * rng.normal(size=3))
             could = could_be_won(solver)
-            distance = float(np.linalg.norm(pull.target.translation - here.translation))
+            distance = float(np.linalg.norm(task.target.translation - here.translation))
             step = solver.step()
             if could > 0.05:
                 assert step.errors[0][0] < distance * (1.0 - 1e-4), (i, could, step)

@@ -159,7 +159,7 @@ def test_dragged_to_random_poses_all_joints_are_where_the_closed_form_says(robot
         if not ((goal > low + 0.01 * mechanism.scale).all() and (goal < high - 0.01 * mechanism.scale).all()):
             continue
         solver = cinegen.Solver(mechanism, dt=0.2)
-        solver.pull("platform", pin.SE3(pose))
+        solver.add_task("platform", pin.SE3(pose))
         for _ in range(200):
             step = solver.step()
             if max(step.errors[0][0] / mechanism.length, step.errors[0][1]) <= 1e-10:

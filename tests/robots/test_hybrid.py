@@ -105,11 +105,11 @@ def test_the_hand_stands_on_the_plate_by_its_two_axes(robot):
 def test_dragging_the_hand_leaves_the_legs_in_their_planes(robot):
     hybrid, rng = robot("hybrid"), np.random.default_rng(0)
     solver = cinegen.Solver(hybrid, dt=1 / 60)
-    pull = solver.pull("tool", rotation=2)
+    task = solver.add_task("tool", rotation=2)
     home = hybrid.placement(hybrid.q_home, "tool")
     for tick in range(400):
         if tick % 40 == 0:
-            pull.target = home.copy()
-            pull.target.translation = home.translation + rng.normal(0.0, 0.3, 3)
+            task.target = home.copy()
+            task.target.translation = home.translation + rng.normal(0.0, 0.3, 3)
         q = solver.step().q
         assert balls_of_plate(hybrid, q) == pytest.approx(balls_of_legs(hybrid, q), abs=1e-9)

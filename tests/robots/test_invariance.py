@@ -95,12 +95,12 @@ def test_a_robot_of_micrometres_or_kilometres_moves_like_its_twin(name, which, f
     poses = [one.placement(q, one.nodes[-1]) for q in reachable(one, rng)]
     begin = one.q_home / _of_q(one)
     solvers = [cinegen.Solver(one, DT), cinegen.Solver(other, DT, q=other.close(begin * _of_q(other)))]
-    pulls = [solver.pull(one.nodes[-1], rotation=3) for solver in solvers]
+    tasks = [solver.add_task(one.nodes[-1], rotation=3) for solver in solvers]
     moved = 0.0
     for tick in range(160):
         if tick % 16 == 0:
             pose = poses[int(rng.integers(len(poses)))]
-            pulls[0].target, pulls[1].target = pose, pin.SE3(pose.rotation, size * pose.translation)
+            tasks[0].target, tasks[1].target = pose, pin.SE3(pose.rotation, size * pose.translation)
         first, second = (solver.step() for solver in solvers)
         assert second.q / _of_q(other) == pytest.approx(first.q / _of_q(one), abs=1e-9), tick
         assert second.status is first.status
@@ -116,7 +116,7 @@ def _of_q(mechanism: cinegen.Mechanism) -> np.ndarray:
 
 # --- cuts --------------------------------------------------------------------------------------------------------
 
-RINGS = {  # how to make them, and a pull that determines their motion: translations, rotations
+RINGS = {  # how to make them, and a task that determines their motion: translations, rotations
     "four-bar": (lambda rng: planar(rng.normal(size=(4, 2))), (1, 0)),
     "five-bar": (lambda rng: planar(rng.normal(size=(5, 2))), (2, 0)),
     "six-bar": (lambda rng: planar(rng.normal(size=(6, 2))), (2, 1)),
@@ -149,17 +149,17 @@ def poses_along(mechanism: cinegen.Mechanism, rng: np.random.Generator, far: flo
     return poses
 
 
-def tool_path(mechanism: cinegen.Mechanism, poses: list[pin.SE3], pull: tuple[int, int]) -> tuple[np.ndarray, float]:
+def tool_path(mechanism: cinegen.Mechanism, poses: list[pin.SE3], task: tuple[int, int]) -> tuple[np.ndarray, float]:
     """Where the tool is at every tick, and the smallest singular value on the way."""
     solver = cinegen.Solver(mechanism, 1.0)
-    hand = solver.pull("tool", None, *pull, axes="world")
+    hand = solver.add_task("tool", None, *task, axes="world")
     path, smallest = [], np.inf
     for pose in poses:
         hand.target = pose
         for _ in range(5):
             step = solver.step()
             smallest = min(smallest, float(step.singular_values[-1]), float(step.loop_singular_values[-1]))
-            if step.pace < 1.0:
+            if step.speed_scale < 1.0:
                 smallest = 0.0
             path.append(mechanism.placement(step.q, "tool").homogeneous)
     return np.array(path), smallest
@@ -169,9 +169,9 @@ def tool_path(mechanism: cinegen.Mechanism, poses: list[pin.SE3], pull: tuple[in
 @settings(max_examples=3, deadline=None, derandomize=True, database=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_where_a_loop_is_cut_does_not_matter(name, seed):
-    """Each pose is approached in five ticks, that need not reach it: where pulls determine the motion, and away from
+    """Each pose is approached in five ticks, that need not reach it: where tasks determine the motion, and away from
     singularities, every tick of it is the same."""
-    make, pull = RINGS[name]
+    make, task = RINGS[name]
     rng = np.random.default_rng(seed)
     axes = make(rng)
     sigma = ring(axes).singular_values()
@@ -179,10 +179,10 @@ def test_where_a_loop_is_cut_does_not_matter(name, seed):
     one = exactly(ring(axes))
     poses = poses_along(one, rng, 0.3)
     assume(poses is not None)
-    expected, smallest = tool_path(one, poses, pull)
+    expected, smallest = tool_path(one, poses, task)
     assume(smallest > 0.1)
     for cut in range(len(axes)):
-        path, _ = tool_path(exactly(ring(axes, None, cut, ("joint", "rigid")[cut % 2])), poses, pull)
+        path, _ = tool_path(exactly(ring(axes, None, cut, ("joint", "rigid")[cut % 2])), poses, task)
         assert path == pytest.approx(expected, abs=1e-9 * max(1.0, one.length)), cut
     assert np.abs(expected[-1] - expected[0]).max() > 1e-3  # it did move
 
@@ -243,11 +243,11 @@ def cut_at(mechanism: Mechanism, number: int) -> Mechanism:
 
 @pytest.mark.parametrize("name", CUTS)
 def test_where_the_loop_of_a_file_is_cut_does_not_matter(name):
-    mechanism, pull, rng = as_it_is(name), CUTS[name], np.random.default_rng(1)
+    mechanism, task, rng = as_it_is(name), CUTS[name], np.random.default_rng(1)
     one = exactly(mechanism)
     poses = poses_along(one, rng, 0.2)
     assert poses is not None
-    expected, smallest = tool_path(one, poses, pull)
+    expected, smallest = tool_path(one, poses, task)
     assert smallest > 0.05
     assert np.abs(expected[-1] - expected[0]).max() > 1e-3 * one.length
     kinds = {body.number: body.kind for body in mechanism.bodies}
@@ -256,5 +256,5 @@ def test_where_the_loop_of_a_file_is_cut_does_not_matter(name):
     for cut in cuts:
         other = exactly(cut_at(mechanism, cut))
         assert other.mobility == one.mobility
-        path, _ = tool_path(other, poses, pull)
+        path, _ = tool_path(other, poses, task)
         assert path == pytest.approx(expected, abs=1e-9 * max(1.0, one.length)), cut

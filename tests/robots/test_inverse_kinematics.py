@@ -121,7 +121,7 @@ def test_where_a_planar_arm_reaches_is_a_disc() -> None:
         way = np.array([math.cos(direction), math.sin(direction), 0.0])
         for part, there in ((0.999, True), (1.001, False)):
             target = pin.SE3(np.eye(3), base + part * reach * way)
-            reached = cinegen.inverse_kinematics(mechanism, [cinegen.Pull(node, target, 3, 0)], limits=False)
+            reached = cinegen.inverse_kinematics(mechanism, [cinegen.FrameTask(node, target, 3, 0)], limits=False)
             assert bool(reached) == there
             if not there:
                 assert reached.errors[0][0] == pytest.approx(0.001 * reach, rel=1e-3)
@@ -167,10 +167,10 @@ def test_only_what_a_pull_holds_is_brought_there(translation: int, rotation: int
     rng = np.random.default_rng(seed)
     low, high = limits_of(mechanism)
     target = mechanism.placement(rng.uniform(low, high), node)
-    pull = cinegen.Pull(node, target, translation, rotation)
-    reached = cinegen.inverse_kinematics(mechanism, [pull])
+    task = cinegen.FrameTask(node, target, translation, rotation)
+    reached = cinegen.inverse_kinematics(mechanism, [task])
     assert reached
-    straight, turn = pull.errors(mechanism.placement(reached.q, node))
+    straight, turn = task.errors(mechanism.placement(reached.q, node))
     assert np.abs(np.concatenate([straight, turn])).max(initial=0.0) <= 1e-6
 
 
@@ -180,7 +180,7 @@ def test_two_nodes_at_once() -> None:
     for known in configurations(mechanism, 20, seed=5):
         elbow_there, end_there = (mechanism.placement(known, node) for node in (elbow, end))
         reached = cinegen.inverse_kinematics(
-            mechanism, [cinegen.Pull(elbow, elbow_there, 3, 0), cinegen.Pull(end, end_there)]
+            mechanism, [cinegen.FrameTask(elbow, elbow_there, 3, 0), cinegen.FrameTask(end, end_there)]
         )
         assert reached
         assert len(reached.errors) == 2

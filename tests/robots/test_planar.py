@@ -68,21 +68,21 @@ def test_the_planar_arm_of_three_joints_is_dragged_to_what_its_closed_form_inver
     l1, l2, l3 = (d_of("planar_3r", number) for number in (2, 3, 20))
     rng = np.random.default_rng(1)
     solver = cinegen.Solver(arm, dt=1.0)
-    pull = solver.pull("tool")
+    task = solver.add_task("tool")
     for _ in range(40):
         angles = at(arm, solver.q, arm.joints) + rng.uniform(-0.8, 0.8, 3)
         angles = np.clip(angles, [-2.5, 0.3, -2.4], [2.5, 2.4, 2.4])
-        pull.target = arm.placement(arm.configuration(dict(zip(arm.joints, angles, strict=True))), "tool")
+        task.target = arm.placement(arm.configuration(dict(zip(arm.joints, angles, strict=True))), "tool")
         for _ in range(300):
             step = solver.step()
             if max(step.errors[0]) <= 1e-11:
                 break
         assert max(step.errors[0]) <= 1e-9, step.status
         found = at(arm, step.q, arm.joints)
-        wrist = pull.target.translation[:2] - l3 * pull.target.rotation[:2, 0]
+        wrist = task.target.translation[:2] - l3 * task.target.rotation[:2, 0]
         elbow = math.copysign(math.acos((wrist @ wrist - l1 * l1 - l2 * l2) / (2.0 * l1 * l2)), found[1])
         shoulder = math.atan2(wrist[1], wrist[0]) - math.atan2(l2 * math.sin(elbow), l1 + l2 * math.cos(elbow))
-        last = math.atan2(pull.target.rotation[1, 0], pull.target.rotation[0, 0]) - shoulder - elbow
+        last = math.atan2(task.target.rotation[1, 0], task.target.rotation[0, 0]) - shoulder - elbow
         assert np.abs(wrapped(found - np.array([shoulder, elbow, last]))).max() <= 1e-8
 
 
@@ -210,12 +210,12 @@ def test_the_crank_turns_and_turns_and_closing_stays_on_its_branch(robot, side, 
 def test_the_solver_turns_the_crank_several_times_without_leaving_the_branch(robot, way):
     bar = robot("four_bar")
     solver = cinegen.Solver(bar, dt=1 / 60)
-    pull = solver.pull("link1", translation=0, rotation=1)
+    task = solver.add_task("link1", translation=0, rotation=1)
     crank = first = float(solver.q[bar.q_index("joint1")])
     rocker = []
     for _ in range(400):
         crank += way * 0.06
-        pull.target = pin.SE3(pin.utils.rotate("z", crank), np.zeros(3))
+        task.target = pin.SE3(pin.utils.rotate("z", crank), np.zeros(3))
         step = solver.step()
         found = values(bar, step.q)
         assert found["joint1"] == pytest.approx(crank, abs=1e-3)  # within one tick
@@ -321,7 +321,7 @@ def test_the_five_bars_motors_driven_over_their_range_stay_on_the_branch(robot):
 def test_the_five_bar_is_dragged_to_where_its_closed_form_inverse_says(robot):
     linkage = robot("five_bar")
     solver = cinegen.Solver(linkage, dt=1.0)
-    pull = solver.pull("tool", translation=2, rotation=0)
+    task = solver.add_task("tool", translation=2, rotation=0)
     low, high = limits(linkage, linkage.joints)
     rng = np.random.default_rng(2)
     arrived = 0
@@ -335,7 +335,7 @@ def test_the_five_bar_is_dragged_to_where_its_closed_form_inverse_says(robot):
         motors[[0, 2]] = np.where(joints[[0, 2]] < low[[0, 2]], joints[[0, 2]] + 2 * math.pi, joints[[0, 2]])
         if not ((motors > low + 0.05).all() and (motors < high - 0.05).all()):
             continue
-        pull.target = pin.SE3(np.eye(3), np.array([*tool, 0.0]))
+        task.target = pin.SE3(np.eye(3), np.array([*tool, 0.0]))
         for _ in range(200):
             step = solver.step()
             assert within_limits(linkage, step.q)

@@ -254,11 +254,11 @@ def test_the_sr400_dragged_anywhere_stays_a_parallelogram(robot):
     arm = robot("sr400")
     rng = np.random.default_rng(3)
     solver = cinegen.Solver(arm, dt=1 / 60)
-    pull = solver.pull("tool")
+    task = solver.add_task("tool")
     home = arm.placement(arm.q_home, "tool")
     for tick in range(600):
         if tick % 40 == 0:
-            pull.target = home.copy()
-            pull.target.translation = home.translation + rng.normal(0.0, 1.0, 3)
+            task.target = home.copy()
+            task.target.translation = home.translation + rng.normal(0.0, 1.0, 3)
         t = values(arm, solver.step().q)
         assert abs(wrapped(t["joint3"] - (math.pi / 2 - t["joint2"] + t["joint7"]))) <= 1e-9

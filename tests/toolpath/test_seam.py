@@ -317,7 +317,7 @@ def test_again_never_ends(clock):
 def follow(mechanism, node, seam, clock, dt=0.002, grip=None, rotation=3):
     """How far (m, rad) the node was off its target at each tick after the wait, and where it was."""
     solver = Solver(mechanism, dt)
-    hold = Hold(seam, solver.pull(node, rotation=rotation), grip)
+    hold = Hold(seam, solver.add_task(node, rotation=rotation), grip)
     seam.start()
     errors, places = [], []
     while hold.status.state is SensorState.LIVE:

@@ -15,7 +15,7 @@ from cinegen.collision.scene.table import LEAST, Table
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A place, and how many components of it count, in the world's axes (`Pull` with `axes="world"`).
+    """A place, and how many components of it count, in the world's axes (`FrameTask` with `axes="world"`).
 
     Attributes:
         placement: of the node, in the world.

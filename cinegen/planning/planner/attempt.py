@@ -127,7 +127,7 @@ def _why(clearance: Clearance, keep: Keep, q: Array, pushed: bool) -> tuple[Plan
     if pushed and len(distances):
         one, other = clearance.names(int(distances.argmin()))
         apart = f"'{one}' is {1e3 * float(distances.min()):.3g} mm from '{other}'"
-        return PlanStatus.STUCK, f"what pulls to the goal and what pushes away balance: {apart}"
+        return PlanStatus.STUCK, f"what tasks to the goal and what pushes away balance: {apart}"
     return PlanStatus.STUCK, "nothing leads on: singular, or as near to the goal as that way leads"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -33,7 +34,7 @@ class Attraction(Protocol):
 
 
 class TaskAttraction:
-    """Leads a node straight to its goal, as the solver follows a pull: down the paraboloid of equation 1, by the
+    """Leads a node straight to its goal, as the solver follows a task: down the paraboloid of equation 1, by the
     pseudo-inverse of the Jacobian instead of its transpose, so that no step has to be searched for.
 
     Args:
@@ -46,8 +47,8 @@ class TaskAttraction:
 
     def __init__(self, mechanism: Mechanism, node: str, goal: pin.SE3, translation: int, rotation: int) -> None:
         self.words = f"{node} straight to the goal"
-        self._solver = Solver(mechanism, 1.0, gain=_GAIN)
-        self._pull = self._solver.pull(node, goal, translation, rotation, axes="world")
+        self._solver = Solver(mechanism, 1.0, gain=-math.log1p(-_GAIN))
+        self._task = self._solver.add_task(node, goal, translation, rotation, axes="world")
 
     def ahead(self, q: Array, steps: int = 1) -> Array:
         """(steps, nq) where it would lead from q (nq,)."""
@@ -57,8 +58,8 @@ class TaskAttraction:
 
     def left(self, q: Array) -> float:
         """How far the node is from its goal, in rad or characteristic lengths."""
-        mechanism, pull = self._solver.mechanism, self._pull
-        straight, turn = pull.errors(mechanism.placement(q, pull.node), np.eye(3))
+        mechanism, task = self._solver.mechanism, self._task
+        straight, turn = task.errors(mechanism.placement(q, task.node), np.eye(3))
         return float(np.hypot(np.linalg.norm(straight) / mechanism.length, np.linalg.norm(turn)))
 
 

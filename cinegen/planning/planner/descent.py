@@ -15,8 +15,8 @@ from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene
 from cinegen.ik.objectives import State
-from cinegen.ik.pull import Pull
 from cinegen.ik.resolve import free_motions
+from cinegen.ik.task import FrameTask
 from cinegen.loops.arrays import moves
 from cinegen.model import Mechanism
 from cinegen.planning.fields import Elliptical, Firas, Spherical, line_search
@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 GAINS = {Field.FIRAS: Gains(0.1), Field.SPHERICAL: Gains(0.1), Field.ELLIPTICAL: Gains(0.1)}
 """How strong each is unless it is said.
 
-Tried on 40 scenes of a planar 3R and 40 of a mobile point: pulls of 0.01 to 3 lengths (FIRAS, also with a half and a
+Tried on 40 scenes of a planar 3R and 40 of a mobile point: tasks of 0.01 to 3 lengths (FIRAS, also with a half and a
 quarter of the range), 0.03 to 1 with exponents of 0.5, 1 and 2 (spherical), 0.01 to 1 with decays of 1 to 8
 (elliptical). Between neighbours of these nothing differs by more than a few scenes; strong ones are worse for arms.
 """
@@ -55,23 +55,23 @@ class Goal:
 
     def __init__(self, scene: Scene) -> None:
         self._mechanism, self._node = scene.mechanism, scene.node
-        self._pull = Pull(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
+        self._task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
         self._units = np.repeat([1.0 / scene.mechanism.length, 1.0], [scene.translation, scene.rotation])
 
     def value(self, q: Array) -> float:
         """At q (nq,)."""
-        error = self._units * np.concatenate(self._pull.errors(self._placement(q), np.eye(3)))
+        error = self._units * np.concatenate(self._task.errors(self._placement(q), np.eye(3)))
         return 0.5 * float(error @ error)
 
     def gradient(self, q: Array) -> Array:
         """(nv,) by rad and lengths."""
         jacobian = self._mechanism.jacobian(q, self._node)
-        error, rows = self._pull.equations(self._placement(q), jacobian, np.eye(3))
+        error, rows = self._task.equations(self._placement(q), jacobian, np.eye(3))
         return np.asarray(-(self._units**2 * error) @ rows * self._mechanism.scale)
 
     def way(self, q: Array) -> Array:
         """(3,) from the node to where it is to go, as far as that counts, m."""
-        straight, _ = self._pull.errors(self._placement(q), np.eye(3))
+        straight, _ = self._task.errors(self._placement(q), np.eye(3))
         return np.pad(straight, (0, 3 - len(straight)))
 
     def _placement(self, q: Array) -> pin.SE3:

@@ -54,12 +54,12 @@ class Gains:
     """How strong potentials are: in lengths of the robot and in ranges, the same for all scenes.
 
     Attributes:
-        pull: lengths: in the middle of its range an obstacle pushes a point as hard as a goal so far away pulls it.
+        task: lengths: in the middle of its range an obstacle pushes a point as hard as a goal so far away tasks it.
         exponent: gamma, of a spherical potential.
         decay: of an elliptical one: in a range it falls by e^-decay, and by its 1/K.
     """
 
-    pull: float
+    task: float
     exponent: float = 1.0
     decay: float = 2.0
 
@@ -85,8 +85,8 @@ class Gains:
         return Elliptical(box.middle, box.half, strength, decay, axes=box.axes)
 
     def _slope(self, length: float) -> float:
-        """1/m, of the goal's potential where it is `pull` lengths away."""
-        return self.pull / length
+        """1/m, of the goal's potential where it is `task` lengths away."""
+        return self.task / length
 
 
 class Box(NamedTuple):

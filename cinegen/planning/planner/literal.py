@@ -36,19 +36,19 @@ class Literal:
         scene: what is where.
         bodies: of the robot.
         reach: m, range of influence.
-        pull: how strong vortices are, see `PULL`.
+        task: how strong vortices are, see `PULL`.
         gain: k_g.
     """
 
     def __init__(
-        self, scene: Scene, bodies: Sequence[Body], reach: float, pull: float = PULL, gain: float = GAIN
+        self, scene: Scene, bodies: Sequence[Body], reach: float, task: float = PULL, gain: float = GAIN
     ) -> None:
         mechanism = scene.mechanism
         self._goal, self._gain, self._scale = Goal(scene), gain, mechanism.scale
         self._owner = [i for i, obstacle in enumerate(scene.obstacles) for _ in obstacle.bodies]
         self._links = Links(mechanism, bodies, [body for obstacle in scene.obstacles for body in obstacle.bodies])
         self._straight = Descent(mechanism, self._goal.value, self._goal.gradient)
-        self._vortex, self._reach = Vortex(pull / mechanism.length * reach, reach), reach
+        self._vortex, self._reach = Vortex(task / mechanism.length * reach, reach), reach
         self._plane, self._mobile = plane_of(mechanism), scene.mobile is not None
         self._base = np.array(mechanism.model.jointPlacements[min(1, mechanism.model.njoints - 1)].translation)
         self._axes: dict[int, Array] = {}

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene
-from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
+from cinegen.ik.task import FrameTask
 from cinegen.loops.thresholds import CLOSURE
 
 Array = NDArray[np.float64]
@@ -43,9 +43,9 @@ def postures(scene: Scene, clearance: Clearance, seed: int = 0) -> Postures:
     none that these lead to.
     """
     mechanism, rng = scene.mechanism, np.random.default_rng(seed)
-    pull = Pull(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
-    seeker = Seeker(mechanism, (pull,))
-    seeker.pulls[0].target = scene.goal
+    task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
+    seeker = Seeker(mechanism, (task,))
+    seeker.tasks[0].target = scene.goal
     starts = [scene.start]
     if mechanism.loops:
         starts += list(Seeker(mechanism).spread(_SPREAD, rng))

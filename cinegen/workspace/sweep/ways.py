@@ -9,8 +9,8 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import ClosureError
-from cinegen.ik.pull import Pull
 from cinegen.ik.seeker import Seeker
+from cinegen.ik.task import FrameTask
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
@@ -46,8 +46,8 @@ class Ways:
             self._at = self._closed
         else:
             self._points, self._rotations = spec.region.poses_at(spec.home, values)
-            pull = Pull(spec.node, pin.SE3.Identity(), 3, spec.rotation)
-            self._seeker = Seeker(spec.mechanism, (pull,), spec.limits)
+            task = FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation)
+            self._seeker = Seeker(spec.mechanism, (task,), spec.limits)
             self._at = self._posed
 
     def away(self, q: Array, other: Array) -> float:
@@ -100,7 +100,7 @@ class Ways:
         a, b = (self._rotations[point if len(self._rotations) > 1 else 0] for point in (one, other))
         rotation = a if a is b or x == 0.0 else b if x == 1.0 else a @ pin.exp3(x * pin.log3(a.T @ b))
         place = self._points[one] + x * (self._points[other] - self._points[one])
-        self._seeker.pulls[0].target = pin.SE3(rotation, place)
+        self._seeker.tasks[0].target = pin.SE3(rotation, place)
         return self._seeker.best if self._seeker.seek(guess, _GOAL) else None
 
     def _closed(self, one: int, other: int, x: float, guess: Array) -> Array | None:

@@ -85,9 +85,9 @@ def attraction(scene, q):
     return 0.5 * float(way[:2] @ way[:2]) / scene.mechanism.length**2
 
 
-def firas(scene, q, reach, pull):
-    """The total potential far from the goal, by its formula: at half its range it pushes with pull / length."""
-    k = pull / scene.mechanism.length * (reach / 2.0) ** 2 / (2.0 / reach - 1.0 / reach)
+def firas(scene, q, reach, task):
+    """The total potential far from the goal, by its formula: at half its range it pushes with task / length."""
+    k = task / scene.mechanism.length * (reach / 2.0) ** 2 / (2.0 / reach - 1.0 / reach)
     distances = np.concatenate([apart(scene, q, body) for each in scene.obstacles for body in each.bodies])
     return attraction(scene, q) + float(0.5 * k * (np.maximum(1.0 / distances - 1.0 / reach, 0.0) ** 2).sum())
 
@@ -97,11 +97,11 @@ def circle_around(box):
     return Body("", 0, box.placement, coal.Capsule(float(np.linalg.norm(box.shape.halfSide[:2])), 9.0))
 
 
-def spherical(scene, q, reach, pull):
+def spherical(scene, q, reach, task):
     """The same of the circles around rectangles."""
     total = attraction(scene, q)
     for each in scene.obstacles:
-        k = pull / scene.mechanism.length * (reach / 2.0) ** 3 / 2.0
+        k = task / scene.mechanism.length * (reach / 2.0) ** 3 / 2.0
         total += float((k / apart(scene, q, circle_around(each.bodies[0])) ** 2).sum())
     return total
 
@@ -133,9 +133,9 @@ def test_firas_has_the_gradient_of_its_total_potential_for_an_arm(step, reach):
     scene = figure("rod")
     q = moved(scene, scene.start, step)
     found = potential(scene, Field.FIRAS, reach)
-    pull = GAINS[Field.FIRAS].pull
-    assert found.value(q) == pytest.approx(firas(scene, q, reach, pull), rel=1e-6)
-    wanted = slopes(scene, lambda q: firas(scene, q, reach, pull), q, 1e-5)
+    task = GAINS[Field.FIRAS].task
+    assert found.value(q) == pytest.approx(firas(scene, q, reach, task), rel=1e-6)
+    wanted = slopes(scene, lambda q: firas(scene, q, reach, task), q, 1e-5)
     assert found.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
 
 
@@ -146,12 +146,12 @@ def test_spherical_has_the_gradient_of_its_total_potential_for_an_arm(step, reac
     q = moved(scene, scene.start, step)
     assume(min(apart(scene, q, circle_around(scene.obstacles[0].bodies[0]))) > 0.02)
     found = potential(scene, Field.SPHERICAL, reach)
-    pull = GAINS[Field.SPHERICAL].pull
+    task = GAINS[Field.SPHERICAL].task
     assert isinstance(found.fields[0], Spherical)
-    assert found.value(q) == pytest.approx(spherical(scene, q, reach, pull), rel=1e-3)  # its ball is nearly the least
+    assert found.value(q) == pytest.approx(spherical(scene, q, reach, task), rel=1e-3)  # its ball is nearly the least
     wanted = slopes(scene, found.value, q, 1e-5)
     assert found.gradient(q) == pytest.approx(wanted, abs=2e-4 * (1.0 + np.abs(wanted).max()))
-    by_formula = slopes(scene, lambda q: spherical(scene, q, reach, pull), q, 1e-5)
+    by_formula = slopes(scene, lambda q: spherical(scene, q, reach, task), q, 1e-5)
     assert found.gradient(q) == pytest.approx(by_formula, abs=5e-3 * (1.0 + np.abs(wanted).max()))
 
 
@@ -213,10 +213,10 @@ def is_lowest(scene, found, q, away):
     return all(found.value(moved(scene, q, away * way / np.linalg.norm(way))) >= here - 1e-9 for way in ways)
 
 
-@pytest.mark.parametrize("pull", [0.03, 0.1, 1.0])
+@pytest.mark.parametrize("task", [0.03, 0.1, 1.0])
 @pytest.mark.parametrize("which", ["rod", "disc"])
-def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which, pull, monkeypatch):
-    monkeypatch.setitem(GAINS, Field.FIRAS, Gains(pull))
+def test_firas_stops_in_a_minimum_of_the_field_in_figures_5_and_7(which, task, monkeypatch):
+    monkeypatch.setitem(GAINS, Field.FIRAS, Gains(task))
     scene = figure("rod") if which == "rod" else figure("disc")
     found = plan(scene, field="firas")
     assert found.status is PlanStatus.STUCK

@@ -10,7 +10,7 @@ export const AIDS = [
     words: "Lost directions",
     hint: "Arrow or arc along which a motion is lost or gained, near singularities",
   },
-  { id: "forecast", words: "Path ahead", hint: "Where the pulls lead, and where a singularity or a limit will be met" },
+  { id: "forecast", words: "Path ahead", hint: "Where the tasks lead, and where a singularity or a limit will be met" },
   { id: "limits", words: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
   { id: "trail", words: "Trail", hint: "Where the pulled part or the tool has been" },
   { id: "ellipsoid", words: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },

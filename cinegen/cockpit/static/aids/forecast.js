@@ -1,4 +1,4 @@
-// The path ahead: where the pulls lead in the next moments, and what will be met there.
+// The path ahead: where the tasks lead in the next moments, and what will be met there.
 
 import {
   BufferGeometry,

@@ -10,13 +10,13 @@ const SEEN = 0.012; // characteristic lengths, rad: a smaller error shows no gho
 const SAID = 0.02; // characteristic lengths: a larger one is told in words
 
 export class Ghosts {
-  #marks = new Map(); // by the pull's id
-  #told = ""; // the pulls of the last state
+  #marks = new Map(); // by the task's id
+  #told = ""; // the tasks of the last state
 
   constructor({ view, session, labels, aids }) {
     Object.assign(this, { view, session, labels, aids });
-    session.on("state", ({ pulls = [] }) => {
-      const told = JSON.stringify(pulls);
+    session.on("state", ({ tasks = [] }) => {
+      const told = JSON.stringify(tasks);
       if (told !== this.#told) view.changed();
       this.#told = told;
     });
@@ -25,10 +25,10 @@ export class Ghosts {
   }
 
   #show() {
-    const pulls = this.aids.shows("ghost") ? this.session.pulls : [];
-    this.#keep(new Set(pulls.map((pull) => pull.id)));
-    for (const pull of pulls) {
-      if (this.session.knows(pull.robot, pull.node)) this.#place(pull);
+    const tasks = this.aids.shows("ghost") ? this.session.tasks : [];
+    this.#keep(new Set(tasks.map((task) => task.id)));
+    for (const task of tasks) {
+      if (this.session.knows(task.robot, task.node)) this.#place(task);
     }
   }
 
@@ -41,13 +41,13 @@ export class Ghosts {
     }
   }
 
-  #place(pull) {
-    const { length } = this.session.robot(pull.robot);
-    const mark = this.#marks.get(pull.id) ?? this.#make(pull, length);
-    const part = this.view.pose(pull.robot, pull.node);
-    const point = new Vector3().fromArray(pull.point ?? part.position.toArray());
-    const target = mark.target.fromArray(pull.target ?? point.toArray());
-    const [far = 0, turned = 0] = pull.error ?? [];
+  #place(task) {
+    const { length } = this.session.robot(task.robot);
+    const mark = this.#marks.get(task.id) ?? this.#make(task, length);
+    const part = this.view.pose(task.robot, task.node);
+    const point = new Vector3().fromArray(task.point ?? part.position.toArray());
+    const target = mark.target.fromArray(task.target ?? point.toArray());
+    const [far = 0, turned = 0] = task.error ?? [];
     const off = far > SEEN * length || turned > SEEN * 5;
     const colour = far > SAID * length ? COLOURS.vermillion : theme.accent;
     mark.paint.color.setHex(colour);
@@ -56,33 +56,33 @@ export class Ghosts {
     span(mark.way, point, target, 0.004 * length);
     mark.way.visible &&= off;
     mark.copy.visible = off;
-    if (off) this.#lay(mark.copy, pull, part, point, target);
+    if (off) this.#lay(mark.copy, task, part, point, target);
     this.labels.put(mark.label, far > SAID * length ? `${units.length(far)} away` : "", target, "far");
   }
 
   /** The copy stands so that the pulled point is at its target. */
-  #lay(copy, pull, part, point, target) {
+  #lay(copy, task, part, point, target) {
     const inPart = point.clone().sub(part.position).applyQuaternion(part.quaternion.clone().invert());
-    const held = (pull.holds?.[1] ?? 0) === 3 && pull.target.length === 7;
-    copy.quaternion.copy(held ? new Quaternion().fromArray(pull.target, 3) : part.quaternion);
+    const held = (task.holds?.[1] ?? 0) === 3 && task.target.length === 7;
+    copy.quaternion.copy(held ? new Quaternion().fromArray(task.target, 3) : part.quaternion);
     copy.position.copy(target).sub(inPart.applyQuaternion(copy.quaternion));
   }
 
-  #make(pull, length) {
+  #make(task, length) {
     const mark = {
       group: new Group(),
       target: new Vector3(),
-      label: `pull ${pull.id}`,
+      label: `task ${task.id}`,
       paint: paint(theme.accent, { opacity: 0.9 }),
       veil: paint(theme.accent, { opacity: 0.22, through: false }),
     };
     mark.ball = ball(mark.paint, 0.014 * length);
     mark.way = rod(mark.paint);
     mark.copy = new Group();
-    this.#copy(this.view.group(pull.robot, pull.node), mark);
+    this.#copy(this.view.group(task.robot, task.node), mark);
     mark.group.add(mark.ball, mark.way, mark.copy);
     this.view.stage.add(mark.group);
-    this.#marks.set(pull.id, mark);
+    this.#marks.set(task.id, mark);
     return mark;
   }
 

@@ -29,7 +29,7 @@ export class Trails {
   #grow() {
     if (!this.aids.shows("trail")) return;
     for (const robot of this.session.robots) {
-      const node = this.session.pulls.find((pull) => pull.robot === robot.name)?.node ?? robot.end;
+      const node = this.session.tasks.find((task) => task.robot === robot.name)?.node ?? robot.end;
       if (!robot.byName.has(node)) continue;
       let trail = this.#trails.get(robot.name);
       if (trail === undefined) this.#trails.set(robot.name, (trail = this.#make()));

@@ -40,7 +40,7 @@ export class Foot {
   /** @param {import("../base/link.js").State} state */
   #answer(state) {
     if (this.#sent.length === 0) return;
-    const target = state.pulls?.find((pull) => pull.who === "hand")?.target;
+    const target = state.tasks?.find((task) => task.who === "hand")?.target;
     if (!target) return;
     const found = this.#sent.findIndex(([, lead]) => [0, 1, 2].every((i) => Math.abs(lead[i] - target[i]) < SAME));
     if (found < 0) return;

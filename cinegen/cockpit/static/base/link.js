@@ -20,9 +20,9 @@ import { Events } from "./events.js";
  *   switches?: Switch[], frames: string[], map?: string | null,
  *   replay?: { file: string, seconds: number, stops: number[] } | null }} Hello
  * @typedef {{ id: number, robot: string, node: string, who: string, label: string | null, point: number[],
- *   target: number[], error: number[], holds: [number, number], weight: number }} Pull
+ *   target: number[], error: number[], holds: [number, number], weight: number }} Task
  * @typedef {{ kind: "state", time: number, frame?: number, hand?: number | null, poses: Record<string, number[]>,
- *   pulls?: Pull[], statuses?: Record<string, { name: string, words: string }>, report?: Report }} State
+ *   tasks?: Task[], statuses?: Record<string, { name: string, words: string }>, report?: Report }} State
  * @typedef {{ sigma: number | null, near: number, words?: string, node?: string, at?: number[], twist?: number[] }} Singular
  * @typedef {{ time: number, kind: string, words: string, at: number[] }} Foreseen
  * @typedef {{ q?: number[], saturated: string[], near: string[], closure: number | null, type1: Singular | null,

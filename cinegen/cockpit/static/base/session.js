@@ -87,9 +87,9 @@ export class Session extends Events {
     return this.robots.length > 1 ? `${robot} · ${node}` : node;
   }
 
-  /** Whether a part is pulled, and by whom: the pulls that hold now. */
-  get pulls() {
-    return this.state?.pulls ?? [];
+  /** Whether a part is pulled, and by whom: the tasks that hold now. */
+  get tasks() {
+    return this.state?.tasks ?? [];
   }
 
   /** Whether commands may be given; says so where another browser holds the hand. */

@@ -115,9 +115,9 @@ export class Tree {
   }
 
   #mark(show) {
-    const { selected, pulls } = this.session;
+    const { selected, tasks } = this.session;
     const chosen = selected === null ? null : keyOf(selected.robot, selected.node);
-    const pulled = new Set(pulls.map((pull) => keyOf(pull.robot, pull.node)));
+    const pulled = new Set(tasks.map((task) => keyOf(task.robot, task.node)));
     for (const [key, button] of this.#nodes) {
       const pressed = String(key === chosen);
       if (button.getAttribute("aria-pressed") !== pressed) button.setAttribute("aria-pressed", pressed);

@@ -40,14 +40,14 @@ def twins(request, tmp_path):
 def test_a_grip_moves_as_a_frame_does(twins, rotation, axes):
     robot, node, at = twins
     solver, other = cinegen.Solver(robot, 0.01), cinegen.Solver(robot, 0.01)
-    pull = solver.pull(node, rotation=rotation, axes=axes, at=at)
-    twin = other.pull("grip", rotation=rotation, axes=axes)
-    assert pull.target.isApprox(twin.target, 1e-9)
+    task = solver.add_task(node, rotation=rotation, axes=axes, offset=at)
+    twin = other.add_task("grip", rotation=rotation, axes=axes)
+    assert task.target.isApprox(twin.target, 1e-9)
     rng = np.random.default_rng(0)
     for _ in range(40):
         step = 0.01 * np.r_[robot.length * rng.normal(size=3), rng.normal(size=3)]
-        target = pull.target * pin.exp6(step)
-        pull.target, twin.target = target, target
+        target = task.target * pin.exp6(step)
+        task.target, twin.target = target, target
         ours, theirs = solver.step(), other.step()
         assert np.allclose(ours.q, theirs.q, atol=1e-9)
         assert ours.status is theirs.status
@@ -59,27 +59,27 @@ def test_a_point_is_enough(robot):
     arm = robot("arm7")
     solver = cinegen.Solver(arm, 0.01)
     point = np.array([0.05, -0.1, 0.02])
-    pull = solver.pull("link5", rotation=0, at=point)
-    pull.target.translation += [0.02, 0.03, -0.01]
+    task = solver.add_task("link5", rotation=0, offset=point)
+    task.target.translation += [0.02, 0.03, -0.01]
     for _ in range(200):
         step = solver.step()
     reached = arm.placement(step.q, "link5").act(point)
-    assert np.allclose(reached, pull.target.translation, atol=1e-6)
+    assert np.allclose(reached, task.target.translation, atol=1e-6)
 
 
 def test_reach_and_forecast_know_of_it(twins):
     robot, node, at = twins
     q = robot.random_closed(1)[0]
     there = robot.placement(q, node) * at
-    from cinegen.ik import Pull
+    from cinegen.ik import FrameTask
 
-    found = cinegen.inverse_kinematics(robot, [Pull(node, there, rotation=0, at=at)], limits=False)
+    found = cinegen.inverse_kinematics(robot, [FrameTask(node, there, rotation=0, offset=at)], limits=False)
     assert found
     assert np.allclose((robot.placement(found.q, node) * at).translation, there.translation, atol=1e-6)
     assert max(found.errors[0][:1]) < 1e-6
     solver, other = cinegen.Solver(robot, 0.01), cinegen.Solver(robot, 0.01)
-    pull, twin = solver.pull(node, rotation=0, at=at), other.pull("grip", rotation=0)
-    for one in (pull, twin):
+    task, twin = solver.add_task(node, rotation=0, offset=at), other.add_task("grip", rotation=0)
+    for one in (task, twin):
         one.target = pin.SE3(one.target.rotation, one.target.translation + np.array([0.0, 0.0, 10.0 * robot.length]))
     ahead, beyond = solver.forecast(1.0), other.forecast(1.0)
     assert [event.kind for event in ahead.events] == [event.kind for event in beyond.events]
@@ -88,4 +88,4 @@ def test_reach_and_forecast_know_of_it(twins):
 @pytest.mark.parametrize("at", ["here", (1.0, 2.0), (0.0, np.nan, 0.0), pin.SE3(np.eye(3), np.full(3, np.inf))])
 def test_what_is_no_place_is_refused(robot, at):
     with pytest.raises(cinegen.CinegenError, match="three finite numbers"):
-        cinegen.Solver(robot("arm7"), 0.01).pull("tool", at=at)
+        cinegen.Solver(robot("arm7"), 0.01).add_task("tool", offset=at)

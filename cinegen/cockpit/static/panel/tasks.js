@@ -1,6 +1,6 @@
-// Pulls: what is held now, by whom, how much of it, how strongly; each can be let go.
+// Tasks: what is held now, by whom, how much of it, how strongly; each can be let go.
 //
-// For tests: [data-pull="ID"] with button (release), select[data-holds="translation"] and [data-holds="rotation"],
+// For tests: [data-task="ID"] with button (release), select[data-holds="translation"] and [data-holds="rotation"],
 // input[type=range] (weight).
 
 import { atMostEvery, make, write } from "../base/dom.js";
@@ -12,14 +12,14 @@ const TRANSLATIONS = ["free", "x", "x, y", "x, y, z"];
 const ROTATIONS = ["free", "about z", "direction of z", "all"];
 const OFTEN = 100; // ms
 
-export class Pulls {
+export class Tasks {
   #cards = new Map();
 
   constructor(panel, session) {
     this.session = session;
     this.section = new Section(panel, {
-      id: "pulls",
-      words: "Pulls",
+      id: "tasks",
+      words: "Tasks",
       hint: "What leads the robots now: your hand, pins and sensors. Where they disagree, weights decide",
     });
     this.empty = make("p", { class: "empty" }, "Nothing is pulled. Drag a part, or select one and pin it.");
@@ -30,29 +30,29 @@ export class Pulls {
   }
 
   #show() {
-    const { pulls } = this.session;
-    this.empty.hidden = pulls.length > 0;
-    write(this.section.note, pulls.length > 0 ? String(pulls.length) : "");
-    const ids = new Set(pulls.map((pull) => pull.id));
+    const { tasks } = this.session;
+    this.empty.hidden = tasks.length > 0;
+    write(this.section.note, tasks.length > 0 ? String(tasks.length) : "");
+    const ids = new Set(tasks.map((task) => task.id));
     for (const [id, card] of this.#cards) {
       if (ids.has(id)) continue;
       card.element.remove();
       this.#cards.delete(id);
     }
-    for (const pull of pulls) {
-      let card = this.#cards.get(pull.id);
+    for (const task of tasks) {
+      let card = this.#cards.get(task.id);
       if (card === undefined) {
-        card = this.#make(pull);
-        this.#cards.set(pull.id, card);
+        card = this.#make(task);
+        this.#cards.set(task.id, card);
         this.section.body.append(card.element);
       }
-      this.#fill(card, pull);
+      this.#fill(card, task);
     }
   }
 
-  #make(pull) {
-    const { id } = pull;
-    const whose = this.session.called(pull.robot, pull.node);
+  #make(task) {
+    const { id } = task;
+    const whose = this.session.called(task.robot, task.node);
     const card = { who: make("span", { class: "quiet" }), error: make("span", { class: "number" }) };
     const release = make(
       "button",
@@ -85,7 +85,7 @@ export class Pulls {
     card.rotation = choose("rotation", ROTATIONS, "How much of its orientation is held");
     card.weight = logSlider({
       label: `Weight of ${whose}`,
-      hint: "Where pulls can't all be met, the heavier one wins",
+      hint: "Where tasks can't all be met, the heavier one wins",
       low: 0.01,
       high: 100,
       words: (value) => `× ${significant(value)}`,
@@ -95,7 +95,7 @@ export class Pulls {
     });
     card.element = make(
       "div",
-      { class: "card", data: { pull: String(id) } },
+      { class: "card", data: { task: String(id) } },
       make("div", { class: "head" }, make("span", { class: "name" }, whose), card.who, release),
       make("label", { class: "pair" }, "position", card.translation),
       make("label", { class: "pair" }, "turning", card.rotation),
@@ -111,19 +111,19 @@ export class Pulls {
     this.session.send({ holds: [id, Number(card.translation.value), Number(card.rotation.value)] });
   }
 
-  #fill(card, pull) {
+  #fill(card, task) {
     write(
       card.who,
-      pull.who === "sensor" ? (pull.label ?? "sensor") : pull.who === "pin" ? "pinned" : (pull.label ?? pull.who ?? ""),
+      task.who === "sensor" ? (task.label ?? "sensor") : task.who === "pin" ? "pinned" : (task.label ?? task.who ?? ""),
     );
-    const [translation = 3, rotation = 3] = pull.holds ?? [];
+    const [translation = 3, rotation = 3] = task.holds ?? [];
     const choosing = document.activeElement === card.translation || document.activeElement === card.rotation;
     if (!choosing || !(performance.now() - card.held < 1000)) {
       if (card.translation.value !== String(translation)) card.translation.value = String(translation);
       if (card.rotation.value !== String(rotation)) card.rotation.value = String(rotation);
     }
-    card.weight.show(pull.weight ?? 1);
-    const [far = 0, turned = 0] = pull.error ?? [];
+    card.weight.show(task.weight ?? 1);
+    const [far = 0, turned = 0] = task.error ?? [];
     write(card.error, `${units.length(far)}${rotation > 0 ? ` · ${units.angle(turned)}` : ""}`);
   }
 }

@@ -1,4 +1,4 @@
-"""A pull's equations: what is left to do, and its derivative."""
+"""A task's equations: what is left to do, and its derivative."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.ik import Pull
+from cinegen.ik import FrameTask
 
 
 def _body_step(placement, twist):
@@ -20,15 +20,15 @@ def _body_step(placement, twist):
 def test_the_rows_are_what_a_motion_takes_off_the_error_near_the_target(translation, rotation):
     rng = np.random.default_rng(translation + 4 * rotation)
     target = pin.SE3.Random()
-    pull = Pull("node", target, translation, rotation)
+    task = FrameTask("node", target, translation, rotation)
     near = _body_step(target, rng.normal(0, 1e-3, 6))
-    error, rows = pull.equations(near, np.eye(6))
-    assert error.shape == (pull.rows,)
+    error, rows = task.equations(near, np.eye(6))
+    assert error.shape == (task.rows,)
     for i in range(6):
         e = np.zeros(6)
         e[i] = 1e-6
-        ahead = pull.equations(_body_step(near, e), np.eye(6))[0]
-        behind = pull.equations(_body_step(near, -e), np.eye(6))[0]
+        ahead = task.equations(_body_step(near, e), np.eye(6))[0]
+        behind = task.equations(_body_step(near, -e), np.eye(6))[0]
         assert (behind - ahead) / 2e-6 == pytest.approx(rows[:, i], abs=6e-3)
 
 
@@ -45,7 +45,7 @@ def test_the_rows_are_what_a_motion_takes_off_the_error_near_the_target(translat
 )
 def test_what_a_pull_does_not_hold_is_no_error(translation, rotation, free):
     target = pin.SE3.Random()
-    error, _ = Pull("node", target, translation, rotation).equations(_body_step(target, np.array(free)), np.eye(6))
+    error, _ = FrameTask("node", target, translation, rotation).equations(_body_step(target, np.array(free)), np.eye(6))
     assert error == pytest.approx(np.zeros(translation + rotation), abs=1e-12)
 
 
@@ -53,16 +53,16 @@ def test_what_can_not_be_followed_is_known():
     bad = pin.SE3.Identity()
     bad.translation = np.array([np.nan, 0.0, 0.0])
     good = pin.SE3.Identity()
-    assert Pull("node", good).makes_sense()
+    assert FrameTask("node", good).is_valid()
     for wrong in (
-        Pull("node", bad),
-        Pull("node", np.eye(4)),
-        Pull("node", None),
-        Pull("node", good, translation=7),
-        Pull("node", good, rotation=-1),
-        Pull("node", good, rotation="all"),
-        Pull("node", good, weight=float("inf")),
-        Pull("node", good, weight=0.0),
-        Pull("node", good, weight="heavy"),
+        FrameTask("node", bad),
+        FrameTask("node", np.eye(4)),
+        FrameTask("node", None),
+        FrameTask("node", good, translation=7),
+        FrameTask("node", good, rotation=-1),
+        FrameTask("node", good, rotation="all"),
+        FrameTask("node", good, weight=float("inf")),
+        FrameTask("node", good, weight=0.0),
+        FrameTask("node", good, weight="heavy"),
     ):
-        assert not wrong.makes_sense()
+        assert not wrong.is_valid()
