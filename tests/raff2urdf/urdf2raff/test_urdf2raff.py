@@ -94,7 +94,8 @@ def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
 
     def body(number):
         """What a node is fixed on: a link that moves, or the base."""
-        while number and not (isinstance(robot.nodes[number], raff2urdf.document.RaffLink) and robot.nodes[number].type):
+        moves = raff2urdf.document.RaffLink
+        while number and not (isinstance(robot.nodes[number], moves) and robot.nodes[number].type):
             number = robot.nodes[number].pred
         return number
 
