@@ -1,7 +1,7 @@
-"""A loop at a fixed rate, in the calling thread, a thread of its own or a process of its own, that times itself."""
+"""Loops at a fixed rate, in the calling thread, another thread or another process, with timing statistics."""
 
-from cinegen.realtime.board import ClockError
+from cinegen.realtime.channel import ClockError
 from cinegen.realtime.clock import Clock, Tick
-from cinegen.realtime.record import Report, Spread
+from cinegen.realtime.timing import Percentiles, TimingReport
 
-__all__ = ["Clock", "ClockError", "Report", "Spread", "Tick"]
+__all__ = ["Clock", "ClockError", "Percentiles", "Tick", "TimingReport"]

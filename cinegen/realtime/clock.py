@@ -1,4 +1,4 @@
-"""`Clock`: a loop at a fixed rate."""
+"""A loop at a fixed rate."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import Any, NamedTuple, Self
 
-from cinegen.realtime import quiet
-from cinegen.realtime.board import Board, ClockError, HereBoard, SharedBoard
-from cinegen.realtime.record import Report
-from cinegen.realtime.worker import ProcessWorker, ThreadWorker, Worker
+from cinegen.realtime import scheduling
+from cinegen.realtime.channel import Channel, ClockError, LocalChannel, SharedChannel
+from cinegen.realtime.timing import TimingReport
+from cinegen.realtime.worker import LoopProcess, LoopThread, LoopWorker
 
 _SPIN = 2e-4  # s
-_SLICE = 0.05  # s: the longest sleep, so that a slow loop stops soon
+_SLICE = 0.05  # s: longest sleep, so that a slow loop stops soon
 
 
 class Tick(NamedTuple):
     """One tick of a clock.
 
     Attributes:
-        number: of its deadline, from 0; those of skipped ones are missing.
-        time: s from the first deadline to this one, `number` periods: when it should be, free of jitter.
-        late: s after its deadline that it began.
-        skipped: how many deadlines before it were skipped.
-        command: what `Clock.command` was last set to; None if it never was.
-        clock: whose tick it is, as it is in the loop's own thread or process; `tick.clock.stop()` makes this the last.
+        number: index of its deadline, from 0; indices of skipped deadlines are missing.
+        time: time of its deadline since the first one, s: `number` periods, without jitter.
+        late: delay of its start after its deadline, s.
+        skipped: number of deadlines that were skipped before it.
+        command: newest value of `Clock.command`; None before the first.
+        clock: clock of the loop, in the loop's own thread or process; `tick.clock.stop()` makes this tick the last.
     """
 
     number: int
@@ -43,26 +43,25 @@ Function = Callable[[Tick], Any]
 
 
 class Clock:
-    """Ticks at a fixed rate, here, in a thread of its own or in a process of its own, and times itself.
+    """Calls a function at a fixed rate, in the calling thread, another thread or another process.
 
-    Deadlines are whole periods after the first one: nothing drifts. Where a tick takes longer than its period, or
-    something holds the loop up, the next one begins at once, as that of the newest deadline that has passed; those
-    before it are skipped and counted, not made good in a burst.
+    Deadlines are whole periods after the first one, so they do not drift. If a tick takes longer than its period, the
+    next tick starts at once for the newest deadline that has passed; earlier deadlines are skipped and counted.
 
-    A clock runs one loop at a time. Each has a record and deadlines of its own.
+    A clock runs one loop at a time. Each loop has its own timing record and deadlines.
 
     Args:
-        period: s between two deadlines.
-        spin: s before a deadline that the loop wakes, to wait for it busily. What wakes it late by no more than this
-            does not show in its periods. It costs that part of a core, and of the interpreter lock where other
-            threads run. Unless given a fifth of the period, 0.2 ms at most.
-        priority: of the real-time class SCHED_FIFO, 1 to 99, where the system permits it; 0, the default, leaves the
-            scheduling as it is. `Report.scheduling` says what became of it. Real-time ticks keep all other programs
-            from their core while they run; several such loops can make a machine unusable.
-        cores: on which of the machine's cores the loop may run; any if empty.
+        period: time between two deadlines, s.
+        spin: time before a deadline at which the loop wakes and waits busily, s. Wake-up delays up to this time do not
+            affect the period. It occupies that fraction of a core, and of the interpreter lock if other threads run.
+            By default a fifth of the period, at most 0.2 ms.
+        priority: priority of the real-time class SCHED_FIFO, 1 to 99, where the system permits it; 0, the default,
+            leaves the scheduling unchanged. `TimingReport.scheduling` reports the result. A real-time tick blocks all
+            other programs on its core while it runs; several such loops can make a machine unusable.
+        cores: cores on which the loop may run; all if empty.
 
     Raises:
-        ClockError: one of these makes no sense.
+        ClockError: a value is out of range.
     """
 
     def __init__(
@@ -78,8 +77,8 @@ class Clock:
             raise ClockError(f"a clock's priority must be from 0 to 99, not {priority}")
         self.period, self.spin, self.priority, self.cores = period, spin, priority, frozenset(cores)
         self._command: Any = None
-        self._board: Board = HereBoard(period)
-        self._worker: Worker | None = None
+        self._channel: Channel = LocalChannel(period)
+        self._worker: LoopWorker | None = None
         self._looping = False
         self._scheduling = ""
 
@@ -89,102 +88,107 @@ class Clock:
     # --- loops ---------------------------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Tick]:
-        """Ticks in the calling thread, until `stop` is called or the loop is left."""
+        """Iterate over ticks in the calling thread, until `stop` is called or the loop is left."""
         return self.ticks()
 
     def ticks(self, seconds: float | None = None) -> Iterator[Tick]:
-        """Ticks in the calling thread, until `stop` is called or the loop is left.
+        """Iterate over ticks in the calling thread, until `stop` is called or the loop is left.
 
         Args:
-            seconds: those whose deadlines are within this time; for ever unless given.
+            seconds: duration; unlimited unless given.
 
         Raises:
-            ClockError: the clock runs already, or seconds make no sense.
+            ClockError: the clock is running already, or seconds is negative or not finite.
         """
-        count = self._begin(seconds, HereBoard(self.period))
+        count = self._begin(seconds, LocalChannel(self.period))
         return self._served(count)
 
-    def run(self, function: Function, seconds: float | None = None) -> Report:
-        """Calls function(tick) at every tick, in the calling thread; see `ticks`. What it returns becomes `state`.
+    def run(self, function: Function, seconds: float | None = None) -> TimingReport:
+        """Call function(tick) at every tick in the calling thread; its return value becomes `state`.
+
+        Args:
+            function: called with a `Tick`.
+            seconds: duration; unlimited unless given.
 
         Raises:
-            ClockError: the clock runs already, or seconds make no sense.
-            Exception: what the function raises; that ends the loop.
+            ClockError: the clock is running already, or seconds is negative or not finite.
+            Exception: exception of the function; it ends the loop.
         """
-        count = self._begin(seconds, HereBoard(self.period))
+        count = self._begin(seconds, LocalChannel(self.period))
         self._serve(function, count)
         return self.report()
 
     def start(self, function: Function, seconds: float | None = None) -> Self:
-        """Calls function(tick) at every tick, in a thread of its own, until `stop` is called. Returns at once.
+        """Start a thread that calls function(tick) at every tick until `stop` is called, and return at once.
 
-        What the function returns becomes `state`. What it raises ends the loop, and is raised again by the next of
-        `stop`, `join`, `state`, `command = ...`, the end of a `with`, or another loop's begin.
+        The function's return value becomes `state`. An exception of the function ends the loop; it is raised again by
+        the next call of `stop`, `join`, `state`, `command = ...`, the end of a `with` block, or the next loop.
 
         Args:
             function: called with a `Tick`.
-            seconds: those ticks whose deadlines are within this time; for ever unless given.
+            seconds: duration; unlimited unless given.
 
         Raises:
-            ClockError: the clock runs already, or seconds make no sense.
+            ClockError: the clock is running already, or seconds is negative or not finite.
         """
-        count = self._begin(seconds, HereBoard(self.period))
-        self._worker = ThreadWorker(lambda: self._serve(function, count))
+        count = self._begin(seconds, LocalChannel(self.period))
+        self._worker = LoopThread(lambda: self._serve(function, count))
         return self
 
     def spawn(self, factory: Callable[..., Function], *arguments: Any, seconds: float | None = None) -> Self:
-        """As `start`, in a process of its own, that no other Python thread holds up. Returns when the loop begins.
+        """Start the loop in a new process, which other Python threads do not delay; return when the loop starts.
 
-        The function is made there, by factory(*arguments). These are pickled, and so are commands and states, whose
-        newest pass through shared memory, 64 KiB at most each. Errors of the factory are raised here.
+        The new process creates the function by factory(*arguments). Arguments, commands and states are pickled; the
+        newest command and state pass through shared memory, at most 64 KiB each. Exceptions of the factory are raised
+        here.
 
         Args:
-            factory: a function at the top of a module.
-            arguments: for it. A `Mechanism` can be sent.
-            seconds: those ticks whose deadlines are within this time; for ever unless given.
+            factory: function at the top level of a module.
+            arguments: its arguments. A `Mechanism` can be pickled.
+            seconds: duration; unlimited unless given.
 
         Raises:
-            ClockError: the clock runs already, seconds make no sense, something can't be pickled, or the process
-                ended before the loop began.
-            Exception: what the factory raises.
+            ClockError: the clock is running already; seconds is negative or not finite; an argument can't be pickled;
+                or the process ended before the loop started.
+            Exception: exception of the factory.
         """
-        count = self._begin(seconds, SharedBoard(self.period))
+        count = self._begin(seconds, SharedChannel(self.period))
         settings = {"period": self.period, "spin": self.spin, "priority": self.priority, "cores": self.cores}
-        worker = ProcessWorker(_serve_there, settings, self._board, count, factory, arguments)
-        self._worker, self._scheduling = worker, worker.words
+        worker = LoopProcess(_serve_there, settings, self._channel, count, factory, arguments)
+        self._worker, self._scheduling = worker, worker.scheduling
         return self
 
     def stop(self, timeout: float = 10.0) -> None:
-        """Makes the tick that is on its way the last. From outside, waits until it has ended.
+        """Stop the loop after the present tick. Unless called by the loop itself, wait until it has ended.
 
         Args:
-            timeout: s to wait; after that, a process is ended by force.
+            timeout: time to wait, s; after that, a process is ended by force.
 
         Raises:
-            ClockError: it did not end in time.
-            Exception: what ended the loop, if nobody was told yet.
+            ClockError: the loop did not end in time.
+            Exception: exception that ended the loop, unless it was raised before.
         """
         worker = self._worker
-        self._board.stopped = True
+        self._channel.stopped = True
         if worker is None or worker.inside():
             return
         if not worker.ended(timeout):
             end = "its process was ended by force" if worker.kill() else "its thread still runs"
             raise ClockError(f"a clock's tick took longer than {timeout:g} s: {end}")
-        self._tell()
+        self._raise_error()
 
     def join(self, timeout: float | None = None) -> bool:
-        """Waits until the loop ends by itself. Returns whether it has.
+        """Wait until the loop ends by itself. Return whether it has.
 
         Args:
-            timeout: s to wait at most.
+            timeout: longest time to wait, s; unlimited unless given.
 
         Raises:
-            Exception: what ended the loop, if nobody was told yet.
+            Exception: exception that ended the loop, unless it was raised before.
         """
         if self._worker is not None and not self._worker.ended(timeout):
             return False
-        self._tell()
+        self._raise_error()
         return True
 
     def __enter__(self) -> Self:
@@ -198,73 +202,73 @@ class Clock:
         except Exception as own:
             if error is None:
                 raise
-            error.add_note(f"Besides, a clock's loop had ended by {own!r}")
+            error.add_note(f"A clock's loop had also ended by {own!r}")
             logging.getLogger("cinegen").error("a clock's loop was ended by an exception", exc_info=own)
 
-    # --- beside a loop -------------------------------------------------------------------------------------------
+    # --- while a loop runs -------------------------------------------------------------------------------------------
 
     @property
     def running(self) -> bool:
-        """Whether a loop runs."""
+        """Whether a loop is running."""
         return self._looping or (self._worker is not None and not self._worker.ended())
 
     @property
     def command(self) -> Any:
-        """What ticks are told. May be set at any time, also before a loop begins; only the newest counts.
+        """Value that ticks receive. It may be set at any time, also before a loop starts; only the newest is kept.
 
         Raises, when set:
-            ClockError: it can't be sent to the loop's process.
-            Exception: what ended the loop, if nobody was told yet.
+            ClockError: the value can't be sent to the loop's process.
+            Exception: exception that ended the loop, unless it was raised before.
         """
         return self._command
 
     @command.setter
     def command(self, command: Any) -> None:
-        self._tell()
-        self._board.command = command
+        self._raise_error()
+        self._channel.command = command
         self._command = command
 
     @property
     def state(self) -> Any:
-        """What the function last returned that is not None; None if nothing. From another process it is a copy.
+        """Newest return value of the function that is not None; from another process it is a copy.
 
         Raises:
-            Exception: what ended the loop, if nobody was told yet.
+            Exception: exception that ended the loop, unless it was raised before.
         """
-        self._tell()
-        return self._board.state
+        self._raise_error()
+        return self._channel.state
 
-    def report(self) -> Report:
-        """How the loop keeps its period, or how the last one did."""
-        return self._board.record.report(self._scheduling)
+    def report(self) -> TimingReport:
+        """Return the timing statistics of the present loop, or of the last one."""
+        return self._channel.record.report(self._scheduling)
 
     # --- inside --------------------------------------------------------------------------------------------------
 
-    def _begin(self, seconds: float | None, board: Board) -> float:
-        """Makes everything ready for a loop; how many deadlines it has."""
+    def _begin(self, seconds: float | None, channel: Channel) -> float:
+        """Prepare a loop; return its number of deadlines."""
         if self.running:
-            raise ClockError("a clock runs one loop at a time: stop it first, or make another one")
+            raise ClockError("this clock is running already: stop it first, or use another clock")
         if seconds is not None and not (math.isfinite(seconds) and seconds >= 0.0):
-            raise ClockError(f"a clock runs for 0 seconds or more, not {seconds}; for ever unless they are given")
-        self._tell()
+            raise ClockError(f"seconds must be finite and not negative, not {seconds}")
+        self._raise_error()
         if self._command is not None:
-            board.command = self._command
-        self._board, self._worker = board, None
+            channel.command = self._command
+        self._channel, self._worker = channel, None
         return math.inf if seconds is None else math.ceil(seconds / self.period - 1e-6)
 
-    def _tell(self) -> None:
-        """Raises what ended the loop, once."""
+    def _raise_error(self) -> None:
+        """Raise the exception that ended the loop, once."""
         error = self._worker.error() if self._worker is not None else None
         if error is not None:
             raise error
 
     @contextmanager
     def _prepared(self) -> Iterator[str]:
-        with quiet.quiet_interpreter(), quiet.scheduled(self.priority, self.cores) as words:
-            self._scheduling = words
+        with scheduling.quiet_interpreter(), scheduling.scheduled(self.priority, self.cores) as description:
+            self._scheduling = description
             self._looping = True
             try:
-                yield words
+                yield description
             finally:
                 self._looping = False
 
@@ -273,54 +277,54 @@ class Clock:
             yield from self._loop(count)
 
     def _serve(self, function: Function, count: float, ready: Callable[[str], None] | None = None) -> None:
-        with self._prepared() as words:
+        with self._prepared() as description:
             if ready is not None:
-                ready(words)
+                ready(description)
             for tick in self._loop(count):
                 state = function(tick)
                 if state is not None:
-                    self._board.state = state
+                    self._channel.state = state
 
     def _loop(self, count: float) -> Iterator[Tick]:
-        """The ticks of so many deadlines."""
-        board, period, now = self._board, self.period, time.perf_counter
-        record = board.record
+        """Iterate over the ticks of `count` deadlines."""
+        channel, period, now = self._channel, self.period, time.perf_counter
+        record = channel.record
         begin, due = now(), 0
-        while due < count and self._wait(board, begin + due * period):
+        while due < count and self._wait(channel, begin + due * period):
             start = now()
             number = int(min(max(due, (start - begin) // period), count - 1))
             skipped, late = number - due, start - (begin + number * period)
             record.begun(start, late + skipped * period, skipped)
             due = number + 1
             try:
-                yield Tick(number, number * period, late, skipped, board.command, self)
+                yield Tick(number, number * period, late, skipped, channel.command, self)
             finally:
                 record.ended(now(), begin + due * period)
 
-    def _wait(self, board: Board, deadline: float) -> bool:
-        """Until a deadline (s on the clock); whether another tick is wanted."""
+    def _wait(self, channel: Channel, deadline: float) -> bool:
+        """Wait until a deadline (s); return False if the loop is to end."""
         now = time.perf_counter
-        while not board.stopped:
+        while not channel.stopped:
             left = deadline - self.spin - now()
             if left <= 0.0:
                 while now() < deadline:
                     pass
                 return True
-            quiet.asleep()
+            scheduling.asleep()
             time.sleep(min(left, _SLICE))
-            quiet.awake()
+            scheduling.awake()
         return False
 
 
 def _serve_there(
     settings: dict[str, Any],
-    board: Board,
+    channel: Channel,
     count: float,
     factory: Callable[..., Function],
     arguments: tuple[Any, ...],
     ready: Callable[[str], None],
 ) -> None:
-    """What a process of its own does."""
+    """Run a loop in a new process."""
     clock = Clock(**settings)
-    clock._board = board
+    clock._channel = channel
     clock._serve(factory(*arguments), count, ready)

@@ -1,4 +1,4 @@
-"""Who runs a loop beside its caller: a thread, or a process."""
+"""Threads and processes that run a loop."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ import traceback
 from collections.abc import Callable
 from typing import Any
 
-from cinegen.realtime.board import ClockError
+from cinegen.realtime.channel import ClockError
 
-_GRACE = 2.0  # s that a process has to end its tick when its parent is gone, and to end when it is terminated
+_GRACE = 2.0  # s for a process to complete its tick when its parent is gone, and to end when it is terminated
 
 
-class Worker:
-    """Runs one loop, once. What ends it is told once, at the program's exit at the latest."""
+class LoopWorker:
+    """Runs one loop, once. The exception that ends it is raised once, or printed when the program exits."""
 
     def __init__(self) -> None:
         self._done = threading.Event()
@@ -29,20 +29,20 @@ class Worker:
         atexit.register(self._exit)
 
     def ended(self, timeout: float | None = 0.0) -> bool:
-        """Whether it has ended, after waiting for that up to some seconds, or for ever."""
+        """Return whether the loop has ended, after waiting for at most `timeout` seconds; None waits for ever."""
         return self._done.wait(timeout)
 
     def error(self) -> BaseException | None:
-        """The error that ended it, if it has ended by one; once."""
+        """Return the exception that ended the loop, once; None without one."""
         error, self._error = self._error, None
         return error
 
     def inside(self) -> bool:
-        """Whether the caller is the loop itself."""
+        """Return whether the caller is the loop itself."""
         return False
 
     def kill(self) -> bool:
-        """Ends it by force; False if that can't be done."""
+        """End the loop by force; return False if that is not possible."""
         return False
 
     def _end(self, error: BaseException | None) -> None:
@@ -52,15 +52,15 @@ class Worker:
             atexit.unregister(self._exit)
 
     def _exit(self) -> None:
-        """The program ends."""
+        """Print an exception that was never raised when the program exits."""
         error = self.error()
         if error is not None:
-            error.add_note("That had ended a clock's loop, and nobody had asked.")
+            error.add_note("This exception ended a clock's loop and was not raised before the program ended.")
             sys.excepthook(type(error), error, error.__traceback__)
 
 
-class ThreadWorker(Worker):
-    """A thread of its own.
+class LoopThread(LoopWorker):
+    """Runs a loop in a thread.
 
     Args:
         serve: runs the loop to its end.
@@ -80,21 +80,21 @@ class ThreadWorker(Worker):
             self._end(None)
 
     def inside(self) -> bool:
-        """Whether the caller is that thread."""
+        """Return whether the caller is that thread."""
         return threading.current_thread() is self._thread
 
 
-class ProcessWorker(Worker):
-    """A process of its own, started afresh: it inherits nothing, all it gets is pickled.
+class LoopProcess(LoopWorker):
+    """Runs a loop in a new process, which inherits nothing: all its data are pickled.
 
     Args:
-        serve: a function at the top of a module. It runs the loop to its end, and says when it begins by calling its
-            last argument with the words that `words` is to be.
-        arguments: its other ones.
+        serve: function at the top level of a module. It runs the loop to its end. When the loop starts, it calls its
+            last argument with a description of the scheduling.
+        arguments: its other arguments.
 
     Raises:
-        ClockError: something can't be pickled, or the process ended before the loop began.
-        Exception: what was raised before it began.
+        ClockError: an argument can't be pickled, or the process ended before the loop started.
+        Exception: exception that was raised before the loop started.
     """
 
     def __init__(self, serve: Callable[..., None], *arguments: Any) -> None:
@@ -107,8 +107,8 @@ class ProcessWorker(Worker):
             self._process.start()
         except (pickle.PicklingError, AttributeError, TypeError) as error:
             raise ClockError(
-                f"a clock's process can't be sent all it needs: {error}. A factory must be a function at the top of a "
-                "module, and its arguments picklable"
+                f"arguments can't be sent to a clock's process: {error}. The factory must be a function at the "
+                "top level of a module, and its arguments must be picklable"
             ) from error
         finally:
             answers.close()
@@ -118,11 +118,11 @@ class ProcessWorker(Worker):
             self._finish(None)
             if answer is not None:
                 raise answer
-        self.words = str(answer)
+        self.scheduling = str(answer)
         threading.Thread(target=self._watch, name="cinegen clock watch", daemon=True).start()
 
     def _answer(self) -> tuple[bool, Any]:
-        """What the process says next: that it has begun, or what it ended by."""
+        """Return the next message of the process: whether its loop started, with its scheduling or its exception."""
         try:
             begun, answer = self._answers.recv()
         except (EOFError, OSError):
@@ -130,8 +130,8 @@ class ProcessWorker(Worker):
             begun, answer = (
                 False,
                 ClockError(
-                    f"a clock's process is gone, with exit code {self._process.exitcode}; what it wrote may say why. A "
-                    "program that spawns runs itself again there, unless it is guarded by: if __name__ == '__main__'"
+                    f"a clock's process ended with exit code {self._process.exitcode}; its output may show why. "
+                    "The new process imports the main program again: guard it by: if __name__ == '__main__'"
                 ),
             )
         return bool(begun), answer
@@ -145,7 +145,7 @@ class ProcessWorker(Worker):
         self._end(error)
 
     def kill(self) -> bool:
-        """Ends the process."""
+        """End the process."""
         self._process.terminate()
         if not self.ended(_GRACE):
             self._process.kill()
@@ -154,19 +154,19 @@ class ProcessWorker(Worker):
         return True
 
     def _exit(self) -> None:
-        if self.ended():  # else it is ended together with this process
+        if self.ended():  # else it ends together with this process
             super()._exit()
 
 
 def _run(
     answers: multiprocessing.connection.Connection, serve: Callable[..., None], arguments: tuple[Any, ...]
 ) -> None:
-    """What the process does."""
+    """Run the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     error: BaseException | None = None
     try:
-        serve(*arguments, lambda words: answers.send((True, words)))
+        serve(*arguments, lambda scheduling: answers.send((True, scheduling)))
     except BaseException as caught:
         error = _portable(caught)
     answers.send((False, error))
@@ -181,7 +181,7 @@ def _end_with_parent() -> None:
 
 
 def _portable(error: BaseException) -> BaseException:
-    """An error that can be sent, with its traceback as a note."""
+    """Return an exception that can be pickled, with its traceback as a note."""
     story = "".join(traceback.format_exception(error)).rstrip()
     try:
         sent: BaseException = pickle.loads(pickle.dumps(error))

@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from cinegen.errors import CinegenWarning
-from cinegen.realtime import Clock, Report, Tick
+from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
 from cinegen.session.session import Session
 from cinegen.session.setup import Setup
@@ -100,7 +100,7 @@ class Loop:
         state: State | None = self._clock.state
         return state
 
-    def report(self) -> Report:
+    def report(self) -> TimingReport:
         """How well it keeps its rate."""
         return self._clock.report()
 

@@ -21,9 +21,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.realtime import Clock, ClockError, Tick, quiet
-from cinegen.realtime.board import LARGEST, Mailbox, SharedBoard
-from cinegen.realtime.record import BINS, WIDTH, Histogram, Record
+from cinegen.realtime import Clock, ClockError, Tick, scheduling
+from cinegen.realtime.channel import LARGEST, Mailbox, SharedChannel
+from cinegen.realtime.timing import BINS, WIDTH, Histogram, TimingRecord
 
 TIMES = st.floats(1e-9, 99.0)
 
@@ -126,7 +126,8 @@ def test_ticks_that_always_take_too_long_follow_each_other_at_once(scene):
 
 
 def test_a_slow_function_is_told_of(robot):
-    report = Clock(0.001).run(lambda tick: time.sleep(0.005 if tick.number == 10 else 0.0), seconds=0.05)
+    slow = iter([False] * 10 + [True])  # the eleventh tick; on a busy machine its number may be another
+    report = Clock(0.001).run(lambda tick: time.sleep(0.005 if next(slow, False) else 0.0), seconds=0.05)
     assert report.overruns >= 1
     assert report.skipped >= 4
     assert report.longest >= 0.004
@@ -160,7 +161,7 @@ def test_a_report_is_what_numpy_makes_of_the_list(pairs, period):
     works, rests = np.array(pairs).T
     starts = 1000.0 + np.concatenate([[0.0], np.cumsum(works + rests)[:-1]])
     dues = starts + period
-    record = Record(period)
+    record = TimingRecord(period)
     for start, work, rest, due in zip(starts, works, rests, dues, strict=True):
         record.begun(start, rest, 0)
         record.ended(start + work, due)
@@ -183,13 +184,13 @@ def test_a_report_is_what_numpy_makes_of_the_list(pairs, period):
 
 
 def test_a_record_takes_no_more_memory_as_it_grows():
-    memory = memoryview(bytearray(Record.SIZE))
-    record = Record(0.001, memory)
+    memory = memoryview(bytearray(TimingRecord.SIZE))
+    record = TimingRecord(0.001, memory)
     for i in range(1000):
         record.begun(0.001 * i, 1e-5 * i, 0)
         record.ended(0.001 * i + 1e-4, 0.001 * (i + 1))
-    assert Record(0.001, memory).report() == record.report()  # all of it is there
-    assert Record.SIZE < 20_000
+    assert TimingRecord(0.001, memory).report() == record.report()  # all of it is there
+    assert TimingRecord.SIZE < 20_000
 
 
 def test_a_report_can_be_read_by_a_person(scene):
@@ -300,7 +301,7 @@ def test_commands_go_in_and_states_come_out():
 def test_one_loop_at_a_time():
     with Clock(0.001).start(lambda tick: None) as clock:
         for begin in (clock.ticks, lambda: clock.run(print), lambda: clock.start(print), lambda: clock.spawn(print)):
-            with pytest.raises(ClockError, match="one loop at a time"):
+            with pytest.raises(ClockError, match="running already"):
                 begin()
     assert list(clock.ticks(0.0)) == []
 
@@ -312,7 +313,7 @@ def test_one_loop_at_a_time():
 def test_what_makes_no_sense_is_refused(wrong):
     with pytest.raises(ClockError, match=next(iter(wrong))):
         Clock(**wrong)
-    with pytest.raises(ClockError, match="0 seconds or more"):
+    with pytest.raises(ClockError, match="seconds must be finite"):
         Clock().ticks(-1.0)
     assert issubclass(ClockError, cinegen.CinegenError)
 
@@ -391,7 +392,7 @@ def test_an_error_that_nobody_asked_for_is_printed_in_the_end(root):
     )
     assert done.returncode == 0
     assert "RuntimeError: tripped" in done.stderr
-    assert "nobody had asked" in done.stderr
+    assert "was not raised before" in done.stderr
 
 
 def _program(root, text, **options):
@@ -464,7 +465,7 @@ def test_the_report_says_how_the_loop_was_scheduled(monkeypatch):
     scheduling = Clock(priority=7).run(lambda tick: None, 0.001).scheduling
     assert scheduling == "ordinary scheduling (no real time: operation not permitted)"
     monkeypatch.delattr(os, "sched_setscheduler")
-    assert "offers no other" in Clock(priority=7).run(lambda tick: None, 0.001).scheduling
+    assert "offers no real-time" in Clock(priority=7).run(lambda tick: None, 0.001).scheduling
 
 
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system has no such choice")
@@ -481,9 +482,9 @@ def test_a_loop_runs_on_the_cores_it_is_given():
 
 def test_quiet_loops_may_nest():
     before = sys.getswitchinterval()
-    with quiet.quiet_interpreter():
-        with quiet.quiet_interpreter():
-            quiet.asleep()
+    with scheduling.quiet_interpreter():
+        with scheduling.quiet_interpreter():
+            scheduling.asleep()
         assert sys.getswitchinterval() < before
     assert sys.getswitchinterval() == before
 
@@ -529,12 +530,12 @@ def test_a_value_that_is_torn_is_not_read():
 
 
 def test_what_cant_be_sent_is_said():
-    board = SharedBoard(0.001)
-    with pytest.raises(ClockError, match=rf"a state has \d+ bytes when pickled: send {LARGEST} at most"):
-        board.state = np.zeros(LARGEST)
+    channel = SharedChannel(0.001)
+    with pytest.raises(ClockError, match=rf"a state has \d+ bytes when pickled: at most {LARGEST} can be sent"):
+        channel.state = np.zeros(LARGEST)
     with pytest.raises(ClockError, match="a command for another process must be picklable, function is not"):
-        board.command = lambda: None
-    assert board.state is None
+        channel.command = lambda: None
+    assert channel.state is None
 
 
 # --- processes -------------------------------------------------------------------------------------------------------
@@ -648,7 +649,7 @@ def test_what_the_factory_raises_is_raised_at_once():
     with pytest.raises(RuntimeError, match="not made"):
         clock.spawn(troubled, "factory")
     assert not clock.running
-    with pytest.raises(ClockError, match="function at the top of a module"):
+    with pytest.raises(ClockError, match="function at the top level"):
         clock.spawn(lambda: print)
     assert not clock.running
     with pytest.raises(ClockError, match="can't run on cores"):

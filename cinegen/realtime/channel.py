@@ -1,6 +1,6 @@
-"""What a loop and those outside share: a flag that stops it, its record, the newest command and the newest state.
+"""Data shared by a loop and its caller: a stop flag, the timing record, the newest command and the newest state.
 
-Nobody ever waits for anybody: of a command or a state only the newest counts.
+Neither side ever waits for the other: only the newest command and the newest state are kept.
 """
 
 from __future__ import annotations
@@ -13,57 +13,60 @@ import zlib
 from typing import Any, Protocol
 
 from cinegen.errors import CinegenError
-from cinegen.realtime.record import Record
+from cinegen.realtime.timing import TimingRecord
 
 LARGEST = 1 << 16
-"""Bytes of a pickled command or state that another process can be told."""
+"""Largest size of a pickled command or state that is sent to another process, bytes."""
 
-_SLOTS = 4  # a reader has as many messages' time to copy one
+_SLOTS = 4  # a reader has the time of this many messages to copy one
 _TRIES = 8
 _HEAD = struct.Struct("=QII")  # number, length, checksum
 
 
 class ClockError(CinegenError):
-    """A clock that is used wrongly, or whose loop can't begin, end or be told something."""
+    """A clock is used in a wrong way, or its loop can't start, end or receive data."""
 
 
-class Board(Protocol):
-    """One for a loop and whoever started it."""
+class Channel(Protocol):
+    """Data shared by a loop and its caller."""
 
     stopped: bool
     command: Any
     state: Any
-    record: Record
+    record: TimingRecord
 
 
-class HereBoard:
-    """Within one process: what is written is what is read, no copy."""
+class LocalChannel:
+    """Channel within one process: the reader gets the very object that was written."""
 
     def __init__(self, period: float) -> None:
         self.stopped = False
         self.command: Any = None
         self.state: Any = None
-        self.record = Record(period)
+        self.record = TimingRecord(period)
 
 
-class SharedBoard:
-    """Between two processes, in shared memory: a copy is read, by pickle. Handed over as a process's argument.
+class SharedChannel:
+    """Channel between two processes in shared memory: the reader gets a copy, by pickle. Pass it as an argument of the
+    process.
 
     Args:
-        period: s.
+        period: period of the loop, s.
     """
 
     def __init__(self, period: float) -> None:
         context = multiprocessing.get_context("spawn")
-        self._map(period, context.RawArray("B", 8 + Record.SIZE + 2 * Mailbox.SIZE))
+        self._map(period, context.RawArray("B", 8 + TimingRecord.SIZE + 2 * Mailbox.SIZE))
 
     def _map(self, period: float, memory: Any) -> None:
         self._period, self._memory = period, memory
         whole = memoryview(memory).cast("B")
         self._flags = whole[:8]
-        parts = [whole[8 : 8 + Record.SIZE]]
-        parts += [whole[end : end + Mailbox.SIZE] for end in (8 + Record.SIZE, 8 + Record.SIZE + Mailbox.SIZE)]
-        self.record = Record(period, parts[0])
+        parts = [whole[8 : 8 + TimingRecord.SIZE]]
+        parts += [
+            whole[end : end + Mailbox.SIZE] for end in (8 + TimingRecord.SIZE, 8 + TimingRecord.SIZE + Mailbox.SIZE)
+        ]
+        self.record = TimingRecord(period, parts[0])
         self._command, self._state = Mailbox(parts[1]), Mailbox(parts[2])
 
     def __getstate__(self) -> tuple[float, Any]:
@@ -74,7 +77,7 @@ class SharedBoard:
 
     @property
     def stopped(self) -> bool:
-        """Whether the loop should end."""
+        """Whether the loop is to end."""
         return bool(self._flags[0])
 
     @stopped.setter
@@ -83,7 +86,7 @@ class SharedBoard:
 
     @property
     def command(self) -> Any:
-        """The newest; None if there is none yet."""
+        """Newest value; None before the first."""
         return self._command.read()
 
     @command.setter
@@ -92,7 +95,7 @@ class SharedBoard:
 
     @property
     def state(self) -> Any:
-        """The newest; None if there is none yet."""
+        """Newest value; None before the first."""
         return self._state.read()
 
     @state.setter
@@ -101,13 +104,13 @@ class SharedBoard:
 
 
 class Mailbox:
-    """Holds the newest value: one process writes, another reads, neither waits.
+    """Newest value, written by one process and read by another without waiting.
 
-    A value goes into the next of a few slots, so that a reader is not overtaken while it copies; where it is, or sees
-    things in another order than they were written, the checksum tells, and it looks again.
+    Values go into a few slots in turn, so that a reader is rarely overtaken while it copies. If it is, or if it sees
+    writes in another order, the checksum is wrong and it reads again.
 
     Args:
-        memory: `SIZE` bytes, 0 at the beginning.
+        memory: `SIZE` bytes, initially 0.
     """
 
     SIZE = 8 + _SLOTS * (_HEAD.size + LARGEST)
@@ -120,10 +123,10 @@ class Mailbox:
         self._lock = threading.Lock()  # of this process's threads only
 
     def write(self, value: Any, what: str) -> None:
-        """Puts a value in place of the one before.
+        """Replace the value.
 
         Raises:
-            ClockError: it can't be pickled, or is larger than `LARGEST`.
+            ClockError: the value can't be pickled, or its pickle is larger than `LARGEST`.
         """
         try:
             message = pickle.dumps(value, pickle.HIGHEST_PROTOCOL)
@@ -131,7 +134,7 @@ class Mailbox:
             kind = type(value).__name__
             raise ClockError(f"a {what} for another process must be picklable, {kind} is not: {error}") from error
         if len(message) > LARGEST:
-            raise ClockError(f"a {what} has {len(message)} bytes when pickled: send {LARGEST} at most, or parts of it")
+            raise ClockError(f"a {what} has {len(message)} bytes when pickled: at most {LARGEST} can be sent")
         with self._lock:
             number = self._newest[0] + 1
             slot = self._slots[number % _SLOTS]
@@ -140,7 +143,7 @@ class Mailbox:
             self._newest[0] = number
 
     def read(self) -> Any:
-        """The newest value that could be read whole; the same object until there is a newer one."""
+        """Return the newest value that could be read completely; the same object until there is a newer one."""
         for _ in range(_TRIES):
             newest = self._newest[0]
             number, value = self._read

@@ -1,26 +1,26 @@
-"""How well a loop kept its period: kept in constant memory while it runs, and told at any time."""
+"""Timing statistics of a loop: kept in constant memory while it runs, readable at any time, also by another process."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-LOW = 1e-7  # s: times up to this share the first bin of a histogram; the clock itself reads no finer
+LOW = 1e-7  # s: upper end of the first bin of a histogram; the clock itself resolves no less
 PER_DECADE = 64  # bins, each 3.7 % wide
 BINS = 2 + 9 * PER_DECADE  # the first one, then up to 100 s; longer times share the last
 
 WIDTH = 10.0 ** (1.0 / PER_DECADE)
-"""The ratio of a bin's ends: a percentile is told at most this factor too large, and never too small."""
+"""Ratio of a bin's ends: a percentile is reported at most this factor too large, and never too small."""
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
-    """How a time spreads over all ticks, s. Percentiles are the upper ends of bins 3.7 % wide, the largest is exact.
+class Percentiles:
+    """Distribution of a time over all ticks, s. The maximum is exact; the others are upper ends of bins 3.7 % wide.
 
     Attributes:
-        p50: half are at most this.
-        p99: 99 % are.
-        max: all are.
+        p50: median.
+        p99: 99th percentile.
+        max: maximum.
     """
 
     p50: float
@@ -32,23 +32,23 @@ class Spread:
 
 
 @dataclass(frozen=True, slots=True)
-class Report:
-    """How a clock kept its period. Times in seconds; what needs more ticks than there were is nan.
+class TimingReport:
+    """Timing of a clock's ticks, in seconds. Quantities that need more ticks than there were are NaN.
 
     Attributes:
-        period: as asked for.
-        ticks: how many ended.
-        skipped: deadlines that no tick was made for, because they had passed.
-        seconds: from the first tick's begin to the last one's.
-        mean: of the periods: from a tick's begin to the next one's.
-        jitter: their standard deviation.
-        error: how far the periods were from the one asked for, either way.
-        late: how long after its deadline a tick began; after the first of those skipped, where some were.
-        work: how long a tick took.
-        busy: the part of all time that ticks took.
-        overruns: ticks that had not ended when the next was due, or began so late that others were skipped.
-        longest: the longest overrun: how much too late.
-        scheduling: how the system was asked to schedule the loop, and what became of it.
+        period: requested period.
+        ticks: number of completed ticks.
+        skipped: number of deadlines without a tick, because they had passed.
+        seconds: time from the start of the first tick to the start of the last.
+        mean: mean period between the starts of successive ticks.
+        jitter: standard deviation of the period.
+        error: absolute deviation of the period from the requested one.
+        late: delay of a tick's start after its deadline (the first deadline that was skipped, if any was).
+        work: duration of a tick.
+        busy: fraction of the time spent in ticks.
+        overruns: number of ticks that ended after the next deadline, or started so late that deadlines were skipped.
+        longest: longest overrun.
+        scheduling: scheduling of the loop that was obtained from the operating system.
     """
 
     period: float
@@ -57,9 +57,9 @@ class Report:
     seconds: float
     mean: float
     jitter: float
-    error: Spread
-    late: Spread
-    work: Spread
+    error: Percentiles
+    late: Percentiles
+    work: Percentiles
     busy: float
     overruns: int
     longest: float
@@ -82,26 +82,26 @@ class Report:
 
 
 class Histogram:
-    """Times by the logarithm of their length.
+    """Histogram of times with logarithmic bins.
 
     Args:
-        counts: `BINS` integers, 0 at the beginning; the histogram's whole memory.
+        counts: `BINS` integers, initially 0; the histogram's whole memory.
     """
 
     def __init__(self, counts: memoryview[int]) -> None:
         self._counts = counts
 
     def add(self, seconds: float) -> None:
-        """Counts one more."""
+        """Count one time."""
         i = 0
         if seconds > LOW:
             i = min(BINS - 1, 1 + int(PER_DECADE * math.log10(seconds / LOW)))
         self._counts[i] += 1
 
-    def quantile(self, part: float) -> float:
-        """The upper end of the bin that the smallest time is in which `part` of all are not above; nan if empty."""
+    def quantile(self, fraction: float) -> float:
+        """Return the upper end of the bin of a quantile, s; NaN if the histogram is empty."""
         counts = self._counts.tolist()
-        rank = max(1, math.ceil(part * sum(counts) - 1e-9))
+        rank = max(1, math.ceil(fraction * sum(counts) - 1e-9))
         seen = 0
         for i, count in enumerate(counts):
             seen += count
@@ -110,22 +110,22 @@ class Histogram:
         return math.nan
 
 
-# The numbers that are kept, by their place.
+# Indices of the numbers that are kept.
 _TICKS, _SKIPPED, _OVERRUNS, _LONGEST = range(4)
-_FIRST, _LAST, _ENDED, _DUE, _WORKED = range(4, 9)  # begin of the first tick and the last, its end, the next's due
-_PERIODS, _MEAN, _SQUARES = range(9, 12)  # mean and summed squares of the periods less the one asked for
+_FIRST, _LAST, _ENDED, _DUE, _WORKED = range(4, 9)  # starts of the first and last tick, its end, next deadline
+_PERIODS, _MEAN, _SQUARES = range(9, 12)  # mean and summed squares of the periods' deviations
 _MAX_ERROR, _MAX_LATE, _MAX_WORK = range(12, 15)
 _BYTES_OF_NUMBERS = 8 * 15
 _BYTES_OF_COUNTS = 8 * BINS
 
 
-class Record:
-    """What is kept of a loop's ticks. One thread writes; any may ask for a report meanwhile, also from another
-    process if the memory is shared: nothing is locked, so a number may be one tick older than the next one.
+class TimingRecord:
+    """Timing of a loop's ticks. One thread writes; others may ask for a report meanwhile, also in another process if
+    the memory is shared. Nothing is locked, so one number may be a tick older than another.
 
     Args:
-        period: s.
-        memory: `SIZE` bytes, 0 at the beginning; its own unless given.
+        period: requested period, s.
+        memory: `SIZE` bytes, initially 0; allocated unless given.
     """
 
     SIZE = _BYTES_OF_NUMBERS + 3 * _BYTES_OF_COUNTS
@@ -138,12 +138,12 @@ class Record:
         self._error, self._late, self._work = (Histogram(whole[end : end + _BYTES_OF_COUNTS].cast("q")) for end in ends)
 
     def begun(self, start: float, late: float, skipped: int) -> None:
-        """A tick began.
+        """Record the start of a tick.
 
         Args:
-            start: when, s on the clock that all times are taken from.
-            late: s after it, or the first of those skipped, was due.
-            skipped: how many deadlines.
+            start: time of the start, s.
+            late: delay after its deadline, or after the first deadline that was skipped, s.
+            skipped: number of skipped deadlines.
         """
         n = self._numbers
         if n[_TICKS]:
@@ -167,11 +167,11 @@ class Record:
             n[_LONGEST] = max(n[_LONGEST], late)
 
     def ended(self, end: float, due: float) -> None:
-        """The tick ended.
+        """Record the end of a tick.
 
         Args:
-            end: when.
-            due: when the next one is due.
+            end: time of the end, s.
+            due: next deadline, s.
         """
         n = self._numbers
         n[_ENDED], n[_DUE] = end, due
@@ -184,24 +184,24 @@ class Record:
             n[_OVERRUNS] += 1.0
             n[_LONGEST] = max(n[_LONGEST], end - due)
 
-    def report(self, scheduling: str = "") -> Report:
-        """All that is known up to now.
+    def report(self, scheduling: str = "") -> TimingReport:
+        """Return the statistics up to now.
 
         Args:
-            scheduling: what to say of it.
+            scheduling: description of the loop's scheduling, for the report.
         """
         n = self._numbers.tolist()
         ticks, periods = int(n[_TICKS]), n[_PERIODS]
-        return Report(
+        return TimingReport(
             period=self.period,
             ticks=ticks,
             skipped=int(n[_SKIPPED]),
             seconds=n[_LAST] - n[_FIRST],
             mean=self.period + n[_MEAN] if periods else math.nan,
             jitter=math.sqrt(n[_SQUARES] / periods) if periods else math.nan,
-            error=_spread(self._error, n[_MAX_ERROR]),
-            late=_spread(self._late, n[_MAX_LATE]),
-            work=_spread(self._work, n[_MAX_WORK]),
+            error=_percentiles(self._error, n[_MAX_ERROR]),
+            late=_percentiles(self._late, n[_MAX_LATE]),
+            work=_percentiles(self._work, n[_MAX_WORK]),
             busy=n[_WORKED] / max(self.period, n[_ENDED] - n[_FIRST]) if ticks else math.nan,
             overruns=int(n[_OVERRUNS]),
             longest=n[_LONGEST],
@@ -209,11 +209,11 @@ class Record:
         )
 
 
-def _spread(histogram: Histogram, largest: float) -> Spread:
+def _percentiles(histogram: Histogram, largest: float) -> Percentiles:
     p50, p99 = histogram.quantile(0.5), histogram.quantile(0.99)
     if math.isnan(p50):
-        return Spread(math.nan, math.nan, math.nan)
-    return Spread(min(p50, largest), min(p99, largest), largest)
+        return Percentiles(math.nan, math.nan, math.nan)
+    return Percentiles(min(p50, largest), min(p99, largest), largest)
 
 
 def _short(seconds: float) -> str:

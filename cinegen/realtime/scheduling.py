@@ -1,0 +1,105 @@
+"""Settings of the interpreter and the operating system for punctual loops, restored when the last loop ends.
+
+Interpreter: a thread that wakes needs the global interpreter lock, which its holder releases only after the switch
+interval, 5 ms by default. The waiting thread reads that interval when it starts to wait. So the interval is short while
+a loop sleeps and long during a tick: the loop gets the lock soon, and waiting threads do not interrupt its tick. A full
+garbage collection takes tens of milliseconds once a robot is loaded: existing objects are frozen out of collections.
+
+Operating system: a thread in the real-time class SCHED_FIFO runs as soon as it wakes, whatever other load there is.
+"""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from cinegen.realtime.channel import ClockError
+
+_SHORT = 1e-4  # s: switch interval while a loop sleeps
+_LONG = 1e-3  # s: during a tick, also for a tick that released the lock and wants it back
+
+_lock = threading.Lock()
+_loops = 0
+_interval = 0.0
+_frozen = False
+
+
+def asleep() -> None:
+    """Prepare for a sleep of the loop: it is to get the interpreter soon when it wakes."""
+    sys.setswitchinterval(_SHORT)
+
+
+def awake() -> None:
+    """Prepare for a tick: other threads are not to interrupt it."""
+    sys.setswitchinterval(_LONG)
+
+
+@contextmanager
+def quiet_interpreter() -> Iterator[None]:
+    """Set the process's switch interval and freeze existing objects while any loop is in this context."""
+    global _loops, _interval, _frozen
+    with _lock:
+        _loops += 1
+        if _loops == 1:
+            _interval = sys.getswitchinterval()
+            awake()
+            _frozen = gc.get_freeze_count() == 0  # else the program has done so itself
+            if _frozen:
+                gc.freeze()
+    try:
+        yield
+    finally:
+        with _lock:
+            _loops -= 1
+            if _loops == 0:
+                sys.setswitchinterval(_interval)
+                if _frozen:
+                    gc.unfreeze()
+
+
+@contextmanager
+def scheduled(priority: int, cores: frozenset[int]) -> Iterator[str]:
+    """Schedule the calling thread in real time, where that is permitted; yield a description of the result.
+
+    Args:
+        priority: priority of SCHED_FIFO; 0 leaves the scheduling unchanged.
+        cores: cores on which the thread may run; all if empty.
+
+    Raises:
+        ClockError: the thread may run on none of these cores.
+    """
+    scheduling = "ordinary scheduling"
+    if not hasattr(os, "sched_setscheduler"):
+        yield f"{scheduling} (this system offers no real-time scheduling)" if priority or cores else scheduling
+        return
+    policy, parameters, allowed = os.sched_getscheduler(0), os.sched_getparam(0), os.sched_getaffinity(0)
+    if cores:
+        try:
+            os.sched_setaffinity(0, cores)
+        except (OSError, OverflowError, ValueError) as error:
+            raise ClockError(f"a clock can't run on cores {_listed(cores)}; allowed are {_listed(allowed)}") from error
+    try:
+        if priority:
+            try:  # threads and processes that a tick starts are scheduled as usual
+                fifo = os.SCHED_FIFO | os.SCHED_RESET_ON_FORK
+                os.sched_setscheduler(0, fifo, os.sched_param(priority))
+                scheduling = f"SCHED_FIFO {priority}"
+            except OSError as error:
+                scheduling += f" (no real time: {(error.strerror or str(error)).lower()})"
+        yield scheduling + (f", on cores {_listed(cores)}" if cores else "")
+    finally:
+        for reset in (0, os.SCHED_RESET_ON_FORK):  # this flag may be permitted to be set, but not to be cleared
+            with suppress(OSError):
+                os.sched_setscheduler(0, policy | reset, parameters)
+                break
+        if cores:
+            with suppress(OSError):
+                os.sched_setaffinity(0, allowed)
+
+
+def _listed(cores: frozenset[int] | set[int]) -> str:
+    return ", ".join(str(core) for core in sorted(cores))
