@@ -15,7 +15,6 @@ from cinegen.assembly import assembly_modes
 from cinegen.cli import files, main
 from cinegen.mission import Player, Recording
 from cinegen.mission.walk import record_modes
-from cinegen.model.limits import outside
 from cinegen.plotting.words import place
 
 
@@ -72,7 +71,7 @@ def test_the_table_says_where_the_end_is_and_which_limits_are_passed(robot, type
         np.testing.assert_allclose(
             pin.rpy.rpyToMatrix(np.radians(numbers[3:])), placement.rotation, atol=np.radians(0.03)
         )
-        beyond = outside(gough, q)
+        beyond = gough.limits.outside(q)
         assert bool(note) == bool(beyond)
         if beyond:
             assert note.split()[0] == next(iter(beyond))

@@ -10,7 +10,6 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numba import complex128, float64, int64, typeof
 from numpy.typing import NDArray
 from scipy.linalg import qr
@@ -36,6 +35,7 @@ from cinegen.assembly._kernels import (
 from cinegen.assembly.bodies import Bodies
 from cinegen.errors import CinegenError
 from cinegen.jit.compiled import prepare, together
+from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf.document import LoopKind
 
@@ -179,7 +179,7 @@ class Linkage:
             )
             placement = model.jointPlacements[j]
             constants[k, :9], constants[k, 9:12] = placement.rotation.ravel(), placement.translation / length
-            constants[k, 12:] = _axis(model, j)
+            constants[k, 12:] = axis(model.joints[j])
             above[k + 1] = above[parent]
             above[k + 1, k] = 1
         loops, anchors = np.zeros((len(mechanism.loops), 3), dtype=np.int64), np.zeros((len(mechanism.loops), 2, 12))
@@ -427,14 +427,3 @@ def _surplus(mechanism: Mechanism, rows: list[Array], columns: list[int], names:
 def _listed(names: Iterable[str]) -> str:
     quoted = [f"'{name}'" for name in names]
     return quoted[0] if len(quoted) == 1 else f"{', '.join(quoted[:-1])} and {quoted[-1]}"
-
-
-def _axis(model: pin.Model, joint: int) -> Array:
-    """(3,) axis of a joint that turns or slides, in its own frame: constant, and unit."""
-    kind = model.joints[joint]
-    q = pin.neutral(model)
-    data = model.createData()
-    pin.computeJointJacobians(model, data, q)
-    column = pin.getJointJacobian(model, data, joint, pin.ReferenceFrame.LOCAL)[:, kind.idx_v]
-    part = column[:3] if np.abs(column[:3]).max() > 0.5 else column[3:]
-    return np.asarray(part / np.linalg.norm(part))

@@ -263,10 +263,9 @@ def _is_at(asked: FrameTask, placement: pin.SE3) -> bool:
 
 def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
     """The first joint that is outside its limits, and how many others are; nothing where all are inside."""
-    from cinegen.model.limits import outside, unwound
     from cinegen.plotting.words import quiet, shown
 
-    beyond, there = outside(mechanism, q), unwound(mechanism, q)
+    beyond, there = mechanism.limits.outside(q), mechanism.limits.unwound(q)
     if not beyond:
         return ""
     joint, limit = next(iter(beyond.items()))

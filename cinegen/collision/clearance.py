@@ -19,8 +19,8 @@ from cinegen.collision.body import Body
 from cinegen.collision.errors import AvoidError
 from cinegen.ik.resolve import free_motions
 from cinegen.jit.compiled import TABLE, prepare
+from cinegen.joints import supporting_columns
 from cinegen.loops._kernels.memory import address, placements_address
-from cinegen.loops.arrays import moves
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Clearance:
         self._results = _Results(self._solids, len(found))
         self._flat = self.pairs.ravel().copy()
         self._joints = np.array([body.joint for body in self.bodies], dtype=np.int64)
-        self._moves = np.array([moves(model, j) if j else np.zeros(model.nv) for j in range(model.njoints)])
+        self._moves = np.array([supporting_columns(model, j) for j in range(model.njoints)])
         self._balls = np.array([[*body.centre, body.radius] for body in self.bodies]).reshape(-1, 4)
         self._ends, self._radii = _ends(self.bodies)
         self._placements = placements_address(self._data) if model.njoints > 1 else 0

@@ -103,7 +103,7 @@ class MeshCheck:
         """Return the configurations to be checked between two others."""
         count = math.ceil(self._motion(begin, end) / self.step)
         parts = [part / count for part in range(1, count)]
-        between = [np.asarray(pin.interpolate(self._model, begin, end, part)) for part in parts]
+        between = [self._mechanism.interpolate(begin, end, part) for part in parts]
         return [self._mechanism.close(q) for q in between] if self._mechanism.loops else between
 
     def _motion(self, begin: Array, end: Array) -> float:

@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik.ahead import Path
@@ -164,13 +163,10 @@ def _crossings(signed: Array, threshold: float) -> Iterator[float]:
 
 def _limits(path: Path) -> Iterator[tuple[float, int, float]]:
     """Where, in ticks, a joint meets a limit, its column and the limit; 0 if one holds the motion back already."""
-    model, scale = path.mechanism.model, path.mechanism.scale
-    for joint in model.joints:
-        if joint.idx_v < 0 or not joint.nq == joint.nv == 1:
-            continue
-        at, column = joint.idx_q, joint.idx_v
-        for bound, side in ((model.lowerPositionLimit[at], -1.0), (model.upperPositionLimit[at], 1.0)):
-            left = side * (bound - path.q[:, at]) / scale[column]
+    mechanism = path.mechanism
+    for at, column in zip(*mechanism.scalar_joints, strict=True):
+        for bound, side in ((mechanism.limits.lower[at], -1.0), (mechanism.limits.upper[at], 1.0)):
+            left = side * (bound - path.q[:, at]) / mechanism.scale[column]
             for k in _begins(left <= _TOUCH, left > _FAR):
                 if k > 0:
                     speed = side * path.steps[k - 1, column]  # in the tick before: that one was not cut short
@@ -190,7 +186,7 @@ def _rests(path: Path) -> Iterator[int]:
 def _at(path: Path, x: float, column: int | None = None, bound: float = 0.0) -> Array:
     """(nq,) the configuration between two ticks, loops closed; with a joint on its bound where one is given."""
     mechanism, k = path.mechanism, min(int(x), len(path.q) - 2)
-    q = np.asarray(pin.interpolate(mechanism.model, path.q[k], path.q[k + 1], x - k))
+    q = mechanism.interpolate(path.q[k], path.q[k + 1], x - k)
     free = np.ones(mechanism.model.nv, dtype=bool)
     if column is not None:
         q[mechanism.q_index(mechanism.columns[column])] = bound

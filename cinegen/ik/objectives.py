@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
@@ -119,7 +118,7 @@ class Posture(_Rated):
         """(nv,) to the posture, without unit."""
         mechanism = state.mechanism
         there = mechanism.q_home if self.q is None else mechanism.checked(self.q)
-        return np.asarray(pin.difference(mechanism.model, state.q, there)) / mechanism.scale
+        return mechanism.scaled_difference(state.q, there)
 
 
 class LimitMargin(_Rated):
@@ -174,18 +173,12 @@ class LimitMargin(_Rated):
 
 def _ranges(mechanism: Mechanism, margin: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
     """Of the joints with two limits: where they stand in q and in v, and where their margins end, rad and m."""
-    model = mechanism.model
-    limits = []
-    for joint in model.joints:
-        if joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0:
-            low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
-            if low < high and math.isfinite(high - low):
-                limits.append((joint.idx_q, joint.idx_v, low, high))
-    at_q = np.array([limit[0] for limit in limits], dtype=np.intp)
-    at_v = np.array([limit[1] for limit in limits], dtype=np.intp)
-    bottom, top = np.array([limit[2] for limit in limits]), np.array([limit[3] for limit in limits])
-    width = margin * (top - bottom)
-    return at_q, at_v, bottom + width, np.maximum(top - width, bottom + width)
+    at_q, at_v = mechanism.scalar_joints
+    wide = mechanism.limits.upper[at_q] - mechanism.limits.lower[at_q]
+    limited = (wide > 0.0) & np.isfinite(wide)
+    at_q, at_v, width = at_q[limited], at_v[limited], margin * wide[limited]
+    low, high = mechanism.limits.lower[at_q] + width, mechanism.limits.upper[at_q] - width
+    return at_q, at_v, low, np.maximum(low, high)
 
 
 class Manipulability(_Rated):

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-import pinocchio as pin
-
 from cinegen.errors import CinegenError
 from cinegen.ik.objectives import Objective, Posture
 from cinegen.ik.point_to_point import inverse_kinematics
@@ -54,10 +51,9 @@ class PersistentSolver(Solver):
             self._take_over()
         before = self._q.copy()
         step = super().step()
-        moved = float(np.abs(pin.difference(self._model, before, self._q) / self.mechanism.scale).max(initial=0.0))
+        moved = self.mechanism.distance(before, self._q)
         if self._goal is not None:
-            left = np.abs(pin.difference(self._model, self._q, self._goal) / self.mechanism.scale).max(initial=0.0)
-            if left < _THERE or moved < _REST:
+            if self.mechanism.distance(self._q, self._goal) < _THERE or moved < _REST:
                 self._take_over()
         elif moved < _REST * self.tick_gain and step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH):
             self._resting += 1

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik._kernels import memory as m
 from cinegen.ik.thresholds import ERROR_CAP, NEAR, STEP_CAP
+from cinegen.joints import translations
 from cinegen.loops import arrays as loops
 from cinegen.loops._kernels.memory import Memory
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism
-from cinegen.model.mechanism import translations
 
 Array = NDArray[np.float64]
 
@@ -36,7 +35,7 @@ def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float) -> Memory:
     settings[m.LENGTH] = mechanism.length
     settings[m.DT], settings[m.GAIN], settings[m.ERROR_CAP] = dt, 1.0, ERROR_CAP
     settings[m.NEAR] = NEAR
-    settings[m.BEND] = _bend(model, mechanism.length)
+    settings[m.BEND] = _bend(mechanism)
     settings[m.TRUST] = 1.0
     memory.put("settings", settings)
     _put_limits(memory, mechanism, dt)
@@ -54,30 +53,27 @@ def make_room_for_barriers(memory: Memory, nv: int, count: int) -> None:
 
 
 def _put_limits(memory: Memory, mechanism: Mechanism, dt: float) -> None:
-    model, scale = mechanism.model, mechanism.scale
-    low, high = np.full(model.nv, -np.inf), np.full(model.nv, np.inf)
-    longest = np.full(model.nv, np.inf)
-    for joint in model.joints:
-        if joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0:
-            i, k = joint.idx_q, joint.idx_v
-            low[k], high[k] = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-            fastest = model.upperVelocityLimit[k]
-            longest[k] = min(fastest * dt / scale[k], STEP_CAP) if fastest > 0.0 else STEP_CAP
+    limits, nv = mechanism.limits, mechanism.model.nv
+    at_q, at_v = mechanism.scalar_joints
+    low, high, longest = np.full(nv, -np.inf), np.full(nv, np.inf), np.full(nv, np.inf)
+    low[at_v], high[at_v] = limits.lower[at_q], limits.upper[at_q]
+    longest[at_v] = np.minimum(limits.velocity[at_v] * dt / mechanism.scale[at_v], STEP_CAP)
     memory.put("low", low)
     memory.put("high", high)
     memory.put("longest", longest)
-    memory.put("acceleration", np.full(model.nv, np.inf))
+    memory.put("acceleration", np.full(nv, np.inf))
 
 
-def _bend(model: pin.Model, length: float) -> float:
+def _bend(mechanism: Mechanism) -> float:
     """A bound on the second derivative of any placement by the joints, in characteristic lengths; infinite where a
     joint may slide without end or is no number."""
+    model = mechanism.model
     reach = sum(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
     reach += max(float(np.linalg.norm(frame.placement.translation)) for frame in model.frames)
     for joint in model.joints:
         if joint.idx_v >= 0 and not (joint.nq == 1 and joint.nv == 1):
             return np.inf
         if joint.idx_v >= 0 and translations(joint):
-            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
+            low, high = mechanism.limits.lower[joint.idx_q], mechanism.limits.upper[joint.idx_q]
             reach += max(abs(low), abs(high))
-    return reach / length + 1.0
+    return reach / mechanism.length + 1.0

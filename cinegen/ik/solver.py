@@ -33,7 +33,7 @@ from cinegen.ik.thresholds import (
     NEAR,
     STEP_CAP,
 )
-from cinegen.loops.arrays import curved, moves
+from cinegen.joints import other_joints, supporting_columns
 from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
 
@@ -93,7 +93,7 @@ class Solver:
         self._q, self._trial = np.zeros(self._model.nq), np.zeros(self._model.nq)
         if self._model.nq:
             self._q, self._trial = self._memory.arrays["q"], self._memory.arrays["trial"]
-        self._curved = curved(self._model)
+        self._curved = other_joints(self._model)
         self._limit_accelerations(acceleration)
         self._changed = True
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
@@ -321,7 +321,7 @@ class Solver:
                 axes = self._model.frames[mechanism.frame_id(task.axes)]
                 table[i, m.AXES_JOINT] = axes.parentJoint
                 table[i, m.AXES_LOCAL : m.AXES_LOCAL + 9] = axes.placement.rotation.ravel()
-            moved_by[i] = moves(self._model, frame.parentJoint)
+            moved_by[i] = supporting_columns(self._model, frame.parentJoint)
         offset = 6 if self._base_is_fixed() else 0
         if offset != self._table[m.OFFSET]:
             memory.arrays["last"][:] = memory.arrays["drift"][:] = 0.0
@@ -566,7 +566,7 @@ class Solver:
         """Integrate the joints whose configuration is no vector (floating base, ball joint) by Pinocchio."""
         arrays, offset = self._memory.arrays, int(self._table[m.OFFSET])
         self._trial[at_q] = pin.integrate(self._model, arrays["before"], arrays["delta"])[at_q]
-        moved = pin.difference(self._model, self._q, self._trial) / self.mechanism.scale
+        moved = self.mechanism.scaled_difference(self._q, self._trial)
         moving = at_v[at_v >= offset]
         arrays["moved"][moving - offset] = moved[moving]
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import scalar_joints, supporting_columns
 from cinegen.loops._kernels import loops as kinds
 from cinegen.loops._kernels import memory as m
 from cinegen.loops._kernels.memory import Memory
@@ -54,7 +54,9 @@ def memory_of(system: ClosedLoops, rank: int, layout: tuple[str, ...] = m.LAYOUT
     memory.put("w", np.zeros((16, 3)))
     memory.put("scale", system.scale)
     memory.put("settings", np.zeros(m.SETTINGS_WIDTH))[m.LENGTH] = system.length
-    memory.put("at", _at(model))
+    at_q, at_v = scalar_joints(model)
+    at = memory.put("at", np.full(nv, -1.0))
+    at[at_v] = at_q
     _put_loops(memory, system)
     if nv:
         memory.point("columns", m.address(data.J))
@@ -72,14 +74,6 @@ def put_motors(memory: Memory, columns: Sequence[int], places: Sequence[int]) ->
     return memory.put("goal", np.zeros(len(columns)))
 
 
-def _at(model: pin.Model) -> Array:
-    at = np.full(model.nv, -1.0)
-    for joint in model.joints:
-        if joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0:
-            at[joint.idx_v] = joint.idx_q
-    return at
-
-
 def _put_loops(memory: Memory, system: ClosedLoops) -> None:
     model, loops = system.model, system.loops
     table = np.zeros((max(len(loops), 1), m.LOOP_WIDTH))
@@ -89,37 +83,7 @@ def _put_loops(memory: Memory, system: ClosedLoops) -> None:
         table[i, : m.FIRST_LOCAL] = (_KINDS[loop.kind], first, second, row, loop.rows)
         table[i, m.FIRST_LOCAL : m.FIRST_LOCAL + 12] = m.columns_of(at_first)
         table[i, m.SECOND_LOCAL : m.SECOND_LOCAL + 12] = m.columns_of(at_second)
-        signs[i] = moves(model, second) - moves(model, first)
+        signs[i] = supporting_columns(model, second) - supporting_columns(model, first)
         row += loop.rows
     memory.put("loop_table", table)
     memory.put("signs", signs)
-
-
-def moves(model: pin.Model, joint: int) -> Array:
-    """(nv,) 1 for each column that moves what a joint carries, else 0."""
-    columns = np.zeros(model.nv)
-    for j in model.supports[joint]:
-        if j > 0:
-            columns[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1.0
-    return columns
-
-
-def curved(model: pin.Model, among: Array | None = None) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Where in q and in v the joints stand whose configuration is no number; None without any.
-
-    Args:
-        model: the tree.
-        among: (nv,) not 0 for the columns that count; all unless given.
-    """
-    found = [
-        joint
-        for joint in model.joints
-        if joint.idx_v >= 0
-        and not (joint.nq == 1 and joint.nv == 1)
-        and (among is None or among[joint.idx_v : joint.idx_v + joint.nv].any())
-    ]
-    if not found:
-        return None
-    at_q = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in found])
-    at_v = np.concatenate([np.arange(joint.idx_v, joint.idx_v + joint.nv) for joint in found])
-    return at_q, at_v

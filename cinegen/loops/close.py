@@ -6,9 +6,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from cinegen.joints import other_joints
 from cinegen.loops._kernels import memory as m
 from cinegen.loops._kernels.newton import FOUND, ONWARD, newton, prepare_newton
-from cinegen.loops.arrays import curved, memory_of
+from cinegen.loops.arrays import memory_of
 from cinegen.loops.closed_loops import ClosedLoops
 
 Array = NDArray[np.float64]
@@ -35,7 +36,7 @@ class Newton:
         self._q, self._trial = memory.arrays["q"], memory.arrays["trial"]
         self._before, self._delta = memory.arrays["before"], memory.arrays["delta"]
         self._idle: Mask = (memory.arrays["signs"] == 0.0).all(axis=0)  # joints that no loop sees
-        self._curved = curved(self._model, ~self._idle)
+        self._curved = other_joints(self._model, ~self._idle)
         self._shape = (self._model.nq,)
         self._expected: dict[tuple[str, ...], Array] = {}
         self._holds: Array | None = None

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import supporting_columns
 from raff2urdf.document import LoopKind
 from raff2urdf.loops import ROWS, gap
 
@@ -80,7 +81,8 @@ class ClosedLoops:
         self.rows = sum(loop.rows for loop in loops)
         self._constraints: list[Any] = [pin.FrameAnchorConstraintModel(model, *anchor) for anchor in anchors]
         self._datas = [constraint.createData() for constraint in self._constraints]
-        self._moving = [_moving(model, anchor[0], anchor[2]) for anchor in anchors]
+        columns = [[supporting_columns(model, anchor[end]) for end in (0, 2)] for anchor in anchors]
+        self._moving = [np.flatnonzero(first != second) for first, second in columns]
 
     def with_kinds(self, kinds: Sequence[LoopKind]) -> ClosedLoops:
         """The same loops, closed by other kinds of joints."""
@@ -121,10 +123,3 @@ class ClosedLoops:
 
 
 _NONE = np.zeros((6, 0))
-
-
-def _moving(model: pin.Model, first: int, second: int) -> NDArray[np.intp]:
-    """Columns that move one end of a loop relative to the other: joints on one branch only, not their ancestors."""
-    branches = set(model.supports[first]) ^ set(model.supports[second])
-    columns = [model.joints[j].idx_v + i for j in sorted(branches - {0}) for i in range(model.joints[j].nv)]
-    return np.array(columns, dtype=np.intp)

@@ -172,16 +172,11 @@ def _unit(mechanism: Mechanism, joint: str) -> str:
 
 def _limits(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
-    model = mechanism.model
-    for joint in mechanism.joints:
-        i = mechanism.q_index(joint)
+    for joint, (lower, upper, *_) in mechanism.limits.items():
         spare = _MOTOR if joint in mechanism.actuated else _PASSIVE
         spare *= mechanism.scale[mechanism.v_index(joint)]
-        course = trajectory.q[:, i]
-        for sign, word, bound in (
-            (-1, "lower", model.lowerPositionLimit[i]),
-            (1, "upper", model.upperPositionLimit[i]),
-        ):
+        course = trajectory.q[:, mechanism.q_index(joint)]
+        for sign, word, bound in ((-1, "lower", lower), (1, "upper", upper)):
             beyond = sign * (course - bound)
             for part in _stretches(beyond > spare):
                 unit = _unit(mechanism, joint)
@@ -195,8 +190,7 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
         return
     steps = np.abs(np.diff(trajectory.q, axis=0)) / np.diff(times)[:, None]
     unlimited: list[tuple[float, str]] = []
-    for joint in mechanism.joints:
-        limit = mechanism.model.upperVelocityLimit[mechanism.v_index(joint)]
+    for joint, (_, _, limit, _) in mechanism.limits.items():
         speed, unit = steps[:, mechanism.q_index(joint)], f"{_unit(mechanism, joint)}/s"
         for part in _stretches(~(speed <= limit * (1.0 + _SPEED))):
             words = f"{joint} moves at {speed[part].max():.4g} {unit}, its limit is {limit:.4g} {unit}"

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Self
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
@@ -189,13 +188,11 @@ def between(mechanism: Mechanism, first: Array, second: Array, x: float) -> Arra
     nearer = first if x < 0.5 else second
     if x in (0.0, 1.0) or not mechanism.model.nv or np.array_equal(first, second):
         return nearer.copy()
-    q = np.asarray(pin.interpolate(mechanism.model, first, second, x))
+    q = mechanism.interpolate(first, second, x)
     if not mechanism.loops:
         return q
     try:
         closed = mechanism.close(q)
     except ClosureError:
         return nearer.copy()
-    way = np.abs(pin.difference(mechanism.model, first, second) / mechanism.scale).max()
-    astray = np.abs(pin.difference(mechanism.model, q, closed) / mechanism.scale).max()
-    return closed if astray <= way else nearer.copy()
+    return closed if mechanism.distance(q, closed) <= mechanism.distance(first, second) else nearer.copy()

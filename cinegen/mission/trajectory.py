@@ -160,7 +160,7 @@ def _timed(
         (k,) when they are passed, (n, nq) the samples and (n, nq) how fast the curve that leads them is.
     """
     mechanism = branch.mechanism
-    limits = mechanism.model.upperVelocityLimit  # each joint is one number: q's order is v's
+    limits = mechanism.limits.velocity  # each joint is one number: q's order is v's
     led = np.ones(len(limits), dtype=bool)
     if mechanism.loops:
         led[mechanism.passive_columns] = False

@@ -10,10 +10,10 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import translations
 from cinegen.mission.line import MissionError, Motion, Place, RecordedTask
 from cinegen.mission.recorder import Recorder
 from cinegen.model import Mechanism
-from cinegen.model.mechanism import translations
 from cinegen.planning.planner import Plan
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def passes(mechanism: Mechanism, path: Array) -> Array:
     """(n,) when each configuration of a path (n, nq) is passed, s, if on the way from each to the next some joint is as
     fast as it may be. What follows the motors through loops counts only where it has a limit of its own."""
     limits = _limits(mechanism)
-    steps = (np.abs(pin.difference(mechanism.model, a, b)) / limits for a, b in pairwise(path))
+    steps = (np.abs(mechanism.difference(a, b)) / limits for a, b in pairwise(path))
     return np.concatenate([[0.0], np.cumsum([step.max(initial=0.0) for step in steps])])
 
 
@@ -82,5 +82,4 @@ def _limits(mechanism: Mechanism) -> Array:
         found[joint.idx_v : joint.idx_v + translations(joint)] = SLIDING
     if mechanism.loops:
         found[mechanism.passive_columns] = np.inf
-    said = np.array(model.upperVelocityLimit)
-    return np.where(np.isfinite(said) & (said > 0.0), said, found)
+    return np.where(np.isfinite(mechanism.limits.velocity), mechanism.limits.velocity, found)

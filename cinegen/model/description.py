@@ -51,16 +51,12 @@ def describe_loop(loop: Loop) -> dict[str, str]:
 
 def describe_joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
     """A joint's name, type, home, limits (None where there are none; rad, m, s) and whether it has a motor."""
-    model, i, j = mechanism.model, mechanism.q_index(joint), mechanism.v_index(joint)
-    bounds = {
-        "low": model.lowerPositionLimit[i],
-        "high": model.upperPositionLimit[i],
-        "velocity": model.upperVelocityLimit[j],
-    }
+    limits = mechanism.limits[joint]
+    bounds = {"low": limits.lower, "high": limits.upper, "velocity": limits.velocity}
     return {
         "name": joint,
         "type": "prismatic" if mechanism.slides(joint) else "revolute",
-        "home": float(mechanism.q_home[i]),
-        **{word: float(value) if np.isfinite(value) else None for word, value in bounds.items()},
+        "home": float(mechanism.q_home[mechanism.q_index(joint)]),
+        **{word: value if np.isfinite(value) else None for word, value in bounds.items()},
         "actuated": joint in mechanism.actuated,
     }

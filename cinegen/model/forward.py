@@ -12,9 +12,10 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
+from cinegen.joints import other_joints
 from cinegen.loops._kernels import memory as m
 from cinegen.loops._kernels.walk import ARRIVED, ONWARD, prepare_walk, walk
-from cinegen.loops.arrays import curved, memory_of, put_motors
+from cinegen.loops.arrays import memory_of, put_motors
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.closure import CLOSED
 
@@ -65,7 +66,7 @@ class ForwardKinematics:
         self._settings[[m.TOLERANCE, m.STRIDE, m.ASTRAY]] = _TOLERANCE, _STRIDE, _ASTRAY
         self._memory, self._table = memory, memory.table
         self._here, self._trial = memory.arrays["q"], memory.arrays["trial"]
-        self._curved = curved(self._model, (signs != 0.0).any(axis=0))
+        self._curved = other_joints(self._model, (signs != 0.0).any(axis=0))
         if mechanism.loops:
             prepare_walk()
         self.q = mechanism.q_home if q is None else q

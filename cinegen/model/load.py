@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 import raff2urdf
 from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
 from cinegen.loops.closed_loops import Loop
-from cinegen.model.limits import beyond
 from cinegen.model.mechanism import Mechanism, Source
 from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import constraints as beside
@@ -25,7 +24,7 @@ from raff2urdf.analysis import loop_kind
 from raff2urdf.closure import Closing, close, close_from_afar, generic_rank, passive, why_open
 from raff2urdf.json_lines import line_of
 from raff2urdf.readers.sidecar import constraints_of
-from raff2urdf.readers.urdf import joints, parse
+from raff2urdf.readers.urdf import UNLIMITED, joints, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.tree import characteristic_length
 
@@ -209,7 +208,7 @@ def _motors(mechanism: Mechanism, q: Array) -> tuple[str, ...]:
 
 
 def _set_limits(model: pin.Model, constraints: beside.Constraints) -> None:
-    """Position and velocity limits into the model: infinite where there are none."""
+    """Set the limits of a model: infinite where there are none."""
     lower, upper = np.full(model.nq, -np.inf), np.full(model.nq, np.inf)
     fastest = np.full(model.nv, np.inf)
     for entry in constraints["joints"]:
@@ -218,6 +217,9 @@ def _set_limits(model: pin.Model, constraints: beside.Constraints) -> None:
         fastest[joint.idx_v] = entry["velocity"] or np.inf
     model.lowerPositionLimit, model.upperPositionLimit = lower, upper
     model.upperVelocityLimit, model.lowerVelocityLimit = fastest, -fastest
+    effort = np.array(model.upperEffortLimit)
+    effort[~((effort > 0.0) & (effort < UNLIMITED))] = np.inf
+    model.upperEffortLimit, model.lowerEffortLimit = effort, -effort
 
 
 def _written(model: pin.Model, constraints: beside.Constraints) -> Array:
@@ -254,7 +256,7 @@ def _home(mechanism: Mechanism, written: Array) -> Array:
         raise ClosureError(_diagnosis(mechanism, written, closing))
     inside, free = closing, np.ones(mechanism.model.nv, dtype=bool)
     for _ in range(3):
-        outside = beyond(mechanism, inside.q)
+        outside = mechanism.limits.exceeded(inside.q)
         if not outside:
             return inside.q
         q = inside.q.copy()
@@ -264,7 +266,7 @@ def _home(mechanism: Mechanism, written: Array) -> Array:
         inside = close(system, q, free)
         if not inside.closed:
             break
-    names = ", ".join(beyond(mechanism, closing.q))
+    names = ", ".join(mechanism.limits.exceeded(closing.q))
     warnings.warn(f"{mechanism.name}: closed, home is outside the limits of {names}", CinegenWarning, stacklevel=4)
     return closing.q
 

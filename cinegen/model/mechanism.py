@@ -12,9 +12,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
+from cinegen.joints import scalar_joints, translations
 from cinegen.loops.close import Newton
 from cinegen.loops.closed_loops import ClosedLoops, Loop
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
+from cinegen.model.limits import Limits
 from cinegen.model.shapes import collision_shapes, shapes
 from raff2urdf import closure
 
@@ -48,7 +50,8 @@ class Mechanism:
         nodes: names of base, links and frames: base first, in file order.
         floating: whether the base can move (then q begins with its seven numbers).
         length: characteristic length, m: it makes translations commensurable with angles.
-        scale: (nv,) what one dimensionless step is in each direction: `length` for slides, 1 for angles.
+        scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations.
+        limits: limits of position, velocity and effort, by joint name and as arrays.
         source: what it was built from: a URDF's text, and what that can't say.
         gap_as_written: how far the loops stood open in the file, without unit.
         sensors: the file's sensors, by number, as the constraints file has them.
@@ -76,6 +79,7 @@ class Mechanism:
         self.length = length
         self.floating = floating
         self.scale = _scale(model, length)
+        self.limits = Limits(model, self.joints)
         self.source = source
         self._scratch = threading.local()
         self.q_home: Array = pin.neutral(model)  # until `load` has closed the loops
@@ -200,6 +204,11 @@ class Mechanism:
         return translations(self._joint(joint)) > 0
 
     @cached_property
+    def scalar_joints(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Where in q and in v the joints are that are one number each: all but a free base."""
+        return scalar_joints(self.model)
+
+    @cached_property
     def columns(self) -> tuple[str, ...]:
         """For each column of a Jacobian the joint it belongs to."""
         names = [""] * self.model.nv
@@ -249,6 +258,28 @@ class Mechanism:
         if not np.isfinite(full).all():
             raise ConfigurationError(f"a configuration of {self.name} holds numbers that are not finite")
         return full
+
+    # --- arithmetic of configurations ----------------------------------------------------------------------------
+
+    def difference(self, start: ArrayLike, end: ArrayLike) -> Array:
+        """Return the velocity (nv,) that leads from one configuration (nq,) to another in 1 s; rad/s and m/s."""
+        return np.asarray(pin.difference(self.model, start, end))
+
+    def scaled_difference(self, start: ArrayLike, end: ArrayLike) -> Array:
+        """Return the `difference` (nv,) of two configurations in rad and characteristic lengths."""
+        return self.difference(start, end) / self.scale
+
+    def distance(self, start: ArrayLike, end: ArrayLike) -> float:
+        """Return the largest motion of a joint between two configurations (nq,), in rad or characteristic lengths."""
+        return float(np.abs(self.scaled_difference(start, end)).max(initial=0.0))
+
+    def integrate(self, q: ArrayLike, step: ArrayLike) -> Array:
+        """Return the configuration (nq,) reached from q (nq,) by a step (nv,) in rad and m."""
+        return np.asarray(pin.integrate(self.model, q, step))
+
+    def interpolate(self, start: ArrayLike, end: ArrayLike, part: float) -> Array:
+        """Return the configuration (nq,) at a part, 0 to 1, of the shortest way between two others; loops apart."""
+        return np.asarray(pin.interpolate(self.model, start, end, part))
 
     # --- kinematics ----------------------------------------------------------------------------------------------
 
@@ -383,15 +414,6 @@ class Mechanism:
             return list(closure.closed_walk(self.system, self.q_home, count, seed))
         rng = np.random.default_rng(seed)
         return [self.system.integrate(self.q_home, rng.normal(size=self.model.nv)) for _ in range(count)]
-
-
-_TRANSLATIONS = {"FreeFlyer": 3, "Planar": 2, "Translation": 3, "PrismaticUnaligned": 1, "PX": 1, "PY": 1, "PZ": 1}
-"""How many of a joint's velocities are translations, by Pinocchio's name for its kind; they come first."""
-
-
-def translations(joint: Any) -> int:
-    """How many of the velocities of a joint of a Pinocchio model are translations; they come first."""
-    return _TRANSLATIONS.get(joint.shortname().removeprefix("JointModel"), 0)
 
 
 def _scale(model: pin.Model, length: float) -> Array:

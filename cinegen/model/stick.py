@@ -7,6 +7,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import axis, translations
+
 Array = NDArray[np.float64]
 
 _THICK = 0.06  # of the median length: radius of a bar
@@ -40,9 +42,10 @@ def stick_figure(model: pin.Model) -> pin.GeometryModel:
                 _along(point),
                 _BAR,
             )
-        axis = _axis(model, j) if j else None
-        if axis is not None:
-            _add(figure, f"joint {j}", j, carrier, coal.Cylinder(1.5 * radius, 4.0 * radius), _about(axis), _JOINT)
+        joint = model.joints[j]
+        if j and joint.nv == 1 and not translations(joint):
+            drum = coal.Cylinder(1.5 * radius, 4.0 * radius)
+            _add(figure, f"joint {j}", j, carrier, drum, _about(axis(joint)), _JOINT)
         elif j:
             _add(figure, f"joint {j}", j, carrier, coal.Sphere(1.5 * radius), pin.SE3.Identity(), _JOINT)
     return figure
@@ -59,17 +62,6 @@ def _apart(points: list[Array], radius: float) -> list[Array]:
         if np.linalg.norm(point) > radius and all(np.linalg.norm(point - other) > 0.1 * radius for other in found):
             found.append(point)
     return found
-
-
-def _axis(model: pin.Model, joint: int) -> Array | None:
-    """The direction of a turning joint in its own frame; None for others."""
-    kind = model.joints[joint].shortname()
-    for i, letter in enumerate("XYZ"):
-        if kind == f"JointModelR{letter}":
-            return np.array(np.eye(3)[i])
-    if kind == "JointModelRevoluteUnaligned":
-        return np.array(model.joints[joint].extract().axis)
-    return None
 
 
 def _about(axis: Array) -> pin.SE3:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import ClosureError
@@ -25,9 +24,9 @@ def fine(mechanism: Mechanism, path: Array, step: float = STEP) -> Array:
     """
     found = [path[:1]]
     for begin, end in pairwise(path):
-        way = np.abs(pin.difference(mechanism.model, begin, end) / mechanism.scale).max(initial=0.0)
+        way = mechanism.distance(begin, end)
         parts = np.arange(1, max(1, int(np.ceil(way / step)))) / max(1, int(np.ceil(way / step)))
-        between = [np.asarray(pin.interpolate(mechanism.model, begin, end, part)) for part in parts.tolist()]
+        between = [mechanism.interpolate(begin, end, part) for part in parts.tolist()]
         if mechanism.loops:
             try:
                 between = [mechanism.close(q) for q in between]

@@ -206,20 +206,19 @@ class AvoidingSolver(Solver):
         if posture is None:
             scout.q = scout.ahead(before, tasks)
         else:
-            scout.q = np.asarray(pin.integrate(self._model, before, 3.0 * self._towards(before, posture)))
+            scout.q = self.mechanism.integrate(before, 3.0 * self._towards(before, posture))
         hit = self.vortices.hits(scout.q)
         if hit or float(np.abs(scout.q - before).max(initial=0.0)) < _THERE:
             self._hit, scout.q = hit, None
 
     def _towards(self, q: Array, posture: Array) -> Array:
         """(nv,) a tick's motion to a posture, loops apart."""
-        way = pin.difference(self._model, q, posture)
-        largest = float(np.abs(way / self.mechanism.scale).max(initial=0.0))
-        return np.asarray(way * min(self.tick_gain, _STRIDE / max(largest, 1e-300)))
+        largest = self.mechanism.distance(q, posture)
+        return self.mechanism.difference(q, posture) * min(self.tick_gain, _STRIDE / max(largest, 1e-300))
 
     def _notice_progress(self, tasks: Sequence[FrameTask], posture: Array | None) -> None:
         """Tries harder where it comes no nearer."""
-        left = self._left(tasks) if posture is None else self._apart(posture)
+        left = self._left(tasks) if posture is None else self.mechanism.distance(self._q, posture)
         if posture is not None and left < _AT_POSTURE:
             self._ways = [_Way(None, Turning.SHORTER)]
             self._set_out()
@@ -246,11 +245,6 @@ class AvoidingSolver(Solver):
             total += float(np.linalg.norm(straight)) / self.mechanism.length + float(np.linalg.norm(turn))
         return total
 
-    def _apart(self, posture: Array) -> float:
-        """How far all joints are from a posture, rad and lengths."""
-        way = pin.difference(self._model, self._q, posture) / self.mechanism.scale
-        return float(np.abs(way).max(initial=0.0))
-
     # --- postures ------------------------------------------------------------------------------------------------
 
     def _look_for_postures(self, tasks: Sequence[FrameTask]) -> None:
@@ -258,7 +252,7 @@ class AvoidingSolver(Solver):
         if self._search is None:
             self._search = _Search(self.mechanism, tasks)
         if self._search.ends(self.clearance, self.keep.safety):
-            nearest = sorted(self._search.found, key=self._apart)[:_POSTURES]
+            nearest = sorted(self._search.found, key=lambda q: self.mechanism.distance(self._q, q))[:_POSTURES]
             others = _OTHERS if self.vortices.plane is None else _OTHERS[:1]
             self._ways = [_Way(q, turning) for q in nearest for turning in _FIRST]
             self._ways += [_Way(None, turning) for turning in others]

@@ -7,7 +7,6 @@ from heapq import heapify, heappop, heappush
 from itertools import pairwise
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
@@ -117,17 +116,11 @@ def _is_clear_between(clearance: Clearance, begin: Array, end: Array, floor: Arr
         return looks
     if looks <= 0:
         return None
-    half = _between(clearance, begin, end)
+    half = clearance.mechanism.interpolate(begin, end, 0.5)
     if ((clearance.distances(half) < floor) & (first > 0.0)).any():
         return None
     left = _is_clear_between(clearance, begin, half, floor, looks - 1)
     return None if left is None else _is_clear_between(clearance, half, end, floor, left)
-
-
-def _between(clearance: Clearance, begin: Array, end: Array) -> Array:
-    """The configuration half-way."""
-    model = clearance.mechanism.model
-    return np.asarray(pin.interpolate(model, begin, end, 0.5))
 
 
 def least_along(clearance: Clearance, path: Array, sharp: float = 0.05, asked: float = 0.0) -> float:
@@ -148,7 +141,7 @@ def least_along(clearance: Clearance, path: Array, sharp: float = 0.05, asked: f
         bound, _, depth, begin, end = heappop(parts)  # the least of all
         if depth == _HALVED or (bound >= (1.0 - sharp) * least and not bound < asked <= least):
             return min(bound, least)
-        half = _between(clearance, begin, end)
+        half = clearance.mechanism.interpolate(begin, end, 0.5)
         least = min(least, clearance.least(half))
         for ends in ((begin, half), (half, end)):
             heappush(parts, (_bound_between(clearance, *ends), count, depth + 1, *ends))

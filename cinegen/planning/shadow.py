@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik import FrameTask, Solver
@@ -42,7 +41,7 @@ class Shadow:
     def motion(self, q: Array, tasks: Sequence[FrameTask], gain: float) -> Array:
         """(nv,) how a tick moves the joints from q (nq,), rad and m."""
         self._solver.gain = gain
-        return np.asarray(pin.difference(self._mechanism.model, q, self.ahead(q, tasks)))
+        return self._mechanism.difference(q, self.ahead(q, tasks))
 
     def _follow(self, tasks: Sequence[FrameTask]) -> None:
         solver = self._solver

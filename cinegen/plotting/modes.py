@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
-from cinegen.model.limits import outside
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import BACK, END, FAINT, FRONT, INK, MOTOR, Pen, paint
 from cinegen.plotting.view import View, views
@@ -204,7 +203,7 @@ def _notes(modes: AssemblyModes) -> list[str]:
     notes = []
     for q, count in zip(modes, modes.coincident, strict=True):
         meeting = [f"×{count}"] if count > 1 else []
-        notes.append(", ".join(meeting + (["outside limits"] if outside(modes.mechanism, q) else [])))
+        notes.append(", ".join(meeting + (["outside limits"] if modes.mechanism.limits.outside(q) else [])))
     return notes
 
 

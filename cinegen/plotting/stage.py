@@ -130,7 +130,7 @@ def _flat(normal: Array) -> Array:
 
 def _gone(mechanism: Mechanism, path: Array) -> Array:
     """(n,) along a path (n, nq)."""
-    steps = (pin.difference(mechanism.model, a, b) / mechanism.scale for a, b in itertools.pairwise(path))
+    steps = (mechanism.scaled_difference(a, b) for a, b in itertools.pairwise(path))
     return np.concatenate([[0.0], np.cumsum([np.linalg.norm(step) for step in steps])])
 
 

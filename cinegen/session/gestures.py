@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.session.devices import Devices
@@ -181,8 +180,7 @@ class Gestures:
                 continue
             self._devices.give_up_scripts(robot)
             way = [*(trace[::-1] if backwards else trace), goal]
-            apart = pin.difference(one.mechanism.model, one.q, way[0]) / one.mechanism.scale
-            on_it = np.abs(apart).max(initial=0.0) < _ON_IT
+            on_it = one.mechanism.distance(one.q, way[0]) < _ON_IT
             one.motion = Retrace(way, gesture.trace.period, name) if on_it else Way(one.mechanism, one.q, goal, name)
         self._then = there
 

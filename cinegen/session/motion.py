@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
@@ -68,8 +67,8 @@ class Motors:
 
     def lead(self, joint: str, value: float) -> None:
         """A motor should be at a value, as far as its limits allow."""
-        i, model = self._mechanism.q_index(joint), self._mechanism.model
-        self.goal[joint] = min(max(value, model.lowerPositionLimit[i]), model.upperPositionLimit[i])
+        limits = self._mechanism.limits[joint]
+        self.goal[joint] = min(max(value, limits.lower), limits.upper)
 
     def end(self) -> None:
         """Ends when the motors have arrived."""
@@ -167,12 +166,11 @@ class Way(_Timed):
         except CinegenError:
             return self._jump()
         if self._mechanism.floating:
-            base = pin.interpolate(self._mechanism.model, self._start, self._goal, part)[:7]
+            base = self._mechanism.interpolate(self._start, self._goal, part)[:7]
             q[:7] = base
         if part < 1.0:
             return q
-        apart = pin.difference(self._mechanism.model, q, self._goal) / self._mechanism.scale
-        return self._jump() if np.abs(apart).max(initial=0.0) > _THERE else self._goal
+        return self._jump() if self._mechanism.distance(q, self._goal) > _THERE else self._goal
 
     def halt(self, q: Array, trouble: str) -> None:
         """See `Motion`."""
@@ -209,18 +207,16 @@ def speeds(mechanism: Mechanism) -> dict[str, float]:
     """How fast each joint may be, rad/s or m/s."""
     found = {}
     for joint in mechanism.joints:
-        limit = float(mechanism.model.upperVelocityLimit[mechanism.v_index(joint)])
+        limit = mechanism.limits[joint].velocity
         usual = _FASTEST * (mechanism.length if mechanism.slides(joint) else 1.0)
-        found[joint] = limit if 0.0 < limit < math.inf else usual
+        found[joint] = limit if math.isfinite(limit) else usual
     return found
 
 
 def beyond(mechanism: Mechanism, q: Array, before: Array) -> str:
     """The first joint that q (nq,) leads beyond a limit, or further beyond it than before; empty if there is none."""
-    model = mechanism.model
-    for joint in mechanism.joints:
+    for joint, limit in mechanism.limits.exceeded(q, _LIMIT).items():
         i = mechanism.q_index(joint)
-        low, high = model.lowerPositionLimit[i] - _LIMIT, model.upperPositionLimit[i] + _LIMIT
-        if (q[i] > high and q[i] > before[i]) or (q[i] < low and q[i] < before[i]):
+        if (q[i] - before[i]) * (q[i] - limit) > 0.0:
             return joint
     return ""

@@ -240,11 +240,10 @@ class Reporter:
 
     def _near(self, q: Array) -> tuple[str, ...]:
         """Joints near a limit."""
-        model, found = self.mechanism.model, []
-        for joint in self.mechanism.joints:
-            i = self.mechanism.q_index(joint)
-            low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-            if np.isfinite(low) and np.isfinite(high) and min(q[i] - low, high - q[i]) < _CLEAR * (high - low):
+        found = []
+        for joint, (low, high, *_) in self.mechanism.limits.items():
+            value = q[self.mechanism.q_index(joint)]
+            if np.isfinite(high - low) and min(value - low, high - value) < _CLEAR * (high - low):
                 found.append(joint)
         return tuple(found)
 

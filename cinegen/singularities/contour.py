@@ -13,7 +13,6 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
@@ -224,7 +223,7 @@ class Grid:
         def way(x: float) -> Array:
             if x in (0.0, 1.0):
                 return np.asarray(second if x else first)
-            guess = np.asarray(pin.interpolate(self._model, first, second, x))
+            guess = self.on.mechanism.interpolate(first, second, x)
             found = self.on.configuration(*self.place(one, other, part * x), guess)
             return found if found is not None else np.asarray(first if x < 0.5 else second)
 

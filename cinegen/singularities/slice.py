@@ -229,7 +229,7 @@ class Slice(Coordinates):
         passive = np.ones(mechanism.model.nv, dtype=bool)
         if self.of_motors:
             passive[[mechanism.v_index(name) for name in mechanism.actuated]] = False
-        away = np.abs(pin.difference(mechanism.model, q, found) / mechanism.scale)[passive]
+        away = np.abs(mechanism.scaled_difference(q, found))[passive]
         return found if away.max(initial=0.0) <= jump else None
 
     def is_at(self, u: float, v: float, q: Array) -> bool:
@@ -251,7 +251,5 @@ def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis
     reach = mechanism.length if slides else 0.5 * math.pi
     low, high = home - reach, home + reach
     if name in mechanism.actuated:
-        at = mechanism.q_index(name)
-        low = max(low, float(mechanism.model.lowerPositionLimit[at]))
-        high = min(high, float(mechanism.model.upperPositionLimit[at]))
+        low, high = max(low, mechanism.limits[name].lower), min(high, mechanism.limits[name].upper)
     return Axis(name, low, high)

@@ -82,7 +82,7 @@ def _of_motor(mechanism: Mechanism, name: str) -> tuple[float, float]:
     at = mechanism.q_index(name)
     home = float(mechanism.q_home[at])
     reach = mechanism.length if mechanism.slides(name) else math.pi
-    low, high = float(mechanism.model.lowerPositionLimit[at]), float(mechanism.model.upperPositionLimit[at])
+    low, high, *_ = mechanism.limits[name]
     return (low if math.isfinite(low) else home - reach), (high if math.isfinite(high) else home + reach)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import Evaluations, Sampler
+from cinegen.model.limits import ROUNDING
 from cinegen.workspace.neighbours import neighbours, to_and_fro
 from cinegen.workspace.settled import How, Settled
 from cinegen.workspace.specification import MapSpecification
@@ -16,7 +17,6 @@ Array = NDArray[np.float64]
 
 _GIVEN, _OPEN, _BEYOND_LIMITS = int(How.GIVEN), int(How.OPEN), int(How.BEYOND)  # numpy is slow to compare others
 _FIELDS = tuple(Evaluations.__dataclass_fields__)
-_BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 
 
 class ByMotors:
@@ -63,9 +63,7 @@ class ByMotors:
         done.q[:, self._passive] = self._turned(done.q[:, self._passive])
         how = np.where(np.isfinite(done.closure), _GIVEN, _OPEN).astype(np.uint8)
         if self.spec.limits:
-            model = self.spec.mechanism.model
-            low, high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
-            how[((done.q < low) | (done.q > high)).any(axis=1)] = _BEYOND_LIMITS
+            how[np.isfinite(done.q).all(axis=1) & ~self.spec.mechanism.limits.within(done.q)] = _BEYOND_LIMITS
         return how
 
     def _look_again(self, values: Array, near: NDArray[np.intp], done: Evaluations, how: NDArray[np.uint8]) -> None:
@@ -96,13 +94,13 @@ class ByMotors:
     def _turned(self, angles: Array) -> Array:
         """Angles (n, k) of passive joints, by whole turns to where limits let them be, else to within half a turn of
         home: how often a loop has gone round on its way makes no difference."""
-        model, home = self.spec.mechanism.model, self.spec.mechanism.q_home[self._passive]
+        limits, home = self.spec.mechanism.limits, self.spec.mechanism.q_home[self._passive]
         about_home = home + (angles - home + np.pi) % (2.0 * np.pi) - np.pi
-        low, high = model.lowerPositionLimit[self._passive], model.upperPositionLimit[self._passive]
+        low, high = limits.lower[self._passive], limits.upper[self._passive]
         with np.errstate(invalid="ignore"):
-            within = np.where(np.isfinite(low), low + (angles - low + _BEYOND) % (2.0 * np.pi) - _BEYOND, about_home)
-        allowed = (about_home >= low - _BEYOND) & (about_home <= high + _BEYOND)
-        return np.where(allowed | (within > high + _BEYOND), about_home, within)
+            within = np.where(np.isfinite(low), low + (angles - low + ROUNDING) % (2.0 * np.pi) - ROUNDING, about_home)
+        allowed = (about_home >= low - ROUNDING) & (about_home <= high + ROUNDING)
+        return np.where(allowed | (within > high + ROUNDING), about_home, within)
 
     def _modes(self, values: Array) -> NDArray[np.int32]:
         """(n,) how many assembly modes there are, as `assembly_modes` counts them: joint limits make no difference."""

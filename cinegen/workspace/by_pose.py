@@ -123,11 +123,11 @@ class ByPose:
 
     def away(self, q: Array, other: Array) -> float:
         """How far the joint that is farthest goes, rad or lengths."""
-        return float(np.abs(pin.difference(self.mechanism.model, q, other) / self.mechanism.scale).max(initial=0.0))
+        return self.mechanism.distance(q, other)
 
     def marks(self, q: Array) -> Array:
         """(nv,) what tells a configuration from others: what each joint does, rad or lengths."""
-        return np.asarray(pin.difference(self.mechanism.model, self._neutral, q) / self.mechanism.scale)
+        return self.mechanism.scaled_difference(self._neutral, q)
 
     def apart(self, marks: Array, known: Array, joints: NDArray[np.intp]) -> Array:
         """(k,) how far some joints of configurations are from those of known ones (k, nv), whole turns left out."""

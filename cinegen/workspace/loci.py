@@ -36,7 +36,6 @@ _GOAL = 1e-10  # rad or lengths that may be left
 _THERE = 1e-7  # rad or lengths: a configuration that far from its point is another's
 _JUMP = 0.7  # rad or lengths: neighbours that are further apart are on different branches
 _AT_LIMIT = 1e-4  # rad or m from it
-_BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 
 
 def loci(
@@ -82,9 +81,8 @@ class _Sheet:
         self._survey, self._region = spec, spec.region
         tasks = () if self.of_motors else (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),)
         self._seeker = Seeker(self.mechanism, tasks, spec.limits)
-        model, self._motors = self.mechanism.model, [self.mechanism.q_index(name) for name in self.mechanism.actuated]
-        self._low, self._high = model.lowerPositionLimit - _BEYOND, model.upperPositionLimit + _BEYOND
-        self._moved = np.zeros(model.nv, dtype=bool)  # by the step itself, which is no jump
+        self._motors = [self.mechanism.q_index(name) for name in self.mechanism.actuated]
+        self._moved = np.zeros(self.mechanism.model.nv, dtype=bool)  # by the step itself, which is no jump
         if self.of_motors:
             self._moved[[self.mechanism.v_index(name) for name in self.mechanism.actuated]] = True
 
@@ -114,11 +112,10 @@ class _Sheet:
 
     def stopped(self, q: Array) -> bool:
         """Whether a joint is at a limit that it must keep to."""
-        near = np.minimum(q - self._low, self._high - q)
-        return bool(self._survey.limits and near.min() <= _AT_LIMIT)
+        return self._survey.limits and not self.mechanism.limits.within(q, -_AT_LIMIT)
 
     def _away(self, q: Array, other: Array) -> float:
-        gaps = np.abs(pin.difference(self.mechanism.model, q, other) / self.mechanism.scale)
+        gaps = np.abs(self.mechanism.scaled_difference(q, other))
         return float(gaps[~self._moved].max(initial=0.0))
 
     def _target(self, u: float, v: float) -> pin.SE3:
@@ -136,5 +133,5 @@ class _Sheet:
             found = self.mechanism.close(start, self.mechanism.actuated)
         except ClosureError:
             return None
-        beyond = self._survey.limits and ((found < self._low) | (found > self._high)).any()
+        beyond = self._survey.limits and not self.mechanism.limits.within(found)
         return None if beyond else np.asarray(found)

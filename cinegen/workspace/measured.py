@@ -13,7 +13,6 @@ from cinegen.ik.batch import Evaluations
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.settled import Settled
 from cinegen.workspace.specification import MapSpecification
-from raff2urdf.readers.urdf import UNLIMITED
 
 if TYPE_CHECKING:
     from cinegen.collision.clearance import Clearance
@@ -104,8 +103,8 @@ def _manipulability(cells: Cells) -> Values:
 
 
 def _margin(cells: Cells) -> Values:
-    model, q = cells.spec.mechanism.model, cells.evaluations.q
-    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    limits, q = cells.spec.mechanism.limits, cells.evaluations.q
+    low, high = limits.lower, limits.upper
     limited = np.isfinite(low) & np.isfinite(high) & (high > low) & _moving(cells.spec)
     if not limited.any():
         return np.where(np.isfinite(q[:, 0]), 1.0, np.nan)
@@ -142,9 +141,9 @@ def _limits(spec: MapSpecification, of: str) -> Array:
     """(motors,) what the robot's description allows them, 1 where it says nothing."""
     mechanism = spec.mechanism
     columns = [mechanism.v_index(name) for name in mechanism.actuated]
-    model, unsaid = mechanism.model, _SLOWLY if of == "speed" else _WEAKLY
-    given = np.asarray(model.upperVelocityLimit if of == "speed" else model.upperEffortLimit)[columns]
-    return np.where((given > 0.0) & (given < UNLIMITED), given, unsaid)
+    limits = mechanism.limits
+    given, unsaid = (limits.velocity, _SLOWLY) if of == "speed" else (limits.effort, _WEAKLY)
+    return np.where(np.isfinite(given), given, unsaid)[columns]
 
 
 def _solid_angle(cells: Cells) -> Values:

@@ -17,8 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import axis, translations
 from cinegen.model import Mechanism
-from cinegen.model.mechanism import translations
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
@@ -157,8 +157,7 @@ def _links(mechanism: Mechanism, limits: bool) -> list[_Link]:
         joint = model.joints[number]
         moving = translations(joint)
         if joint.nq == 1:
-            low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-            low, high = (float(low), float(high)) if limits else (-math.inf, math.inf)
+            low, high, *_ = mechanism.limits[model.names[number]] if limits else (-math.inf, math.inf)
             kind = _SLIDE if moving else _TURN
         elif moving:
             continue  # it goes anywhere
@@ -167,7 +166,7 @@ def _links(mechanism: Mechanism, limits: bool) -> list[_Link]:
         found.append(
             _Link(
                 model.parents[number], number, model.jointPlacements[number], pin.SE3.Identity(), kind,
-                _axis(joint, moving) if joint.nq == 1 else np.zeros(3), low, high,
+                axis(joint) if joint.nq == 1 else np.zeros(3), low, high,
             )
         )  # fmt: skip
     for loop, (first, at_first, second, at_second) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
@@ -175,14 +174,6 @@ def _links(mechanism: Mechanism, limits: bool) -> list[_Link]:
             kind = _RIGID if loop.kind is LoopKind.RIGID else _FREE
             found.append(_Link(first, second, at_first, at_second, kind, np.zeros(3), -math.inf, math.inf))
     return found
-
-
-def _axis(joint: pin.JointModel, slides: int) -> Array:
-    """(3,) of a joint that turns or slides, in its own frame."""
-    data = joint.createData()
-    joint.calc(data, np.zeros(1))
-    motion = np.asarray(data.S).ravel()
-    return motion[:3] if slides else motion[3:]
 
 
 def _chains(links: Sequence[_Link], last: int) -> Iterator[list[_Link]]:

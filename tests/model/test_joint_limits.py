@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
-from cinegen.model.limits import beyond, limits, outside, unwound
+import cinegen
 
 ARM = """robot r { base { }
   link 1 { type 2 pred 0 limits { -30 90 } }
@@ -25,7 +26,7 @@ def arm(raff):
 
 @pytest.mark.parametrize("joint", LIMITS)
 def test_limits_are_those_of_the_file_in_rad_and_m(arm, joint):
-    assert limits(arm, joint) == pytest.approx(LIMITS[joint], abs=1e-12)
+    assert arm.limits[joint][:2] == pytest.approx(LIMITS[joint], abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -44,7 +45,7 @@ def test_limits_are_those_of_the_file_in_rad_and_m(arm, joint):
     ],
 )
 def test_a_joint_beyond_either_limit_is_reported_with_that_limit_in_file_order(arm, values, expected):
-    found = beyond(arm, arm.configuration(values))
+    found = arm.limits.exceeded(arm.configuration(values))
     assert list(found) == list(expected)
     assert found == pytest.approx(expected, abs=1e-12)
 
@@ -53,8 +54,8 @@ def test_a_joint_beyond_either_limit_is_reported_with_that_limit_in_file_order(a
 def test_rounding_widens_both_limits_by_that_much_and_no_more(arm, value, sign):
     for by, expected in ((0.5e-6, {}), (2e-6, {"joint2"})):
         q = arm.configuration({"joint2": value + sign * by})
-        assert set(beyond(arm, q)) == {"joint2"}
-        assert set(beyond(arm, q, rounding=1e-6)) == set(expected)
+        assert set(arm.limits.exceeded(q)) == {"joint2"}
+        assert set(arm.limits.exceeded(q, rounding=1e-6)) == set(expected)
 
 
 @pytest.mark.parametrize(
@@ -71,14 +72,16 @@ def test_rounding_widens_both_limits_by_that_much_and_no_more(arm, value, sign):
 )
 def test_a_revolute_joint_is_outside_where_no_whole_turn_brings_it_within(arm, degrees, expected):
     q = arm.configuration({"joint1": math.radians(degrees)})
-    assert outside(arm, q) == pytest.approx({joint: math.radians(at) for joint, at in expected.items()}, abs=1e-12)
+    assert arm.limits.outside(q) == pytest.approx(
+        {joint: math.radians(at) for joint, at in expected.items()}, abs=1e-12
+    )
 
 
 def test_whole_turns_are_taken_from_revolute_joints_with_limits_only(arm):
     q = arm.configuration({"joint1": 0.5 + 2.0 * math.pi, "joint2": 0.1 + 2.0 * math.pi, "joint3": 0.7 + 2.0 * math.pi})
     expected = arm.configuration({"joint1": 0.5, "joint2": 0.1 + 2.0 * math.pi, "joint3": 0.7 + 2.0 * math.pi})
-    assert unwound(arm, q) == pytest.approx(expected, abs=1e-12)
-    assert list(outside(arm, q)) == ["joint2"]
+    assert arm.limits.unwound(q) == pytest.approx(expected, abs=1e-12)
+    assert list(arm.limits.outside(q)) == ["joint2"]
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
@@ -103,3 +106,38 @@ def test_a_loop_is_closed_within_limits_of_either_side_where_it_can_be(raff, sid
     here = float(arm.q_home[arm.q_index("joint1")])
     assert math.radians(low) - 1e-9 <= here <= math.radians(high) + 1e-9
     assert arm.closure(arm.q_home) < 1e-9
+
+
+def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
+    assert list(arm.limits) == list(arm.joints)
+    with pytest.raises(KeyError, match="no joint 'joint4': did you mean 'joint"):
+        arm.limits["joint4"]
+    assert "joint4" not in arm.limits
+    for joint, (lower, upper, velocity, effort) in arm.limits.items():
+        i, j = arm.q_index(joint), arm.v_index(joint)
+        assert (lower, upper) == (arm.limits.lower[i], arm.limits.upper[i])
+        assert (velocity, effort) == (arm.limits.velocity[j], arm.limits.effort[j]) == (math.inf, math.inf)
+    with pytest.raises(ValueError, match="read-only"):
+        arm.limits.upper[0] = 1.0
+    assert repr(arm.limits) == "<Limits of 3 joints>"
+
+
+def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it_says_0_or_nothing(tmp_path):
+    limits = ('effort="5" velocity="3"', 'effort="0" velocity="0"', 'effort="1e9"')
+    joints = "".join(
+        f"""<link name="l{k + 1}"/><joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>
+        <axis xyz="0 0 1"/><limit lower="-1" upper="1" {limit}/></joint>"""
+        for k, limit in enumerate(limits)
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="arm"><link name="l0"/>{joints}</robot>')
+    found = cinegen.load(path).limits
+    nothing = (-1, 1, math.inf, math.inf)
+    assert [tuple(found[joint]) for joint in found] == [(-1, 1, 3, 5), nothing, nothing]
+
+
+def test_whether_configurations_are_within_limits_is_told_of_many_at_once(arm):
+    inside, at, outside = (arm.configuration({"joint2": value}) for value in (0.0, 0.2, 0.2 + 2e-9))
+    assert arm.limits.within(np.array([inside, at, outside])).tolist() == [True, True, False]
+    assert arm.limits.within(outside, rounding=1e-8)
+    assert not arm.limits.within(at, rounding=-1e-6)

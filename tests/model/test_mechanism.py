@@ -172,3 +172,15 @@ def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_
     assert (mechanism.slides("p"), mechanism.slides("r")) == (True, False)
     assert mechanism.length != 1.0
     assert mechanism.scale == pytest.approx([mechanism.length, 1.0])
+
+
+@pytest.mark.parametrize("name", ["delta4", "delta4_linear", "rx90"])
+def test_differences_of_configurations_are_in_rad_and_m_scaled_ones_in_characteristic_lengths(robot, name):
+    mechanism = robot(name)
+    here, there = mechanism.q_home, mechanism.random_closed(1)[0]
+    step = mechanism.difference(here, there)
+    assert step == pytest.approx(there - here)
+    assert mechanism.scaled_difference(here, there) * mechanism.scale == pytest.approx(step)
+    assert mechanism.distance(here, there) == np.abs((there - here) / mechanism.scale).max() > 0.0
+    assert mechanism.integrate(here, step) == pytest.approx(there)
+    assert mechanism.interpolate(here, there, 0.25) == pytest.approx(0.75 * here + 0.25 * there)

@@ -15,7 +15,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
-from cinegen.model.limits import outside, unwound
 from cinegen.plotting import DrawingError, Skeleton, View, draw_modes, views
 from cinegen.plotting.stick import outline
 
@@ -262,7 +261,7 @@ def test_forty_modes_are_still_a_sheet(modes):
 def test_what_is_outside_its_limits_is_marked(robot, modes, drawn):
     figure, _ = drawn("tssm")
     marked = sum("outside" in text.get_text() for text in figure.texts)
-    assert marked == sum(bool(outside(robot("tssm"), q)) for q in modes("tssm"))
+    assert marked == sum(bool(robot("tssm").limits.outside(q)) for q in modes("tssm"))
 
 
 def test_nothing_can_be_drawn_of_no_mode(modes):
@@ -278,13 +277,13 @@ def test_nothing_can_be_drawn_of_no_mode(modes):
 def test_a_joint_is_outside_if_no_number_of_turns_brings_it_inside(robot, data):
     arm = robot("five_bar")
     q = np.array(data.draw(st.lists(st.floats(-20.0, 20.0), min_size=arm.model.nq, max_size=arm.model.nq)))
-    beyond = outside(arm, q)
+    beyond = arm.limits.outside(q)
     for joint in arm.joints:
         i = arm.q_index(joint)
         low, high = arm.model.lowerPositionLimit[i], arm.model.upperPositionLimit[i]
         inside = any(low <= q[i] + 2.0 * math.pi * turns <= high for turns in range(-6, 7))
         assert inside == (joint not in beyond)
-    there = unwound(arm, q)
+    there = arm.limits.unwound(q)
     for node in arm.nodes:
         np.testing.assert_allclose(
             arm.placement(there, node).homogeneous, arm.placement(q, node).homogeneous, atol=1e-12
@@ -294,9 +293,9 @@ def test_a_joint_is_outside_if_no_number_of_turns_brings_it_inside(robot, data):
 def test_the_nearer_limit_is_said(robot):
     arm = robot("five_bar")  # joint1 may be at 60 to 200 degrees
     q = arm.configuration({"joint1": math.radians(45.0)})
-    assert outside(arm, q)["joint1"] == pytest.approx(math.radians(60.0))
+    assert arm.limits.outside(q)["joint1"] == pytest.approx(math.radians(60.0))
     q = arm.configuration({"joint1": math.radians(-140.0)})
-    assert outside(arm, q)["joint1"] == pytest.approx(math.radians(200.0))
+    assert arm.limits.outside(q)["joint1"] == pytest.approx(math.radians(200.0))
 
 
 def test_a_view_is_told_by_its_name():

@@ -9,7 +9,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.model.mechanism import Mechanism, translations
+from cinegen.joints import translations
+from cinegen.model.mechanism import Mechanism
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -14,11 +13,11 @@ from cinegen.collision.scene.place import placement, said
 from cinegen.collision.scene.table import Table
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
+from cinegen.model.limits import ROUNDING
 from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9  # rad or m at a limit
 _STEP = 0.1  # rad or lengths: how far motors go at once on the way from home
 
 
@@ -87,23 +86,15 @@ def _closed(mechanism: Mechanism, home: Array, q: Array, guessed: bool) -> Array
 
 def _unwind(mechanism: Mechanism, q: Array) -> None:
     """Takes whole turns from joints without motors: a guess far away may have added some."""
-    for name in mechanism.joints:
-        low, high = _limits(mechanism, name)
-        middle = (low + high) / 2.0
-        if name not in mechanism.actuated and not mechanism.slides(name) and math.isfinite(middle):
-            i = mechanism.q_index(name)
-            if not low - _ROUNDING <= q[i] <= high + _ROUNDING:
-                q[i] = middle + math.remainder(q[i] - middle, 2.0 * math.pi)
-
-
-def _limits(mechanism: Mechanism, name: str) -> tuple[float, float]:
-    i, model = mechanism.q_index(name), mechanism.model
-    return float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
+    unwound = mechanism.limits.unwound(q)
+    for name in mechanism.limits.exceeded(q, ROUNDING):
+        if name not in mechanism.actuated:
+            q[mechanism.q_index(name)] = unwound[mechanism.q_index(name)]
 
 
 def _check_limits(table: Table, mechanism: Mechanism, name: str, value: float, said: bool) -> None:
-    low, high = _limits(mechanism, name)
-    if low - _ROUNDING <= value <= high + _ROUNDING:
+    low, high, *_ = mechanism.limits[name]
+    if low - ROUNDING <= value <= high + ROUNDING:
         return
     why = f"'{name}' is at {value:.6g}, its limits are {low:.6g} and {high:.6g}"
     raise table.wrong("joints", why if said else f"{why}: say where it starts, or other motors")

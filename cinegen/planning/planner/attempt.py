@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
@@ -81,8 +80,7 @@ def attempt(
         if len(path) > most:
             return ended(PlanStatus.STEP_LIMIT, f"{most} steps did not suffice")
         path.append(solver.step().q)
-        moved = pin.difference(mechanism.model, path[-2], path[-1]) / mechanism.scale
-        still = still + 1 if float(np.abs(moved).max(initial=0.0)) < _REST else 0
+        still = still + 1 if mechanism.distance(path[-2], path[-1]) < _REST else 0
         distance = left(path[-1])
         since = 0 if distance < nearest - _NEARER else since + 1
         nearest = min(nearest, distance)
@@ -134,12 +132,8 @@ def _why(clearance: Clearance, keep: Keep, q: Array, pushed: bool) -> tuple[Plan
 def _limits(clearance: Clearance, q: Array) -> list[str]:
     """Joints that stand on a limit."""
     mechanism, found = clearance.mechanism, []
-    model = mechanism.model
-    for name in mechanism.joints:
-        joint = model.joints[model.getJointId(name)]
-        if joint.nq != 1:
-            continue
-        i, near = joint.idx_q, _AGAINST * mechanism.scale[joint.idx_v]
-        if q[i] < model.lowerPositionLimit[i] + near or q[i] > model.upperPositionLimit[i] - near:
+    for name, limits in mechanism.limits.items():
+        value, near = q[mechanism.q_index(name)], _AGAINST * mechanism.scale[mechanism.v_index(name)]
+        if not limits.lower + near <= value <= limits.upper - near:
             found.append(name)
     return found

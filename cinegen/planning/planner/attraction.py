@@ -89,20 +89,18 @@ class PostureAttraction:
             if self._solver is not None:
                 here = self._solver.step().q
             else:
-                here = np.asarray(pin.integrate(self._mechanism.model, here, self.step(here)))
+                here = self._mechanism.integrate(here, self.step(here))
             found.append(here)
         return np.array(found)
 
     def step(self, q: Array) -> Array:
         """(nv,) rad and m, loops apart."""
-        way = pin.difference(self._mechanism.model, q, self.posture)
-        largest = float(np.abs(way / self._mechanism.scale).max(initial=0.0))
-        return np.asarray(way * min(1.0, _LONGEST / max(largest, 1e-300)))
+        way = self._mechanism.difference(q, self.posture)
+        return way * min(1.0, _LONGEST / max(self.left(q), 1e-300))
 
     def left(self, q: Array) -> float:
         """How far the joints are from the posture: the furthest of them, rad or characteristic lengths."""
-        way = pin.difference(self._mechanism.model, q, self.posture) / self._mechanism.scale
-        return float(np.abs(way).max(initial=0.0))
+        return self._mechanism.distance(q, self.posture)
 
 
 class _Toward:

@@ -17,7 +17,7 @@ from cinegen.collision.scene import Scene
 from cinegen.ik.objectives import State
 from cinegen.ik.resolve import free_motions
 from cinegen.ik.task import FrameTask
-from cinegen.loops.arrays import moves
+from cinegen.joints import supporting_columns
 from cinegen.model import Mechanism
 from cinegen.planning.fields import Elliptical, Firas, Spherical, line_search
 from cinegen.planning.keep import stop
@@ -193,7 +193,7 @@ class Greatest:
         self._joints = [body.joint for body in moving]
         self._links = [list(links) for _, links in groupby(range(len(moving)), lambda i: self._joints[i])]
         self._axes = [axis_of(body) for body in moving]
-        self._moves = np.array([moves(self._model, joint) for joint in self._joints])
+        self._moves = np.array([supporting_columns(self._model, joint) for joint in self._joints])
 
     def value(self, q: Array) -> float:
         """At q (nq,); infinite at contact."""
@@ -341,7 +341,7 @@ class Descent:
 
     def velocity(self, state: State) -> Array:
         """(nv,) rad/s and m/s."""
-        model, scale, q = self._mechanism.model, self._mechanism.scale, state.q
+        mechanism, scale, q = self._mechanism, self._mechanism.scale, state.q
         gradient = self._gradient(q)
         way = self._free(q, -gradient)
         largest = float(np.abs(way).max(initial=0.0))
@@ -349,22 +349,19 @@ class Descent:
             return np.zeros_like(gradient)
 
         def along(step: float) -> float:
-            return self._value(np.asarray(pin.integrate(model, q, step * way * scale)))
+            return self._value(mechanism.integrate(q, step * way * scale))
 
         return line_search(along, float(gradient @ way), LONGEST / largest) * way * scale / state.dt
 
     def _free(self, q: Array, way: Array) -> Array:
         """(nv,) what of a way neither loops nor limits forbid, by rad and lengths."""
-        mechanism, model = self._mechanism, self._mechanism.model
+        mechanism, limits = self._mechanism, self._mechanism.limits
+        at_q, at_v = mechanism.scalar_joints
+        near = _AT_LIMIT * mechanism.scale[at_v]
+        low = np.where(q[at_q] <= limits.lower[at_q] + near, 0.0, -np.inf)
+        high = np.where(q[at_q] >= limits.upper[at_q] - near, 0.0, np.inf)
         way = way.copy()
-        for joint in model.joints:
-            if joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0:
-                low, high = model.lowerPositionLimit[joint.idx_q], model.upperPositionLimit[joint.idx_q]
-                near, v = _AT_LIMIT * mechanism.scale[joint.idx_v], joint.idx_v
-                if q[joint.idx_q] <= low + near:
-                    way[v] = max(way[v], 0.0)
-                if q[joint.idx_q] >= high - near:
-                    way[v] = min(way[v], 0.0)
+        way[at_v] = np.minimum(np.maximum(way[at_v], low), high)
         if not mechanism.loops:
             return way
         motions, _ = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)

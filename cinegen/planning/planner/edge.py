@@ -6,7 +6,6 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
@@ -17,7 +16,7 @@ Array = NDArray[np.float64]
 
 _FINEST = 1e-4  # rad or lengths: half a piece; what such short ones don't show to be clear, is not
 _BEND = 5e-4  # rad or lengths: so far may closing the loops lead from the middle of a piece
-_ROUNDING = 1e-9  # rad or m at a limit, and of loops
+_ROUNDING = 1e-9  # rad or characteristic lengths, of loops
 
 
 def edge(clearance: Clearance, begin: Array, end: Array, safety: float) -> Array | None:
@@ -53,7 +52,7 @@ def edge(clearance: Clearance, begin: Array, end: Array, safety: float) -> Array
         if middle is None or clearance.least(middle.q) < safety:
             return None
         known[part := (first + last) / 2.0] = middle.q
-        distances, ways = clearance.bounds(middle.q, np.asarray(pin.integrate(mechanism.model, middle.q, middle.reach)))
+        distances, ways = clearance.bounds(middle.q, mechanism.integrate(middle.q, middle.reach))
         if middle.bend <= _BEND and (distances - ways >= safety).all():
             continue
         if float(np.abs(middle.reach / mechanism.scale).max(initial=0.0)) < _FINEST:
@@ -76,16 +75,15 @@ class _Middle(NamedTuple):
 
 def _middle(mechanism: Mechanism, begin: Array, end: Array) -> _Middle | None:
     """None where loops can't be closed, or only elsewhere, or beyond a limit."""
-    model = mechanism.model
-    straight = np.asarray(pin.interpolate(model, begin, end, 0.5))
-    half = np.abs(pin.difference(model, straight, end))
+    straight = mechanism.interpolate(begin, end, 0.5)
+    half = np.abs(mechanism.difference(straight, end))
     if not mechanism.loops:
         return _Middle(straight, half, 0.0)
     try:
         q = mechanism.close(straight, locked=_held(mechanism))
     except ClosureError:
         return None
-    bent = np.abs(pin.difference(model, straight, q))
+    bent = np.abs(mechanism.difference(straight, q))
     bend = float((bent / mechanism.scale).max())
     if bend > float((half / mechanism.scale).max()) or not _stands(mechanism, q):
         return None
@@ -100,6 +98,4 @@ def _held(mechanism: Mechanism) -> tuple[str, ...]:
 
 def _stands(mechanism: Mechanism, q: Array) -> bool:
     """Whether a configuration is within all limits, loops closed."""
-    model = mechanism.model
-    within = (q >= model.lowerPositionLimit - _ROUNDING) & (q <= model.upperPositionLimit + _ROUNDING)
-    return bool(within.all()) and mechanism.closure(q) <= _ROUNDING
+    return bool(mechanism.limits.within(q)) and mechanism.closure(q) <= _ROUNDING

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik.objectives import State
@@ -34,7 +33,7 @@ class Lead:
     def velocity(self, state: State) -> Array:
         """(nv,) rad/s and m/s."""
         q = state.q
-        motion = np.asarray(pin.difference(state.mechanism.model, q, self.attraction.ahead(q)[0]))
+        motion = state.mechanism.difference(q, self.attraction.ahead(q)[0])
         self._ticks += 1
         return self.vortices.turn(q, motion, lambda: self._in_the_way(q)) / state.dt
 

@@ -8,7 +8,6 @@ from functools import cached_property
 from itertools import pairwise, product
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.around import surroundings
@@ -92,8 +91,7 @@ class Plan:
     @property
     def motion(self) -> float:
         """Of the joints: the lengths of all steps together, rad and characteristic lengths."""
-        model, scale = self.scene.mechanism.model, self.scene.mechanism.scale
-        steps = (pin.difference(model, a, b) / scale for a, b in pairwise(self.path))
+        steps = (self.scene.mechanism.scaled_difference(a, b) for a, b in pairwise(self.path))
         return float(sum(np.linalg.norm(step) for step in steps))
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
@@ -56,7 +55,7 @@ def postures(scene: Scene, clearance: Clearance, seed: int = 0) -> Postures:
         if not seeker.seek(start, 1e-10) or seeker.open_by > CLOSURE:
             continue
         q = seeker.best
-        if any(_apart(scene, q, other) < _APART for other in free):
+        if any(mechanism.distance(q, other) < _APART for other in free):
             continue
         distances = clearance.distances(q)
         nearest = int(distances.argmin()) if len(distances) else -1
@@ -72,15 +71,10 @@ def postures(scene: Scene, clearance: Clearance, seed: int = 0) -> Postures:
 
 def _varied(scene: Scene, found: list[Array]) -> list[Array]:
     """Sorted: what is nearest to the start, then what is furthest from all before."""
-    left = sorted(found, key=lambda q: _apart(scene, scene.start, q))
+    left = sorted(found, key=lambda q: scene.mechanism.distance(scene.start, q))
     chosen = left[:1]
     left = left[1:]
     while left:
-        at = int(np.argmax([min(_apart(scene, q, other) for other in chosen) for q in left]))
+        at = int(np.argmax([min(scene.mechanism.distance(q, other) for other in chosen) for q in left]))
         chosen.append(left.pop(at))
     return chosen
-
-
-def _apart(scene: Scene, one: Array, other: Array) -> float:
-    way = pin.difference(scene.mechanism.model, one, other) / scene.mechanism.scale
-    return float(np.abs(way).max(initial=0.0))

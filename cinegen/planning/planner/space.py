@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
@@ -36,17 +35,14 @@ class Space:
 
     def __init__(self, scene: Scene, clearance: Clearance) -> None:
         self._start, mechanism = scene.start, scene.mechanism
-        self._model, self._scale = mechanism.model, mechanism.scale
-        low, high = np.full(self._model.nv, -np.inf), np.full(self._model.nv, np.inf)
+        self._mechanism, self._scale = mechanism, mechanism.scale
+        low, high = np.full(mechanism.model.nv, -np.inf), np.full(mechanism.model.nv, np.inf)
         first, last = _room(scene, clearance)
-        begin, end = (np.resize(far, self._model.nv) for far in (first, last))
-        self._endless = np.zeros(self._model.nv, dtype=bool)
+        begin, end = (np.resize(far, mechanism.model.nv) for far in (first, last))
+        self._endless = np.zeros(mechanism.model.nv, dtype=bool)
         for name in mechanism.joints:
             i, k = mechanism.q_index(name), mechanism.v_index(name)
-            low[k], high[k] = (
-                limits[i] - scene.start[i]
-                for limits in (self._model.lowerPositionLimit, self._model.upperPositionLimit)
-            )
+            low[k], high[k] = np.array(mechanism.limits[name][:2]) - scene.start[i]
             if not mechanism.slides(name):
                 begin[k], end[k] = -_TURN, _TURN
                 self._endless[k] = np.isinf(low[k]) and np.isinf(high[k])
@@ -57,11 +53,11 @@ class Space:
 
     def at(self, x: Array) -> Array:
         """(nq,) the configuration of a point (nv,)."""
-        return np.asarray(pin.integrate(self._model, self._start, x * self._scale))
+        return self._mechanism.integrate(self._start, x * self._scale)
 
     def point(self, q: Array) -> Array:
         """(nv,) of a configuration (nq,)."""
-        return np.asarray(pin.difference(self._model, self._start, q)) / self._scale
+        return self._mechanism.scaled_difference(self._start, q)
 
     def points(self, q: Array) -> list[Array]:
         """(nv,) each, inside the box: of a configuration (nq,), and with whole turns; nearest to the start first."""

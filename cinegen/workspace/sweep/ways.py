@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cinegen.errors import ClosureError
 from cinegen.ik.seeker import Seeker
 from cinegen.ik.task import FrameTask
+from cinegen.model.limits import ROUNDING
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
@@ -20,7 +21,6 @@ JUMP = 0.7
 
 _GOAL = 1e-10  # rad or lengths that may be left
 _SAME = 1e-4  # rad or lengths
-_BEYOND = 1e-9  # rad or m that a joint may be beyond its limit
 _STEPS = (1, 4, 16)  # a way is gone in as few as will do
 
 
@@ -37,10 +37,9 @@ class Ways:
         self._turning = np.zeros(mechanism.model.nv, dtype=bool)
         for name in mechanism.joints:
             if not mechanism.slides(name):
-                limited = spec.limits and np.isfinite(mechanism.model.lowerPositionLimit[mechanism.q_index(name)])
+                limited = spec.limits and np.isfinite(mechanism.limits[name].lower)
                 self._turning[mechanism.v_index(name)] = not limited
-        model, most = mechanism.model, _BEYOND if spec.limits else np.inf
-        self._low, self._high = model.lowerPositionLimit - most, model.upperPositionLimit + most
+        self._rounding = ROUNDING if spec.limits else np.inf
         if spec.of_motors:
             self._motors = spec.region.motors_at(mechanism, values)
             self._at = self._closed
@@ -52,13 +51,11 @@ class Ways:
 
     def away(self, q: Array, other: Array) -> float:
         """How far the joint that is farthest goes between two configurations (nq,), rad or lengths."""
-        mechanism = self._mechanism
-        return float(np.abs(pin.difference(mechanism.model, q, other) / mechanism.scale).max(initial=0.0))
+        return self._mechanism.distance(q, other)
 
     def same(self, q: Array, other: Array) -> bool:
         """Whether two configurations (nq,) are one, whole turns of joints without limits apart."""
-        mechanism = self._mechanism
-        gaps = pin.difference(mechanism.model, q, other) / mechanism.scale
+        gaps = self._mechanism.scaled_difference(q, other)
         gaps[self._turning] = (gaps[self._turning] + np.pi) % (2.0 * np.pi) - np.pi
         return bool(np.abs(gaps).max(initial=0.0) <= _SAME)
 
@@ -88,7 +85,7 @@ class Ways:
         def way(x: float) -> Array:
             if x in (0.0, 1.0):
                 return end if x else q
-            guess = np.asarray(pin.interpolate(self._mechanism.model, q, end, x))
+            guess = self._mechanism.interpolate(q, end, x)
             found = self._at(one, other, x, guess)
             return found if found is not None else q if x < 0.5 else end
 
@@ -111,4 +108,4 @@ class Ways:
             found = np.asarray(mechanism.close(q, mechanism.actuated))
         except ClosureError:
             return None
-        return found if ((found >= self._low) & (found <= self._high)).all() else None
+        return found if mechanism.limits.within(found, self._rounding) else None

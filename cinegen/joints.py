@@ -1,0 +1,69 @@
+"""Facts about joints of a Pinocchio model: axes, indices, and which columns of a Jacobian they move."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Indices = NDArray[np.intp]
+
+_TRANSLATIONS = {"FreeFlyer": 3, "Planar": 2, "Translation": 3, "PrismaticUnaligned": 1, "PX": 1, "PY": 1, "PZ": 1}
+"""Number of translational velocities, which come first, by Pinocchio's name for a type of joint."""
+
+
+def translations(joint: Any) -> int:
+    """Return how many of the velocities of a joint are translations; they come first."""
+    return _TRANSLATIONS.get(joint.shortname().removeprefix("JointModel"), 0)
+
+
+def axis(joint: Any) -> Array:
+    """Return the unit axis (3,), in its own frame, of a revolute or prismatic joint."""
+    data = joint.createData()
+    joint.calc(data, np.zeros(joint.idx_q + joint.nq))
+    motion = np.asarray(data.S).ravel()
+    return np.array(motion[:3] if translations(joint) else motion[3:])
+
+
+def supporting_columns(model: pin.Model, joint: int) -> Array:
+    """Return (nv,) 1 for each column of a Jacobian that moves the body behind a joint (by its index), else 0."""
+    columns = np.zeros(model.nv)
+    for j in model.supports[joint]:
+        if j > 0:
+            columns[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1.0
+    return columns
+
+
+def scalar_joints(model: pin.Model) -> tuple[Indices, Indices]:
+    """Return where in q and in v the joints are whose configuration is one number, which adds to its velocity."""
+    found = [(joint.idx_q, joint.idx_v) for joint in model.joints if _is_scalar(joint)]
+    at = np.array(found, dtype=np.intp).reshape(-1, 2)
+    return at[:, 0], at[:, 1]
+
+
+def other_joints(model: pin.Model, among: Array | None = None) -> tuple[Indices, Indices] | None:
+    """Return where in q and in v the joints are that are not scalar (a free base, a ball joint); None without any.
+
+    Args:
+        model: the tree.
+        among: (nv,) not 0 for the columns that count; all unless given.
+    """
+    found = [
+        joint
+        for joint in model.joints
+        if joint.idx_v >= 0
+        and not _is_scalar(joint)
+        and (among is None or among[joint.idx_v : joint.idx_v + joint.nv].any())
+    ]
+    if not found:
+        return None
+    at_q = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in found])
+    at_v = np.concatenate([np.arange(joint.idx_v, joint.idx_v + joint.nv) for joint in found])
+    return at_q, at_v
+
+
+def _is_scalar(joint: Any) -> bool:
+    return bool(joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0)
