@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import Any
 
 import cinegen
-from cinegen.devices import Path as Way
-from cinegen.devices import fitted
+from cinegen.devices import ScriptedPath as Way
+from cinegen.devices import fit_path
 from cinegen.realtime import Clock, Tick
 
 ROBOTS = Path(__file__).parent.parent / "robots"
@@ -82,7 +82,7 @@ def main() -> None:
     parser.add_argument("--priority", type=int, default=0, help="of SCHED_FIFO, 1 to 99; 0: ordinary scheduling")
     arguments = parser.parse_args()
     mechanism = cinegen.load(ROBOTS / f"{arguments.robot}.raff")
-    way = fitted(mechanism, mechanism.end)
+    way = fit_path(mechanism, mechanism.end)
     for mode in ("thread", "process") if arguments.mode == "both" else (arguments.mode,):
         measure(mode, arguments, mechanism, way)
 

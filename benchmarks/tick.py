@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 
 import cinegen
-from cinegen.devices import fitted
+from cinegen.devices import fit_path
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 ROUNDS, TICKS = 30, 20
@@ -26,7 +26,7 @@ def main() -> None:
     print(f"{'robot':<16}{'joints':>7}{'rows':>6}{'tick us':>10}{'svd us':>9}{'ratio':>8}")
     for name in names:
         mechanism = cinegen.load(ROBOTS / f"{name}.raff")
-        path = fitted(mechanism, mechanism.nodes[-1])
+        path = fit_path(mechanism, mechanism.nodes[-1])
         solver = cinegen.Solver(mechanism, 1.0 / 240.0)
         task = solver.add_task(path.node, path.home, rotation=path.rotation)
         matrix = np.asarray(mechanism.extended_jacobian(mechanism.q_home, path.node))

@@ -1,4 +1,4 @@
-"""What a sensor says: readings, its status, and what every sensor can do."""
+"""The interface of all sensors: readings, status, and what a sensor can do."""
 
 from __future__ import annotations
 
@@ -12,53 +12,53 @@ from cinegen.errors import CinegenError
 Twist = tuple[float, float, float, float, float, float]
 """Three translations, then three rotations, each from -1 to 1: full deflection is 1.
 
-x is to the right, y away from whoever holds the device, z up: the axes of a world with z up, seen from its front.
-Rotations are right-handed about the same axes. All devices are brought to this.
+x points to the right, y away from the user, z up: the axes of a world with z up, seen from its front. Rotations are
+right-handed about the same axes. The readings of all devices are converted to these axes.
 """
 
 NO_TWIST: Twist = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class SensorError(CinegenError):
-    """A sensor that there can't be; says what can."""
+    """A sensor cannot be made: its URL is wrong, or it needs something that is missing."""
 
 
 class SensorState(Enum):
-    """What a sensor is doing."""
+    """State of a sensor."""
 
     CLOSED = "closed"  # not started, or ended
-    OPENING = "opening"  # looks for its device
-    LIVE = "live"  # there, and what it says counts
-    SILENT = "silent"  # has said nothing for its time-out, though it was not at rest: what it said counts no more
-    LOST = "lost"  # not there, or gone; it is tried again
-    REFUSED = "refused"  # there, and not what it should be; it is tried again
+    OPENING = "opening"  # looking for its device
+    LIVE = "live"  # connected
+    SILENT = "silent"  # no reading within the time-out after a deflection: the deflection no longer counts
+    LOST = "lost"  # not connected; connection is tried again
+    REFUSED = "refused"  # connected to another kind of device; connection is tried again
 
 
 class SensorStatus(NamedTuple):
-    """What becomes of a sensor.
+    """Status of a sensor.
 
     Attributes:
-        state: what it is doing.
-        words: a sentence about it, for people.
-        packets: how many readings there were since it was started.
-        damaged: how many packets or lines could not be used.
+        state: state of the connection.
+        message: description for users.
+        packets: number of readings since the start.
+        damaged: number of packets or lines that could not be used.
     """
 
     state: SensorState
-    words: str
+    message: str
     packets: int = 0
     damaged: int = 0
 
 
 class Reading(NamedTuple):
-    """What a sensor says at a moment: a twist, a placement, or only buttons.
+    """Reading of a sensor: a deflection, a target pose, or only buttons.
 
     Attributes:
-        time: when its motion was received: s, of `time.monotonic`.
-        twist: how far it is deflected, without unit; see `Twist`. None if it says nothing of motion.
-        target: where the node should be, in the world; None if it doesn't say so.
-        buttons: those that are down, from 0.
-        pressed: those that went down since the reading before, in order, even if they are up again.
+        time: time of reception, s of `time.monotonic`.
+        twist: deflection, dimensionless; see `Twist`. None without one.
+        target: target pose of the node in the world; None without one.
+        buttons: indices of the buttons that are down, from 0.
+        pressed: buttons that went down since the previous reading, in order, even if they are up again.
     """
 
     time: float
@@ -69,25 +69,25 @@ class Reading(NamedTuple):
 
 
 class Sensor(Protocol):
-    """An input device, or a program that plays one. None of these raises; `read` and `status` take microseconds.
+    """Input device, or a program in its place. Its methods do not raise; `read` and `status` take microseconds.
 
     Attributes:
-        url: where it is.
-        timeout: s: if there is no reading for so long after one that was not at rest, it has fallen silent.
+        url: address of the device.
+        timeout: time without a reading, s, after which a deflected sensor counts as silent.
     """
 
     url: str
     timeout: float
 
     def start(self) -> None:
-        """Begins; returns at once. Whether there is a device, `status` says."""
+        """Start, and return at once; `status` reports the connection."""
 
     def read(self) -> Reading | None:
-        """The newest reading, if there is one that was not read yet. Only one thread may read."""
+        """Return the newest reading that was not read yet, or None. Only one thread may read."""
 
     @property
     def status(self) -> SensorStatus:
-        """What it is doing."""
+        """Status of the connection."""
 
     def close(self) -> None:
-        """Ends; may be started again."""
+        """Close the device; it may be started again."""

@@ -200,7 +200,7 @@ def _tell(cockpit: Cockpit, options: argparse.Namespace, time: float | None) -> 
     scripts = {one.name: one.robot for one in cockpit.setup.devices if one.robot is not None}
     for sensor in cockpit.state.sensors:
         if sensor.name in scripts:
-            print(f"{scripts[sensor.name]}: {sensor.status.words}")
+            print(f"{scripts[sensor.name]}: {sensor.status.message}")
     print(f"page: {cockpit.url}", "- Ctrl-C ends" if time is None else f"- for {time:g} s", flush=True)
     if options.realtime:
         _tell_scheduling(cockpit.loop.report().scheduling)

@@ -29,12 +29,12 @@ def add(commands: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Lists them, or shows what one says."""
-    from cinegen.devices import report
+    """List the sensors, or monitor one."""
+    from cinegen.devices import monitor
 
     if options.monitor:
         rewrite = sys.stdout.isatty() and not options.json
-        report.monitor(options.monitor, write_at_once, options.seconds, options.json, rewrite)
+        monitor.monitor(options.monitor, write_at_once, options.seconds, options.json, rewrite)
         return 0
-    print(report.listing(options.files, options.sensor, options.json, options.ignore_loops))
+    print(monitor.listing(options.files, options.sensor, options.json, options.ignore_loops))
     return 0

@@ -172,7 +172,7 @@ def report(
             {
                 "id": one.name,
                 "state": one.status.state.value,
-                "words": one.status.words,
+                "words": one.status.message,
                 "packets": one.status.packets,
                 "damaged": one.status.damaged,
                 "twist": None if one.twist is None else numbers(one.twist),

@@ -1,34 +1,33 @@
-"""What moves a mechanism: sensors, what they hold, and scripts that play one."""
+"""Input devices: 3D mice, gamepad, programs, recordings and scripted paths, and how they move a task's target."""
 
 from cinegen.devices.gamepad import Gamepad
-from cinegen.devices.hold import Grip, Hold
 from cinegen.devices.kinds import KINDS, open_sensor, overrides
 from cinegen.devices.lines import Lines, start_from
-from cinegen.devices.path import SHAPES, Path, fitted
 from cinegen.devices.record import Recorder, RecordError
-from cinegen.devices.scripted import Scripted
-from cinegen.devices.tap import Tap, Taps
+from cinegen.devices.scripted_path import SHAPES, ScriptedPath, ScriptedSensor, fit_path
+from cinegen.devices.shared_sensor import SensorReader, SharedSensor
+from cinegen.devices.teleoperation import Teleoperation, TwistMapping
 from cinegen.sensor import Reading, Sensor, SensorError, SensorState, SensorStatus
 
 __all__ = [
     "KINDS",
     "SHAPES",
     "Gamepad",
-    "Grip",
-    "Hold",
     "Lines",
-    "Path",
     "Reading",
     "RecordError",
     "Recorder",
-    "Scripted",
+    "ScriptedPath",
+    "ScriptedSensor",
     "Sensor",
     "SensorError",
+    "SensorReader",
     "SensorState",
     "SensorStatus",
-    "Tap",
-    "Taps",
-    "fitted",
+    "SharedSensor",
+    "Teleoperation",
+    "TwistMapping",
+    "fit_path",
     "open_sensor",
     "overrides",
     "start_from",

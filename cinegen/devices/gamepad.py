@@ -1,26 +1,25 @@
-"""The gamepad of a browser: whoever serves the page says what the browser says of it."""
+"""The gamepad of a browser: the page's server passes on its readings."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
 
-from cinegen.devices.newest import Newest
+from cinegen.devices.latest_reading import LatestReading
 from cinegen.sensor import Reading, SensorState, SensorStatus
 
 _BUTTONS = 64
 
 
 class Gamepad:
-    """Has no device of its own: `put` is called as the browser's messages come, from whichever thread.
+    """Sensor whose readings come by calls of `put`, from any thread.
 
-    The browser need not say that a gamepad is at rest more than once; while it is deflected it must, 10 times a second
-    at least.
+    The browser sends one message when the gamepad comes to rest, and at least 10 a second while it is deflected.
 
     Attributes:
         url: "gamepad:".
-        timeout: s: if nothing comes for so long while it is deflected, it has fallen silent.
-        damaged: how often something was put that makes no sense.
+        timeout: time without a message, s, after which a deflected gamepad counts as silent.
+        damaged: number of invalid messages.
     """
 
     timeout = 0.25
@@ -28,23 +27,23 @@ class Gamepad:
     def __init__(self) -> None:
         self.url = "gamepad:"
         self.damaged = 0
-        self._newest = Newest()
-        self._said = SensorState.CLOSED, f"{self.url} is not started"
+        self._newest = LatestReading()
+        self._reported = SensorState.CLOSED, f"{self.url} is not started"
 
     def start(self) -> None:
-        """Begins to take what is put."""
-        if self._said[0] is SensorState.CLOSED:
-            self._newest, self.damaged = Newest(), 0
-            self._said = SensorState.OPENING, "no browser has sent anything of a gamepad yet"
+        """Start to accept readings."""
+        if self._reported[0] is SensorState.CLOSED:
+            self._newest, self.damaged = LatestReading(), 0
+            self._reported = SensorState.OPENING, "no browser has sent a gamepad's reading yet"
 
     def put(self, twist: Sequence[float], buttons: Iterable[int] = ()) -> None:
-        """The browser says this; does not raise: what makes no sense is counted and left out.
+        """Set the reading; does not raise: invalid readings are counted and left out.
 
         Args:
-            twist: six numbers from -1 to 1, see `Twist`; what is beyond is cut.
-            buttons: those that are down, from 0 to 63.
+            twist: six numbers, clipped to [-1, 1]; see `Twist`.
+            buttons: indices of the buttons that are down, 0 to 63.
         """
-        if self._said[0] is SensorState.CLOSED:
+        if self._reported[0] is SensorState.CLOSED:
             return
         try:
             x, y, z, a, b, c = (min(1.0, max(-1.0, float(value))) for value in twist if math.isfinite(value))
@@ -56,28 +55,28 @@ class Gamepad:
             self.damaged += 1
             return
         self._newest.put(twist=(x, y, z, a, b, c), buttons=down)
-        self._said = SensorState.LIVE, "the gamepad of a browser"
+        self._reported = SensorState.LIVE, "the gamepad of a browser"
 
     def gone(self) -> None:
-        """The browser is gone, or its gamepad: it moves nothing from now on, without the time-out's delay."""
-        if self._said[0] is SensorState.LIVE:
-            self._said = SensorState.LOST, "the browser with the gamepad is gone"
+        """Report that the browser or its gamepad is gone: the motion ends at once, without the time-out."""
+        if self._reported[0] is SensorState.LIVE:
+            self._reported = SensorState.LOST, "the browser with the gamepad is gone"
             self._newest.end()
 
     def read(self) -> Reading | None:
-        """The newest reading, if there is one that was not read yet."""
+        """Return the newest reading that was not read yet, or None."""
         return self._newest.take()
 
     @property
     def status(self) -> SensorStatus:
-        """What it is doing."""
-        state, words = self._said
+        """Status of the connection."""
+        state, message = self._reported
         silent = self._newest.silence()
         if state is SensorState.LIVE and silent > self.timeout:
-            state, words = SensorState.SILENT, f"the browser has said nothing of its gamepad for {silent:.1f} s"
-        return SensorStatus(state, words, self._newest.count, self.damaged)
+            state, message = SensorState.SILENT, f"the browser has sent nothing of its gamepad for {silent:.1f} s"
+        return SensorStatus(state, message, self._newest.count, self.damaged)
 
     def close(self) -> None:
-        """Ends; may be started again."""
-        self._said = SensorState.CLOSED, f"{self.url} is closed"
+        """Close; it may be started again."""
+        self._reported = SensorState.CLOSED, f"{self.url} is closed"
         self._newest.end()

@@ -9,8 +9,8 @@ import socket
 import time
 from dataclasses import dataclass, field
 
-from cinegen.devices.feed import Feed, LostError
 from cinegen.devices.json_line import LONGEST, LineError, parse
+from cinegen.devices.threaded_sensor import DeviceLostError, ThreadedSensor
 from cinegen.sensor import NO_TWIST
 
 CLIENTS = 16
@@ -36,7 +36,7 @@ class _Client:
     ignored: bool = False
 
 
-class JsonSocket(Feed):
+class JsonSocket(ThreadedSensor):
     """Listens for programs. The one that connected last, of those that have said something, speaks.
 
     A line that makes sense is not answered; one that doesn't is, by `{"error": "..."}`. Whoever goes on with that, or
@@ -66,7 +66,7 @@ class JsonSocket(Feed):
         try:
             listener = socket.create_server((host, self.port or port), family=family, backlog=128)
         except OSError as error:
-            raise LostError(f"can't listen ({(error.strerror or str(error)).lower()})") from None
+            raise DeviceLostError(f"can't listen ({(error.strerror or str(error)).lower()})") from None
         with listener, selectors.DefaultSelector() as selector:
             listener.setblocking(False)
             self.port = int(listener.getsockname()[1])

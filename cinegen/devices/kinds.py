@@ -1,4 +1,4 @@
-"""Which sensors there are, by the beginning of their URL."""
+"""The kinds of sensors, by the scheme of their URL."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from cinegen.devices.gamepad import Gamepad
 from cinegen.devices.json_socket import JsonSocket
-from cinegen.devices.path import SHAPES, fitted
 from cinegen.devices.replay import Replay
-from cinegen.devices.scripted import Scripted
+from cinegen.devices.scripted_path import SHAPES, ScriptedSensor, fit_path
 from cinegen.devices.serial_mouse import SerialMouse
 from cinegen.devices.spacenav import Spacenav
 from cinegen.errors import CinegenWarning
@@ -23,54 +22,54 @@ from cinegen.toolpath.seam_file import open_seam
 from raff2urdf.errors import did_you_mean
 
 
-class Scene(NamedTuple):
-    """What a sensor may need to know of what it moves."""
+class SensorContext(NamedTuple):
+    """Mechanism and node that a sensor is to move."""
 
     mechanism: Mechanism | None
     node: str | None
 
 
-def _serial(url: str, scene: Scene) -> Sensor:
+def _serial(url: str, context: SensorContext) -> Sensor:
     return SerialMouse(url)
 
 
-def _spacenav(url: str, scene: Scene) -> Sensor:
+def _spacenav(url: str, context: SensorContext) -> Sensor:
     return Spacenav(url)
 
 
-def _tcp(url: str, scene: Scene) -> Sensor:
+def _tcp(url: str, context: SensorContext) -> Sensor:
     found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?", url)
     if found is None or int(found[2]) > 65535:
         raise SensorError(f"'{url}': write tcp://127.0.0.1:7070, an address of this machine and a port")
     return JsonSocket(url, found[1].strip("[]") or "127.0.0.1", int(found[2]))
 
 
-def _replay(url: str, scene: Scene) -> Sensor:
+def _replay(url: str, context: SensorContext) -> Sensor:
     return Replay(url.removeprefix("replay:"))
 
 
-def _path(url: str, scene: Scene) -> Sensor:
+def _path(url: str, context: SensorContext) -> Sensor:
     shape = url.removeprefix("path:")
     if shape not in SHAPES:
         raise SensorError(f"'{url}': no path '{shape}'{did_you_mean(shape, tuple(SHAPES))}")
-    if scene.mechanism is None:
-        raise SensorError(f"'{url}': a path needs a robot to be fitted to")
-    return Scripted(fitted(scene.mechanism, scene.node or scene.mechanism.end, shape))
+    if context.mechanism is None:
+        raise SensorError(f"'{url}': a path needs a robot")
+    return ScriptedSensor(fit_path(context.mechanism, context.node or context.mechanism.end, shape))
 
 
-def _seam(url: str, scene: Scene) -> Sensor:
+def _seam(url: str, context: SensorContext) -> Sensor:
     return open_seam(url)
 
 
-def _gamepad(url: str, scene: Scene) -> Sensor:
+def _gamepad(url: str, context: SensorContext) -> Sensor:
     if url != "gamepad:":
-        raise SensorError(f"'{url}': write gamepad:, the one of the browser that shows the robot")
+        raise SensorError(f"'{url}': write gamepad: for the gamepad of the browser that shows the robot")
     return Gamepad()
 
 
-KINDS: Mapping[str, tuple[Callable[[str, Scene], Sensor], str]] = {
+KINDS: Mapping[str, tuple[Callable[[str, SensorContext], Sensor], str]] = {
     "": (_serial, "/dev/ttyUSB0, COM3 - a Magellan (SpaceMouse) or Spaceball on a serial port"),
-    "spnav": (_spacenav, "spnav: - the 3D mice of today, through the spacenav daemon"),
+    "spnav": (_spacenav, "spnav: - USB and wireless 3D mice, through the spacenav daemon"),
     "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends lines of JSON"),
     "replay": (_replay, "replay:FILE.jsonl - a recording"),
     "path": (_path, "path:circle - a script"),
@@ -99,7 +98,7 @@ def open_sensor(
     Args:
         url: a port, or one of `KINDS`.
         number: of the sensor in its file; for messages.
-        mechanism: that it moves; a scripted path is fitted to it.
+        mechanism: that it moves; a scripted path is fit_path to it.
         node: that it moves; the mechanism's end unless given.
 
     Raises:
@@ -114,17 +113,17 @@ def open_sensor(
     missing = why_missing(url, number)
     if missing:
         warnings.warn(missing, CinegenWarning, stacklevel=2)
-    return KINDS[kind][0](url, Scene(mechanism, node))
+    return KINDS[kind][0](url, SensorContext(mechanism, node))
 
 
 def what_is(url: str) -> str | None:
-    """What a sensor's URL names, for people; None where no kind of sensor begins so."""
+    """Return a description of a sensor's kind by its URL; None for an unknown scheme."""
     kind = scheme(url)
     return KINDS[kind][1].partition(" - ")[2] if kind in KINDS else None
 
 
 def why_missing(url: str, number: int | None = None) -> str:
-    """What to say of a serial port that is not there, with what to do; nothing where it is, or can't be known."""
+    """Return a message about a serial port that does not exist, with its remedy; empty if it exists or is unknown."""
     if scheme(url) or not url.startswith("/") or File(url).exists():
         return ""
     iris = " (/dev/ttyd2 is a name from IRIX)" if re.fullmatch(r"/dev/ttyd\d+", url) else ""
@@ -149,10 +148,10 @@ def listens_for_others(url: str) -> bool:
 
 
 def overrides(texts: Iterable[str]) -> dict[int, str]:
-    """The ports that stand in place of those of a file, by the sensor's number, from texts such as `1=/dev/ttyUSB0`.
+    """Return the URLs that replace those of a file, by the sensor's number, from texts such as `1=/dev/ttyUSB0`.
 
     Raises:
-        SensorError: a text is not written so.
+        SensorError: a text has another form.
     """
     found = {}
     for text in texts:

@@ -1,4 +1,4 @@
-"""What moves a mechanism line by line: values of the actuated joints come in as JSON, those of all joints go out."""
+"""Forward kinematics as a filter: values of the actuated joints in, values of all joints out, as lines of JSON."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from cinegen.errors import CinegenError
 from cinegen.model import ForwardKinematics, Mechanism
 from raff2urdf.closure import CLOSED
 
-_CHUNK = 1 << 16  # bytes that are taken at once, if so many are there
+_CHUNK = 1 << 16  # bytes read at once
 
 
 class Lines:
     """Answers lines such as `{"joint1": 0.1}` (rad, m) with a line of all joints, in the order of `mechanism.joints`.
 
-    Joints that a line does not name stay where the line before has left them; a blank line moves nothing. Where a line
-    makes no sense, or the loops can't follow it on their branch, nothing moves and the answer is `{"error": "..."}`.
+    Joints that a line does not name keep their values; a blank line moves nothing. If a line is invalid, or the loops
+    can't follow it on their branch, nothing moves and the answer is `{"error": "..."}`.
 
     Args:
-        motion: what the lines move.
+        motion: mechanism on a branch.
     """
 
     def __init__(self, motion: ForwardKinematics) -> None:
@@ -28,35 +28,35 @@ class Lines:
         self._template, self._picked = _template(motion.mechanism)
 
     def answer(self, line: str) -> str:
-        """The answer to a line, without a line's end."""
+        """Return the answer to a line, without a newline."""
         try:
             q = self._motion.move(_values(line))
         except (CinegenError, _NoValuesError) as error:
             return json.dumps({"error": str(error)})
         return self._template % tuple(q[self._picked].tolist())
 
-    def serve(self, given: BinaryIO, say: Callable[[str], object]) -> None:
-        """Answers all lines until there are no more.
+    def serve(self, given: BinaryIO, write: Callable[[str], object]) -> None:
+        """Answer all lines until the input ends.
 
         Args:
-            given: where they come from. It is read as far as there is something to read, so that whoever writes a line
-                and waits is answered at once, and whoever writes many not one by one.
-            say: takes answers, whole lines, which must not wait then.
+            given: input. All bytes that are there are read at once, so that a single line is answered at once and many
+                lines together.
+            write: function that writes whole lines, and flushes them.
         """
         rest = b""
         while chunk := given.read1(_CHUNK):  # type: ignore[attr-defined]
             *lines, rest = (rest + chunk).split(b"\n")
             if lines:
-                say("".join([self._answer(line) for line in lines]))
+                write("".join([self._answer(line) for line in lines]))
         if rest:
-            say(self._answer(rest))
+            write(self._answer(rest))
 
     def _answer(self, line: bytes) -> str:
         return self.answer(line.decode("utf-8", errors="replace")) + "\n"
 
 
 class _NoValuesError(Exception):
-    """A line that says nothing of joints."""
+    """A line without values of joints."""
 
 
 def _values(line: str) -> dict[str, float]:
@@ -65,16 +65,16 @@ def _values(line: str) -> dict[str, float]:
     except json.JSONDecodeError as error:
         if not line.strip():
             return {}
-        raise _NoValuesError(f"no JSON: {error.msg.lower()} in column {error.colno}") from None
+        raise _NoValuesError(f"invalid JSON: {error.msg.lower()} in column {error.colno}") from None
     except (ValueError, RecursionError) as error:  # numbers without end, brackets without end
-        raise _NoValuesError(f"no JSON that makes sense here: {error}") from None
+        raise _NoValuesError(f"invalid JSON: {error}") from None
     if not isinstance(values, dict):
         raise _NoValuesError('not an object of joints and values, such as {"joint1": 0.1}')
     return values
 
 
 def _template(mechanism: Mechanism) -> tuple[str, list[int]]:
-    """How an answer is written, and where in q its numbers stand."""
+    """Return the format of an answer, and the indices of its numbers in q."""
     parts: list[str] = []
     picked: list[int] = []
     for name in mechanism.joints:
@@ -86,10 +86,10 @@ def _template(mechanism: Mechanism) -> tuple[str, list[int]]:
 
 
 def start_from(mechanism: Mechanism, text: str) -> ForwardKinematics:
-    """Stands where a line says that was an answer: on the branch that this is on.
+    """Return the mechanism at the configuration of an answer's line, on its branch.
 
     Raises:
-        CinegenError: it says nothing of joints, or the loops can't be closed there.
+        CinegenError: the line has no values of joints, or the loops can't be closed there.
     """
     try:
         values = _values(text)
@@ -97,7 +97,7 @@ def start_from(mechanism: Mechanism, text: str) -> ForwardKinematics:
     except _NoValuesError as error:
         raise CinegenError(str(error)) from None
     except (TypeError, ValueError) as error:
-        raise CinegenError(f"a joint's value is no number: {error}") from None
-    if mechanism.closure(q) > CLOSED:  # written with fewer digits, say
+        raise CinegenError(f"a joint's value is not a number: {error}") from None
+    if mechanism.closure(q) > CLOSED:  # for instance written with fewer digits
         q = mechanism.close(q, mechanism.actuated)
     return ForwardKinematics(mechanism, q)

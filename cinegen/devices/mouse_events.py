@@ -1,4 +1,4 @@
-"""What the decoders of serial 3D mice find in a stream of bytes."""
+"""Events that the decoders of serial 3D mice find in a stream of bytes."""
 
 from __future__ import annotations
 
@@ -7,34 +7,34 @@ from typing import NamedTuple
 from cinegen.sensor import Twist
 
 
-class Motion(NamedTuple):
-    """The ball or cap is deflected so; zeros when it is let go."""
+class MouseMotion(NamedTuple):
+    """Deflection of the ball or cap; zeros when it is released."""
 
     twist: Twist
 
 
-class Keys(NamedTuple):
-    """These keys are down, from 0."""
+class MouseKeys(NamedTuple):
+    """Indices of the keys that are down, from 0."""
 
     down: frozenset[int]
 
 
-class Model(NamedTuple):
-    """The device has said who it is, and how many keys it has."""
+class MouseModel(NamedTuple):
+    """Model of the device, and its number of keys."""
 
     name: str
     keys: int
 
 
-class Fault(NamedTuple):
-    """The device complains."""
+class MouseFault(NamedTuple):
+    """Error that the device reports."""
 
-    words: str
-
-
-Event = Motion | Keys | Model | Fault
+    message: str
 
 
-def keys(bits: int) -> Keys:
-    """Keys by the bits of a number, the lowest is key 0."""
-    return Keys(frozenset(i for i in range(bits.bit_length()) if bits >> i & 1))
+MouseEvent = MouseMotion | MouseKeys | MouseModel | MouseFault
+
+
+def keys(bits: int) -> MouseKeys:
+    """Return the keys of the bits of a number; the lowest bit is key 0."""
+    return MouseKeys(frozenset(i for i in range(bits.bit_length()) if bits >> i & 1))

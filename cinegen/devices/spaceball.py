@@ -1,8 +1,8 @@
-"""The language of the Spaceball 1003, 2003, 3003 and 4000FLX: bytes in, events out, no input or output of its own.
+"""Decoder of the protocol of the Spaceball 1003, 2003, 3003 and 4000FLX: bytes in, events out.
 
 A packet is a letter, binary data and a CR; ^Q, ^S, ^M and ^^ in the data stand for XON, XOFF, CR and ^ (facts as in
-spacenavd). There is no checksum, so what is damaged is told by its length and by what a hand can do: counts within a
-range, and no jump from one packet to the next unless the one after agrees.
+spacenavd). There is no checksum: damaged packets are found by their length, by counts out of range, and by jumps that
+the following packet does not confirm.
 """
 
 from __future__ import annotations
@@ -11,61 +11,61 @@ import re
 import struct
 from collections.abc import Sequence
 
-from cinegen.devices.mouse_events import Event, Fault, Model, Motion, keys
+from cinegen.devices.mouse_events import MouseEvent, MouseFault, MouseModel, MouseMotion, keys
 from cinegen.sensor import Twist
 
 RESET = b"\r@RESET\r"
-"""Makes it say who it is, after a second or two."""
+"""Reset: the device sends its model after a second or two."""
 
 START = b"\rCB\rMSSV\rk\r"
-"""Binary packets, motion without being asked, and a report of the keys: a 4000FLX is known by it."""
+"""Start: binary packets, motion without a query, and the state of the keys, by which a 4000FLX is recognised."""
 
 ASK_KEYS = b"k\r"
-"""The question which keys are down: answered at once, so it also tells whether anybody is there."""
+"""Query of the keys that are down. The device answers at once, so it also shows whether a device is connected."""
 
 FULL = (8000.0, 8000.0, 8000.0, 1600.0, 1600.0, 1600.0)
-"""Counts at full deflection, as the Linux kernel's driver has them."""
+"""Counts at full deflection, from the driver of the Linux kernel."""
 
 LARGEST = 20480
-"""Counts beyond which a packet is damaged; the author of VRPN's driver has seen 20,000 at most."""
+"""Counts beyond which a packet is damaged; the author of VRPN's driver observed at most 20,000."""
 
 JUMP = 0.125
-"""Part of the full deflection by which two packets may differ without a third that agrees."""
+"""Fraction of the full deflection by which two packets may differ without confirmation by a third."""
 
 _ESCAPES = {ord("Q"): 0x11, ord("S"): 0x13, ord("M"): 0x0D, ord("^"): ord("^")}
 _CR, _XON, _XOFF, _ESCAPE = 0x0D, 0x11, 0x13, ord("^")
-_LONGEST = 128  # bytes of a packet that are kept: it is an answer, or noise
+_LONGEST = 128  # bytes of a packet that are kept: a longer packet is noise
 _MODELS = {
-    **dict.fromkeys((35, 62, 63), Model("Spaceball 3003", 2)),
-    **dict.fromkeys((43, 45), Model("Spaceball 4000FLX", 12)),
-    **dict.fromkeys((2, 13, 15, 42), Model("Spaceball 2003", 8)),  # 42 may be a 4000FLX: its first '.' tells
+    **dict.fromkeys((35, 62, 63), MouseModel("Spaceball 3003", 2)),
+    **dict.fromkeys((43, 45), MouseModel("Spaceball 4000FLX", 12)),
+    **dict.fromkeys((2, 13, 15, 42), MouseModel("Spaceball 2003", 8)),  # 42: also 4000FLX, known by its first '.'
 }
-UNKNOWN = Model("Spaceball", 8)
-"""A model whose firmware is not known."""
+UNKNOWN = MouseModel("Spaceball", 8)
+"""Model of unknown firmware."""
 
-_MOTION = struct.Struct(">H6h")  # time since the packet before, 1/16 ms; x y z and the rotations about them
-_POWER_ON = b"\n\v\0"  # what may come before an answer
+_MOTION = struct.Struct(">H6h")  # time since the previous packet, 1/16 ms; x y z and the rotations about them
+_POWER_ON = b"\n\v\0"  # bytes that may precede an answer
 
 
 class Spaceball:
-    """Decodes a stream, however it is cut.
+    """Decodes a stream of bytes in pieces of any length.
 
     Attributes:
-        model: as far as it is known.
-        damaged: how many packets could not be used.
+        model: model, as far as it is known.
+        damaged: number of packets that could not be used.
     """
 
     def __init__(self) -> None:
         self.model = UNKNOWN
         self.damaged = 0
         self._packet = bytearray()
-        self._broken = False  # the packet has an escape that there is not, or is too long
+        self._broken = False  # the packet has an unknown escape, or is too long
         self._escaped = False
-        self._steady = Steady()
+        self._filter = JumpFilter()
 
-    def feed(self, data: bytes) -> list[Event]:
-        """The events of these bytes, together with those before."""
-        events: list[Event] = []
+    def feed(self, data: bytes) -> list[MouseEvent]:
+        """Return the events that these bytes complete."""
+        events: list[MouseEvent] = []
         for code in data:
             if code == _CR:
                 self._broken |= self._escaped
@@ -73,7 +73,7 @@ class Spaceball:
                 self._packet.clear()
                 self._broken = self._escaped = False
             elif code in (_XON, _XOFF):
-                pass  # of the line: those of the data are escaped
+                pass  # flow control: those of the data are escaped
             elif self._escaped:
                 self._escaped = False
                 self._broken |= code not in _ESCAPES
@@ -90,35 +90,35 @@ class Spaceball:
         else:
             self._broken = True
 
-    def _decode(self, packet: bytes) -> list[Event]:
+    def _decode(self, packet: bytes) -> list[MouseEvent]:
         if not packet:
             return []
         kind, body = packet[:1], packet[1:]
         if self._broken:
             self.damaged += 1
         elif kind == b"D" and len(body) == _MOTION.size:
-            twist = self._steady.sift(_MOTION.unpack(body)[1:])
+            twist = self._filter.accept(_MOTION.unpack(body)[1:])
             if twist is not None:
-                return [Motion(twist)]
+                return [MouseMotion(twist)]
             self.damaged += 1
         elif kind == b"K" and len(body) == 2:
-            if self.model.keys != 12:  # a 4000FLX also says by '.' what it says here
+            if self.model.keys != 12:  # a 4000FLX also sends its keys by '.'
                 return [keys(_bits(body) & (1 << self.model.keys) - 1)]
         elif kind == b"." and len(body) == 2:
-            found: list[Event] = []
+            found: list[MouseEvent] = []
             if self.model.keys != 12:
-                self.model = Model("Spaceball 4000FLX", 12)
+                self.model = MouseModel("Spaceball 4000FLX", 12)
                 found = [self.model]
             return [*found, keys(body[1] & 0x3F | (body[1] & 0x80) >> 1 | (body[0] & 0x1F) << 7)]
         elif kind == b"@" and body[:1].isdigit():
             return self._answer(body.decode("ascii", errors="replace"))
         elif kind == b"E":
-            return [Fault(f"the Spaceball reports error {body.decode('ascii', errors='replace')}")]
-        elif kind not in (b"M", b"C", b"?", b"F", b"N", b"P", b"Z", b"B"):  # answers to what it is told
+            return [MouseFault(f"the Spaceball reports error {body.decode('ascii', errors='replace')}")]
+        elif kind not in (b"M", b"C", b"?", b"F", b"N", b"P", b"Z", b"B"):  # answers to commands
             self.damaged += 1
         return []
 
-    def _answer(self, text: str) -> list[Event]:
+    def _answer(self, text: str) -> list[MouseEvent]:
         version = re.search(r"Firmware version (\d+)\.(\d+)", text)
         if version is not None:
             known = int(version[1]) == 2 and _MODELS.get(int(version[2]))
@@ -127,29 +127,29 @@ class Spaceball:
             return []
         else:
             self.model = UNKNOWN
-        self._steady = Steady()
+        self._filter = JumpFilter()
         return [self.model]
 
 
 def _bits(body: bytes) -> int:
-    """Keys 1 to 4, or left and right of a 3003; then 5 to 7, and pick of a 2003."""
+    """Return bits of keys 1 to 4, or left and right of a 3003; then 5 to 7, and pick of a 2003."""
     return body[1] & 0x0F | body[1] >> 4 & 3 | (body[0] & 7) << 4 | (body[0] & 0x10) << 3
 
 
-class Steady:
-    """Leaves out counts that no hand makes.
+class JumpFilter:
+    """Rejects counts that a user can't produce.
 
-    A packet that is near the one before, or all zeros, is used at once: zeros are safe, and said only once. Another one
-    waits for the packet after: if that is near it, or goes on in the same direction, the hand was fast. If not, and
-    that one is near the last that was used, the packet between was damaged.
+    A packet that is near the previous one, or all zeros, is used at once: zeros are safe, and sent only once. Any other
+    waits for the next packet: if that is near it, or continues in the same direction, the motion was fast. If not, and
+    the next packet is near the last that was used, the packet between was damaged.
     """
 
     def __init__(self) -> None:
         self._used: Twist = _scaled((0,) * 6)
         self._waiting: Twist | None = None
 
-    def sift(self, counts: Sequence[int]) -> Twist | None:
-        """What the counts say, in the axes of a `Twist`; None if they are not to be used."""
+    def accept(self, counts: Sequence[int]) -> Twist | None:
+        """Return the deflection of the counts in the axes of a `Twist`; None if they are not to be used."""
         if max(map(abs, counts)) > LARGEST:
             return None
         new, used, waiting = _scaled(counts), self._used, self._waiting
@@ -161,7 +161,7 @@ class Steady:
 
 
 def _scaled(counts: Sequence[int]) -> Twist:
-    """The device's x is to the right, y up, z away from the user."""
+    """Convert the device's axes: x to the right, y up, z away from the user."""
     x, y, z, a, b, c = (count / full for count, full in zip(counts, FULL, strict=True))
     return x, z, y, a, c, b
 
@@ -176,7 +176,7 @@ def _near(first: Twist, second: Twist) -> bool:
 
 
 def _agrees(used: Twist, waiting: Twist, new: Twist) -> bool:
-    """Whether, on each axis, the packet that waits is near the new one, or the way goes on in a jump of its kind."""
+    """Return whether, on each axis, the waiting packet is near the new one, or the jump continues in its direction."""
     return all(
         abs(n - w) <= JUMP or (abs(w - u) > JUMP and (n - w) * (w - u) > 0.0 and abs(n - w) <= JUMP + abs(w - u))
         for u, w, n in zip(used, waiting, new, strict=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cinegen.plotting.heading import given, heading, size_words, value
 from cinegen.plotting.loci import TYPE_1
 from cinegen.plotting.modes import DrawingError
-from cinegen.plotting.panel import LABEL, bar, curve, finish, fitted, out_of_reach, panel, sheet, spans
+from cinegen.plotting.panel import LABEL, bar, curve, finish, fit_path, out_of_reach, panel, sheet, spans
 from cinegen.plotting.plane import Plane
 from cinegen.plotting.shades import OUT, chosen, shades, values_of
 from cinegen.plotting.solid import paint_solid
@@ -105,7 +105,7 @@ def _of_one(
     elif look.logarithmic:
         axes.set_yscale("log")
     axes.set_xlabel(f"{axis.name} ({unit})")
-    axes.set_ylabel(fitted(look.words, tall - _UNDER, LABEL), fontsize=LABEL)
+    axes.set_ylabel(fit_path(look.words, tall - _UNDER, LABEL), fontsize=LABEL)
     axes.set_xlim(axis.low * scale, axis.high * scale)
     axes.spines[["top", "right"]].set_visible(False)
     finish(figure)

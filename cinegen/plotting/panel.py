@@ -59,7 +59,7 @@ def bar(figure: Any, mesh: Any, axes: Any, look: Shades, tall: float) -> None:
     shown.ax.set_yticks(look.ticks, look.labels or [look.number(tick) for tick in look.ticks])
     shown.ax.minorticks_off()
     shown.ax.tick_params(labelsize="small", color=INK)
-    shown.set_label(fitted(look.words, tall, LABEL), color=INK, fontsize=LABEL)
+    shown.set_label(fit_path(look.words, tall, LABEL), color=INK, fontsize=LABEL)
     shown.outline.set_linewidth(0.5)
 
 
@@ -74,8 +74,8 @@ def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, An
     """
     from matplotlib.figure import Figure
 
-    first = fitted(first, _INK * wide, _LARGE, "bold")
-    second = fitted(second, _INK * wide, _SMALL)
+    first = fit_path(first, _INK * wide, _LARGE, "bold")
+    second = fit_path(second, _INK * wide, _SMALL)
     lines = [points * _LINE * (words.count("\n") + 1) for words, points in ((first, _LARGE), (second, _SMALL))]
     figure = Figure(figsize=(wide, tall + sum(lines) / 72.0 + 2.0 * _AROUND), dpi=150)
     figure.set_layout_engine("constrained", h_pad=_PAD)
@@ -85,7 +85,7 @@ def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, An
     return figure, body
 
 
-def fitted(words: str, room: float, points: float, weight: str = "normal") -> str:
+def fit_path(words: str, room: float, points: float, weight: str = "normal") -> str:
     """Words in lines of at most so many inches."""
     found: list[str] = []
     for line in words.split("\n"):
@@ -129,7 +129,7 @@ def _legend(figure: Any) -> None:
             named.setdefault(label, handle)
     if named:
         room = figure.get_figwidth() - _KEY
-        labels = [fitted(label, room, LABEL) for label in named]
+        labels = [fit_path(label, room, LABEL) for label in named]
         figure.legend(
             named.values(), labels, loc="outside lower center", ncols=_columns(labels, room), frameon=False,
             fontsize=LABEL,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.devices import Gamepad, Grip, Hold, Scripted, Taps, open_sensor
+from cinegen.devices import Gamepad, ScriptedSensor, SharedSensor, Teleoperation, TwistMapping, open_sensor
 from cinegen.devices.kinds import scheme
 from cinegen.sensor import Reading
 from cinegen.session.driven import SENSOR, Driven, Held
@@ -47,15 +47,15 @@ class Devices:
         length = max((one.mechanism.length for one in robots.values() if not is_obstacle(one.mechanism)), default=1.0)
         self.speed = float(f"{0.3 * length:.1g}")  # the robot's own size in some three seconds
         self._devices = {device.name: device for device in setup.devices}
-        self._sensors: dict[str, Taps] = {}
+        self._sensors: dict[str, SharedSensor] = {}
         self._readings: dict[str, Reading] = {}
-        self._holds: dict[tuple[str, str], tuple[Held, Hold]] = {}
+        self._holds: dict[tuple[str, str], tuple[Held, Teleoperation]] = {}
         self._aside: set[tuple[str, str]] = set()
         for device in setup.devices:
             robot = robots.get(device.robot or "")
             mechanism = robot.mechanism if robot is not None else None
             in_file = int(device.name) if device.name.isdecimal() else None
-            self._sensors[device.name] = Taps(open_sensor(device.url, in_file, mechanism, device.node))
+            self._sensors[device.name] = SharedSensor(open_sensor(device.url, in_file, mechanism, device.node))
 
     def close(self) -> None:
         """Closes them all."""
@@ -116,7 +116,7 @@ class Devices:
             turn = one.base.rotation.T
             hold.axes["world"], hold.axes["view"] = turn, turn @ self.view
             hold.frame = _OF_COMMAND[self.frame]
-            hold.grip = self._grip(hold.grip)
+            hold.mapping = self._mapping(hold.mapping)
             if moving and one.motion is None:
                 hold.advance(dt)
             else:
@@ -137,12 +137,12 @@ class Devices:
         one = self.robots[robot]
         sensor = self._sensors[device.name]
         rotation = device.rotation
-        if isinstance(sensor.sensor, Scripted):
+        if isinstance(sensor.sensor, ScriptedSensor):
             rotation = sensor.sensor.path.rotation
         held = one.take(self._number(), node, SENSOR, f"sensor {device.name}", freedoms=(device.translation, rotation))
         held.scripted = scheme(device.url) in _SCRIPTS
-        grip = Grip(self.speed, self.turning, translation=device.translation, rotation=device.rotation)
-        self._holds[robot, node] = held, Hold(sensor.tap(), held.task, grip)
+        grip = TwistMapping(self.speed, self.turning, translation=device.translation, rotation=device.rotation)
+        self._holds[robot, node] = held, Teleoperation(sensor.reader(), held.task, grip)
 
     def _let_go(self, robot: str, node: str) -> None:
         self._aside.discard((robot, node))
@@ -150,10 +150,10 @@ class Devices:
         if holding is not None:
             self.robots[robot].release(holding[0])
 
-    def _grip(self, grip: Grip) -> Grip:
+    def _mapping(self, grip: TwistMapping) -> TwistMapping:
         if (grip.speed, grip.turning) == (self.speed, self.turning):
             return grip
-        return Grip(self.speed, self.turning, translation=grip.translation, rotation=grip.rotation)
+        return TwistMapping(self.speed, self.turning, translation=grip.translation, rotation=grip.rotation)
 
 
 _SCRIPTS = ("path", "seam", "replay")

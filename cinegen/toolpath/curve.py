@@ -38,15 +38,15 @@ class PointError(SensorError):
 
     Attributes:
         index: of the point, from 0.
-        words: what is wrong with it.
+        message: what is wrong with it.
     """
 
-    def __init__(self, index: int, words: str) -> None:
-        self.index, self.words = index, words
-        super().__init__(f"point {index + 1}: {words}")
+    def __init__(self, index: int, message: str) -> None:
+        self.index, self.message = index, message
+        super().__init__(f"point {index + 1}: {message}")
 
     def __reduce__(self) -> tuple[type[PointError], tuple[int, str]]:
-        return type(self), (self.index, self.words)
+        return type(self), (self.index, self.message)
 
 
 class Curve:

@@ -292,9 +292,9 @@ def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[Array, Array]:
     return found, given / np.linalg.norm(given, axis=1)[:, None]
 
 
-def _raise_where(wrong: NDArray[np.bool_], words: str) -> None:
+def _raise_where(wrong: NDArray[np.bool_], message: str) -> None:
     if wrong.any():
-        raise PointError(int(np.argmax(wrong)), words)
+        raise PointError(int(np.argmax(wrong)), message)
 
 
 def _check_numbers(**numbers: float) -> None:

@@ -57,7 +57,7 @@ def open_seam(url: str) -> Seam:
     try:
         return Seam(points, normals, **options, url=f"seam:{name}")
     except PointError as error:
-        raise SensorError(f"{name}:{lines[error.index]}: {error.words}") from None
+        raise SensorError(f"{name}:{lines[error.index]}: {error.message}") from None
     except SensorError as error:
         raise SensorError(f"'{url}': {error}") from None
 

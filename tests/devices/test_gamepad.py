@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.devices import Gamepad, Hold, SensorError, SensorState, open_sensor
+from cinegen.devices import Gamepad, SensorError, SensorState, Teleoperation, open_sensor
 from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST
 
@@ -20,7 +20,7 @@ UP = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 def clock(monkeypatch):
     """`clock[0]`: what time it is, s."""
     now = [100.0]
-    monkeypatch.setattr("cinegen.devices.newest.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("cinegen.devices.latest_reading.time.monotonic", lambda: now[0])
     return now
 
 
@@ -34,7 +34,7 @@ def gamepad():
 
 
 def test_what_is_put_is_read_once(gamepad, clock):
-    assert gamepad.status == (SensorState.OPENING, "no browser has sent anything of a gamepad yet", 0, 0)
+    assert gamepad.status == (SensorState.OPENING, "no browser has sent a gamepad's reading yet", 0, 0)
     assert gamepad.read() is None
     gamepad.put((0.5, -2.0, 0, 0, 0, math.tau), [3, 0])
     clock[0] += 0.01
@@ -76,7 +76,7 @@ def test_deflections_are_cut(twist):
 def test_what_makes_no_sense_moves_nothing(gamepad, twist, buttons):
     gamepad.put(twist, buttons)
     assert gamepad.read() is None
-    assert gamepad.status == (SensorState.OPENING, "no browser has sent anything of a gamepad yet", 0, 1)
+    assert gamepad.status == (SensorState.OPENING, "no browser has sent a gamepad's reading yet", 0, 1)
 
 
 def test_it_falls_silent_only_when_it_was_not_at_rest(gamepad, clock):
@@ -85,14 +85,14 @@ def test_it_falls_silent_only_when_it_was_not_at_rest(gamepad, clock):
     assert gamepad.status.state is SensorState.LIVE
     clock[0] += 0.06
     assert gamepad.status.state is SensorState.SILENT
-    assert gamepad.status.words == "the browser has said nothing of its gamepad for 0.3 s"
+    assert gamepad.status.message == "the browser has sent nothing of its gamepad for 0.3 s"
     gamepad.put(NO_TWIST)
     clock[0] += 100.0
     assert gamepad.status.state is SensorState.LIVE
 
 
 def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
-    hold = Hold(gamepad, FrameTask("tool", pin.SE3.Identity()))
+    hold = Teleoperation(gamepad, FrameTask("tool", pin.SE3.Identity()))
     for tick in range(600):
         if tick in (0, 50):
             gamepad.put(UP)
@@ -109,7 +109,7 @@ def test_a_browser_that_is_gone_brings_the_node_to_rest(gamepad, clock):
 def test_who_serves_the_page_may_say_that_the_browser_is_gone(gamepad, clock):
     gamepad.gone()
     assert gamepad.status.state is SensorState.OPENING
-    hold = Hold(gamepad, FrameTask("tool", pin.SE3.Identity()))
+    hold = Teleoperation(gamepad, FrameTask("tool", pin.SE3.Identity()))
     gamepad.put(UP, [1])
     hold.advance(0.001)
     clock[0] += 0.001

@@ -84,7 +84,7 @@ def test_what_a_program_can_say(sensor):
         program.send({"translation": [1, 2, 3], "quaternion": quaternion})
         target = comes(sensor, lambda r: True).target
         assert target.isApprox(pin.SE3(placement.rotation, np.array([1.0, 2.0, 3.0])), 1e-9)
-    wait(lambda: "no programs" in sensor.status.words)
+    wait(lambda: "no programs" in sensor.status.message)
 
 
 @pytest.mark.parametrize(
@@ -182,7 +182,7 @@ def test_a_hundred_programs(sensor):
     comes(sensor, lambda r: r.twist == (1, 0, 0, 0, 0, 0))
     for program in programs:
         program.__exit__()
-    wait(lambda: "no programs" in sensor.status.words)
+    wait(lambda: "no programs" in sensor.status.message)
 
 
 def test_the_newest_speaks(sensor):
@@ -208,7 +208,7 @@ def test_two_on_one_port():
     second = open_sensor(f"tcp://127.0.0.1:{first.port}")
     second.start()
     wait(lambda: second.status.state is SensorState.LOST)
-    assert "listen" in second.status.words
+    assert "listen" in second.status.message
     first.close()
     wait(lambda: second.status.state is SensorState.LIVE)
     second.close()

@@ -16,8 +16,8 @@ from cinegen.cli import main
 from cinegen.devices import Gamepad, SensorError, open_sensor, overrides
 from cinegen.devices.json_socket import JsonSocket
 from cinegen.devices.kinds import KINDS, scheme, what_is
-from cinegen.devices.report import bar, monitor
-from cinegen.devices.scripted import Scripted
+from cinegen.devices.monitor import bar, monitor
+from cinegen.devices.scripted_path import ScriptedSensor
 from cinegen.devices.serial_mouse import SerialMouse
 from cinegen.devices.spacenav import Spacenav
 
@@ -48,7 +48,7 @@ def test_a_url_says_the_kind(url, kind, name):
 
 
 def test_a_path_needs_a_robot(robot):
-    assert isinstance(open_sensor("path:line", mechanism=robot("five_bar")), Scripted)
+    assert isinstance(open_sensor("path:line", mechanism=robot("five_bar")), ScriptedSensor)
     with pytest.raises(SensorError, match="needs a robot"):
         open_sensor("path:circle")
     with pytest.raises(SensorError, match="did you mean"):
@@ -198,7 +198,7 @@ def test_ctrl_c_ends_a_monitor(monkeypatch, capsys):
         if len(calls) > 3:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("cinegen.devices.report.time.sleep", sleep)
+    monkeypatch.setattr("cinegen.devices.monitor.time.sleep", sleep)
     assert main(["sensors", "--monitor", "tcp://127.0.0.1:0"]) == 0
     assert capsys.readouterr().err == ""
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mouse_streams import NIBBLES, counts, cut, magellan_keys, magellan_motion, magellan_twist, nibbles
 
 from cinegen.devices.magellan import Magellan
-from cinegen.devices.mouse_events import Fault, Keys, Model, Motion
+from cinegen.devices.mouse_events import MouseFault, MouseKeys, MouseModel, MouseMotion
 
 STUMP = re.compile(rb"d[%b]{19,21}$" % re.escape(NIBBLES))
 packets = st.one_of(counts.map(magellan_motion), st.integers(0, 0xFFF).map(magellan_keys))
@@ -19,7 +19,7 @@ packets = st.one_of(counts.map(magellan_motion), st.integers(0, 0xFFF).map(magel
 def test_the_example_of_the_makers_manual():
     (event,) = Magellan().feed(b"dHBA5G?HKH000H0A6GNA6H06B\r")
     x, y, z, a, b, c = 533, -117, 0, 22, -490, 98
-    assert event == Motion(magellan_twist((x, y, z, a, b, c)))
+    assert event == MouseMotion(magellan_twist((x, y, z, a, b, c)))
 
 
 def test_axes_are_right_away_and_up():
@@ -37,28 +37,28 @@ def test_axes_are_right_away_and_up():
 def test_who_it_is():
     decoder = Magellan()
     said = b"vMAGELLAN  Version 6.60  by LOGITECH INC. 10/10/02\r"
-    assert decoder.feed(said) == [Model("Magellan SpaceMouse", 11)]
-    assert decoder.feed(b"vCadMan  Version 1.0\r") == [Model("CadMan", 4)]
+    assert decoder.feed(said) == [MouseModel("Magellan SpaceMouse", 11)]
+    assert decoder.feed(b"vCadMan  Version 1.0\r") == [MouseModel("CadMan", 4)]
     assert decoder.feed(b"vQ\r") == []  # an echo is no answer
     assert decoder.feed(b"m3\rc3B\rz\r") == []
     assert decoder.damaged == 1
     (fault,) = decoder.feed(b"eA0\r")
-    assert isinstance(fault, Fault)
-    assert "does not know" in fault.words
+    assert isinstance(fault, MouseFault)
+    assert "unknown command" in fault.message
 
 
 @given(st.lists(counts, max_size=8))
 def test_what_was_sent_comes_out(sent):
     decoder = Magellan()
     stream = b"".join(map(magellan_motion, sent))
-    assert decoder.feed(stream) == [Motion(magellan_twist(values)) for values in sent]
+    assert decoder.feed(stream) == [MouseMotion(magellan_twist(values)) for values in sent]
     assert decoder.damaged == 0
 
 
 @given(st.lists(st.integers(0, 0xFFF), max_size=8))
 def test_keys_that_were_sent_come_out(sent):
     events = Magellan().feed(b"".join(map(magellan_keys, sent)))
-    assert events == [Keys(frozenset(i for i in range(12) if bits >> i & 1)) for bits in sent]
+    assert events == [MouseKeys(frozenset(i for i in range(12) if bits >> i & 1)) for bits in sent]
 
 
 _streams = st.one_of(
@@ -112,8 +112,8 @@ def test_every_whole_packet_is_used_and_nothing_else(sent):
     assume(sum(bool(re.fullmatch(rb"k[%b]{4}\r" % re.escape(NIBBLES), there)) for _, there in sent) < 2)
     decoder = Magellan()
     found = decoder.feed(magellan_keys(0)) + decoder.feed(b"".join(there for _, there in sent))
-    moves = [event for event in found if isinstance(event, Motion)]
-    pressed = [event for event in found if isinstance(event, Keys)]
+    moves = [event for event in found if isinstance(event, MouseMotion)]
+    pressed = [event for event in found if isinstance(event, MouseKeys)]
     stumps = [b"", *(there for _, there in sent)]
     whole = [
         packet
@@ -123,11 +123,11 @@ def test_every_whole_packet_is_used_and_nothing_else(sent):
     ]
     expected = [event for packet in whole for event in Magellan().feed(packet)]
     allowed = [event for packet, there in sent for event in Magellan().feed(packet)]
-    assert _within([e for e in expected if isinstance(e, Motion)], moves)
-    assert _within([e for e in expected if isinstance(e, Keys)], pressed)
+    assert _within([e for e in expected if isinstance(e, MouseMotion)], moves)
+    assert _within([e for e in expected if isinstance(e, MouseKeys)], pressed)
     # A damage that leaves the packet itself whole (noise in front of it) may leave it used.
-    assert _within(moves, [e for e in allowed if isinstance(e, Motion)])
-    assert _within(pressed, [Keys(frozenset()), *(e for e in allowed if isinstance(e, Keys))])
+    assert _within(moves, [e for e in allowed if isinstance(e, MouseMotion)])
+    assert _within(pressed, [MouseKeys(frozenset()), *(e for e in allowed if isinstance(e, MouseKeys))])
 
 
 def _within(some: list, more: list) -> bool:
@@ -143,12 +143,12 @@ def test_noise_without_end_takes_no_memory(noise):
         assert decoder.feed(noise.replace(b"\r", b"")) == []
     assert len(decoder._line) <= 256
     values = (1, -2, 3, -4, 5, -6)
-    assert decoder.feed(magellan_motion(values)) == [Motion(magellan_twist(values))]
+    assert decoder.feed(magellan_motion(values)) == [MouseMotion(magellan_twist(values))]
 
 
 def test_four_nibbles_of_keys():
     decoder = Magellan()
     packet = b"k" + nibbles(0, 3) + b"A\r"
-    assert decoder.feed(packet) == [Keys(frozenset({12}))]
+    assert decoder.feed(packet) == [MouseKeys(frozenset({12}))]
     assert decoder.feed(magellan_keys(1)) == []  # a nibble is missing
-    assert decoder.feed(packet) == [Keys(frozenset({12}))]
+    assert decoder.feed(packet) == [MouseKeys(frozenset({12}))]

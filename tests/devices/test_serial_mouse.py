@@ -45,7 +45,7 @@ def reads(mouse: SerialMouse, twist: tuple[float, ...], device: Device, counts: 
 def test_it_is_found_started_and_read(played):
     device, mouse, twist, name = played
     wait(device.started.is_set)
-    wait(lambda: mouse.status.state is SensorState.LIVE and name in mouse.status.words)
+    wait(lambda: mouse.status.state is SensorState.LIVE and name in mouse.status.message)
     for counts in [(20, -30, 40, 50, -60, 70), (0, 0, 0, 0, 0, 0), (1, 2, 3, 4, 5, 6)]:
         reads(mouse, twist(counts), device, counts)
     assert mouse.status.state is SensorState.LIVE
@@ -150,7 +150,7 @@ def test_nobody_answers(tmp_path):
     mouse.start()
     try:
         wait(lambda: mouse.status.state is SensorState.REFUSED)
-        assert "no 3D mouse answers" in mouse.status.words
+        assert "no 3D mouse answers" in mouse.status.message
         device.deaf = False
         wait(lambda: mouse.status.state is SensorState.LIVE)
     finally:
@@ -164,7 +164,7 @@ def test_no_port_and_closing_at_once(tmp_path):
     assert mouse.read() is None
     mouse.start()
     wait(lambda: mouse.status.state is SensorState.LOST)
-    assert "none" in mouse.status.words
+    assert "none" in mouse.status.message
     mouse.close()
     mouse.start()  # and again
     mouse.close()
@@ -205,7 +205,7 @@ def test_a_mouse_behind_a_socket(tmp_path):
     try:
         wait(lambda: mouse.newest.last.twist == (0.1, 0, 0, 0, 0, 0))
         wait(lambda: mouse.status.state is SensorState.SILENT)
-        assert "has said nothing" in mouse.status.words
+        assert "has sent nothing" in mouse.status.message
     finally:
         ended.set()
         mouse.close()

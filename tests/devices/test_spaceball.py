@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mouse_streams import counts, cut, escaped, spaceball_motion, spaceball_twist
 
-from cinegen.devices.mouse_events import Fault, Keys, Model, Motion
+from cinegen.devices.mouse_events import MouseFault, MouseKeys, MouseModel, MouseMotion
 from cinegen.devices.spaceball import JUMP, Spaceball
 
 ALIVE = b"\r@1 Spaceball alive and well after a software reset.\r"
@@ -32,7 +32,7 @@ packets = st.one_of(
 )
 def test_who_it_is(minor, name, buttons):
     decoder = Spaceball()
-    assert decoder.feed(ALIVE + FIRMWARE % minor) == [Model("Spaceball", 8), Model(name, buttons)]
+    assert decoder.feed(ALIVE + FIRMWARE % minor) == [MouseModel("Spaceball", 8), MouseModel(name, buttons)]
 
 
 def test_axes_are_right_away_and_up():
@@ -52,22 +52,22 @@ def test_axes_are_right_away_and_up():
 def test_a_4000flx_is_known_by_its_keys():
     decoder = Spaceball()
     decoder.feed(ALIVE + FIRMWARE % 42)
-    assert decoder.feed(b"K\x10\x01\r") == [Keys(frozenset({0, 7}))]
-    assert decoder.feed(b".\x10\x81\r") == [Model("Spaceball 4000FLX", 12), Keys(frozenset({0, 6, 11}))]
+    assert decoder.feed(b"K\x10\x01\r") == [MouseKeys(frozenset({0, 7}))]
+    assert decoder.feed(b".\x10\x81\r") == [MouseModel("Spaceball 4000FLX", 12), MouseKeys(frozenset({0, 6, 11}))]
     assert decoder.feed(b"K\x00\x01\r") == []  # it says the same by '.'
 
 
 def test_left_and_right_of_a_3003():
     decoder = Spaceball()
     decoder.feed(ALIVE + FIRMWARE % 35)
-    assert decoder.feed(b"K\x00\x10\r") == [Keys(frozenset({0}))]
-    assert decoder.feed(b"K\x00\x20\r") == [Keys(frozenset({1}))]
+    assert decoder.feed(b"K\x00\x10\r") == [MouseKeys(frozenset({0}))]
+    assert decoder.feed(b"K\x00\x20\r") == [MouseKeys(frozenset({1}))]
 
 
 def test_errors_and_what_it_does_not_know():
     decoder = Spaceball()
     (fault,) = decoder.feed(b"?\rE12\r")
-    assert isinstance(fault, Fault)
+    assert isinstance(fault, MouseFault)
     assert decoder.damaged == 0
     assert decoder.feed(b"hello\rD\r") == []
     assert decoder.damaged == 2
@@ -79,7 +79,7 @@ def test_what_was_sent_comes_out(sent):
     decoder = Spaceball()
     sent = [tuple(round(value / 2) for value in values) for values in sent]  # no two further apart than JUMP
     events = decoder.feed(b"".join(map(spaceball_motion, sent)))
-    assert events == [Motion(spaceball_twist(values)) for values in sent]
+    assert events == [MouseMotion(spaceball_twist(values)) for values in sent]
 
 
 @settings(max_examples=200)
@@ -103,9 +103,9 @@ def test_a_fast_hand_is_followed_and_letting_go_is_never_doubted():
     decoder = Spaceball()
     ramp = [(2700 * i, 0, 0, 0, 0, 0) for i in range(4)] + [(8100, 0, 0, 0, 0, 0)] * 2
     found = [decoder.feed(spaceball_motion(values)) for values in ramp]
-    assert found[-1] == [Motion((1.0, 0, 0, 0, 0, 0))]
+    assert found[-1] == [MouseMotion((1.0, 0, 0, 0, 0, 0))]
     assert sum(map(bool, found)) >= 4  # each second packet of a jump at the latest
-    assert decoder.feed(spaceball_motion((0,) * 6)) == [Motion((0.0,) * 6)]
+    assert decoder.feed(spaceball_motion((0,) * 6)) == [MouseMotion((0.0,) * 6)]
 
 
 def test_a_single_wild_packet_is_left_out():
@@ -142,7 +142,7 @@ def false_accepts(seed: int, packets: int = 20_000, share: float = 0.3) -> tuple
         damaged += hurt
         truth = spaceball_twist(values)
         for event in decoder.feed(packet):
-            if isinstance(event, Motion):
+            if isinstance(event, MouseMotion):
                 error = max(abs(a - b) for a, b in zip(event.twist, truth, strict=True))
                 false += error > 1e-12
                 wild += error > JUMP

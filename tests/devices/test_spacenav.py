@@ -85,7 +85,7 @@ def test_the_daemon_ends_and_comes_back(daemon, sensor):
     client.close()
     daemon.listener.close()
     wait(lambda: sensor.status.state is SensorState.LOST)
-    wait(lambda: "no spacenav daemon" in sensor.status.words)
+    wait(lambda: "no spacenav daemon" in sensor.status.message)
     assert sensor.newest.last.buttons == frozenset()
     daemon.start()
     with daemon.accept() as client:

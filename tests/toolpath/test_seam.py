@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from test_curve import flat, wandering
 
 from cinegen import Solver, Status
-from cinegen.devices import Grip, Hold, SensorError, SensorState
+from cinegen.devices import SensorError, SensorState, Teleoperation, TwistMapping
 from cinegen.toolpath import Seam
 from cinegen.toolpath.curve import PointError
 
@@ -282,7 +282,7 @@ def clock(monkeypatch):
 def test_a_seam_is_a_sensor(clock):
     seam = Seam([[0, 0, 0], [0.35, 0, 0]], [UP, UP], speed=0.1, approach=0.01, url="seam:weld.csv")
     assert seam.status.state is SensorState.CLOSED
-    assert seam.status.words == "seam:weld.csv is not started"
+    assert seam.status.message == "seam:weld.csv is not started"
     assert seam.read() is None
     seam.start()
     clock[0] += 0.5
@@ -292,7 +292,7 @@ def test_a_seam_is_a_sensor(clock):
     assert seam.status == (SensorState.LIVE, "seam:weld.csv: 0 of 350 mm", 1, 0)
     clock[0] = 100.0 + 1.0 + 2 * 0.25 + 0.125 + 1.2  # an approach that is all ramps, a ramp, 120 mm
     assert seam.read().target.translation == pytest.approx([0.12, 0, 0])
-    assert seam.status.words == "seam:weld.csv: 120 of 350 mm"
+    assert seam.status.message == "seam:weld.csv: 120 of 350 mm"
     clock[0] += 100.0
     assert seam.read().target.translation == pytest.approx([0.35, 0, 0.01])  # it says its end, and no more
     assert seam.read() is None
@@ -311,13 +311,13 @@ def test_again_never_ends(clock):
             clock[0] += 7.0
             assert seam.read() is not None
             assert seam.status.state is SensorState.LIVE
-            assert 0 <= float(seam.status.words.split()[1]) <= 200
+            assert 0 <= float(seam.status.message.split()[1]) <= 200
 
 
 def follow(mechanism, node, seam, clock, dt=0.002, grip=None, rotation=3):
     """How far (m, rad) the node was off its target at each tick after the wait, and where it was."""
     solver = Solver(mechanism, dt)
-    hold = Hold(seam, solver.add_task(node, rotation=rotation), grip)
+    hold = Teleoperation(seam, solver.add_task(node, rotation=rotation), grip)
     seam.start()
     errors, places = [], []
     while hold.status.state is SensorState.LIVE:
@@ -351,7 +351,7 @@ def test_a_delta_follows_what_it_can(robot, clock):
     home = delta.placement(delta.q_home, "platform")
     points = home.translation + np.array([[0, 0, -0.1], [0.2, 0, -0.1], [0.2, 0.2, -0.15]])
     seam = Seam(points, [[0.3, 0, 1]] * 3, 0.05, speed=0.3)
-    errors, places = follow(delta, "platform", seam, clock, grip=Grip(rotation=0), rotation=0)
+    errors, places = follow(delta, "platform", seam, clock, grip=TwistMapping(rotation=0), rotation=0)
     assert np.abs(errors).max() < 1e-6
     assert places[-1].translation == pytest.approx(seam.at(seam.length).translation, abs=1e-6)
     assert places[-1].rotation == pytest.approx(home.rotation, abs=1e-9)

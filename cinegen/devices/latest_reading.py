@@ -1,4 +1,4 @@
-"""The newest reading of a sensor: its thread writes, another one reads, neither waits."""
+"""The newest reading of a sensor: its thread writes, another thread reads, neither waits."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import pinocchio as pin
 
 from cinegen.sensor import NO_TWIST, Reading, Twist
 
-_MOST = 64  # presses that nobody has read yet
+_MOST = 64  # presses that are kept until they are read
 
 _NOTHING = Reading(0.0)
 
 
-class Newest:
-    """Of readings only the newest is kept; of presses of buttons, all until they are read (the last 64).
+class LatestReading:
+    """Newest reading, and all presses of buttons (the last 64) that were not read yet.
 
-    Assignments and a deque's ends are atomic in Python: there is no lock, so a reader never waits.
+    Assignments and operations on a deque's ends are atomic in Python, so no lock is needed.
     """
 
     def __init__(self) -> None:
@@ -29,17 +29,17 @@ class Newest:
     def put(
         self, twist: Twist | None = None, target: pin.SE3 | None = None, buttons: frozenset[int] | None = None
     ) -> None:
-        """Puts a reading in place of the one before. Buttons stay as they were unless given."""
+        """Replace the reading. Buttons are unchanged unless given."""
         self.count += 1
         self.last = Reading(time.monotonic(), twist, target, self._down(buttons))
 
     def press(self, buttons: frozenset[int]) -> None:
-        """These are down now; the motion is the one before, and no newer for it."""
+        """Set the buttons that are down; the motion and its time are unchanged."""
         self.count += 1
         self.last = self.last._replace(time=self.last.time or time.monotonic(), buttons=self._down(buttons))
 
     def end(self) -> None:
-        """Nobody moves or presses any more; presses that are unread stay. Not counted: nobody has said it."""
+        """Set the reading to rest, without counting it; unread presses are kept."""
         if self.last.twist is not None or self.last.target is not None or self.last.buttons:
             self.last = Reading(time.monotonic())
 
@@ -47,16 +47,16 @@ class Newest:
         down = self.last.buttons
         if buttons is None:
             return down
-        self._pressed.extend(sorted(buttons - down))  # before the reading that they belong to
+        self._pressed.extend(sorted(buttons - down))  # before their reading
         return buttons
 
     def silence(self) -> float:
-        """For how long (s) nothing was said after a motion that was not at rest; 0 after one that was."""
+        """Return the time since the last reading if it was deflected, else 0; s."""
         last = self.last
         return 0.0 if last.twist is None or last.twist == NO_TWIST else time.monotonic() - last.time
 
     def take(self) -> Reading | None:
-        """The newest reading, with all presses that were not read yet; None if it was read already."""
+        """Return the newest reading with all unread presses; None if it was read already."""
         newest = self.last
         if newest is self._seen:
             return None

@@ -1,4 +1,4 @@
-"""Scripted paths: inside the workspace, without a jump."""
+"""ScriptedSensor paths: inside the workspace, without a jump."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from cinegen import Solver
-from cinegen.devices import SHAPES, fitted
+from cinegen.devices import SHAPES, fit_path
 from cinegen.errors import UnknownNameError
 
 
 @pytest.mark.parametrize("name", ["delta4", "delta4_linear", "gough", "tssm", "hybrid", "rx90", "planar_hybrid"])
 def test_a_fitted_circle_is_followed_all_the_way_round(robot, name):
     mechanism = robot(name)
-    path = fitted(mechanism, mechanism.nodes[-1])
+    path = fit_path(mechanism, mechanism.nodes[-1])
     assert path.shape == "circle"
     assert path.size > 0.02 * mechanism.length
     solver = Solver(mechanism, 0.01)
@@ -27,7 +27,7 @@ def test_a_fitted_circle_is_followed_all_the_way_round(robot, name):
 
 def test_a_node_with_one_freedom_gets_a_line(robot):
     bar = robot("four_bar")
-    path = fitted(bar, "tool", "figure8")
+    path = fit_path(bar, "tool", "figure8")
     assert path.shape == "line"
     assert path.size > 0.0
 
@@ -35,7 +35,7 @@ def test_a_node_with_one_freedom_gets_a_line(robot):
 @pytest.mark.parametrize("shape", SHAPES)
 def test_paths_begin_at_home_and_never_jump(robot, shape):
     delta = robot("delta4")
-    path = fitted(delta, "platform", shape)
+    path = fit_path(delta, "platform", shape)
     points = np.array([path.target(t).translation for t in np.arange(0.0, 12.0, 0.01)])
     assert points[0] == pytest.approx(path.home.translation, abs=1e-12)
     assert np.linalg.norm(np.diff(points, axis=0), axis=1).max() < 0.05 * path.size
@@ -44,12 +44,12 @@ def test_paths_begin_at_home_and_never_jump(robot, shape):
 
 
 def test_the_delta_keeps_its_orientation_free_and_the_hexapod_holds_it(robot):
-    assert fitted(robot("delta4"), "platform").rotation == 0
-    assert fitted(robot("gough"), "platform").rotation == 3
-    assert fitted(robot("planar_3r"), "tool").rotation == 3
+    assert fit_path(robot("delta4"), "platform").rotation == 0
+    assert fit_path(robot("gough"), "platform").rotation == 3
+    assert fit_path(robot("planar_3r"), "tool").rotation == 3
 
 
 def test_a_node_that_cant_move_gets_no_path(robot):
-    assert fitted(robot("delta4"), "base").size == 0.0
+    assert fit_path(robot("delta4"), "base").size == 0.0
     with pytest.raises(UnknownNameError):
-        fitted(robot("delta4"), "nose")
+        fit_path(robot("delta4"), "nose")

@@ -1,4 +1,4 @@
-"""`cinegen sensors`: which sensors a file names, what could be one here, and what one says."""
+"""`cinegen sensors`: the sensors of a file, possible devices of this machine, and a monitor of one sensor."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
 
-Say = Callable[[str], object]
+Write = Callable[[str], object]
 
 _AXES = ("x", "y", "z", "rx", "ry", "rz")
 _BAR = 10  # characters of a bar, to each side
-_SHOWN = 0.1  # s between two lines of a monitor
+_SHOWN = 0.1  # s between two lines of the monitor
 _POLL = 0.002  # s
-_CLEAR = "\r\033[K"  # goes to the beginning of the terminal's line and empties it
+_CLEAR = "\r\033[K"  # moves to the start of the terminal's line and clears it
 
-# --- what there is ---------------------------------------------------------------------------------------------------
+# --- devices ---------------------------------------------------------------------------------------------------
 
 
 def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False, ignore_loops: bool = False) -> str:
-    """The sensors that files name, and what could be one here.
+    """Return a list of the sensors of files, and of possible devices of this machine.
 
     Args:
-        files: as for `cinegen.load`.
-        ports: that stand in place of the files', as texts such as `1=/dev/ttyUSB0`.
-        as_json: for programs, else for people.
+        files: files, as for `cinegen.load`.
+        ports: texts such as `1=/dev/ttyUSB0` that replace ports of the files.
+        as_json: JSON instead of text.
         ignore_loops: as for `cinegen.load`.
 
     Raises:
-        raff2urdf.RaffError: a file is wrong.
-        CinegenError: a file is wrong, or a port is of a sensor that no file names.
+        raff2urdf.RaffError: a RAFF file is invalid.
+        CinegenError: a file is invalid, or a port is given for an unknown sensor.
     """
     given = overrides(ports)
     found = {file: named(file, given, ignore_loops) for file in files}
@@ -53,16 +53,16 @@ def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False, i
 
 
 def named(path: str | Path, ports: Mapping[int, str], ignore_loops: bool = False) -> list[dict[str, Any]]:
-    """The sensors that a file names, with the nodes that may follow them.
+    """Return the sensors of a file, with the nodes that may follow them.
 
     Args:
-        path: as for `cinegen.load`.
-        ports: that stand in place of the file's, by the sensor's number.
+        path: file, as for `cinegen.load`.
+        ports: ports that replace those of the file, by the sensor's number.
         ignore_loops: as for `cinegen.load`.
 
     Raises:
-        raff2urdf.RaffError: the file is wrong.
-        CinegenError: the file is wrong.
+        raff2urdf.RaffError: the RAFF file is invalid.
+        CinegenError: the file is invalid.
     """
     mechanisms = [load(path, robot, ignore_loops=ignore_loops) for robot in robots(path)]
     found: dict[int, dict[str, Any]] = {}
@@ -78,10 +78,10 @@ def named(path: str | Path, ports: Mapping[int, str], ignore_loops: bool = False
 
 
 def here() -> dict[str, Any]:
-    """What could be a sensor on this machine: its serial ports, and the spacenav daemon."""
+    """Return the serial ports of this machine, and the spacenav daemon's socket."""
     try:
         ports = [{"port": port.device, "is": port.description} for port in sorted(list_ports.comports())]
-    except Exception:  # of systems whose list can't be read
+    except Exception:  # the system's list can't be read
         ports = []
     socket = socket_path()
     return {"ports": ports, "spacenav": {"socket": socket, "present": Path(socket).exists()}}
@@ -92,11 +92,11 @@ def _listed(files: Mapping[str, list[dict[str, Any]]], found: Mapping[str, Any])
     for name, sensors in files.items():
         lines.append(f"{name}: {len(sensors) or 'no'} sensor{'s' * (len(sensors) != 1)}")
         for sensor in sensors:
-            freedoms = f"translation {sensor['translation']}, rotation {sensor['rotation']}"
+            dof = f"translation {sensor['translation']}, rotation {sensor['rotation']}"
             nodes = f"for {', '.join(sensor['nodes'])}" if sensor["nodes"] else "for no node"
-            lines.append(f"  {sensor['number']}: {sensor['port']} ({freedoms}) {nodes}")
+            lines.append(f"  {sensor['number']}: {sensor['port']} ({dof}) {nodes}")
             if sensor["kind"] is None:
-                lines.append("     no kind of sensor begins so")
+                lines.append("     unknown kind of sensor")
             elif sensor["missing"]:
                 lines.append(f"     {sensor['missing'].partition(': ')[2]}")
             else:
@@ -110,69 +110,69 @@ def _listed(files: Mapping[str, list[dict[str, Any]]], found: Mapping[str, Any])
     return "\n".join(lines)
 
 
-# --- what one says ---------------------------------------------------------------------------------------------------
+# --- monitor ---------------------------------------------------------------------------------------------------
 
 
-def monitor(url: str, say: Say, seconds: float | None = None, as_json: bool = False, rewrite: bool = False) -> None:
-    """Shows what a sensor says, until the time is over; returns on Ctrl-C.
+def monitor(url: str, write: Write, seconds: float | None = None, as_json: bool = False, rewrite: bool = False) -> None:
+    """Show the readings of a sensor until the time is over or Ctrl-C.
 
     Args:
-        url: of the sensor.
-        say: takes texts.
-        seconds: how long; for ever unless given.
-        as_json: every reading as a line, and together a recording that can be replayed.
-        rewrite: one line is written over and over, instead of one below the other where something is new.
+        url: URL of the sensor.
+        write: function that writes a text.
+        seconds: duration; unlimited unless given.
+        as_json: write each reading as a line of JSON; together they are a recording.
+        rewrite: rewrite one line instead of appending a line for each new reading.
 
     Raises:
-        CinegenError: there can be no such sensor.
+        CinegenError: the URL is invalid.
     """
     if scheme(url) == "path":
-        raise SensorError(f"'{url}': a path needs a robot: cinegen drive shows it")
+        raise SensorError(f"'{url}': a path needs a robot: use cinegen drive")
     sensor = open_sensor(url)
     sensor.start()
     try:
         if as_json:
-            _tell(sensor, say, seconds)
+            _record(sensor, write, seconds)
         else:
-            _show(sensor, say, seconds, rewrite)
+            _show(sensor, write, seconds, rewrite)
     except KeyboardInterrupt:
         pass
     finally:
         sensor.close()
 
 
-def _tell(sensor: Sensor, say: Say, seconds: float | None) -> None:
-    say(json.dumps(header(sensor.timeout)) + "\n")
+def _record(sensor: Sensor, write: Write, seconds: float | None) -> None:
+    write(json.dumps(header(sensor.timeout)) + "\n")
     begin: float | None = None
     for reading in _readings(sensor, seconds):
         if reading is not None:
             begin = reading.time if begin is None else begin
-            say(json.dumps(line(reading, begin)) + "\n")
+            write(json.dumps(line(reading, begin)) + "\n")
 
 
-def _show(sensor: Sensor, say: Say, seconds: float | None, rewrite: bool) -> None:
+def _show(sensor: Sensor, write: Write, seconds: float | None, rewrite: bool) -> None:
     shown, last, fresh = 0.0, Reading(0.0), False
-    words, rate = "", _Rate()
+    message, rate = "", _Rate()
     pressed: list[int] = []
     for reading in _readings(sensor, seconds):
         if reading is not None:
             last, fresh = reading, True
             pressed += reading.pressed
         now, status = time.monotonic(), sensor.status
-        if status.words != words and status.state is not SensorState.SILENT:
-            words = status.words
-            say(f"{_CLEAR if rewrite else ''}{status.state.value}: {words}\n")
+        if status.message != message and status.state is not SensorState.SILENT:
+            message = status.message
+            write(f"{_CLEAR if rewrite else ''}{status.state.value}: {message}\n")
         if now - shown < _SHOWN or status.state not in (SensorState.LIVE, SensorState.SILENT):
             continue
         shown = now
         text = _line(last, pressed, status, rate.of(status.packets, now))
         if rewrite:
-            say(_CLEAR + text)
+            write(_CLEAR + text)
         elif fresh:
-            say(f"{text}\n")
+            write(f"{text}\n")
         fresh, pressed = False, []
     if rewrite:
-        say("\n")
+        write("\n")
 
 
 def _readings(sensor: Sensor, seconds: float | None) -> Iterable[Reading | None]:
@@ -189,7 +189,7 @@ class _Rate:
         self._before: list[tuple[float, int]] = []
 
     def of(self, packets: int, now: float) -> float:
-        """The rate, when there were so many by now (s)."""
+        """Return the rate for the number of packets at the time `now` (s)."""
         self._before = [(then, count) for then, count in self._before if now - then < 1.0] + [(now, packets)]
         then, count = self._before[0]
         return (packets - count) / (now - then) if now > then else 0.0
@@ -212,7 +212,7 @@ def _line(last: Reading, pressed: Iterable[int], status: SensorStatus, rate: flo
 
 
 def bar(value: float) -> str:
-    """A value from -1 to 1 as a number and a bar: `+0.50 |    :##  |`."""
+    """Return a value from -1 to 1 as a number and a bar: `+0.50 |    :##  |`."""
     length = round(abs(value) * _BAR / 2)
     half = _BAR // 2
     left = ("#" * length if value < 0 else "").rjust(half)

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cinegen import Solver, Status
-from cinegen.devices import Grip, Hold, Reading, Scripted, SensorState, SensorStatus, fitted
+from cinegen.devices import Reading, ScriptedSensor, SensorState, SensorStatus, Teleoperation, TwistMapping, fit_path
 from cinegen.errors import CinegenError, UnknownNameError
 from cinegen.ik import FrameTask
 from cinegen.sensor import NO_TWIST
@@ -47,9 +47,11 @@ class Played:
         return SensorStatus(self.state, "played")
 
 
-def held(target: pin.SE3 | None = None, grip: Grip | None = None, frame: str = "world") -> tuple[Played, Hold]:
+def held(
+    target: pin.SE3 | None = None, grip: TwistMapping | None = None, frame: str = "world"
+) -> tuple[Played, Teleoperation]:
     sensor = Played()
-    return sensor, Hold(sensor, FrameTask("tool", target or pin.SE3.Identity()), grip, frame)
+    return sensor, Teleoperation(sensor, FrameTask("tool", target or pin.SE3.Identity()), grip, frame)
 
 
 deflections = st.tuples(*[st.floats(-1, 1)] * 6)
@@ -61,7 +63,7 @@ def placements(seed: int) -> pin.SE3:
 
 
 def test_full_deflection_is_the_grips_speed():
-    sensor, hold = held(grip=Grip(speed=0.2, turning=0.7))
+    sensor, hold = held(grip=TwistMapping(speed=0.2, turning=0.7))
     sensor.say((0, 0, 1, 0, 0, -1))
     for _ in range(100):
         hold.advance(DT)
@@ -78,7 +80,7 @@ def test_silence_brings_rest_within_a_tenth_of_a_second_and_nothing_drifts(twist
         hold.advance(DT)
         speeds.append(np.linalg.norm(hold.task.target.translation - before) / DT)
         before = hold.task.target.translation.copy()
-        if tick == 300 and np.any(hold.grip.velocity(twist)):
+        if tick == 300 and np.any(hold.mapping.velocity(twist)):
             assert hold.status.state is SensorState.SILENT
     assert np.ptp(speeds[:240]) < 1e-9  # as it was told, until the time-out
     assert np.abs(np.diff(speeds[240:])).max() <= 0.02 * speeds[0] + 1e-9  # without a jerk
@@ -125,8 +127,8 @@ def test_the_frame_of_command_turns_the_motion_with_it(twist, seed):
     turned, plain = held(start, frame="base"), held(start)
     turned[1].axes["base"] = frame
     turned[0].say(twist)
-    x, y, z = frame @ np.array(plain[1].grip.velocity(twist)[:3])
-    turn = frame @ plain[1].grip.velocity(twist)[3:]
+    x, y, z = frame @ np.array(plain[1].mapping.velocity(twist)[:3])
+    turn = frame @ plain[1].mapping.velocity(twist)[3:]
     for _ in range(20):
         turned[1].advance(DT)
     moved = turned[1].task.target
@@ -150,7 +152,7 @@ def test_the_nodes_own_axes_go_with_it(twist, seed):
 @given(st.floats(0, 0.9), st.floats(-1, 1), st.floats(0, 1e-6))
 def test_the_dead_zone_is_continuous(dead, value, step):
     def speed(deflection: float) -> float:
-        return float(Grip(speed=1.0, dead=dead).velocity((deflection, 0, 0, 0, 0, 0))[0])
+        return float(TwistMapping(speed=1.0, dead=dead).velocity((deflection, 0, 0, 0, 0, 0))[0])
 
     assert abs(speed(min(1.0, value + step)) - speed(value)) <= step / (1.0 - dead) + 1e-12
     assert speed(-value) == -speed(value)
@@ -160,7 +162,7 @@ def test_the_dead_zone_is_continuous(dead, value, step):
 
 
 def test_the_dominant_axis_only():
-    velocity = Grip(dominant=True, dead=0.0, speed=1.0, turning=1.0).velocity((0.1, -0.2, 0.3, 0.4, -0.5, 0.1))
+    velocity = TwistMapping(dominant=True, dead=0.0, speed=1.0, turning=1.0).velocity((0.1, -0.2, 0.3, 0.4, -0.5, 0.1))
     assert velocity == pytest.approx([0, 0, 0, 0, -0.5, 0])
 
 
@@ -175,8 +177,8 @@ def test_the_dominant_axis_only():
     ],
 )
 def test_raffs_freedoms(translation, rotation, free):
-    grip = Grip(speed=1.0, turning=1.0, dead=0.0, translation=translation, rotation=rotation)
-    assert grip.free == free
+    grip = TwistMapping(speed=1.0, turning=1.0, dead=0.0, translation=translation, rotation=rotation)
+    assert grip.commanded == free
     assert grip.velocity((0.5,) * 6) == pytest.approx([0.5 * one for one in free])
     sensor, hold = held(grip=grip)
     given_ = pin.SE3(pin.exp3(np.array([0.1, 0.2, 0.3])), np.array([1.0, 2.0, 3.0]))
@@ -189,7 +191,7 @@ def test_raffs_freedoms(translation, rotation, free):
 def test_what_makes_no_sense():
     for wrong in ({"dead": 1.0}, {"speed": math.nan}, {"turning": -1.0}, {"rotation": 4}, {"translation": -1}):
         with pytest.raises(CinegenError):
-            Grip(**wrong)
+            TwistMapping(**wrong)
     _, hold = held()
     with pytest.raises(UnknownNameError, match="node"):
         hold.frame = "tool"
@@ -205,7 +207,7 @@ def test_what_makes_no_sense():
 
 
 def test_a_rotation_stays_one_for_hours():
-    sensor, hold = held(grip=Grip(turning=3.0))
+    sensor, hold = held(grip=TwistMapping(turning=3.0))
     for tick in range(20_000):
         if tick % 100 == 0:
             sensor.say((0, 0, 0, 1.0, 0.5, -0.7))
@@ -218,7 +220,7 @@ def test_a_delta_follows_a_device(robot):
     solver = Solver(robot("delta4"), DT)
     task = solver.add_task("platform", rotation=0)
     sensor = Played()
-    hold = Hold(sensor, task, Grip(speed=0.2))
+    hold = Teleoperation(sensor, task, TwistMapping(speed=0.2))
     for tick in range(500):
         if tick % 50 == 0:
             sensor.say((0, 0, -1, 0, 0, 0))
@@ -233,9 +235,9 @@ def test_a_delta_follows_a_device(robot):
 
 def test_a_script_is_a_sensor(robot):
     mechanism = robot("five_bar")
-    path = fitted(mechanism, "tool")
-    sensor = Scripted(path)
-    hold = Hold(sensor, FrameTask("tool", path.home))
+    path = fit_path(mechanism, "tool")
+    sensor = ScriptedSensor(path)
+    hold = Teleoperation(sensor, FrameTask("tool", path.home))
     assert hold.advance(DT) is None
     assert sensor.status.state is SensorState.CLOSED
     sensor.start()
@@ -243,11 +245,11 @@ def test_a_script_is_a_sensor(robot):
     assert reading.twist is None
     assert hold.task.target == reading.target
     assert path.home.translation == pytest.approx(reading.target.translation, abs=0.01)
-    assert "circle" in sensor.status.words
+    assert "circle" in sensor.status.message
     assert hold.status.state is SensorState.LIVE
     sensor.close()
     assert sensor.read() is None
 
 
 def test_zeros_are_no_reason_to_move():
-    assert not np.any(Grip().velocity(NO_TWIST))
+    assert not np.any(TwistMapping().velocity(NO_TWIST))

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.devices import Hold, Reading, Sensor, SensorState, SensorStatus, Taps
+from cinegen.devices import Reading, Sensor, SensorState, SensorStatus, SharedSensor, Teleoperation
 from cinegen.ik import FrameTask
 
 DT = 0.001
@@ -53,8 +53,8 @@ events = st.lists(st.tuples(st.booleans(), st.lists(st.integers(0, 5), max_size=
 @given(events, st.randoms(use_true_random=False))
 def test_each_tap_says_everything_once_whatever_the_order(said, random):
     sensor = Played()
-    taps = Taps(sensor)
-    three = [taps.tap() for _ in range(3)]
+    taps = SharedSensor(sensor)
+    three = [taps.reader() for _ in range(3)]
     for new, pressed in said:
         if new:
             sensor.say(UP, tuple(pressed))
@@ -68,8 +68,8 @@ def test_each_tap_says_everything_once_whatever_the_order(said, random):
 @given(events, st.lists(st.booleans(), min_size=20, max_size=20))
 def test_a_tap_that_is_not_always_read_misses_no_press(said, asked):
     sensor = Played()
-    taps = Taps(sensor)
-    tap = taps.tap()
+    taps = SharedSensor(sensor)
+    tap = taps.reader()
     heard: list[int] = []
     for (new, pressed), ask in zip(said, asked, strict=False):
         if new:
@@ -86,8 +86,8 @@ def test_a_tap_that_is_not_always_read_misses_no_press(said, asked):
 
 def test_only_the_last_64_presses_are_kept():
     sensor = Played()
-    taps = Taps(sensor)
-    tap = taps.tap()
+    taps = SharedSensor(sensor)
+    tap = taps.reader()
     for number in range(100):
         sensor.say(UP, (number,))
         taps.read()
@@ -97,10 +97,10 @@ def test_only_the_last_64_presses_are_kept():
 def test_a_tap_says_nothing_of_what_was_before_it():
     """A node that is switched to a device must not go on with what that said to another."""
     sensor = Played()
-    taps = Taps(sensor)
+    taps = SharedSensor(sensor)
     sensor.say(UP, (1, 2))
     taps.read()
-    late = taps.tap()
+    late = taps.reader()
     assert late.read() is None
     sensor.say(UP, (3,))
     taps.read()
@@ -109,7 +109,7 @@ def test_a_tap_says_nothing_of_what_was_before_it():
 
 def test_who_has_the_sensor_starts_and_closes_it():
     sensor = Played()
-    tap: Sensor = Taps(sensor).tap()
+    tap: Sensor = SharedSensor(sensor).reader()
     for state, do in ((SensorState.LIVE, tap.close), (SensorState.CLOSED, tap.start)):
         sensor.state = state
         do()
@@ -120,9 +120,9 @@ def test_who_has_the_sensor_starts_and_closes_it():
 @pytest.mark.parametrize("order", list(permutations(range(3))))
 def test_three_nodes_held_by_one_device_move_alike(order):
     sensor = Played()
-    taps = Taps(sensor)
-    holds = [Hold(taps.tap(), FrameTask("tool", pin.SE3.Identity())) for _ in range(3)]
-    alone = Hold(lone := Played(), FrameTask("tool", pin.SE3.Identity()))
+    taps = SharedSensor(sensor)
+    holds = [Teleoperation(taps.reader(), FrameTask("tool", pin.SE3.Identity())) for _ in range(3)]
+    alone = Teleoperation(lone := Played(), FrameTask("tool", pin.SE3.Identity()))
     for tick in range(420):
         if tick < 50 and tick % 10 == 0:
             sensor.say(UP)
@@ -131,7 +131,7 @@ def test_three_nodes_held_by_one_device_move_alike(order):
         for number in order:
             holds[number].advance(DT)
         alone.advance(DT)
-        if tick == 300:  # the device has said nothing for a while
+        if tick == 300:  # the device has sent nothing for a while
             assert [hold.status.state for hold in (*holds, alone)] == [SensorState.SILENT] * 4
     assert [hold.task.target for hold in holds] == [alone.task.target] * 3
     assert alone.task.target.translation[2] > 0.02
@@ -139,8 +139,8 @@ def test_three_nodes_held_by_one_device_move_alike(order):
 
 def test_a_device_that_is_lost_brings_all_to_rest_at_once():
     sensor = Played()
-    taps = Taps(sensor)
-    holds = [Hold(taps.tap(), FrameTask("tool", pin.SE3.Identity())) for _ in range(2)]
+    taps = SharedSensor(sensor)
+    holds = [Teleoperation(taps.reader(), FrameTask("tool", pin.SE3.Identity())) for _ in range(2)]
     sensor.say(UP)
     for tick in range(112):
         if tick == 10:

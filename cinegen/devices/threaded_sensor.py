@@ -1,4 +1,4 @@
-"""A sensor with a thread of its own: it opens a device, hands on what that says, and opens it again when it is lost."""
+"""A sensor that reads its device in a thread, and opens it again when it is lost."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 import threading
 from abc import ABC, abstractmethod
 
-from cinegen.devices.newest import Newest
+from cinegen.devices.latest_reading import LatestReading
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
 from cinegen.sensor import Reading, SensorState, SensorStatus
@@ -15,24 +15,24 @@ _SHORTEST, _LONGEST = 0.1, 3.0  # s between two attempts to open: doubled from o
 _PATIENCE = 3.0  # s that `close` waits for the thread
 
 
-class LostError(CinegenError):
-    """A device that is gone. Ends a session, never reaches whoever reads."""
+class DeviceLostError(CinegenError):
+    """The device is gone. This ends the connection; readers never get it."""
 
 
-class RefusedError(CinegenError):
-    """Something is there, and is not what it should be. Ends a session, never reaches whoever reads."""
+class WrongDeviceError(CinegenError):
+    """Another kind of device answers. This ends the connection; readers never get it."""
 
 
-class Feed(ABC):
-    """What the sensors with input and output share; a kind is what it does while it is open: `serve`.
+class ThreadedSensor(ABC):
+    """Base of sensors that wait for input: a subclass implements `serve`, which runs while the device is open.
 
     Args:
-        url: where the device is.
+        url: address of the device.
 
     Attributes:
-        timeout: s: if nothing comes for so long after a reading that was not at rest, the device has fallen silent.
-        longest: s between two attempts to open it, at most.
-        exception_log: what `serve` raised so far, other than `OSError` and `CinegenError`; each is logged once.
+        timeout: time without a reading, s, after which a deflected sensor counts as silent.
+        longest: longest time between two attempts to open it, s.
+        exception_log: exceptions of `serve` other than `OSError` and `CinegenError`, each logged once.
     """
 
     timeout = 0.25
@@ -40,12 +40,12 @@ class Feed(ABC):
     def __init__(self, url: str) -> None:
         self.url = url
         self.longest = _LONGEST
-        self.newest = Newest()
+        self.newest = LatestReading()
         self.damaged = 0
         self.exception_log = ExceptionLog()
-        self._said = SensorState.CLOSED, f"{url} is not started"
+        self._reported = SensorState.CLOSED, f"{url} is not started"
         self._ending = threading.Event()
-        self._own = threading.local()  # a thread that hung when it was closed still knows that it should end
+        self._own = threading.local()  # a thread that hung while the sensor was closed still ends
         self._thread: threading.Thread | None = None
 
     def __repr__(self) -> str:
@@ -53,44 +53,44 @@ class Feed(ABC):
 
     @abstractmethod
     def serve(self) -> None:
-        """Opens the device, says `live`, and puts what it says into `newest` until `ending`; closes it in any case.
+        """Open the device, call `live`, put readings into `newest` until `ending`, and close the device in any case.
 
         Raises:
-            Exception: it can't be opened, or is gone; it is tried again after a while.
+            Exception: the device can't be opened, or is gone; it is opened again later.
         """
 
     # --- of a sensor ---------------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begins, in a thread of its own; returns at once."""
+        """Start the thread, and return at once."""
         if self._thread is not None and self._thread.is_alive() and not self._ending.is_set():
             return
         self._ending = threading.Event()
-        self._said = SensorState.OPENING, f"{self.url} is being opened"
+        self._reported = SensorState.OPENING, f"{self.url} is being opened"
         self._thread = threading.Thread(target=self._run, args=(self._ending,), name=f"sensor {self.url}", daemon=True)
         self._thread.start()
 
     def read(self) -> Reading | None:
-        """The newest reading, if there is one that was not read yet."""
+        """Return the newest reading that was not read yet, or None."""
         return self.newest.take()
 
     @property
     def status(self) -> SensorStatus:
-        """What it is doing."""
-        state, words = self._said
+        """Status of the connection."""
+        state, message = self._reported
         if state is SensorState.LIVE:
             silent = self.newest.silence()
             if silent > self.timeout:
-                state, words = SensorState.SILENT, f"{self.url} has said nothing for {silent:.1f} s"
-        return SensorStatus(state, words, self.newest.count, self.damaged)
+                state, message = SensorState.SILENT, f"{self.url} has sent nothing for {silent:.1f} s"
+        return SensorStatus(state, message, self.newest.count, self.damaged)
 
     def close(self) -> None:
-        """Ends. Waits for the thread a while; one that hangs in a system call ends when that does."""
+        """Close the sensor, and wait for its thread for a while; a thread in a system call ends after it."""
         self._ending.set()
         thread = self._thread
         if thread is not None and thread is not threading.current_thread():
             thread.join(_PATIENCE)
-        self._said = SensorState.CLOSED, f"{self.url} is closed"
+        self._reported = SensorState.CLOSED, f"{self.url} is closed"
 
     # --- for its kinds -------------------------------------------------------------------------------------------
 
@@ -103,10 +103,10 @@ class Feed(ABC):
         """Waits; whether `serve` should return."""
         return self._own_ending.wait(seconds)
 
-    def live(self, words: str) -> None:
+    def live(self, message: str) -> None:
         """The device is there, and is this."""
         if not self.ending:
-            self._said = SensorState.LIVE, words
+            self._reported = SensorState.LIVE, message
 
     @property
     def _own_ending(self) -> threading.Event:
@@ -122,16 +122,16 @@ class Feed(ABC):
             try:
                 self.serve()
                 end = SensorState.LOST, f"{self.url} has ended"
-            except RefusedError as error:
+            except WrongDeviceError as error:
                 end = SensorState.REFUSED, str(error)
-            except Exception as error:  # whatever a driver raises: a sensor never stops anything
+            except Exception as error:  # a driver may raise anything; a sensor never stops the program
                 end = SensorState.LOST, f"{self.url.rstrip(':')}: {_sentence(error)}"
-                if not isinstance(error, OSError | CinegenError):  # a device that is gone is no bug
+                if not isinstance(error, OSError | CinegenError):  # a device that is gone is not a bug
                     self.exception_log.report(self.url, error)
             if ending.is_set():
-                return  # `close` has had its say
-            was_live = self._said[0] is SensorState.LIVE
-            self._said = end
+                return  # the status is that of `close`
+            was_live = self._reported[0] is SensorState.LIVE
+            self._reported = end
             self.newest.end()
             pause = _SHORTEST if was_live else min(2.0 * pause, self.longest)
             if ending.wait(pause):

@@ -8,13 +8,13 @@ import time
 from played import wait
 
 from cinegen.devices import SensorState
-from cinegen.devices import feed as module
-from cinegen.devices.feed import Feed, LostError, RefusedError
-from cinegen.devices.newest import Newest
+from cinegen.devices import threaded_sensor as module
+from cinegen.devices.latest_reading import LatestReading
+from cinegen.devices.threaded_sensor import DeviceLostError, ThreadedSensor, WrongDeviceError
 
 
 def test_the_newest_counts_and_every_press():
-    newest = Newest()
+    newest = LatestReading()
     assert newest.take() is None
     newest.put((1.0,) * 6)
     newest.press(frozenset({2, 1}))
@@ -31,7 +31,7 @@ def test_the_newest_counts_and_every_press():
 
 
 def test_many_presses_take_no_memory():
-    newest = Newest()
+    newest = LatestReading()
     for _ in range(1000):
         newest.press(frozenset({1}))
         newest.press(frozenset())
@@ -39,7 +39,7 @@ def test_many_presses_take_no_memory():
 
 
 def test_between_threads_nothing_is_lost():
-    newest, found = Newest(), []
+    newest, found = LatestReading(), []
     done = threading.Event()
 
     def write() -> None:
@@ -67,7 +67,7 @@ def test_between_threads_nothing_is_lost():
     assert found == [i % 50 for i in range(3000)]
 
 
-class Wild(Feed):
+class Wild(ThreadedSensor):
     """Fails in every way."""
 
     def __init__(self, errors) -> None:
@@ -98,7 +98,7 @@ def test_no_error_ends_it():
 
 
 def test_a_bug_of_a_driver_is_logged_once_and_a_device_that_is_gone_is_not(caplog):
-    errors = [OSError(5, "Input/output error"), LostError("unplugged"), RefusedError("no mouse")]
+    errors = [OSError(5, "Input/output error"), DeviceLostError("unplugged"), WrongDeviceError("no mouse")]
     sensor = Wild([*errors, ValueError("x"), ValueError("y"), TypeError("z")])
     sensor.start()
     wait(lambda: sensor.status.state is SensorState.LIVE)
@@ -113,7 +113,7 @@ def test_one_that_hangs_is_left_behind(monkeypatch):
     monkeypatch.setattr(module, "_PATIENCE", 0.05)
     release = threading.Event()
 
-    class Hanging(Feed):
+    class Hanging(ThreadedSensor):
         def __init__(self) -> None:
             super().__init__("hanging:")
             self.ended: list[bool] = []
