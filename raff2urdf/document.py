@@ -1,7 +1,7 @@
-"""What a RAFF file says, as values: nothing is converted, so lengths and angles are the file's own.
+"""The contents of a RAFF file as values. Nothing is converted: lengths and angles are in the file's own units.
 
-A `Document` equals another when it says the same; where its words stand in a text is kept beside it (for
-error messages) and doesn't count.
+Two documents are equal if they describe the same robots and sensors. Locations in the text, which error messages need,
+are kept but do not count.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ UNITS_PER_METRE: Mapping[str, float] = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.
 
 
 class JointType(IntEnum):
-    """RAFF's `type` of a link: how it moves on its father."""
+    """RAFF's `type` of a link: how it moves relative to its parent."""
 
     FIXED = 0
     PRISMATIC = 1
@@ -46,11 +46,30 @@ class Parameters:
     epsilon: float = 0.0
 
 
-Places = Mapping[str, SourceLocation]
+Locations = Mapping[str, SourceLocation]
 
 
-def _places() -> Places:
+def _no_locations() -> Locations:
     return {}
+
+
+class _Named:
+    """Names of a node and its joint, which follow from the node's number unless the file gives a name."""
+
+    __slots__ = ()
+    keyword: ClassVar[str]
+    number: int
+    name: str | None
+
+    @property
+    def node(self) -> str:
+        """Name of the node, in the URDF and in Python."""
+        return f"{self.keyword}{self.number}" if self.name is None else self.name
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint between the node and its parent; a frame's joint is fixed."""
+        return f"joint{self.number}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,25 +77,16 @@ class RaffBase:
     """The root of a robot: node number 0, named `base`; `parameters` place it in the world."""
 
     keyword: ClassVar[str] = "base"
-
+    number: ClassVar[int] = 0
+    node: ClassVar[str] = "base"
     parameters: Parameters = Parameters()
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
-    places: Places = field(default_factory=_places, compare=False, repr=False)
-
-    @property
-    def number(self) -> int:
-        """0: the base is the node that has no other number."""
-        return 0
-
-    @property
-    def node(self) -> str:
-        """The node's name."""
-        return "base"
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffLink:
-    """A body that moves on its father `pred` by one joint (none if `type` is FIXED)."""
+class RaffLink(_Named):
+    """A body that moves relative to its parent `pred` by one joint, or is fixed to it if `type` is FIXED."""
 
     keyword: ClassVar[str] = "link"
     number: int
@@ -85,25 +95,15 @@ class RaffLink:
     pred: int
     limits: tuple[float, float] | None = None  # of theta (degrees) or r
     velocity: float | None = None  # degrees or lengths per second
-    actuated: bool | None = None  # None: the file doesn't say
+    actuated: bool | None = None  # None: not in the file
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
-    places: Places = field(default_factory=_places, compare=False, repr=False)
-
-    @property
-    def node(self) -> str:
-        """The node's name: what URDF, API and page show."""
-        return self.name if self.name is not None else f"link{self.number}"
-
-    @property
-    def joint(self) -> str:
-        """The name of the joint that moves this link."""
-        return f"joint{self.number}"
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
-class RaffFrame:
-    """A coordinate system fixed on a base, link or frame."""
+class RaffFrame(_Named):
+    """A coordinate system fixed to the base, a link or another frame."""
 
     keyword: ClassVar[str] = "frame"
     number: int
@@ -111,33 +111,23 @@ class RaffFrame:
     pred: int
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
-    places: Places = field(default_factory=_places, compare=False, repr=False)
-
-    @property
-    def node(self) -> str:
-        """The node's name: what URDF, API and page show."""
-        return self.name if self.name is not None else f"frame{self.number}"
-
-    @property
-    def joint(self) -> str:
-        """The name of the fixed joint that holds this frame in the URDF."""
-        return f"joint{self.number}"
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 RaffPart = RaffLink | RaffFrame
-"""A node that is placed on another one."""
+"""A node with a parent."""
 
 RaffNode = RaffBase | RaffPart
 
 
 @dataclass(frozen=True, slots=True)
 class RaffLoop:
-    """Two nodes, by number, whose frames coincide up to the freedoms of the joint `kind`."""
+    """Two nodes, by number, whose frames coincide up to the degrees of freedom of the joint `kind`."""
 
     first: int
     second: int
     kind: LoopKind = LoopKind.RIGID
-    places: Places = field(default_factory=_places, compare=False, repr=False)
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,18 +136,18 @@ class SensorConstraint:
 
     node: int
     sensors: tuple[int, ...]
-    places: Places = field(default_factory=_places, compare=False, repr=False)
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)
 class RaffSensor:
-    """An input device on a port, with the freedoms it commands."""
+    """An input device on a port, with the number of translations and rotations that it commands."""
 
     number: int
     port: str
     translation: int = 3
     rotation: int = 3
-    places: Places = field(default_factory=_places, compare=False, repr=False)
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
 @dataclass(frozen=True)
@@ -170,7 +160,7 @@ class RaffRobot:
     loops: tuple[RaffLoop, ...] = ()
     sensor_constraints: tuple[SensorConstraint, ...] = ()
     path: str | None = None
-    places: Places = field(default_factory=_places, compare=False, repr=False)
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
     @cached_property
     def links(self) -> tuple[RaffLink, ...]:
@@ -188,27 +178,31 @@ class RaffRobot:
         return {0: self.base} | {part.number: part for part in self.parts}
 
     @cached_property
-    def outward(self) -> tuple[RaffPart, ...]:
-        """Links and frames ordered so that a father stands before its children (file order else)."""
-        children: dict[int, list[RaffPart]] = {}
+    def children(self) -> Mapping[int, list[RaffPart]]:
+        """Links and frames by the number of their parent, in file order."""
+        found: dict[int, list[RaffPart]] = {}
         for part in self.parts:
-            children.setdefault(part.pred, []).append(part)
+            found.setdefault(part.pred, []).append(part)
+        return found
+
+    @cached_property
+    def outward(self) -> tuple[RaffPart, ...]:
+        """Links and frames in depth-first order: every parent before its children."""
         order: list[RaffPart] = []
-        waiting = list(reversed(children.get(0, [])))
-        while waiting:
-            part = waiting.pop()
-            order.append(part)
-            waiting.extend(reversed(children.get(part.number, [])))
+        pending = self.children.get(0, [])[::-1]
+        while pending:
+            order.append(pending.pop())
+            pending += self.children.get(order[-1].number, [])[::-1]
         return tuple(order)
 
     @property
     def movable(self) -> bool:
-        """Whether the base can move: some sensor constraint names it."""
+        """True if the base can move, because a sensor constraint names it."""
         return any(constraint.node == 0 for constraint in self.sensor_constraints)
 
     @cached_property
     def loop_names(self) -> tuple[str, ...]:
-        """A name for each loop, `link5-link11`; a second loop between the same nodes gets `#2`, and so on."""
+        """Names of the loops, such as `link5-link11`; a second loop between the same nodes ends in `#2`, and so on."""
         seen: dict[str, int] = {}
         names = []
         for loop in self.loops:
@@ -220,15 +214,15 @@ class RaffRobot:
 
 @dataclass(frozen=True, slots=True)
 class SourceText:
-    """The text a document was read from, kept to show where a problem stands."""
+    """The text that a document was read from, for error messages."""
 
     name: str = "<document>"
     lines: tuple[str, ...] = ()
 
-    def problem(self, message: str, place: SourceLocation | None = None) -> Problem:
-        """A problem with this source's name and the line it stands on."""
-        text = self.lines[place.line - 1] if place and 0 < place.line <= len(self.lines) else ""
-        return Problem(message, self.name, place, text)
+    def problem(self, message: str, location: SourceLocation | None = None) -> Problem:
+        """Return a problem with the name of this text and the line of the location."""
+        text = self.lines[location.line - 1] if location and 0 < location.line <= len(self.lines) else ""
+        return Problem(message, self.name, location, text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,7 +230,7 @@ class Document:
     """A whole RAFF file.
 
     Attributes:
-        name: what stands behind `RAFF` in its first line.
+        name: the word after `RAFF` in its first line.
         units: unit of every length in it: "mm" (default), "um", "cm" or "m".
     """
 
@@ -247,10 +241,10 @@ class Document:
     source: SourceText = field(default_factory=SourceText, compare=False, repr=False)
 
     def robot(self, name: str | None = None) -> RaffRobot:
-        """The robot of that name, or the first one.
+        """Return the robot of that name, or the first one.
 
         Raises:
-            RaffError: there is none; the message lists those that exist.
+            RaffError: there is no such robot; the message lists those that exist.
         """
         for robot in self.robots:
             if name is None or robot.name == name:
@@ -261,5 +255,5 @@ class Document:
         raise RaffError(self.source.problem(f"no robot '{name}'{did_you_mean(name, names)}"))
 
     def metres(self, length: float) -> float:
-        """A length of the file in metres (a division, so that 211.21 mm is the double nearest to 0.21121)."""
+        """Convert a length of the file to metres, by a division: 211.21 mm is the double nearest to 0.21121."""
         return length / UNITS_PER_METRE[self.units]

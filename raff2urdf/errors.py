@@ -1,4 +1,4 @@
-"""What raff2urdf says when something is wrong: one root class, every problem with its place."""
+"""Errors and warnings of raff2urdf: one root class, and every problem with its location."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class SourceLocation:
-    """Where a word stands in a text: line and column count from 1, `length` is in characters."""
+    """Location of a word in a text: line and column count from 1, `length` is in characters."""
 
     line: int
     column: int
@@ -18,21 +18,21 @@ class SourceLocation:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """One thing that is wrong, where, and what it probably should be."""
+    """A problem in a text: what is wrong, where, and the likely remedy."""
 
     message: str
     source: str = ""
-    place: SourceLocation | None = None
-    text: str = ""  # the line it stands on, without its end
+    location: SourceLocation | None = None
+    text: str = ""  # the line of the location, without its end
 
     def __str__(self) -> str:
-        if self.place is None:
+        if self.location is None:
             return f"{self.source}: {self.message}" if self.source else self.message
-        head = f"{self.source}:{self.place.line}:{self.place.column}: {self.message}"
+        head = f"{self.source}:{self.location.line}:{self.location.column}: {self.message}"
         if not self.text:
             return head
-        shown, column = _window(self.text, self.place.column)
-        length = max(1, min(self.place.length, len(shown) - column + 1))
+        shown, column = _excerpt(self.text, self.location.column)
+        length = max(1, min(self.location.length, len(shown) - column + 1))
         return f"{head}\n    {shown}\n    {' ' * (column - 1)}{'^' * length}"
 
 
@@ -54,15 +54,15 @@ class RaffError(Exception):
 
 
 class RaffClosureError(RaffError):
-    """A mechanism whose loops can't be closed; says which, by how much, and what would close them."""
+    """Loops that cannot be closed: which ones, their least gaps, and which weaker kinds of loop would close."""
 
 
 class RaffWarning(UserWarning):
-    """Something that was understood but is probably not what the author wants."""
+    """Input that is valid but probably not intended."""
 
 
 def did_you_mean(word: str, known: Sequence[str]) -> str:
-    """`": did you mean 'alpha'?"`, or a list of what exists when nothing is near."""
+    """Return `": did you mean 'alpha'?"`, or a list of the known words if none is similar."""
     near = difflib.get_close_matches(word, known, n=1, cutoff=0.6)
     if near:
         return f": did you mean '{near[0]}'?"
@@ -70,13 +70,16 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     return f" (known: {', '.join(shown)}{', ...' if len(known) > len(shown) else ''})" if shown else ""
 
 
+def sort_key(problem: Problem) -> tuple[int, int]:
+    """Return the key that sorts problems in the order of the text."""
+    return (problem.location.line, problem.location.column) if problem.location else (0, 0)
+
+
 _WIDTH = 100
 
 
-def _window(text: str, column: int) -> tuple[str, int]:
-    """The part of a long line that surrounds `column`, and the column in it; tabs become one space."""
+def _excerpt(text: str, column: int) -> tuple[str, int]:
+    """Return the part of a long line around `column`, and the column in it; tabs become one space."""
     text = "".join(c if c.isprintable() else " " for c in text)
-    if len(text) <= _WIDTH:
-        return text, column
     start = max(0, min(column - 1 - _WIDTH // 2, len(text) - _WIDTH))
     return text[start : start + _WIDTH], column - start

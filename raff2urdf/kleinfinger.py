@@ -1,7 +1,7 @@
-"""Kleinfinger's six parameters and the homogeneous transform they stand for.
+"""Kleinfinger's six parameters and the homogeneous transform that they define.
 
 W. Khalil and J.-F. Kleinfinger, "A new geometric notation for open and closed-loop robots", IEEE conf. on
-Robotics and Automation, 1986. From father to link:
+Robotics and Automation, 1986. From parent to link:
 
     T = Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) Tz(r)
 
@@ -31,7 +31,7 @@ class Kleinfinger(NamedTuple):
 
 
 def transform(parameters: Kleinfinger) -> Matrix:
-    """The (4, 4) transform that the parameters stand for."""
+    """Return the (4, 4) transform of the parameters."""
     gamma, epsilon, alpha, d, theta, r = parameters
     cg, sg = math.cos(gamma), math.sin(gamma)
     ca, sa = math.cos(alpha), math.sin(alpha)
@@ -47,12 +47,12 @@ def transform(parameters: Kleinfinger) -> Matrix:
 
 
 def parameters(placement: ArrayLike) -> Kleinfinger:
-    """Six parameters of a (4, 4) rigid transform, the inverse of `transform`.
+    """Return six parameters of a (4, 4) rigid transform, the inverse of `transform`.
 
-    The rotation is Rz(gamma) Rx(alpha) Rz(theta) with alpha in [0, pi]; the translation is epsilon along the
-    father's z, d along the common perpendicular and r along the new z. Where both z axes are parallel, gamma
-    and theta turn about the same line, and epsilon and r run along it: then gamma points at the new origin
-    (theta takes the rest) and r = 0.
+    The rotation is Rz(gamma) Rx(alpha) Rz(theta) with alpha in [0, pi]; the translation is epsilon along the parent's
+    z, d along the common perpendicular and r along the new z. If both z axes are parallel, gamma and theta are
+    rotations about the same line, and epsilon and r are translations along it: then gamma points at the new origin,
+    theta is the remainder of the rotation, and r = 0.
 
     Raises:
         ValueError: not a (4, 4) array of finite numbers whose rotation is orthonormal to 1e-6 and whose last row is
@@ -74,13 +74,21 @@ def parameters(placement: ArrayLike) -> Kleinfinger:
     return min(skew, _by_parallel_axes(rotation, p), key=lambda found: float(np.abs(transform(found) - m).max()))
 
 
+def remaining_theta(rotation: Matrix, gamma: float, alpha: float) -> float:
+    """Return the angle (rad) about the last z that completes Rz(gamma) Rx(alpha) to a rotation (3, 3)."""
+    x, y, z = rotation[:, 0].tolist()
+    cg, sg, ca, sa = math.cos(gamma), math.sin(gamma), math.cos(alpha), math.sin(alpha)
+    return math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)
+
+
 _CLEAR = 1e-3
-"""Above this sine of their angle, two z axes are certainly not parallel. Below, saying the angle may cost more than
-leaving it out: r grows without bound as it shrinks, and with r what rounding does to the position."""
+"""Sine of an angle between two z axes above which they are certainly not parallel. Below, to write the angle may cost
+more precision than to leave it out: r grows without bound as the angle shrinks, and with r the rounding of the
+position."""
 
 
 def _by_common_normal(rotation: Matrix, p: Matrix) -> Kleinfinger | None:
-    """Parameters where the z axes have one common perpendicular; None where they are exactly parallel."""
+    """Return parameters for z axes with one common perpendicular; None if they are exactly parallel."""
     sa = math.hypot(rotation[0, 2], rotation[1, 2])
     if sa <= 4.0 * np.finfo(float).eps:  # rounding of sin(pi) and its like
         return None
@@ -89,20 +97,13 @@ def _by_common_normal(rotation: Matrix, p: Matrix) -> Kleinfinger | None:
     cg, sg = math.cos(gamma), math.sin(gamma)
     r = (sg * p[0] - cg * p[1]) / sa
     epsilon = p[2] - r * math.cos(alpha)
-    theta = _theta(rotation, gamma, alpha)
+    theta = remaining_theta(rotation, gamma, alpha)
     return Kleinfinger(gamma, float(epsilon), alpha, float(cg * p[0] + sg * p[1]), theta, float(r))
 
 
 def _by_parallel_axes(rotation: Matrix, p: Matrix) -> Kleinfinger:
-    """Parameters where the z axes are parallel, or taken for it."""
+    """Return parameters for z axes that are parallel, or treated as such."""
     alpha = 0.0 if rotation[2, 2] > 0 else math.pi
     d = math.hypot(p[0], p[1])
     gamma = math.atan2(p[1], p[0]) if d > 0.0 else 0.0
-    return Kleinfinger(gamma, float(p[2]), alpha, d, _theta(rotation, gamma, alpha), 0.0)
-
-
-def _theta(rotation: Matrix, gamma: float, alpha: float) -> float:
-    """What gamma and alpha leave of the rotation: where its x axis points in the frame they turn to."""
-    x, y, z = rotation[:, 0]
-    cg, sg, ca, sa = math.cos(gamma), math.sin(gamma), math.cos(alpha), math.sin(alpha)
-    return math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)
+    return Kleinfinger(gamma, float(p[2]), alpha, d, remaining_theta(rotation, gamma, alpha), 0.0)

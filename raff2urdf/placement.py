@@ -1,4 +1,4 @@
-"""Placements: where a frame stands in another, as (4, 4) matrices; metres and radians."""
+"""Placements: poses of frames as (4, 4) matrices; metres and radians."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def inverse(placement: ArrayLike) -> Array:
-    """The placement the other way round: of the outer frame in the inner one."""
+    """Return the inverse placement: of the outer frame in the inner one."""
     given = np.asarray(placement, dtype=float)
     found = np.eye(4)
     found[:3, :3] = given[:3, :3].T
@@ -20,8 +20,29 @@ def inverse(placement: ArrayLike) -> Array:
     return found
 
 
-def of_origin(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
-    """The placement that a URDF's or an SDF's origin says: xyz, and R = Rz(yaw) Ry(pitch) Rx(roll)."""
+def translation(vector: ArrayLike) -> Array:
+    """Return the placement of a frame that is translated by a vector (3,), m."""
+    found = np.eye(4)
+    found[:3, 3] = vector
+    return found
+
+
+def rotation(axis: Sequence[float] | Array, angle: float) -> Array:
+    """Return the placement of a frame that is rotated by an angle (rad) about a unit axis (3,)."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    found = np.eye(4)
+    found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
+    return found
+
+
+def joint_motion(prismatic: bool, axis: Array, value: float) -> Array:
+    """Return the placement that a joint with a unit axis (3,) has at a value, m or rad."""
+    return translation(value * axis) if prismatic else rotation(axis, value)
+
+
+def from_origin(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
+    """Return the placement of a URDF's or SDF's origin: xyz, and R = Rz(yaw) Ry(pitch) Rx(roll)."""
     (cr, cp, cy), (sr, sp, sy) = map(math.cos, rpy), map(math.sin, rpy)
     return np.array(
         [
@@ -33,17 +54,8 @@ def of_origin(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
     )
 
 
-def turn(axis: Sequence[float] | Array, angle: float) -> Array:
-    """The turn by an angle about an axis (3,) of length 1, as a placement."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned = np.eye(4)
-    turned[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-    return turned
-
-
-def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
-    """The rotation (3, 3) of a quaternion, of any length above 0."""
+def from_quaternion(w: float, x: float, y: float, z: float) -> Array:
+    """Return the rotation (3, 3) of a quaternion of any length above 0."""
     w, x, y, z = np.array([w, x, y, z], dtype=float) / math.hypot(w, x, y, z)
     return np.array(
         [
@@ -55,12 +67,22 @@ def of_quaternion(w: float, x: float, y: float, z: float) -> Array:
 
 
 def roll_pitch_yaw(placement: ArrayLike) -> tuple[float, float, float]:
-    """URDF's angles, R = Rz(yaw) Ry(pitch) Rx(roll), of a placement's rotation.
+    """Return URDF's angles (rad) of a placement's rotation, R = Rz(yaw) Ry(pitch) Rx(roll).
 
-    Roll is read off after undoing yaw, so that the product is exact to rounding at any pitch: there roll and yaw
-    are each badly determined, but not their sum.
+    Roll is computed after yaw is undone, so that the product is exact to rounding at any pitch: near 90 degrees roll
+    and yaw are each badly determined, but not their sum.
     """
     (a, b, c), (d, e, f), (g, _, _) = np.asarray(placement, dtype=float)[:3, :3].tolist()
     yaw = math.atan2(d, a)
     cy, sy = math.cos(yaw), math.sin(yaw)
     return math.atan2(sy * c - cy * f, cy * e - sy * b), math.atan2(-g, cy * a + sy * d), yaw
+
+
+def with_z(axis: Array, x: Array | None = None) -> Array:
+    """Return a rotation (3, 3) whose z is a unit axis (3,), and whose x is as near as possible to a given one."""
+    across = np.zeros(3) if x is None else x - float(x @ axis) * axis
+    if x is None or np.linalg.norm(across) < 0.1 * np.linalg.norm(x):  # x is nearly parallel to z
+        aside = np.eye(3)[int(np.argmin(np.abs(axis)))]
+        across = aside - float(aside @ axis) * axis
+    across = across / np.linalg.norm(across)
+    return np.column_stack([across, np.cross(axis, across), axis])

@@ -1,4 +1,4 @@
-"""RAFF text -> `Document`, or every error in it with line, column and the likely meaning."""
+"""Read RAFF text into a `Document`, or list every error in it with line, column and likely remedy."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from typing import Any
 from lark import Lark, Token, UnexpectedCharacters, UnexpectedToken
 
 from raff2urdf.document import Document, JointType, LoopKind, SourceText
-from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
-from raff2urdf.rules import Build, place_of
+from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean, sort_key
+from raff2urdf.rules import Build, location_of
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
-MOST_PROBLEMS = 100  # a file with more is no RAFF
+MOST_PROBLEMS = 100  # a file with more is not RAFF
 LARGEST_FILE = 256 * 1024 * 1024  # bytes: about two million links
 
 
 def read(path: str | Path) -> str:
-    """The text of a RAFF file.
+    """Return the text of a RAFF file.
 
     Raises:
-        RaffError: it can't be read, is too large, is not UTF-8 text, or has a line of over `LONGEST_LINE` characters.
+        RaffError: it can't be read, is too large, or is not UTF-8 text.
     """
     name = str(path)
     try:
@@ -49,12 +49,16 @@ def read(path: str | Path) -> str:
 
 
 def parse(text: str, name: str = "<text>") -> Document:
-    """The document that `text` says; `name` is what errors call it.
+    """Return the document of a text.
 
-    Only what a block says by itself is judged here; `raff2urdf.check` judges the whole.
+    Each block is checked by itself; `raff2urdf.check` checks the whole.
+
+    Args:
+        text: of a RAFF file.
+        name: of the text, in errors.
 
     Raises:
-        RaffError: with every problem found.
+        RaffError: with every problem, up to `MOST_PROBLEMS`.
     """
     lines = [line.removesuffix("\r") for line in text.split("\n")]
     source = SourceText(name, tuple(lines))
@@ -64,9 +68,8 @@ def parse(text: str, name: str = "<text>") -> Document:
             raise RaffError(Problem(message, name, SourceLocation(number, 1)))
     reading = _Reading(source)
     document = reading.run(text)
-    problems = reading.problems or reading.missing
+    problems = sorted(reading.problems or reading.missing, key=sort_key)
     if problems:
-        problems.sort(key=lambda problem: (problem.place.line, problem.place.column) if problem.place else (0, 0))
         raise RaffError(problems[:MOST_PROBLEMS])
     return document
 
@@ -74,7 +77,7 @@ def parse(text: str, name: str = "<text>") -> Document:
 # --- reading on after an error ----------------------------------------------------------------------------------
 
 _PARAMETERS = ["theta", "r", "d", "alpha", "gamma", "epsilon"]
-_WORDS: dict[str, list[str]] = {  # what may stand in each kind of block
+_WORDS: dict[str, list[str]] = {  # statements of each kind of block; "" is the file
     "": ["robot", "sensor", "units"],
     "robot": ["path", "base", "link", "frame", "constraint"],
     "base": ["parameters", "filename"],
@@ -91,7 +94,7 @@ _SHOWN |= {"NUMBER": "a number", "STRING": 'a text in "..."', "WORD": "a name"}
 
 
 class _Everywhere:
-    """Tells lark's contextual lexer which terminals it may always meet, so that the parser says what is wrong."""
+    """Terminals that lark's contextual lexer accepts everywhere, so that the parser finds the error."""
 
     always_accept = ("WORD", "NUMBER", "STRING", "LBRACE", "RBRACE", "LPAR", "RPAR")
 
@@ -100,7 +103,7 @@ class _Everywhere:
 
 
 class _Parser(threading.local):
-    """The parser and what builds its document: made once in each thread (33 ms), used for one text at a time."""
+    """The parser and the builder of its document: made once in each thread (33 ms), used for one text at a time."""
 
     def __init__(self) -> None:
         self.build = Build()
@@ -122,7 +125,7 @@ class _Block:
 
 
 class _Tokens:
-    """A stream of tokens into which one can be put back."""
+    """A stream of tokens that takes back a token."""
 
     def __init__(self, stream: Iterator[Token]) -> None:
         self.stream = stream
@@ -139,30 +142,30 @@ class _Tokens:
 
 
 class _StopReadingError(Exception):
-    """Reading on would only guess."""
+    """What follows would only be guesses."""
 
 
 class _Reading:
-    """One pass over a text: feeds the parser, keeps track of the blocks, and mends what can be mended."""
+    """One pass over a text: feeds the parser, keeps track of the blocks, and goes on after most errors."""
 
     def __init__(self, source: SourceText) -> None:
         self.source = source
         self.problems: list[Problem] = []
-        self.missing: list[Problem] = []  # only worth saying where all words are right
+        self.missing: list[Problem] = []  # reported only if there are no other problems
         self.open: list[_Block] = []
         self.closed: dict[str, _Block] = {}  # the last block of each kind, with the line of its closing brace
         self.header = SourceLocation(1, 1)
-        self.last: tuple[str, str] = ("", "")  # the word a brace would belong to, and what follows it
+        self.last: tuple[str, str] = ("", "")  # the word to which a brace would belong, and what follows it
 
-    def report(self, message: str, place: SourceLocation) -> None:
-        self.problems.append(self.source.problem(message, place))
+    def report(self, message: str, location: SourceLocation) -> None:
+        self.problems.append(self.source.problem(message, location))
 
-    def lacks(self, message: str, place: SourceLocation) -> None:
-        self.missing.append(self.source.problem(message, place))
+    def report_missing(self, message: str, location: SourceLocation) -> None:
+        self.missing.append(self.source.problem(message, location))
 
     def run(self, text: str) -> Document:
         made = _parser()
-        made.build.report, made.build.lacks = self.report, self.lacks
+        made.build.report, made.build.report_missing = self.report, self.report_missing
         self.parser: Any = made.lark.parse_interactive(text)
         self.tokens = _Tokens(self.parser.lexer_thread.lex(self.parser.parser_state))
         end = SourceLocation(max(1, len(self.source.lines)), 1)
@@ -180,7 +183,7 @@ class _Reading:
         return Document("")
 
     def feed(self, token: Token) -> None:
-        """One token into the parser; a token that doesn't fit is reported and passed over."""
+        """Feed one token to the parser; report a token that doesn't fit, and pass over it."""
         if len(self.problems) >= MOST_PROBLEMS:
             raise _StopReadingError
         if self.last[0] == "RAFF" and self.last[1] == "RAFF" and (token.line or 1) > self.header.line:
@@ -189,7 +192,7 @@ class _Reading:
         try:
             self.parser.feed_token(token)
         except UnexpectedToken as error:
-            self.mend(token, error)
+            self.recover(token, error)
             return
         if token.type == "LBRACE":
             word, label = self.last
@@ -202,7 +205,7 @@ class _Reading:
         elif token.type not in ("LPAR", "RPAR"):
             self.last = (str(token), str(token))
         if token.type == "RAFF":
-            self.header = place_of(token)
+            self.header = location_of(token)
 
     def here(self) -> str:
         return self.open[-1].kind if self.open else ""
@@ -210,83 +213,83 @@ class _Reading:
     def where(self) -> str:
         return self.open[-1].label if self.open else "the file"
 
-    def mend(self, token: Token, error: UnexpectedToken) -> None:
-        """Reports a token that doesn't fit, with its likely meaning, and finds where to go on."""
-        word, place, expected = str(token), place_of(token), set(error.expected)
+    def recover(self, token: Token, error: UnexpectedToken) -> None:
+        """Report a token that doesn't fit, with its likely meaning, and find where to go on."""
+        word, location, expected = str(token), location_of(token), set(error.expected)
         kind = self.here()
         shown = "'{'" if token.type == "LBRACE" else f"'{word}'"
         if "RAFF" in expected:
-            self.report(f"a RAFF file begins with 'RAFF <name>', not with {shown}", place)
+            self.report(f"a RAFF file begins with 'RAFF <name>', not with {shown}", location)
             raise _StopReadingError
         if expected == {"NUMBER"}:
             if token.type == "WORD":
-                self.report(f"'{self.last[0]}' needs a number, and {shown} is none{self.hint(word)}", place)
-                self.stand_in("NUMBER", "1", token)
+                self.report(f"'{self.last[0]}' needs a number, and {shown} is not one{self.hint(word)}", location)
+                self.substitute("NUMBER", "1", token)
                 return
-            self.report(f"'{self.last[0]}' needs {'two numbers' if kind == 'limits' else 'a number'} here", place)
+            self.report(f"'{self.last[0]}' needs {'two numbers' if kind == 'limits' else 'a number'} here", location)
             while self.parser.accepts() == {"NUMBER"}:
-                self.stand_in("NUMBER", "1", token)
+                self.substitute("NUMBER", "1", token)
             self.tokens.push(token)
             return
         if token.type == "WORD" and (expected == {"STRING"} or kind == "filename"):
-            self.report(f'expected a text in "..." here, found {shown}', place)
-            self.stand_in("STRING", '""', token)
+            self.report(f'expected a text in "..." here, found {shown}', location)
+            self.substitute("STRING", '""', token)
             return
-        if not expected & {"RBRACE", "$END"}:  # in the midst of something: 'link {' and the like
+        if not expected & {"RBRACE", "$END"}:  # within a statement, such as 'link {'
             wanted = sorted(_SHOWN.get(name, f"'{name.lower()}'") for name in expected)
-            self.report(f"expected {' or '.join(wanted)} here, found {shown}", place)
+            self.report(f"expected {' or '.join(wanted)} here, found {shown}", location)
             raise _StopReadingError
         if token.type == "RBRACE":
             robot = self.closed.get("robot")
             closed = f": {robot.label} was closed on line {robot.line}" if robot else ""
-            self.report(f"a '}}' too many{closed}", place)
+            self.report(f"a '}}' too many{closed}", location)
             raise _StopReadingError
         if token.type != "WORD":
             listed = ", ".join(f"'{w}'" for w in _WORDS.get(kind, [])) or "'}'"
-            self.report(f"{shown} stands alone in {self.where()}: expected {listed}", place)
-            self.skip(place.line)
+            self.report(f"unexpected {shown} in {self.where()}: expected {listed}", location)
+            self.skip(location.line)
             return
-        self.stray(word, kind, place)
+        self.stray(word, kind, location)
 
-    def stand_in(self, kind: str, text: str, token: Token) -> None:
-        """Feeds what should have stood in a token's place, so that reading can go on."""
+    def substitute(self, kind: str, text: str, token: Token) -> None:
+        """Feed a token that fits instead of one that does not, so that reading can go on."""
         self.parser.feed_token(Token(kind, text, line=token.line, column=token.column))
 
     def hint(self, word: str) -> str:
-        """What a word that stands for a number probably means."""
+        """Return the likely meaning of a word where a number should be."""
         if self.last[0] == "type":
             kinds: list[IntEnum] = list(LoopKind if self.here() == "constraint" else JointType)
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
         if word[0].isdigit() and word.rstrip("umcdegra").replace(".", "", 1).isdigit():
-            return " (numbers bear no unit: lengths are in the file's `units`, angles in degrees)"
+            return " (numbers have no unit: lengths are in the file's `units`, angles in degrees)"
         return ""
 
-    def stray(self, word: str, kind: str, place: SourceLocation) -> None:
-        """A word that doesn't belong in this kind of block."""
+    def stray(self, word: str, kind: str, location: SourceLocation) -> None:
+        """Report a word that doesn't belong in this kind of block."""
         if kind and word in _WORDS[""]:
-            self.report(f"'{word}' stands inside {self.where()}: it belongs outside every robot", place)
-            self.skip(place.line)
+            self.report(f"'{word}' is inside {self.where()}: it belongs outside every robot", location)
+            self.skip(location.line)
             return
         homes = [home for home, words in _WORDS.items() if word in words and home not in ("", kind)]
         outer = [home for home in homes if home in self.closed]
         if outer and not any(block.kind in homes for block in self.open):
             block = max((self.closed[home] for home in outer), key=lambda block: block.line)
             home = "a " * (block.kind != "parameters") + block.kind
-            self.report(f"'{word}' stands outside {home}: {block.label} was closed on line {block.line}", place)
+            self.report(f"'{word}' is outside {home}: {block.label} was closed on line {block.line}", location)
             self.reopen(kind)
             return
         if kind == "parameters":
-            self.report(f"unknown parameter '{word}'{did_you_mean(word, _PARAMETERS)}", place)
+            self.report(f"unknown parameter '{word}'{did_you_mean(word, _PARAMETERS)}", location)
         elif homes:
             listed = " or ".join(f"'{home} {{ }}'" for home in homes)
-            self.report(f"'{word}' does not belong in {self.where()}, but in {listed}", place)
+            self.report(f"'{word}' does not belong in {self.where()}, but in {listed}", location)
         else:
             known = _WORDS.get(kind, [])
-            self.report(f"unknown word '{word}' in {self.where()}{did_you_mean(word, known)}", place)
-        self.skip(place.line)
+            self.report(f"unknown word '{word}' in {self.where()}{did_you_mean(word, known)}", location)
+        self.skip(location.line)
 
     def skip(self, line: int) -> None:
-        """Passes over what belongs to a stray word: a word behind it on its line, its values, its block."""
+        """Pass over what belongs to a stray word: a word after it on its line, its values, its block."""
         depth = 0
         word_may_follow = self.here() != "parameters"
         for token in self.tokens:
@@ -305,7 +308,7 @@ class _Reading:
         raise _StopReadingError
 
     def reopen(self, kind: str) -> None:
-        """Passes over the rest of a block that was closed too early, its second closing brace included."""
+        """Pass over the remainder of a block that was closed too early, its second closing brace included."""
         depth = 0
         parts = _WORDS[kind]
         for token in self.tokens:
@@ -328,10 +331,10 @@ class _Reading:
             self.report("the file ends too early: a RAFF file begins with 'RAFF <name>'", end)
 
     def at_character(self, error: UnexpectedCharacters) -> None:
-        place = SourceLocation(max(1, error.line), max(1, error.column))
+        location = SourceLocation(max(1, error.line), max(1, error.column))
         if error.char == '"':
-            self.report("this text is not closed on its line: a '\"' is missing", place)
+            self.report("this text is not closed on its line: a '\"' is missing", location)
         elif error.char == "/":
-            self.report("a lone '/': comments begin with '//'", place)
+            self.report("a lone '/': comments begin with '//'", location)
         else:
-            self.report(f"unexpected character {error.char!r}", place)
+            self.report(f"unexpected character {error.char!r}", location)

@@ -1,7 +1,7 @@
 """A robot's kinematic tree in numpy: placements, and its loops as a `LoopSystem`, without any robotics library.
 
-The converter needs it to count mobility and to choose motors; `cinegen` does the same with Pinocchio, and the
-tests hold one against the other.
+The converter needs it to count mobility and to choose the actuated joints. `cinegen` computes the same with Pinocchio;
+tests compare the two.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import Document, JointType, LoopKind, RaffBase, RaffLink, RaffNode, RaffPart, RaffRobot
+from raff2urdf.document import Document, JointType, LoopKind, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.loops import ROWS, gap
 from raff2urdf.placement import inverse
 
 BASE_JOINT = "joint0"
-"""The joint that places the base in the world, where it does not simply stand at its origin."""
+"""The joint that places the base in the world, if the base is not simply at the world's origin."""
 
 _POINT = 1e-15  # m: a robot no larger than this is a point
 
@@ -27,9 +27,9 @@ Mask = NDArray[np.bool_]
 Columns = NDArray[np.intp]
 
 
-def kleinfinger(document: Document, part: RaffNode) -> Kleinfinger:
-    """The six parameters of a node as written, in metres and radians."""
-    p = part.parameters
+def kleinfinger(document: Document, node: RaffNode) -> Kleinfinger:
+    """Return the six parameters of a node as written, in metres and radians."""
+    p = node.parameters
     return Kleinfinger(
         gamma=math.radians(p.gamma),
         epsilon=document.metres(p.epsilon),
@@ -40,31 +40,32 @@ def kleinfinger(document: Document, part: RaffNode) -> Kleinfinger:
     )
 
 
+def joint_units(document: Document, link: RaffLink, value: float) -> float:
+    """Convert a value of a link's joint to m (prismatic) or rad (revolute)."""
+    return document.metres(value) if link.type is JointType.PRISMATIC else math.radians(value)
+
+
 def home(document: Document, link: RaffLink) -> float:
-    """The joint variable as written: theta (rad) of a revolute, r (m) of a prismatic joint."""
-    parameters = kleinfinger(document, link)
-    return parameters.r if link.type is JointType.PRISMATIC else parameters.theta
+    """Return the joint variable as written: theta (rad) of a revolute, r (m) of a prismatic joint."""
+    p = link.parameters
+    return joint_units(document, link, p.r if link.type is JointType.PRISMATIC else p.theta)
 
 
 def limits(document: Document, link: RaffLink) -> tuple[float, float]:
-    """A joint's limits in rad or m; infinite where the file gives none."""
+    """Return a joint's limits in rad or m; infinite if the file gives none."""
     if link.limits is None:
         return -math.inf, math.inf
     low, high = link.limits
-    if link.type is JointType.PRISMATIC:
-        return document.metres(low), document.metres(high)
-    return math.radians(low), math.radians(high)
+    return joint_units(document, link, low), joint_units(document, link, high)
 
 
 def velocity(document: Document, link: RaffLink) -> float:
-    """A joint's greatest speed in rad/s or m/s; infinite where the file gives none."""
-    if link.velocity is None:
-        return math.inf
-    return document.metres(link.velocity) if link.type is JointType.PRISMATIC else math.radians(link.velocity)
+    """Return a joint's velocity limit in rad/s or m/s; infinite if the file gives none."""
+    return math.inf if link.velocity is None else joint_units(document, link, link.velocity)
 
 
 def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
-    """World placement (4, 4) of every node, by number, at home or at joint values `q` by joint name (rad, m)."""
+    """Return the world placement (4, 4) of every node, by number, as written or at joint values `q` (rad, m)."""
     found = {0: transform(kleinfinger(document, robot.base))}
     for part in robot.outward:
         parameters = kleinfinger(document, part)
@@ -82,10 +83,10 @@ def _moved(part: RaffPart, parameters: Kleinfinger, value: float) -> Kleinfinger
 
 
 def characteristic_length(origins: Array) -> float:
-    """The length (m) that makes translations commensurable with angles: the radius of a robot's nodes.
+    """Return the length (m) that makes translations commensurable with angles: the radius of a robot's nodes.
 
-    The largest distance of a node from their centroid at home, (n, 3) in metres; 1 if they all coincide. It
-    follows a change of unit, and does not depend on where the robot stands or how its links are numbered.
+    The largest distance of a node from their centroid at home, (n, 3) in metres; 1 if they all coincide. It scales
+    with the unit, and depends neither on the base pose nor on the numbers of the links.
     """
     radius = float(np.sqrt(((origins - origins.mean(axis=0)) ** 2).sum(axis=1).max())) if len(origins) else 0.0
     return radius if radius > _POINT else 1.0
@@ -110,49 +111,51 @@ class Cluster:
         self._columns = [self._moving(*pair) for pair in branches]
 
     def _moving(self, first: list[RaffPart], second: list[RaffPart]) -> tuple[Columns, Array, Mask]:
-        """Of a loop: columns of the joints on both branches, their signs (n, 1), whether they slide (n, 1)."""
+        """Return columns, signs (n, 1) and a mask of prismatic joints (n, 1), for the joints on both branches."""
         column = self._column
         on = [column[part.number] for part in (*first, *second) if part.number in column]
         before = sum(part.number in column for part in first)
         sign = np.array([-1.0] * before + [1.0] * (len(on) - before))[:, None]
-        slides = np.array([self.joints[i].type is JointType.PRISMATIC for i in on], dtype=bool)[:, None]
-        return np.array(on, dtype=np.intp), sign, slides
+        prismatic = np.array([self.joints[i].type is JointType.PRISMATIC for i in on], dtype=bool)[:, None]
+        return np.array(on, dtype=np.intp), sign, prismatic
 
     def relaxed(self, kinds: Sequence[LoopKind]) -> Cluster:
-        """The same loops, closed by other kinds of joints."""
+        """Return the same loops, closed by other kinds of joints."""
         by_loop = dict(zip(self.loops, kinds, strict=True))
         return Cluster(self.document, self.robot, self.loops, by_loop, self.length)
 
     def integrate(self, q: Array, step: Array) -> Array:
-        """The joint values reached from q by a dimensionless step."""
+        """Return the joint values reached from q by a dimensionless step."""
         return np.asarray(q + step * self.scale)
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Residual of the loops and its derivative by the dimensionless step."""
+        """Return the residual of the loops and its derivative by the dimensionless step."""
         placed = self._placed(q)
         joints = np.array([placed[joint.number] for joint in self.joints]).reshape(-1, 4, 4)
         axes, origins = joints[:, :3, 2], joints[:, :3, 3]
         residuals, blocks = [], []
-        for index, kind, (on, sign, slides) in zip(self.loops, self.kinds, self._columns, strict=True):
-            first, second = self._ends(placed, index)
+        fixed = np.eye(4)  # an end that no joint of the loop moves
+        for index, kind, (on, sign, prismatic) in zip(self.loops, self.kinds, self._columns, strict=True):
+            loop = self.robot.loops[index]
+            first, second = placed.get(loop.first, fixed), placed.get(loop.second, fixed)
             residual, derivative = gap(kind, inverse(first) @ second, self.length)
             z = sign * axes[on]
-            turning = np.where(slides, 0.0, z)
-            sliding = np.where(slides, z, _cross(z, first[:3, 3] - origins[on]))
+            angular = np.where(prismatic, 0.0, z)
+            linear = np.where(prismatic, z, _cross(z, first[:3, 3] - origins[on]))
             block = np.zeros((len(residual), len(self.joints)))
-            block[:, on] = derivative @ np.vstack([first[:3, :3].T @ sliding.T, first[:3, :3].T @ turning.T])
+            block[:, on] = derivative @ np.vstack([first[:3, :3].T @ linear.T, first[:3, :3].T @ angular.T])
             residuals.append(residual)
             blocks.append(block * self.scale)
         return np.concatenate(residuals), np.vstack(blocks)
 
     def gaps(self, q: Array) -> list[float]:
-        """The largest residual of each loop."""
+        """Return the largest residual of each loop."""
         residual = self.evaluate(q)[0]
         ends = np.cumsum([ROWS[kind] for kind in self.kinds])[:-1]
         return [float(np.abs(part).max()) for part in np.split(residual, ends)]
 
     def _placed(self, q: Array) -> dict[int, Array]:
-        """Placements of the loops' nodes as seen from the node they all stand on."""
+        """Return placements of the loops' nodes relative to their nearest common ancestor."""
         placed: dict[int, Array] = {}
         values = q.tolist()
         for part in self.parts:
@@ -160,18 +163,13 @@ class Cluster:
             if part.number in self._column:
                 parameters = _moved(part, parameters, values[self._column[part.number]])
             local = transform(parameters)
-            father = placed.get(part.pred)
-            placed[part.number] = local if father is None else father @ local
+            parent = placed.get(part.pred)
+            placed[part.number] = local if parent is None else parent @ local
         return placed
-
-    def _ends(self, placed: Mapping[int, Array], loop: int) -> tuple[Array, Array]:
-        still = np.eye(4)  # an end that no joint of the loop moves
-        ends = self.robot.loops[loop]
-        return placed.get(ends.first, still), placed.get(ends.second, still)
 
 
 def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:
-    """The robot's loops, gathered into those that share nodes: each can be closed by itself."""
+    """Yield the robot's loops, grouped into those that share nodes: each group can be closed by itself."""
     leader = list(range(len(robot.loops)))
 
     def find(i: int) -> int:
@@ -193,30 +191,27 @@ def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind]
 
 
 def _branches(robot: RaffRobot, first: int, second: int) -> tuple[list[RaffPart], list[RaffPart]]:
-    """The nodes from the nearest common father (left out) out to each of two nodes, both ends included."""
+    """Return the nodes from the nearest common ancestor (excluded) to each of two nodes (included)."""
     sides: tuple[list[RaffPart], list[RaffPart]] = ([], [])
     met: dict[int, tuple[int, int]] = {}
     heads: list[int | None] = [first, second]
-    turn = 0
+    side = 0
     while heads[0] is not None or heads[1] is not None:
-        at = heads[turn]
+        at = heads[side]
         if at is not None:
-            if at in met:
-                other, place = met[at]
-                if other != turn:  # the other side passed here: cut it back to this node
-                    del sides[other][place:]
-                    return sides
-            met[at] = (turn, len(sides[turn]))
+            other, count = met.setdefault(at, (side, len(sides[side])))
+            if other != side:  # the other side passed here: cut it back to this node
+                del sides[other][count:]
+                return sides
             part = robot.nodes[at]
-            if isinstance(part, RaffBase):
-                heads[turn] = None
-            else:
-                sides[turn].append(part)
-                heads[turn] = part.pred
-        turn = 1 - turn
+            heads[side] = None
+            if isinstance(part, RaffPart):
+                sides[side].append(part)
+                heads[side] = part.pred
+        side = 1 - side
     return sides
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """Row by row cross product of (n, 3) arrays; np.cross costs ten times as much on few rows."""
+    """Return the row-by-row cross product of (n, 3) arrays; np.cross takes ten times as long for few rows."""
     return a[:, [1, 2, 0]] * b[:, [2, 0, 1]] - a[:, [2, 0, 1]] * b[:, [1, 2, 0]]

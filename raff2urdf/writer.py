@@ -1,4 +1,4 @@
-"""`Document` -> RAFF text, such that `parse(write(document)) == document`."""
+"""Write a `Document` as RAFF text, such that `parse(write(document)) == document`."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from raff2urdf.errors import RaffError
 
 
 def write(document: Document, head: Sequence[str] = (), notes: Mapping[int, str] | None = None) -> str:
-    """The document as RAFF text; every number reads back to the same double.
+    """Return the document as RAFF text; every number reads back to the same double.
 
     Args:
-        document: what is said.
+        document: what to write.
         head: lines of comment below the first line.
-        notes: a comment behind the head of a link or frame, by its number.
+        notes: comments on the first lines of links and frames, by number.
 
     Raises:
-        RaffError: a text in it holds a quotation mark or a line's end, which RAFF can't write.
+        RaffError: a text in it holds a quotation mark or a line end, for which RAFF has no notation.
     """
     lines = [f"RAFF {_name(document.name)}"]
     if head:
@@ -37,14 +37,14 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
     if robot.path is not None:
         yield f"  path {_text(robot.path)}"
     yield "  base {"
-    yield from _shared(robot.base)
+    yield from _common(robot.base)
     yield "  }"
     for part in robot.parts:
         note = f" // {_comment(notes[part.number])}" if part.number in notes else ""
         yield f"  {part.keyword} {part.number} {{{note}"
         if part.name is not None:
             yield f"    name {_text(part.name)}"
-        yield from _shared(part)
+        yield from _common(part)
         if isinstance(part, RaffLink):
             yield f"    type {int(part.type)}"
         yield f"    pred {part.pred}"
@@ -64,39 +64,36 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
         yield f"  constraint {{ {_node(robot, constraint.node)} sensor ( {sensors} ) }}"
 
 
-def _shared(part: RaffNode) -> Iterator[str]:
-    """What base, link and frame have in common."""
-    if part.parameters != Parameters():
-        said = [(word, getattr(part.parameters, word)) for word in Parameters.__dataclass_fields__]
-        yield f"    parameters {{ {' '.join(f'{word} {number(value)}' for word, value in said if value != 0.0)} }}"
-    if part.filenames is not None:
-        files = _list(list(map(_text, part.filenames)), "      ")
+def _common(node: RaffNode) -> Iterator[str]:
+    """Yield the statements that base, link and frame have in common."""
+    if node.parameters != Parameters():
+        values = [(word, getattr(node.parameters, word)) for word in Parameters.__dataclass_fields__]
+        yield f"    parameters {{ {' '.join(f'{word} {number(value)}' for word, value in values if value != 0.0)} }}"
+    if node.filenames is not None:
+        files = _list(list(map(_text, node.filenames)), "      ")
         yield f"    filename {{ {files} }}" if files else "    filename { }"
 
 
 def _comment(text: str) -> str:
-    """A text on one line."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def _list(words: list[str], indent: str) -> str:
-    """Words in a row; twenty to a line."""
-    rows = [" ".join(words[i : i + 20]) for i in range(0, len(words), 20)]
-    return f"\n{indent}".join(rows)
+    """Join words, twenty to a line."""
+    return f"\n{indent}".join(" ".join(words[i : i + 20]) for i in range(0, len(words), 20))
 
 
 def _node(robot: RaffRobot, number: int) -> str:
     if number == 0:
         return "base"
-    part = robot.nodes.get(number)
-    return f"frame {number}" if isinstance(part, RaffFrame) else f"link {number}"
+    return f"{'frame' if isinstance(robot.nodes.get(number), RaffFrame) else 'link'} {number}"
 
 
 def number(value: float) -> str:
-    """The shortest text that reads back to the same double; whole numbers without a point.
+    """Return the shortest text that reads back to the same double; whole numbers without a point.
 
     Raises:
-        RaffError: RAFF can't write what is not finite.
+        RaffError: the number is not finite.
     """
     if not math.isfinite(value):
         raise RaffError(f"RAFF can't write the number {value}")
@@ -113,6 +110,6 @@ _WORD_ENDS = frozenset(' \t\r\f\v{}()"/')
 
 
 def _name(name: str) -> str:
-    """A name as a bare word where it is one: neither a number nor broken by what ends a word."""
+    """Return a name as a bare word if it can be one, else in quotation marks."""
     word = name and name.isprintable() and not _WORD_ENDS & set(name)
     return name if word and name[0] not in "+-." and not name[0].isdecimal() else _text(name)

@@ -197,7 +197,7 @@ def _material(colour: Colour | None) -> yourdfpy.Material | None:
 def _said(error: RaffError) -> str:
     """An error without the file's name and text, which a warning for several files has no room for."""
     problem = error.problems[0]
-    return _line(problem.message if problem.place is None else f"line {problem.place.line}: {problem.message}")
+    return _line(problem.message if problem.location is None else f"line {problem.location.line}: {problem.message}")
 
 
 def _line(text: str) -> str:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.placement import of_quaternion, turn
+from raff2urdf.placement import from_quaternion, rotation
 from raff2urdf.readers import visuals
 from raff2urdf.readers.urdf import LARGEST, UNLIMITED
 from raff2urdf.writers.urdf import dumps
@@ -228,7 +228,7 @@ class _Writer:
         if kind == "prismatic":
             joint.origin[:3, 3] = -zero * np.array(axis)
         else:
-            joint.origin = turn(axis / np.linalg.norm(axis), -zero)
+            joint.origin = rotation(axis / np.linalg.norm(axis), -zero)
         low, high = limits or (-UNLIMITED, UNLIMITED)
         joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=UNLIMITED)
         if kind != "continuous":
@@ -308,13 +308,13 @@ def _placement(position: Array, quaternion: Array | None) -> Array:
     placement = np.eye(4)
     placement[:3, 3] = position
     if quaternion is not None:
-        placement[:3, :3] = of_quaternion(*quaternion)
+        placement[:3, :3] = from_quaternion(*quaternion)
     return placement
 
 
 def _turns(wxyz: Array) -> tuple[float, float, float]:
     """Angles a, b, c of the rotation Rx(a) Ry(b) Rz(c)."""
-    r = of_quaternion(*wxyz)
+    r = from_quaternion(*wxyz)
     a = math.atan2(-r[1, 2], r[2, 2])
     ca, sa = math.cos(a), math.sin(a)
     return (

@@ -21,7 +21,7 @@ from raff2urdf.errors import RaffError
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import find
 from raff2urdf.graphics.skeleton import SkeletonDrawing
-from raff2urdf.placement import of_origin
+from raff2urdf.placement import from_origin
 from raff2urdf.readers.urdf import links, numbers, origin, three
 
 Array = NDArray[np.float64]
@@ -109,7 +109,7 @@ class Carried:
     def _is_plain(self, visual: Any, mesh: Any, path: Path, per_metre: float) -> bool:
         """Whether a file can be named as it is."""
         scale = np.array(three(mesh, "scale", self.name, "1 1 1")) * per_metre
-        placed = of_origin(*origin(visual, self.name))
+        placed = from_origin(*origin(visual, self.name))
         return bool(
             path.suffix.lower() in (*SHOWN, *CONVERTED)
             and np.abs(scale - 1.0).max() <= 1e-9
@@ -124,7 +124,7 @@ class Carried:
 
         scene = trimesh.Scene()
         for i, visual in enumerate(visuals):
-            placed, colour = of_origin(*origin(visual, self.name)), self._colour(visual)
+            placed, colour = from_origin(*origin(visual, self.name)), self._colour(visual)
             for j, mesh in enumerate(self._meshes(visual)):
                 mesh.apply_transform(placed)
                 mesh.apply_scale(per_metre)
@@ -203,7 +203,7 @@ class Carried:
         if len(said) != len(want) or any(a is None or len(a) != len(b) for a, b in zip(said, want, strict=True)):
             return False
         size = max(float(np.abs(b).max()) for b in want)
-        placed = of_origin(*origin(visual, self.name)) - (np.eye(4) if drawn.origin is None else drawn.origin)
+        placed = from_origin(*origin(visual, self.name)) - (np.eye(4) if drawn.origin is None else drawn.origin)
         sizes = max(float(np.abs(np.array(a) - b).max()) for a, b in zip(said, want, strict=True))
         colour = self._colour(visual)
         return bool(

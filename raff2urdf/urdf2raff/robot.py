@@ -35,7 +35,7 @@ from raff2urdf.document import (
 )
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.kleinfinger import Kleinfinger, transform
-from raff2urdf.placement import inverse, of_origin
+from raff2urdf.placement import from_origin, inverse
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import ends, joints, limits, links, middle, origin, root_first, three, velocity
 from raff2urdf.tree import BASE_JOINT
@@ -180,7 +180,7 @@ class _Robot:
         return np.array((1.0, 0.0, 0.0) if axis is None else three(axis, "xyz", self.name, "1 0 0"))
 
     def _held(self, joint: Any) -> tuple[str, Array]:
-        return ends(joint)[1], of_origin(*origin(joint, self.name))
+        return ends(joint)[1], from_origin(*origin(joint, self.name))
 
     # --- links and frames ---------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
-from raff2urdf.placement import turn
+from raff2urdf.placement import rotation
 from raff2urdf.readers.urdf import UNLIMITED
 
 Array = NDArray[np.float64]
@@ -111,7 +111,7 @@ class TreeAtHome:
         """Where the joint's child stands on its parent at closed home (4, 4)."""
         origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
         if joint.type in TURNS:
-            return np.asarray(origin @ turn(axis(joint), self.value(joint)))
+            return np.asarray(origin @ rotation(axis(joint), self.value(joint)))
         if joint.type in SLIDES:
             along = np.eye(4)
             along[:3, 3] = axis(joint) * self.value(joint)

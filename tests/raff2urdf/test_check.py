@@ -1,4 +1,4 @@
-"""What the grammar can't say: fathers, numbers, names, limits, and constraints on what does not exist."""
+"""Checks beyond the grammar: parents, numbers, names, limits, and constraints on what does not exist."""
 
 from __future__ import annotations
 
@@ -50,18 +50,18 @@ def test_a_file_without_robots_reads_but_does_not_pass() -> None:
 ONE = "link 1 { type 2 pred 0 }"
 
 WRONG = [
-    # fathers
+    # parents
     ("link 1 { type 2 pred 7 }", 3, 22, "link 1 7 does not exist 0 (the base)"),
     ("frame 1 { pred 7 }", 3, 16, "frame 1 7 does not exist"),
-    # rings
-    ("link 1 { type 2 pred 1 }", 3, 22, "link 1 stands on itself 1 -> 1"),
-    ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 stands on itself 1 -> 2 -> 1"),
-    ("link 5 { type 2 pred 0 }\nlink 6 { type 2 pred 7 }\nframe 7 { pred 6 }", 4, 22, "link 6 itself 6 -> 7 -> 6"),
+    # cycles
+    ("link 1 { type 2 pred 1 }", 3, 22, "link 1 cycle of parents 1 -> 1"),
+    ("link 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }", 3, 22, "link 1 cycle 1 -> 2 -> 1"),
+    ("link 5 { type 2 pred 0 }\nlink 6 { type 2 pred 7 }\nframe 7 { pred 6 }", 4, 22, "link 6 cycle 6 -> 7 -> 6"),
     (
         "link 9 { type 2 pred 1 }\nlink 1 { type 2 pred 2 }\nlink 2 { type 2 pred 1 }",
         4,
         22,
-        "link 1 itself 1 -> 2 -> 1",
+        "link 1 cycle 1 -> 2 -> 1",
     ),
     # numbers
     (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "second link 1 first line 3"),
@@ -104,21 +104,21 @@ def test_a_fault_is_named_where_it_stands(body: str, line: int, column: int, wor
     for word in words.split():
         assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
         said = said.split(word, 1)[1]
-    assert problem.place is not None
-    assert (problem.place.line, problem.place.column) == (line, column)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (line, column)
 
 
 def test_a_second_robot_of_a_name_is_refused_where_it_stands() -> None:
     (problem,) = problems_of("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }")
-    assert problem.place is not None
-    assert (problem.place.line, problem.place.column) == (4, 7)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (4, 7)
     assert problem.message == "a second robot 'a': the first is on line 2"
 
 
 def test_a_second_sensor_of_a_number_is_refused_where_it_stands() -> None:
     (problem,) = problems_of('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }')
-    assert problem.place is not None
-    assert (problem.place.line, problem.place.column) == (4, 8)
+    assert problem.location is not None
+    assert (problem.location.line, problem.location.column) == (4, 8)
     assert problem.message == "a second sensor 1: the first is on line 2"
 
 
@@ -148,19 +148,19 @@ def test_sensor_0_needs_no_declaration() -> None:
 
 
 @pytest.mark.parametrize("length", [1, 2, 9, 3000])
-def test_a_ring_of_fathers_is_one_fault_however_long(length: int) -> None:
+def test_a_cycle_of_parents_is_one_fault_however_long(length: int) -> None:
     ring = [RaffLink(i, Parameters(), JointType.REVOLUTE, 1 + i % length) for i in range(1, length + 1)]
     on_it = [RaffFrame(length + i, Parameters(), i) for i in range(1, length + 1)]
     with pytest.raises(RaffError) as caught:
         raff2urdf.check(Document("t", (RaffRobot("r", parts=(*on_it, *ring)),)))
     (problem,) = caught.value.problems
-    assert "link 1 stands on itself: its fathers are 1 -> " in problem.message
+    assert "link 1 is part of a cycle of parents: 1 -> " in problem.message
     assert len(problem.message) < 200
 
 
 def test_each_ring_is_a_fault_of_its_own() -> None:
     rings = "link 1 { type 2 pred 2 } link 2 { type 2 pred 1 }\nlink 3 { type 2 pred 3 }\nlink 4 { type 2 pred 0 }"
-    assert [problem.place and problem.place.line for problem in problems_of(text_of(rings))] == [3, 4]
+    assert [problem.location and problem.location.line for problem in problems_of(text_of(rings))] == [3, 4]
 
 
 def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
@@ -169,13 +169,13 @@ def test_all_faults_are_reported_at_once_in_the_order_of_the_text() -> None:
     )
     with pytest.raises(RaffError) as caught:
         raff2urdf.check(parse(text_of(body, "robot r { }")))
-    assert [problem.place and problem.place.line for problem in caught.value.problems] == [3, 3, 4, 5, 6, 8]
+    assert [problem.location and problem.location.line for problem in caught.value.problems] == [3, 3, 4, 5, 6, 8]
 
 
 def test_a_document_made_by_hand_is_checked_too() -> None:
     """It has no text, so there is no place; the message still names the thing."""
     link = RaffLink(1, Parameters(), JointType.REVOLUTE, pred=5)
-    with pytest.raises(RaffError, match="link 1 stands on 5, which does not exist"):
+    with pytest.raises(RaffError, match="the parent of link 1 is 5, which does not exist"):
         raff2urdf.check(Document("t", (RaffRobot("r", parts=(link,)),)))
 
 

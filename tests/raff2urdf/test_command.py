@@ -277,7 +277,7 @@ def test_a_check_finds_what_is_wrong(folder: Path, run: Run) -> None:
     (folder / "bad.raff").write_text(ARM.replace("pred 1", "pred 7"))
     done = run("--check", "bad.raff")
     assert done.code == 1
-    assert "bad.raff:4:45: link 2 stands on 7" in done.err
+    assert "bad.raff:4:45: the parent of link 2 is 7" in done.err
 
 
 def test_a_loop_may_be_closed_by_another_kind(folder: Path, run: Run) -> None:
@@ -359,8 +359,8 @@ def a_large_file(path: Path) -> None:
 
 
 WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
-    "an unknown father": (f"{BODY}link 1 {{ type 2 pred 7 }}\n}}", "bad.raff:3:24: 7 does not exist"),
-    "a ring of fathers": (f"{BODY}link 1 {{ type 2 pred 1 }}\n}}", "bad.raff:3:24: stands on itself"),
+    "an unknown parent": (f"{BODY}link 1 {{ type 2 pred 7 }}\n}}", "bad.raff:3:24: 7 does not exist"),
+    "a cycle of parents": (f"{BODY}link 1 {{ type 2 pred 1 }}\n}}", "bad.raff:3:24: cycle of parents"),
     "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: second link 1 first line 3"),
     "a loop on a missing link": (f"{BODY}{ONE}\nconstraint {{ link 1 link 9 }} }}", "bad.raff:4:26: 9 does not exist"),
     "limits the wrong way": (f"{BODY}link 1 {{ type 2 pred 0 limits {{ 2 1 }} }} }}", "bad.raff:3:35: limits empty"),
@@ -445,7 +445,7 @@ def test_all_faults_of_a_file_are_said_at_once(folder: Path, run: Run) -> None:
     body = f"{BODY}{ONE}\n  link 2 {{ type 2 pred 7 }}\n  constraint {{ link 1 link 9 }}\n}}"
     (folder / "bad.raff").write_text(body)
     said = run("bad.raff").err
-    assert "link 2 stands on 7" in said
+    assert "the parent of link 2 is 7" in said
     assert "ends at 9" in said
 
 

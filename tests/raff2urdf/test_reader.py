@@ -155,16 +155,16 @@ def test_the_misprinted_parameter_is_shown_with_its_right_name() -> None:
 
 def test_the_misprinted_brace_is_found_from_the_word_that_stands_outside() -> None:
     assert str(problems_of(FIGURE_5, "delta4.raff")[1]) == (
-        "delta4.raff:33:3: 'type' stands outside a link: link 2 was closed on line 31\n      type 2\n      ^^^^"
+        "delta4.raff:33:3: 'type' is outside a link: link 2 was closed on line 31\n      type 2\n      ^^^^"
     )
 
 
 def test_each_slip_is_found_without_the_other_too() -> None:
     spelt = FIGURE_5.replace("alphah", "alpha")
-    assert [(p.place.line, p.place.column) for p in problems_of(spelt) if p.place] == [(33, 3)]
+    assert [(p.location.line, p.location.column) for p in problems_of(spelt) if p.location] == [(33, 3)]
     lines = FIGURE_5.splitlines(keepends=True)
     del lines[30]
-    assert [(p.place.line, p.place.column) for p in problems_of("".join(lines)) if p.place] == [(29, 7)]
+    assert [(p.location.line, p.location.column) for p in problems_of("".join(lines)) if p.location] == [(29, 7)]
 
 
 def test_figure_5_repaired_means_what_it_says() -> None:
@@ -343,7 +343,7 @@ WRONG = [
     ("RAFF t\nrobot r {\n  lnik 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'lnik' robot r did you mean 'link'"),
     ("RAFF t\nrobot r {\n  Link 1 { type 2 pred 0 }\n}", 3, 3, "unknown word 'Link' did you mean 'link'"),
     ("RAFF t\nrobot r {\n  frame 1 { type 2 pred 0 }\n}", 3, 13, "'type' does not belong frame 1 'link"),
-    ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' stands outside a robot robot r closed on line 2"),
+    ("RAFF t\nrobot r { }\nlink 1 { type 2 pred 0 }", 3, 1, "'link' is outside a robot robot r closed on line 2"),
     ('RAFF t\nrobot r {\n  sensor 1 { port "x" }\n}', 3, 3, "'sensor' outside robot"),
     ("RAFF t\nrobot r {\n  units cm\n}", 3, 3, "'units' outside robot"),
     # braces
@@ -382,12 +382,12 @@ WRONG = [
     ("robot r { }", 1, 1, "begins with 'RAFF <name>' not with 'robot'"),
     ("RAFF", 1, 5, "'RAFF <name>'"),
     ("RAFF\nrobot r { }", 1, 1, "'RAFF <name>'"),
-    # said twice
-    (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' said twice in link 1 first on line 4"),
-    (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' said twice first on line 4"),
-    ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' said twice first on line 2"),
-    ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' said twice robot r first on line 3"),
-    ("RAFF t\nrobot r {\n  base { }\n  base { }\n}", 4, 3, "'base' said twice robot r first on line 3"),
+    # given twice
+    (f"{LINK}type 2 pred 0\n    type 1{END}", 5, 10, "'type' given twice in link 1 first on line 4"),
+    (f"{LINK}type 2 pred 0 parameters {{ d 1\n d 2 }}{END}", 5, 2, "'d' given twice first on line 4"),
+    ("RAFF t\nunits mm\nunits cm", 3, 7, "'units' given twice first on line 2"),
+    ('RAFF t\nrobot r {\n  path "a"\n  path "b"\n}', 4, 8, "'path' given twice robot r first on line 3"),
+    ("RAFF t\nrobot r {\n  base { }\n  base { }\n}", 4, 3, "'base' given twice robot r first on line 3"),
     # what does not exist
     (f"{LINK}type 3 pred 0{END}", 4, 10, "joint type 3 unknown 0 fixed 1 prismatic 2 revolute"),
     (f"{LINK}type 2 pred 0 actuated 2{END}", 4, 28, "'actuated' 2 unknown 0 1"),
@@ -418,12 +418,12 @@ def at(entry: tuple[str, int, int, str]) -> str:
 @pytest.mark.parametrize(("text", "line", "column", "words"), WRONG, ids=map(at, WRONG))
 def test_an_error_says_where_it_is_and_what_is_likely_meant(text: str, line: int, column: int, words: str) -> None:
     (problem,) = problems_of(text)
-    assert problem.place is not None
+    assert problem.location is not None
     said = problem.message
     for word in words.split():
         assert word in said, f"{word} is missing, or stands too early, in: {problem.message}"
         said = said.split(word, 1)[1]
-    assert (problem.place.line, problem.place.column) == (line, column)
+    assert (problem.location.line, problem.location.column) == (line, column)
     assert problem.text == (text.split("\n")[line - 1])
 
 
@@ -466,7 +466,7 @@ robot s {
 }
 """
     words = ["inch", "lnk", "thetaa", "alfa", "5mm", "9", "0.5", "1e400", "fram", "2 pred 0 }\n}"]
-    assert [problem.place and (problem.place.line, problem.place.column) for problem in problems_of(text)] == [
+    assert [problem.location and (problem.location.line, problem.location.column) for problem in problems_of(text)] == [
         (text[: text.index(word)].count("\n") + 1, text.index(word) - text.rfind("\n", 0, text.index(word)))
         for word in words
     ]
@@ -483,17 +483,17 @@ def test_two_misspelt_parameters_on_one_line_are_two_errors() -> None:
 )
 def test_an_error_does_not_hide_those_behind_it(wrong: str) -> None:
     found = problems_of(f"{LINK}type 2 pred 0\n    {wrong}{END}units inch")
-    assert [problem.place and problem.place.line for problem in found] == [5, 8]
+    assert [problem.location and problem.location.line for problem in found] == [5, 8]
 
 
 def test_several_errors_of_meaning_are_reported_at_once() -> None:
     found = problems_of("RAFF t\nrobot r {\nlink 1 { type 2 pred 7 }\nlink 2 { type 2 pred 0 limits { 2 1 } }\n}")
-    assert [problem.place.line for problem in found if problem.place] == [3, 4]
+    assert [problem.location.line for problem in found if problem.location] == [3, 4]
 
 
 def test_everything_that_blocks_lack_is_reported_at_once() -> None:
     found = problems_of("RAFF t\nrobot r {\nlink 1 { }\nframe 2 { }\n}\nsensor 1 { }")
-    assert [(problem.place.line, problem.message.split("'")[1]) for problem in found if problem.place] == [
+    assert [(problem.location.line, problem.message.split("'")[1]) for problem in found if problem.location] == [
         (3, "type"), (3, "pred"), (4, "pred"), (6, "port"),
     ]  # fmt: skip
 
@@ -517,8 +517,8 @@ def test_a_file_full_of_errors_tells_the_first_hundred(line: str) -> None:
     """No one reads more, and nothing is gained by falling over the thousandth."""
     found = problems_of(f"RAFF t\nrobot r {{\n{5000 * (line + chr(10))}}}")
     assert len(found) == 100
-    assert found[0].place is not None
-    assert found[0].place.line <= 4
+    assert found[0].location is not None
+    assert found[0].location.line <= 4
 
 
 def test_an_error_knows_its_file() -> None:
@@ -548,9 +548,9 @@ def test_whatever_is_done_to_a_text_it_is_a_document_or_an_error_with_its_place(
     except RaffError as error:
         for problem in error.problems:
             assert problem.message
-            assert problem.place is not None
-            assert 1 <= problem.place.line <= text.count("\n") + 1
-            assert 1 <= problem.place.column <= len(text.split("\n")[problem.place.line - 1]) + 1
+            assert problem.location is not None
+            assert 1 <= problem.location.line <= text.count("\n") + 1
+            assert 1 <= problem.location.column <= len(text.split("\n")[problem.location.line - 1]) + 1
 
 
 # --- files that are no RAFF --------------------------------------------------------------------------------------

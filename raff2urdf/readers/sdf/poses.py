@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.placement import inverse, of_origin, of_quaternion
+from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers.urdf import SIZE, numbers
 
 Array = NDArray[np.float64]
@@ -38,10 +38,10 @@ def pose(element: Any, name: str) -> Array:
         x, y, z, w = found[3:]
         if math.hypot(x, y, z, w) <= 1e-9:
             raise error_at(name, written, f"the quaternion of the pose '{text}' is 0: it turns no way")
-        matrix[:3, :3] = of_quaternion(w, x, y, z)
+        matrix[:3, :3] = from_quaternion(w, x, y, z)
     else:
         degrees = written.get("degrees", "false") in ("1", "true")
-        matrix = of_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
+        matrix = from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
     return matrix
 
 

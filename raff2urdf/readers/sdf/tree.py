@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.loops import skew
-from raff2urdf.placement import inverse, turn
+from raff2urdf.placement import inverse, rotation
 from raff2urdf.readers import visuals
 from raff2urdf.readers.sdf.model import COUPLING, LOOPS, ONE, TWO, SdfJoint, SdfModel
 from raff2urdf.readers.sdf.poses import WORLD, pose
@@ -240,7 +240,7 @@ def _material(visual: Any) -> yourdfpy.Material | None:
 def _moved(kind: str, axis: Array, value: float) -> Array:
     """The placement (4, 4) that a joint brings about."""
     if kind != "prismatic":
-        return turn(axis, value)
+        return rotation(axis, value)
     moved = np.eye(4)
     moved[:3, 3] = value * axis
     return moved

@@ -13,7 +13,7 @@ from lxml import etree
 
 import raff2urdf
 from raff2urdf.conversion import convert_file
-from raff2urdf.placement import of_origin
+from raff2urdf.placement import from_origin
 from raff2urdf.readers.urdf import numbers
 
 URDF = """<robot name="arm">
@@ -63,7 +63,7 @@ def shown(urdf: Path):
                 mesh.apply_transform(np.diag([*numbers(geometry.get("scale", "1 1 1")), 1.0]))
             else:
                 mesh = trimesh.creation.box(extents=numbers(geometry.get("size")))
-            mesh.apply_transform(of_origin(numbers(xyz), numbers(rpy)))
+            mesh.apply_transform(from_origin(numbers(xyz), numbers(rpy)))
             material = visual.find("material")
             colour = None
             if material is not None:
