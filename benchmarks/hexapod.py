@@ -21,7 +21,7 @@ from statistics import mean, median
 
 import numpy as np
 
-from cinegen.assembly.hexapod import Hexapod
+from cinegen.hexapod import Hexapod
 
 DIETMAIER = (  # 40 real modes: P. Dietmaier, "The Stewart-Gough platform of general geometry ...", ARK 1998
     [

@@ -17,15 +17,16 @@ base points out of their plane:
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from statistics import median
 
 import numpy as np
+from numba import njit
 
-from cinegen.assembly.triangle import TSSM
-from cinegen.assembly.triangle._kernels.pose import polish
-from cinegen.jit.compiled import compiled
+from cinegen.hexapod import TSSM
+from cinegen.hexapod._kernels.eigenvalues import reduce
 
 BASE = np.array([[-9.7, 9.1, 0], [9.7, 9.1, 0], [12.76, 3.9, 0], [3.0, -13.0, 0], [-3.0, -13.0, 0], [-12.76, 3.9, 0]])
 PLATFORM = np.array([[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]])
@@ -66,32 +67,85 @@ def measure(name: str, tssm: TSSM, rng: np.random.Generator, sets: int) -> None:
     near[:, :3, :3] = turned(near[:, :3, :3], 0.05 * rng.normal(size=(sets, 3)))
     work = np.empty((10, 7))
 
-    @compiled
-    def newton_all(base, platform, legs, lengths, near, work):
-        for i in range(len(lengths)):
-            for _ in range(2):  # it stops after a few steps
-                polish(base, platform, legs, lengths[i], near[i], work)
-
-    robot = tssm._robot
-    ways = {
+    methods = {
         "batch": lambda: tssm.batch(lengths),
         "modes": lambda: [tssm.modes(row) for row in lengths],
-        "newton": lambda: newton_all(robot.base, robot.platform, robot.legs, lengths, near.copy(), work),
+        "newton": lambda: newton(tssm.base.copy(), tssm.platform[tssm.legs], lengths, near.copy(), work),
         "plain": lambda: [plain(tssm, row, placement) for row, placement in zip(lengths, near, strict=True)],
     }
-    for way in ways.values():
-        way()
-    seconds: dict[str, list[float]] = {way: [] for way in ways}
+    for run in methods.values():
+        run()
+    seconds: dict[str, list[float]] = {method: [] for method in methods}
     for _ in range(ROUNDS):
-        for way, run in ways.items():
+        for method, run in methods.items():
             began = time.perf_counter()
             run()
-            seconds[way].append((time.perf_counter() - began) / sets)
-    micro = {way: 1e6 * median(found) for way, found in seconds.items()}
+            seconds[method].append((time.perf_counter() - began) / sets)
+    micro = {method: 1e6 * median(found) for method, found in seconds.items()}
     factor = median(a / b for a, b in zip(seconds["batch"], seconds["newton"], strict=True))
     call = median(a / b for a, b in zip(seconds["modes"], seconds["plain"], strict=True))
     each = factor / tssm.batch(lengths)[1].mean()
-    print(f"{name:<12}", *(f"{micro[way]:8.1f}" for way in ways), f"{factor:8.1f} {each:8.2f} {call:8.2f}")
+    print(f"{name:<12}", *(f"{micro[method]:8.1f}" for method in methods), f"{factor:8.1f} {each:8.2f} {call:8.2f}")
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def newton(base, platform, lengths, placements, work):
+    """Newton's method on the six lengths, compiled; twice up to four steps, of which a worse one is undone."""
+    for i in range(len(lengths)):
+        longest = lengths[i].max()
+        placement = placements[i]
+        for _ in range(2):
+            best = 1e300
+            for step in range(5):
+                worst = write_steps(base, platform, lengths[i], placement, work) / longest
+                if not worst < best:
+                    placement[:3] = work[6:9, :4]
+                    break
+                best = worst
+                if best <= 2e-14 or step == 4 or not reduce(work, 6, 7) > 0.0:
+                    break
+                work[6:9, :4] = placement[:3]
+                move(work[3, 6], work[4, 6], work[5, 6], work[0, 6], work[1, 6], work[2, 6], placement)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def write_steps(base, platform, lengths, placement, work):
+    """Rows of the equations for a velocity (3) and a rotation (3) about the platform's origin; the worst length."""
+    worst = 0.0
+    for leg in range(6):
+        square = 0.0
+        for i in range(3):
+            arm = 0.0
+            for j in range(3):
+                arm += placement[i, j] * platform[leg, j]
+            work[leg, 3 + i] = arm
+            work[leg, i] = arm + placement[i, 3] - base[leg, i]
+            square += work[leg, i] * work[leg, i]
+        length = math.sqrt(square)
+        off = lengths[leg] - length
+        x, y, z = work[leg, 0] / length, work[leg, 1] / length, work[leg, 2] / length
+        a, b, c = work[leg, 3], work[leg, 4], work[leg, 5]
+        work[leg, 0], work[leg, 1], work[leg, 2] = x, y, z
+        work[leg, 3], work[leg, 4], work[leg, 5] = b * z - c * y, c * x - a * z, a * y - b * x
+        work[leg, 6] = off
+        if not abs(off) <= worst:
+            worst = abs(off)
+    return worst
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def move(a, b, c, x, y, z, placement):
+    """Rotate by the vector (a, b, c), of small length (Cayley), and shift by (x, y, z)."""
+    f = 1.0 / (1.0 + 0.25 * (a * a + b * b + c * c))
+    for j in range(3):
+        u, v, w = placement[0, j], placement[1, j], placement[2, j]
+        du, dv, dw = b * w - c * v, c * u - a * w, a * v - b * u
+        placement[0, j] += f * (du + 0.5 * (b * dw - c * dv))
+        placement[1, j] += f * (dv + 0.5 * (c * du - a * dw))
+        placement[2, j] += f * (dw + 0.5 * (a * dv - b * du))
+    placement[0, 3] += x
+    placement[1, 3] += y
+    placement[2, 3] += z
 
 
 def plain(tssm: TSSM, lengths: np.ndarray, placement: np.ndarray) -> np.ndarray:

@@ -5,8 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from cinegen.assembly import assembly_modes
-from cinegen.assembly.hexapod import Hexapod
-from cinegen.assembly.triangle import TSSM
+from cinegen.hexapod import TSSM, Hexapod
 from cinegen.model.load import build
 from raff2urdf import loads
 from raff2urdf.conversion import translate
@@ -32,11 +31,7 @@ def compile_all() -> None:
     rng = np.random.default_rng(0)
     base, platform = rng.normal(size=(6, 3)), rng.normal(size=(6, 3))
     Hexapod(base, platform).modes(np.full(6, 4.0))
-    flat = base * [1.0, 1.0, 0.0]
-    for points in (base, flat):
-        triangle = TSSM(points, platform[:3])
-        triangle.modes(np.full(6, 4.0))
-        triangle.batch(np.full((2, 6), 4.0))
+    TSSM(base, platform[:3]).modes(np.full(6, 4.0))
 
 
 if __name__ == "__main__":

@@ -7,25 +7,23 @@ from typing import Protocol
 
 import numpy as np
 
-from cinegen.assembly import hexapod, triangle
 from cinegen.assembly.assembly import Assembly
 from cinegen.assembly.families import Family, Groups, Legs
 from cinegen.assembly.found import Approach, Found, Paths, closed, nearest
 from cinegen.assembly.linkage import Array, Linkage, ModesError
 from cinegen.assembly.reach import is_out_of_reach
+from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes
 from raff2urdf.closure import CLOSED
 
 _ONE = 1e-9  # characteristic lengths: points that are one
 _SMALL = 1e-9  # ... and what a rod may miss
 _STARTS = 8
 
-_Modes = hexapod.Modes | triangle.Modes
-
 
 class _Solver(Protocol):
     """What knows all modes of six rods."""
 
-    def modes(self, lengths: Array) -> _Modes: ...
+    def modes(self, lengths: Array) -> PlatformModes: ...
 
 
 class SixRods:
@@ -62,7 +60,7 @@ class SixRods:
         solver = self._solver(legs)
         try:
             found = solver.modes(legs.lengths * self._linkage.mechanism.length)
-        except (hexapod.HexapodError, triangle.TSSMError) as error:
+        except HexapodError as error:
             raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
         words = found.method
         placements = found.placements.copy()
@@ -85,12 +83,13 @@ class SixRods:
         if lost:
             words += f"; the legs of {lost} were not assembled"
         closest = None if configurations else self._closest(found.closest, motors)
-        real, missing = sum(coincident), found.lost + lost
+        counts, real = found.counts, sum(coincident)
+        missing = counts.lost + lost
         paths = Paths(
             real=real,
-            complex=found.total - real - found.infinite - missing,
-            infinite=found.infinite,
-            multiple=found.multiple,
+            complex=counts.total - real - counts.infinite - missing,
+            infinite=counts.infinite,
+            multiple=counts.multiple,
             lost=missing,
         )
         complete = found.complete and lost == 0
@@ -105,12 +104,12 @@ class SixRods:
                 return solver
         try:
             solver = _solver_of(legs, self._linkage.mechanism.length)
-        except (hexapod.HexapodError, triangle.TSSMError) as error:
+        except HexapodError as error:
             raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
         self._platform = legs, solver
         return solver
 
-    def _closest(self, approach: hexapod.Approach | None, motors: Array) -> Approach:
+    def _closest(self, approach: NearestPlacement | None, motors: Array) -> Approach:
         """What least squares come to, and which rods miss their lengths by how much where that is least of all."""
         linkage, length = self._linkage, self._linkage.mechanism.length
         home, rng = linkage.unknowns(linkage.mechanism.q_home), np.random.default_rng(0)
@@ -120,7 +119,7 @@ class SixRods:
             return nearest(linkage, starts)
         missing = [
             f"{name} is {abs(miss):.3g} m too {'long' if miss < 0.0 else 'short'}"
-            for name, miss in zip(self._family.names, approach.misses, strict=True)
+            for name, miss in zip(self._family.names, approach.errors, strict=True)
             if abs(miss) > _SMALL * length
         ]
         return nearest(linkage, starts, f"where they miss least, {', '.join(missing)}")
@@ -135,20 +134,20 @@ def _solver_of(legs: Legs, length: float) -> _Solver:
             first = sorted({group[0] for group in groups})
             which = np.array([first.index(group[0]) for group in groups])
             try:
-                solver = triangle.TSSM(length * others, length * points[first], which)
-            except triangle.TSSMError:
+                solver = TSSM(length * others, length * points[first], which)
+            except HexapodError:
                 break
             return solver if points is legs.platform else _Inverted(solver)
-    return hexapod.Hexapod(length * legs.base, length * legs.platform)
+    return Hexapod(length * legs.base, length * legs.platform)
 
 
 class _Inverted:
     """Modes of a platform whose rods meet in pairs on the base: those of the base, seen from the platform."""
 
-    def __init__(self, solver: triangle.TSSM) -> None:
+    def __init__(self, solver: TSSM) -> None:
         self._solver = solver
 
-    def modes(self, lengths: Array) -> triangle.Modes:
+    def modes(self, lengths: Array) -> PlatformModes:
         """All modes for lengths (6,)."""
         found = self._solver.modes(lengths)
         closest = found.closest

@@ -295,7 +295,7 @@ def test_what_motors_do_not_determine_is_no_number(built, robot):
     ("special", "words"),
     [
         (lambda f, h: (f, h[0] + np.linspace(0.0, 1.0, 6)[:, None] * (h[1] - h[0])), "platform lie in a line"),
-        (lambda f, h: (f[[0, 0, 2, 3, 4, 5]], h[[0, 0, 2, 3, 4, 5]]), "legs 1 and 2 are the same rod"),
+        (lambda f, h: (f[[0, 0, 2, 3, 4, 5]], h[[0, 0, 2, 3, 4, 5]]), "legs 1 and 2 are the same line"),
         (lambda f, h: (f[[0] * 6], h), "points of the base are one"),
     ],
 )

@@ -24,8 +24,7 @@ from linkages import (
 from numpy.random import default_rng as rng
 
 from cinegen.assembly import assembly_modes
-from cinegen.assembly.hexapod import Hexapod
-from cinegen.assembly.triangle import TSSM
+from cinegen.hexapod import TSSM, Hexapod
 
 
 def circles(a, b, r, s):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cinegen.assembly.hexapod import Hexapod
+from cinegen.hexapod import Hexapod
 
 _STEPS, _CIRCLES = 40, 60
 
@@ -96,7 +96,7 @@ def test_from_one_pose_lengths_that_go_round_lead_to_the_same_modes(seed):
     modes = Hexapod(base, platform).modes(np.sqrt(asked.real))
     real = x[np.abs(x.imag).max(axis=1) < 1e-9].real
     assert modes.complete
-    assert (modes.real, modes.complex) == (len(real), 40 - len(real))
+    assert (modes.counts.real, modes.counts.complex) == (len(real), 40 - len(real))
     turns = turned(real[:, :4], np.eye(3))[0].swapaxes(1, 2)
     for placement in modes.placements:
         apart = np.abs(turns - placement[:3, :3]).max(axis=(1, 2)) + np.abs(real[:, 4:] - placement[:3, 3]).max(axis=1)

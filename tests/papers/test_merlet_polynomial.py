@@ -1,13 +1,14 @@
-"""Section 2.2: the RSSR spin surface has order 16 and contains the imaginary spherical circle eight times."""
+"""Merlet's polynomial against the modes; the RSSR spin surface (section 2.2) has order 16 and circularity 8."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
+from merlet_polynomial import SpinSurface, polynomial
 
-from cinegen.assembly.triangle import TSSM, SpinSurface, TSSMError
+from cinegen.hexapod import TSSM, HexapodError
 
 PLACES = 40  # on a circle of complex numbers, more than the polynomial has coefficients
 ROUNDING = 1e-11
@@ -56,7 +57,7 @@ def test_its_highest_terms_are_those_of_equation_18(rng):
     """(X^2 + Y^2 + Z^2)^8, with a factor that vanishes where the axes of both circles are parallel."""
     tssm, lengths = drawn(rng)
     surface = SpinSurface(tssm, lengths)
-    k = tssm.circles(lengths)[1][0]
+    k = surface._k
     factor = -((k[8] ** 2 - k[5] ** 2) ** 2)  # K11, K21
     for _ in range(3):
         way = rng.normal(size=3)
@@ -78,5 +79,30 @@ def test_its_circularity_is_8(rng):
 
 
 def test_base_points_in_space_are_refused():
-    with pytest.raises(TSSMError, match="base points in one plane"):
+    with pytest.raises(HexapodError, match="base points in one plane"):
         SpinSurface(*drawn(np.random.default_rng(0), 0.5))
+
+
+@settings(max_examples=50)
+@given(seeds, st.sampled_from([0.0, 0.5]))
+def test_the_polynomial_vanishes_at_every_mode_and_at_no_other_place(rng, height):
+    tssm, lengths = drawn(rng, height)
+    found = polynomial(tssm, lengths)
+    assert len(found.coef) == 17
+    w = tssm.complex_solutions(lengths)
+    solutions = -1j * (w[:, 1] - 1.0) / (w[:, 1] + 1.0)  # tangents of half of p34
+    x = solutions[(np.abs(np.abs(w) - 1.0) < 1e-14).all(axis=1)].real
+    assert (np.abs(found(x)) <= 1e-10 * (1.0 + x * x) ** 8).all()
+    if tssm.plane:
+        assert not found.coef[1::2].any()
+        solutions = np.concatenate([solutions, -solutions])
+    roots = found.roots()
+    with np.errstate(divide="ignore"):
+        near = np.abs(roots[:, None] - solutions).min(axis=1) / (1.0 + np.abs(roots))
+    assert np.median(near) <= 1e-4  # its coefficients do not hold them better
+
+
+def test_lengths_with_which_legs_do_not_meet_are_refused():
+    tssm, lengths = drawn(np.random.default_rng(0))
+    with pytest.raises(HexapodError, match="can't meet"):
+        polynomial(tssm, lengths * [1.0, 100.0, 1.0, 1.0, 1.0, 1.0])

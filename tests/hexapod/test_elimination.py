@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from cinegen.assembly.triangle import TSSM
-from cinegen.assembly.triangle._kernels.eigenvalues import eigenvalues
-from cinegen.assembly.triangle._kernels.plane import write_quadratics
-from cinegen.assembly.triangle._kernels.space import DEGREE, write_matrices
+from cinegen.hexapod import TSSM
+from cinegen.hexapod._kernels.eigenvalues import eigenvalues
+from cinegen.hexapod._kernels.elimination import SPATIAL_DEGREE, write_bezout, write_quadratics
+from cinegen.hexapod.tssm import PlatformCircles
 
 seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
@@ -25,16 +25,33 @@ def drawn(rng, height):
     return tssm, placement, tssm.lengths(placement)
 
 
+def solved(tssm, lengths):
+    """The circles (one set), the equations (3, 9) and the angles (n, 3) of all modes on the circles."""
+    circles, equations = tssm.circles([lengths])
+    circles = PlatformCircles(*(part[0] for part in circles))
+    return circles, equations[0], lambda placements: angles(tssm, circles, placements)
+
+
+def angles(tssm, circles, placement):
+    """(3,) p12, p34, p56 at a placement."""
+    points = (tssm.platform @ placement[:3, :3].T + placement[:3, 3])[circles.point] - circles.centre
+    return np.arctan2((points * circles.f).sum(axis=1), (points * circles.e).sum(axis=1))
+
+
 @given(seeds, st.sampled_from([0.0, 0.5]))
 def test_equations_20_to_22_are_the_distances(rng, height):
-    tssm, _, lengths = drawn(rng, height)
-    circles, equations = tssm.circles(lengths)
-    p = rng.uniform(-np.pi, np.pi, (20, 3))
+    tssm, placement, lengths = drawn(rng, height)
+    circles, equations, angles_at = solved(tssm, lengths)
+    p = np.vstack([rng.uniform(-np.pi, np.pi, (20, 3)), angles_at(placement)])
     c, s = np.cos(p), np.sin(p)
-    points = circles[:, :3] + circles[:, 9:10] * (c[..., None] * circles[:, 3:6] + s[..., None] * circles[:, 6:9])
-    for leg, k in enumerate(tssm.legs):  # on these circles legs have their lengths
+    points = circles.centre + circles.radius[:, None] * (c[..., None] * circles.e + s[..., None] * circles.f)
+    there = tssm.platform @ placement[:3, :3].T + placement[:3, 3]
+    np.testing.assert_allclose(points[-1], there[circles.point], atol=1e-9)
+    for leg, point in enumerate(tssm.legs):  # on these circles legs have their lengths
+        k = circles.point.tolist().index(point)
         np.testing.assert_allclose(np.linalg.norm(points[:, k] - tssm.base[leg], axis=1), lengths[leg], rtol=1e-10)
-    for row, side, (i, j) in zip(equations, tssm.sides, ((0, 1), (0, 2), (1, 2)), strict=True):
+    for row, (i, j) in zip(equations, ((0, 1), (0, 2), (1, 2)), strict=True):
+        side = tssm.sides[circles.point[i] + circles.point[j] - 1]
         ci, si, cj, sj = c[:, i], s[:, i], c[:, j], s[:, j]
         said = np.stack([ci**0, ci, si, cj, sj, ci * cj, ci * sj, si * cj, si * sj], axis=1) @ row
         true = ((points[:, i] - points[:, j]) ** 2).sum(axis=1) - side**2
@@ -49,10 +66,11 @@ def test_equations_20_to_22_are_the_distances(rng, height):
 @given(seeds)
 def test_equations_25_and_26_hold_where_20_to_22_do(rng):
     tssm, placement, lengths = drawn(rng, 0.0)
+    _, equations, angles_at = solved(tssm, lengths)
     quadratics = np.empty((6, 3))
-    write_quadratics(tssm.circles(lengths)[1], quadratics)
+    write_quadratics(equations, quadratics)
     for found in (placement, *tssm.modes(lengths).placements):
-        c = np.cos(tssm.angles(found))
+        c = np.cos(angles_at(found))
         terms = quadratics @ c[1] ** np.arange(3)
         powers = c[2] ** np.arange(2, -1, -1)
         assert abs(terms[:3] @ powers) <= 1e-8 * np.abs(quadratics[:3]).sum()
@@ -62,15 +80,21 @@ def test_equations_25_and_26_hold_where_20_to_22_do(rng):
 @given(seeds, st.sampled_from([0.0, 0.5]))
 def test_bezouts_matrix_is_singular_where_20_to_22_hold_and_has_the_tangents_in_its_null_space(rng, height):
     tssm, placement, lengths = drawn(rng, height)
-    matrices = np.empty((DEGREE + 1, 4, 4))
+    _, equations, angles_at = solved(tssm, lengths)
+    matrices = np.empty((SPATIAL_DEGREE + 1, 4, 4))
     offset = rng.uniform(-np.pi, np.pi)
-    write_matrices(tssm.circles(lengths)[1], offset, np.empty((6, 3)), matrices)
-    p = tssm.angles(placement)
+    write_bezout(equations, offset, np.empty((6, 3)), matrices)
+    p = angles_at(placement)
     half = 0.5 * (p[1] - offset)
     powers = np.sin(half) ** np.arange(5) * np.cos(half) ** np.arange(4, -1, -1)
     matrix = np.einsum("n,nij->ij", powers, matrices)
     tangents = [np.array([np.cos(0.5 * angle), np.sin(0.5 * angle)]) for angle in (p[0], p[2])]
     assert np.abs(matrix @ np.kron(tangents[1], tangents[0])).max() <= 1e-10 * np.abs(matrices).max()
+
+
+def padded(matrix):
+    """What `eigenvalues` overwrites."""
+    return np.pad(matrix, (0, 1))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.5])
@@ -80,16 +104,16 @@ def test_eigenvalues_are_the_angles_before_newtons_method(height):
     off = []
     for _ in range(100):
         tssm, _, lengths = drawn(rng, height)
-        matrices, here = np.empty((DEGREE + 1, 4, 4)), tssm.circles(lengths)[1]
-        write_matrices(here, 0.4, np.empty((6, 3)), matrices)
+        matrices, (_, equations, _) = np.empty((SPATIAL_DEGREE + 1, 4, 4)), solved(tssm, lengths)
+        write_bezout(equations, 0.4, np.empty((6, 3)), matrices)
         companion = np.zeros((16, 16))
         companion[:4] = -np.hstack(np.linalg.solve(matrices[4], matrices[3::-1]))
         companion[4:, :12] = np.eye(12)
         found = np.zeros((2, 16))
-        assert eigenvalues(companion, 16, found)
-        roots = 2.0 * np.arctan(found[0] + 1j * found[1]) + 0.4
-        true = np.exp(1j * tssm.modes(lengths).angles[:, 1])
-        off.append(np.abs(np.exp(1j * roots)[:, None] / true - 1.0).min(axis=0).max())
+        assert eigenvalues(padded(companion), 16, found)
+        roots = np.exp(1j * (2.0 * np.arctan(found[0] + 1j * found[1]) + 0.4))
+        true = tssm.complex_solutions(lengths)[:, 1]
+        off.append(np.abs(roots[:, None] / true - 1.0).min(axis=0).max())
     assert np.quantile(off, 0.9) <= 1e-7
 
 
@@ -104,7 +128,7 @@ def test_eigenvalues_are_lapacks(rng, n):
     if kind == 3:
         matrix = np.triu(matrix)
     found = np.zeros((2, 16))
-    assert eigenvalues(matrix.copy(), n, found)
+    assert eigenvalues(padded(matrix), n, found)
     mine, theirs = found[0, :n] + 1j * found[1, :n], np.linalg.eigvals(matrix)
     apart = np.abs(mine[:, None] - theirs)
     assert apart[linear_sum_assignment(apart)].max() <= (1e-9 if kind != 3 else 1e-6) * (1.0 + np.abs(theirs).max())

@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.assembly.triangle import TSSM, TSSMError
 from cinegen.errors import CinegenError
+from cinegen.hexapod import TSSM, HexapodError
+from cinegen.hexapod.tssm import PlatformCircles
 
 # J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics polynomial and the singular
 # configurations of parallel manipulators", table 1: x0, y0, z0, psi, theta, phi of 8 of 16 modes. The geometry is not
@@ -84,7 +85,7 @@ def test_table_1_and_its_mirror_images_are_all_modes():
     modes = tssm.modes(lengths_at(tssm, euler(*NOMINAL)))
     printed = [euler(*row) for row in TABLE_1]
     expected = np.array(printed + [mirrored(placement, tssm.platform) for placement in printed])
-    assert len(modes.placements) == modes.real == 16
+    assert len(modes.placements) == modes.counts.real == 16
     assert modes.complete
     left = list(range(16))
     for placement in expected:
@@ -116,8 +117,8 @@ def test_every_mode_is_a_placement_with_these_lengths(rng):
         assert np.linalg.det(rotation) > 0.0
         assert placement[3].tolist() == [0.0, 0.0, 0.0, 1.0]
         assert np.abs(lengths_at(tssm, placement) - lengths).max() <= 1e-12 * lengths.max()
-    assert modes.real + modes.complex + modes.infinite + modes.lost == 16
-    assert modes.complete == (modes.lost == 0)
+    assert modes.counts.total == 16
+    assert modes.complete == (modes.counts.lost == 0)
 
 
 @given(seeds)
@@ -138,7 +139,7 @@ def test_modes_do_not_depend_on_frames_units_or_the_order_of_legs(rng):
     base = unit * (tssm.base @ there[:3, :3].T + there[:3, 3])[order]
     platform = unit * (tssm.platform @ own[:3, :3].T + own[:3, 3])
     other = TSSM(base, platform, tssm.legs[order]).modes(unit * lengths[order])
-    assert (other.complete, other.real) == (modes.complete, modes.real)
+    assert (other.complete, other.counts.real) == (modes.complete, modes.counts.real)
     scaled = other.placements.copy()
     scaled[:, :3, 3] /= unit
     back = np.linalg.inv(there) @ scaled @ own
@@ -180,8 +181,8 @@ def test_a_flat_pose_is_eight_solutions_in_one(rng):
     if modes.complete:  # some can't be followed to where so many meet
         assert far.min() <= 1e-4
         assert modes.coincident[far.argmin()] > 1
-        assert 2 <= modes.multiple <= modes.real
-        assert modes.real >= 8
+        assert 2 <= modes.counts.multiple <= modes.counts.real
+        assert modes.counts.real >= 8
 
 
 def test_hardly_any_flat_pose_is_missed_and_none_without_a_word():
@@ -205,7 +206,7 @@ def test_two_legs_in_a_line_hold_the_platform_still(rng):
     near = np.abs(modes.placements - placement).max(axis=(1, 2))
     assert near.min() <= 1e-5
     assert modes.coincident[near.argmin()] > 1
-    assert 2 <= modes.multiple <= modes.real
+    assert 2 <= modes.counts.multiple <= modes.counts.real
 
 
 # --- curves ---------------------------------------------------------------------------------------------------------
@@ -290,8 +291,8 @@ def test_the_closest_approach_is_a_minimum(rng):
     if modes.closest is None:
         return
     here = modes.closest.placement
-    np.testing.assert_allclose(modes.closest.misses, lengths_at(tssm, here) - lengths, atol=1e-12 * lengths.max())
-    least = np.linalg.norm(modes.closest.misses)
+    np.testing.assert_allclose(modes.closest.errors, lengths_at(tssm, here) - lengths, atol=1e-12 * lengths.max())
+    least = np.linalg.norm(modes.closest.errors)
     assert least > 1e-7 * lengths.max()
     for size in (1e-2, 1e-1, 1.0):
         for _ in range(10):
@@ -321,47 +322,19 @@ def test_a_batch_says_what_modes_says(height):
     assert tssm.batch(np.empty((0, 6)))[0].shape == (0, 16, 4, 4)
 
 
-@settings(max_examples=50)
-@given(seeds)
-def test_the_polynomial_vanishes_at_every_mode_and_at_no_other_place(rng):
-    tssm = some(rng)
-    modes = tssm.modes(lengths := lengths_at(tssm, pose(rng)))
-    polynomial = tssm.polynomial(lengths)
-    x = np.tan(0.5 * tssm.angles(modes.placements)[:, 1])
-    assert len(polynomial.coef) == 17
-    assert (np.abs(polynomial(x)) <= 1e-10 * (1.0 + x * x) ** 8).all()
-    solutions = np.tan(0.5 * modes.angles[:, 1])  # complex ones too
-    roots = polynomial.roots()
-    if tssm.plane:
-        assert not polynomial.coef[1::2].any()
-        solutions = np.concatenate([solutions, -solutions])
-    with np.errstate(divide="ignore"):
-        near = np.abs(roots[:, None] - solutions).min(axis=1) / (1.0 + np.abs(roots))
-    assert np.median(near) <= 1e-4  # its coefficients do not hold them better
-
-
 @given(seeds)
 def test_all_complex_solutions_solve_the_equations(rng):
     tssm = some(rng)
-    modes = tssm.modes(lengths := lengths_at(tssm, pose(rng)))
-    circles, _ = tssm.circles(lengths)
-    c, s = np.cos(modes.angles), np.sin(modes.angles)
-    points = circles[:, :3] + circles[:, 9:10] * (c[..., None] * circles[:, 3:6] + s[..., None] * circles[:, 6:9])
-    assert len(points) >= (modes.real + modes.complex) / (2 if tssm.plane else 1) - 1
-    for side, (i, j) in zip(tssm.sides, ((0, 1), (0, 2), (1, 2)), strict=True):
+    counts, w = tssm.modes(lengths := lengths_at(tssm, pose(rng))).counts, tssm.complex_solutions(lengths)
+    circles = PlatformCircles(*(part[0] for part in tssm.circles([lengths])[0]))
+    c, s = 0.5 * (w + 1.0 / w), -0.5j * (w - 1.0 / w)
+    points = circles.centre + circles.radius[:, None] * (c[..., None] * circles.e + s[..., None] * circles.f)
+    assert len(points) >= (counts.real + counts.complex) / (2 if tssm.plane else 1) - 1
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        side = tssm.sides[circles.point[i] + circles.point[j] - 1]
         off = ((points[:, i] - points[:, j]) ** 2).sum(axis=1) - side**2
         size = (np.abs(points[:, i] - points[:, j]) ** 2).sum(axis=1) + side**2
         assert (np.abs(off) <= 1e-9 * size * (1.0 + np.abs(points).max(axis=(1, 2)))).all()
-
-
-@given(seeds)
-def test_angles_are_those_of_the_platform_points_on_their_circles(rng):
-    tssm = some(rng)
-    placement = pose(rng)
-    circles, _ = tssm.circles(lengths_at(tssm, placement))
-    p = tssm.angles(placement)[:, None]
-    points = circles[:, :3] + circles[:, 9:10] * (np.cos(p) * circles[:, 3:6] + np.sin(p) * circles[:, 6:9])
-    np.testing.assert_allclose(points, tssm.platform @ placement[:3, :3].T + placement[:3, 3], atol=1e-9)
 
 
 # --- what is refused ------------------------------------------------------------------------------------------------
@@ -390,7 +363,7 @@ def changed(points, row, value):
     ],
 )
 def test_degenerate_geometry_is_named(base, platform, legs, words):
-    with pytest.raises(TSSMError, match=words) as error:
+    with pytest.raises(HexapodError, match=words) as error:
         TSSM(base, platform) if legs is None else TSSM(base, platform, legs)
     assert isinstance(error.value, CinegenError)
 
@@ -398,20 +371,20 @@ def test_degenerate_geometry_is_named(base, platform, legs, words):
 @pytest.mark.parametrize(
     ("lengths", "words"),
     [
-        ([1, 2, 3], r"lengths are \(3,\), and must be \(6,\)"),
-        ([1, 2, 3, 4, 5, 0], "the length of leg 6 is 0, which is no positive number"),
+        ([1, 2, 3], r"lengths must be \(6,\), one for each leg, not \(3,\)"),
+        ([1, 2, 3, 4, 5, 0], "the length of leg 6 is 0; it must be positive"),
         ([1, -2, 3, 4, 5, 6], "the length of leg 2 is -2"),
         ([1, 2, np.inf, 4, 5, 6], "the length of leg 3 is inf"),
     ],
 )
 def test_lengths_that_are_none_are_refused(lengths, words):
     tssm = TSSM(*GOOD)
-    with pytest.raises(TSSMError, match=words):
+    with pytest.raises(HexapodError, match=words):
         tssm.modes(lengths)
-    with pytest.raises(TSSMError):
+    with pytest.raises(HexapodError):
         tssm.batch([lengths])
-    with pytest.raises(TSSMError):
-        tssm.polynomial(lengths)
+    with pytest.raises(HexapodError):
+        tssm.circles([lengths])
 
 
 def test_points_that_are_given_stay_as_they_are():

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.assembly.hexapod import Hexapod, HexapodError
-from cinegen.assembly.hexapod import _kernels as kernel
-from cinegen.assembly.hexapod.paths import Kind
+from cinegen.hexapod import Hexapod, HexapodError
+from cinegen.hexapod._kernels import taylor
+from cinegen.hexapod.paths import PathEnd
 
 # P. Dietmaier, "The Stewart-Gough platform of general geometry can have 40 real postures", in: Advances in Robot
 # Kinematics: Analysis and Control, 1998
@@ -91,7 +91,7 @@ def assert_among(placement, found, within=1e-8):
 
 
 def assert_account(found):
-    assert found.total == 40
+    assert found.counts.total == 40
 
 
 @settings(max_examples=25)
@@ -103,9 +103,14 @@ def test_a_general_platform_has_40_modes_an_even_number_of_them_real(seed, kind)
     lengths = reach(base, platform, placement)
     found = Hexapod(base, platform).modes(lengths)
     assert found.complete
-    assert (found.real + found.complex, found.infinite, found.multiple, found.lost) == (40, 0, 0, 0)
-    assert len(found.placements) == found.real
-    assert found.real % 2 == 0
+    assert (
+        found.counts.real + found.counts.complex,
+        found.counts.infinite,
+        found.counts.multiple,
+        found.counts.lost,
+    ) == (40, 0, 0, 0)
+    assert len(found.placements) == found.counts.real
+    assert found.counts.real % 2 == 0
     assert (found.coincident == 1).all()
     assert_modes(base, platform, lengths, found)
     assert_among(placement, found)
@@ -134,7 +139,7 @@ def test_a_platform_that_is_a_triangle_has_16(seed, kind):
     found = hexapod.modes(lengths)
     assert hexapod.degree == 16
     assert found.complete
-    assert (found.real + found.complex, found.infinite) == (16, 24)
+    assert (found.counts.real + found.counts.complex, found.counts.infinite) == (16, 24)
     assert_modes(base, platform, lengths, found)
     assert_among(placement, found)
     assert "24 paths ended at infinity" in found.method
@@ -155,7 +160,7 @@ def test_merlets_tssm_has_16_real_modes():
     lengths = reach(base, platform, nominal)
     found = Hexapod(base, platform).modes(lengths)
     assert found.complete
-    assert found.real == 16
+    assert found.counts.real == 16
     assert_modes(base, platform, lengths, found)
     above = found.placements[found.placements[:, 2, 3] > 0]
     table = [
@@ -176,7 +181,7 @@ def test_merlets_tssm_has_16_real_modes():
 def test_dietmaiers_platform_has_40_real_modes():
     found = Hexapod(DIETMAIER_BASE, DIETMAIER_PLATFORM).modes(DIETMAIER_LENGTHS)
     assert found.complete
-    assert (found.real, len(found.placements)) == (40, 40)
+    assert (found.counts.real, len(found.placements)) == (40, 40)
     assert_modes(DIETMAIER_BASE, DIETMAIER_PLATFORM, DIETMAIER_LENGTHS, found)
 
 
@@ -202,7 +207,7 @@ def test_special_geometry_has_fewer_modes(base, platform, degree):
         found = hexapod.modes(lengths)
         assert found.complete
         assert_account(found)
-        assert found.infinite >= 40 - degree
+        assert found.counts.infinite >= 40 - degree
         assert_modes(base, platform, lengths, found)
     assert_among(home, hexapod.modes(symmetric))
 
@@ -241,7 +246,7 @@ def test_legs_of_any_length(far):
 
 def test_kernels_are_compiled_once_before_paths_are_followed():
     Hexapod(*points(np.random.default_rng(4), "")).modes(np.full(6, 3.0))
-    assert len(kernel.follow.signatures) == len(kernel.polish.signatures) == 1
+    assert len(taylor.follow.signatures) == len(taylor.polish.signatures) == 1
 
 
 # --- where modes meet -----------------------------------------------------------------------------------------------
@@ -335,10 +340,10 @@ def test_curves_are_not_excluded_where_solutions_went_to_infinity():
     """A count of fewer isolated solutions than there are for general lengths leaves room for a curve."""
     base, platform = points(np.random.default_rng(7), "")
     hexapod = Hexapod(base, platform)
-    ends, curve = hexapod._ends(np.full(6, 2.0))
-    assert hexapod._account(np.full(6, 2.0), ends, curve).complete
-    ends.kind[:2] = Kind.INFINITE
-    found = hexapod._account(np.full(6, 2.0), ends, curve)
+    paths, curve = hexapod._paths(np.full(6, 2.0))
+    assert hexapod._account(np.full(6, 2.0), paths, curve).complete
+    paths.end[:2] = PathEnd.INFINITE
+    found = hexapod._account(np.full(6, 2.0), paths, curve)
     assert not found.complete
     assert "curves of configurations are not excluded" in found.method
 
@@ -354,9 +359,9 @@ def test_impossible_lengths_have_no_mode_and_the_nearest_pose_is_said():
     assert found.complete
     assert found.placements.shape == (0, 4, 4)
     assert found.coincident.shape == (0,)
-    assert found.complex == 40
+    assert found.counts.complex == 40
     assert found.closest is not None
-    placement, misses = found.closest.placement, found.closest.misses
+    placement, misses = found.closest.placement, found.closest.errors
     np.testing.assert_allclose(reach(base, platform, placement) - lengths, misses, atol=1e-9)
     assert misses[5] < -1.0
     # a minimum: no motion makes the sum of squares smaller
@@ -385,7 +390,7 @@ HEXAGON = circle([-10, 10, 110, 130, 230, 250], 1.0)
         (ONE, np.full((6, 3), 1e3), "all six points of the platform are one"),
         (LINE, OTHER, "points of the base lie in a line"),
         (ONE, LINE + 100.0, "points of the platform lie in a line"),
-        (ONE[[0, 1, 2, 1, 4, 5]], OTHER[[0, 1, 2, 1, 4, 5]], "legs 2 and 4 are the same rod"),
+        (ONE[[0, 1, 2, 1, 4, 5]], OTHER[[0, 1, 2, 1, 4, 5]], "legs 2 and 4 are the same line"),
         (HEXAGON, 0.5 * HEXAGON, "a curve of configurations"),  # similar, on a conic
         (ONE[[0, 0, 0, 0, 4, 5]], OTHER, "a curve of configurations"),  # four legs in one point
     ],
@@ -399,9 +404,9 @@ def test_geometry_that_is_degenerate_is_named(base, platform, said):
     ("lengths", "said"),
     [
         ([1.0] * 5, r"\(6,\)"),
-        ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "length 3 is not finite"),
-        ([1.0, 1.0, 1.0, 0.0, 1.0, 1.0], "length 4 must be positive"),
-        ([1.0, -2.0, 1.0, 1.0, 1.0, 1.0], "length 2 must be positive"),
+        ([1.0, 1.0, np.inf, 1.0, 1.0, 1.0], "length of leg 3 is inf; it must be positive"),
+        ([1.0, 1.0, 1.0, 0.0, 1.0, 1.0], "length of leg 4 is 0; it must be positive"),
+        ([1.0, -2.0, 1.0, 1.0, 1.0, 1.0], "length of leg 2 is -2; it must be positive"),
     ],
 )
 def test_lengths_that_are_none_are_named(lengths, said):

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cinegen.assembly.hexapod import _kernels as kernel
-from cinegen.assembly.hexapod import start
-from cinegen.assembly.hexapod.equations import coefficients, lengths_at, moving, placements, squares
-from cinegen.assembly.hexapod.monodromy import find
-from cinegen.assembly.hexapod.paths import Kind, apart, follow, lie_on_curve, residual, settle
+from cinegen.hexapod._kernels import taylor
+from cinegen.hexapod.paths import PathEnd, follow, follow_surely, lie_on_curve
+from cinegen.hexapod.study import (
+    coefficients,
+    distances,
+    family,
+    lengths_at,
+    placements,
+    residual,
+    squares,
+    start_system,
+)
 
 
 def random(rng, *shape):
@@ -62,11 +69,11 @@ def test_the_left_sides_are_those_of_quaternions(seed):
     np.testing.assert_allclose(found, np.abs(left_sides(base, platform, s, x)).max(), rtol=1e-12)
 
 
-def tangent(family, parameter, x):
+def tangent(polynomial, parameter, x):
     """dx by the parameter, with x's length and phase at rest: from differences of the left sides alone."""
 
     def at(t, y):
-        a = family[0] + t * (family[1] + t * family[2])
+        a = polynomial[0] + t * (polynomial[1] + t * polynomial[2])
         first, second = np.triu_indices(4, 1)
         c, d = y[:4], y[4:]
         products = np.concatenate([c * c, 2 * c[first] * c[second], 2 * (d[first] * c[second] - d[second] * c[first])])
@@ -85,25 +92,25 @@ def test_a_path_is_that_of_small_steps(lengths_alone):
     rng = np.random.default_rng(2)
     base, platform, s, x = hexapod(rng)
     if lengths_alone:
-        family = moving(coefficients(base, platform, s), coefficients(base, platform, s + random(rng, 6)))
+        polynomial = family(coefficients(base, platform, s), coefficients(base, platform, s + random(rng, 6)))
     else:
         ends = [(base, platform, s), (base + random(rng, 6, 3), platform + random(rng, 6, 3), s)]
-        family = moving(
+        polynomial = family(
             *(coefficients(*end) for end in ends), coefficients(*(0.5 * (p + q) for p, q in zip(*ends, strict=True)))
         )
     n, y = 200, x.copy()
     for i in range(n):
         t, h = i / n, 1.0 / n
-        k1 = tangent(family, t, y)
-        k2 = tangent(family, t + h / 2, y + h / 2 * k1)
-        k3 = tangent(family, t + h / 2, y + h / 2 * k2)
-        k4 = tangent(family, t + h, y + h * k3)
+        k1 = tangent(polynomial, t, y)
+        k2 = tangent(polynomial, t + h / 2, y + h / 2 * k1)
+        k3 = tangent(polynomial, t + h / 2, y + h / 2 * k2)
+        k4 = tangent(polynomial, t + h, y + h * k3)
         y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         y /= np.linalg.norm(y)
-    found = follow(family, x[None], 1e-4)
-    assert found.kind[0] == Kind.REGULAR
-    assert apart(found.x, y[None])[0, 0] < 1e-6
-    assert residual(family.sum(axis=0), found.x)[0] < 1e-13
+    found = follow(polynomial, x[None], 1e-4)
+    assert found.end[0] == PathEnd.REGULAR
+    assert distances(found.x, y[None])[0, 0] < 1e-6
+    assert residual(polynomial.sum(axis=0), found.x)[0] < 1e-13
 
 
 def test_newton_in_the_kernel_is_numpys():
@@ -112,24 +119,24 @@ def test_newton_in_the_kernel_is_numpys():
     near = (x + 1e-3 * random(rng, 8))[None]
     near /= np.linalg.norm(near)
     error = np.empty(1)
-    kernel.polish(coefficients(base, platform, s), near, error, kernel.work())
+    taylor.polish(coefficients(base, platform, s), near, error, taylor.tracking_scratch())
     assert error[0] < 1e-14
-    assert apart(near, x[None])[0, 0] < 1e-13
+    assert distances(near, x[None])[0, 0] < 1e-13
 
 
 def test_a_path_that_comes_back_ends_where_it_began():
-    kept = start.load()
+    kept = start_system()
     rng = np.random.default_rng(4)
     here, there = (coefficients(kept.base, kept.platform, s) for s in (kept.s, kept.s + random(rng, 6)))
-    away = follow(moving(here, there), kept.x, 1e-4)
-    back = follow(moving(there, here), away.x, 1e-4)
-    assert (back.kind == Kind.REGULAR).all()
-    assert np.diag(apart(back.x, kept.x)).max() < 1e-12
+    away = follow(family(here, there), kept.x, 1e-4)
+    back = follow(family(there, here), away.x, 1e-4)
+    assert (back.end == PathEnd.REGULAR).all()
+    assert np.diag(distances(back.x, kept.x)).max() < 1e-12
 
 
 def test_at_a_fold_two_paths_end_in_one_point():
     rng = np.random.default_rng(5)
-    kept = start.load()
+    kept = start_system()
     base, platform = kept.base, kept.platform
     singular = singular_solution(rng, base, platform)
     here = coefficients(base, platform, kept.s)
@@ -137,11 +144,11 @@ def test_at_a_fold_two_paths_end_in_one_point():
 
     def way(detour):
         aside = 0.0 if detour is None else coefficients(0.0 * base, 0.0 * platform, random(detour, 6))
-        return moving(here, there, 0.5 * (here + there) + aside)
+        return family(here, there, 0.5 * (here + there) + aside)
 
     found = follow(way(None), kept.x, 1e-4)
-    assert (found.count(Kind.REGULAR), found.count(Kind.MULTIPLE)) == (38, 2)
-    assert apart(found.x[found.kind == Kind.MULTIPLE], singular[None]).max() < 1e-7
+    assert (found.count(PathEnd.REGULAR), found.count(PathEnd.MULTIPLE)) == (38, 2)
+    assert distances(found.x[found.end == PathEnd.MULTIPLE], singular[None]).max() < 1e-7
     assert not lie_on_curve(way, kept.x, found)
 
 
@@ -169,28 +176,21 @@ def singular_solution(rng, base, platform):
 
 def test_a_path_that_jumped_is_followed_again():
     # the first attempt is spoilt: two paths begin at one solution, as if one had jumped
-    kept = start.load()
+    kept = start_system()
     rng = np.random.default_rng(6)
     here, there = (coefficients(kept.base, kept.platform, s) for s in (kept.s, kept.s + random(rng, 6)))
     spoilt = kept.x.copy()
     spoilt[1] = spoilt[0]
-    found = settle(lambda _: moving(here, there), spoilt, False)
-    assert found.count(Kind.FAILED) == 1
-    assert found.count(Kind.REGULAR) == 39
+    found = follow_surely(lambda _: family(here, there), spoilt, False)
+    assert found.count(PathEnd.FAILED) == 1
+    assert found.count(PathEnd.REGULAR) == 39
 
 
 def test_the_start_system_is_solved_by_40():
-    kept = start.load()
+    kept = start_system()
     for x in kept.x:
         assert np.abs(left_sides(*kept[:3], x)).max() < 1e-13
-    distances = apart(kept.x, kept.x) + np.eye(40)
-    assert distances.shape == (40, 40)
-    assert distances.min() > 1e-2
+    apart = distances(kept.x, kept.x) + np.eye(40)
+    assert apart.shape == (40, 40)
+    assert apart.min() > 1e-2
     assert np.abs((kept.x[:, :4] ** 2).sum(axis=1)).min() > 1e-5
-
-
-def test_the_start_system_can_be_found_again():
-    again, kept = find(), start.load()
-    np.testing.assert_allclose(again.s, kept.s, rtol=1e-12)
-    assert apart(again.x, kept.x).min(axis=1).max() < 1e-10
-    assert len(again.x) == 40

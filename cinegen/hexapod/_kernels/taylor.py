@@ -1,10 +1,10 @@
-"""Paths of solutions, followed by Taylor series: quadratic equations in Study's coordinates whose coefficients move.
+"""Paths of solutions, followed by Taylor series: quadratic equations in Study's coordinates whose coefficients change.
 
 An unknown x = (c, d) is a pose up to a complex factor: 8 numbers, in the projective space P^7. The equations are linear
 in 18 products of pairs of them (`_products`), and the coefficients are polynomials in the path's parameter: so the
-derivatives of a path of any order follow from one factored matrix (`_series`), and how far the series can be trusted
-from its last terms (A. Jorba and M. Zou, "A software package for the numerical integration of ODEs by means of
-high-order Taylor methods", 2005). Newton's steps bring x back onto its path.
+derivatives of a path of any order follow from one factored matrix (`_series`), and the length of a step from the last
+terms of the series (A. Jorba and M. Zou, "A software package for the numerical integration of ODEs by means of
+high-order Taylor methods", 2005). Newton's method brings x back onto its path.
 """
 
 from __future__ import annotations
@@ -20,27 +20,31 @@ from cinegen.jit.compiled import Array, Table, compiled, entry, prepare, togethe
 
 Complex = NDArray[np.complex128]
 
-ORDER = 8  # of the Taylor series
+ORDER = 8
+"""Of the Taylor series."""
+
+ARRIVED, NEAR, LOST = range(3)
+"""States of a path: at the end of the parameter; near it, as steps became short; or neither."""
+
 PRODUCTS = 18  # of pairs of unknowns: 10 of c with c, 6 of d with c (antisymmetric), <d, d> and <c, d>
 LEGS = 16  # of them those that a leg's equation has coefficients for
-ARRIVED, NEAR, LOST = range(3)
 
 _SHORTEST = 1e-13  # step
-_CONTRACTION = 0.02  # of two Newton steps, or x may be on its way to another path
+_CONTRACTION = 0.02  # of two Newton steps, or x may be moving to another path
 _SURE = 1e-9  # a correction so small needs no proof
-_HALVINGS = 8  # of a step, before the series is asked again
+_HALVINGS = 8  # of a step, before the series is computed again
 
 
-class Work(NamedTuple):
-    """Scratch of `follow`.
+class TrackingScratch(NamedTuple):
+    """Working memory of `follow` for one thread.
 
     Attributes:
         series: (ORDER + 1, 8) Taylor coefficients of x.
         products: (ORDER + 1, 18) of the products.
         coefficients: (3, 6, 16) Taylor coefficients of the equations' coefficients, at the path's parameter.
-        there: (6, 16) the same further on.
+        there: (6, 16) the same at the end of the step.
         matrix: (8, 8) factors.
-        rows: (8,) which row is where.
+        rows: (8,) row permutation.
         x: (4, 8) vectors.
     """
 
@@ -53,22 +57,16 @@ class Work(NamedTuple):
     x: Complex
 
 
-def work() -> Work:
-    """Scratch for one thread."""
-    return Work(
-        np.zeros((ORDER + 1, 8), dtype=complex),
-        np.zeros((ORDER + 1, PRODUCTS), dtype=complex),
-        np.zeros((3, 6, LEGS), dtype=complex),
-        np.zeros((6, LEGS), dtype=complex),
-        np.zeros((8, 8), dtype=complex),
-        np.zeros(8, dtype=np.int64),
-        np.zeros((4, 8), dtype=complex),
-    )
+def tracking_scratch() -> TrackingScratch:
+    """Allocate working memory."""
+    shapes = (ORDER + 1, 8), (ORDER + 1, PRODUCTS), (3, 6, LEGS), (6, LEGS), (8, 8), (4, 8)
+    series, products, coefficients, there, matrix, x = (np.zeros(shape, dtype=complex) for shape in shapes)
+    return TrackingScratch(series, products, coefficients, there, matrix, np.zeros(8, dtype=np.int64), x)
 
 
-def prepare_paths() -> None:
-    """Compiles these kernels, or loads them from disk."""
-    solutions, numbers, scratch = complex128[:, ::1], int64[::1], typeof(work())
+def prepare_tracking() -> None:
+    """Compile these kernels, or load them from disk."""
+    solutions, numbers, scratch = complex128[:, ::1], int64[::1], typeof(tracking_scratch())
     ends = complex128, complex128, solutions, numbers, numbers
     with together():
         prepare(follow, complex128[:, :, ::1], *ends, float64, float64, int64, scratch)
@@ -77,29 +75,21 @@ def prepare_paths() -> None:
 
 @entry
 def follow(
-    family: Complex,
-    begin: complex,
-    end: complex,
-    x: Complex,
-    status: Table,
-    steps: Table,
-    tolerance: float,
-    brink: float,
-    most: int,
-    work: Work,
-) -> None:
-    """Follows solutions while the parameter goes straight from `begin` to `end`.
+    family: Complex, begin: complex, end: complex, x: Complex, states: Table, steps: Table, tolerance: float,
+    brink: float, max_steps: int, work: TrackingScratch,
+) -> None:  # fmt: skip
+    """Follow solutions while the parameter moves straight from `begin` to `end`.
 
     Args:
         family: (3, 6, 16) coefficients of the six legs' equations: a polynomial of degree 2 in the parameter.
         begin: parameter.
-        end: the same.
-        x: (n, 8) solutions at the beginning; replaced by where their paths came to, of norm 1.
-        status: (n,) ARRIVED; NEAR: at the brink, as steps became short; LOST.
-        steps: (n,) how many were taken, added to what is there.
+        end: parameter.
+        x: (n, 8) solutions at the beginning; replaced by the last points of their paths, of norm 1.
+        states: (n,) ARRIVED, NEAR or LOST are written.
+        steps: (n,) is increased by the number of steps.
         tolerance: of the prediction, in norms of x.
-        brink: distance of the parameter from `end`, from where on a path that has not arrived is NEAR.
-        most: steps of a path.
+        brink: distance of the parameter from `end` within which a path that has not arrived is NEAR.
+        max_steps: of a path.
         work: scratch.
     """
     quadratic = False
@@ -109,9 +99,9 @@ def follow(
                 quadratic = True
     span = end - begin
     for path in range(x.shape[0]):
-        status[path] = LOST
+        states[path] = LOST
         part = 0.0
-        while steps[path] < most:
+        while steps[path] < max_steps:
             steps[path] += 1
             _series(family, begin, span, part, x[path], quadratic, work)
             onward = _step(family, begin, span, part, x[path], tolerance, work)
@@ -119,21 +109,21 @@ def follow(
                 break
             part = onward
             if part == 1.0:
-                status[path] = ARRIVED
+                states[path] = ARRIVED
                 break
             if (1.0 - part) * abs(span) <= brink:
-                status[path] = NEAR
+                states[path] = NEAR
                 break
 
 
 @entry
-def polish(coefficients: Complex, x: Complex, change: Array, work: Work) -> None:
-    """Newton's method on equations that rest, until a step is no shorter than the one before.
+def polish(coefficients: Complex, x: Complex, change: Array, work: TrackingScratch) -> None:
+    """Apply Newton's method to fixed equations, until a step is no shorter than the one before.
 
     Args:
         coefficients: (6, 16) of the six legs' equations.
-        x: (n, 8) solutions almost; replaced.
-        change: (n,) length of the last step, where |x| = 1: what may be wrong with x.
+        x: (n, 8) approximate solutions; replaced.
+        change: (n,) length of the last step, where |x| = 1: an estimate of the error of x.
         work: scratch.
     """
     dx = work.x[0]
@@ -160,9 +150,10 @@ def polish(coefficients: Complex, x: Complex, change: Array, work: Work) -> None
 
 @compiled
 def _series(
-    family: Complex, begin: complex, span: complex, part: float, x: Complex, quadratic: bool, work: Work
+    family: Complex, begin: complex, span: complex, part: float, x: Complex, quadratic: bool, work: TrackingScratch
 ) -> None:
-    """Taylor coefficients of x by the part of the way that is gone; each is orthogonal to x, whose length is free."""
+    """Write the Taylor coefficients of x by the part of the path behind it; each is orthogonal to x, whose length is
+    free."""
     series, products, a = work.series, work.products, work.coefficients
     parameter = begin + part * span
     for e in range(6):
@@ -195,7 +186,7 @@ def _series(
             for m in range(LEGS):
                 s += a[0, e, m] * sums[m]
             before = products[k - 1]
-            if not quadratic:  # only lengths move, all that changes is the factor of <c, c>
+            if not quadratic:  # only lengths change, thus only the factor of <c, c>
                 s += a[1, e, 0] * (before[0] + before[1] + before[2] + before[3])
             else:
                 for m in range(LEGS):
@@ -213,9 +204,9 @@ def _series(
 
 @compiled
 def _step(
-    family: Complex, begin: complex, span: complex, part: float, x: Complex, tolerance: float, work: Work
+    family: Complex, begin: complex, span: complex, part: float, x: Complex, tolerance: float, work: TrackingScratch
 ) -> float:
-    """Goes a step along the series; returns the part of the way gone then, `part` if there is no step."""
+    """Take a step along the series; return the part of the path behind x then, `part` if no step succeeds."""
     series, there, y, dx, more = work.series, work.there, work.x[0], work.x[1], work.x[2]
     h: float = min(
         (tolerance / _norm(series[ORDER])) ** (1.0 / ORDER),
@@ -257,7 +248,7 @@ def _step(
 
 @compiled
 def _products(x: Complex, y: Complex, factor: float, out: Complex) -> None:
-    """Adds the products of x and y, times a factor; with x = y an equation's left side is linear in them."""
+    """Add the products of x and y, times a factor; with x = y an equation's left side is linear in them."""
     a0, a1, a2, a3 = factor * x[0], factor * x[1], factor * x[2], factor * x[3]
     e0, e1, e2, e3 = factor * x[4], factor * x[5], factor * x[6], factor * x[7]
     b0, b1, b2, b3 = y[0], y[1], y[2], y[3]
@@ -283,8 +274,8 @@ def _products(x: Complex, y: Complex, factor: float, out: Complex) -> None:
 
 
 @compiled
-def _jacobian(a: Complex, x: Complex, patch: Complex, work: Work) -> None:
-    """Half the derivatives of the seven equations at x, and below them the conjugate of `patch`."""
+def _jacobian(a: Complex, x: Complex, patch: Complex, work: TrackingScratch) -> None:
+    """Write half the derivatives of the seven equations at x, and below them the conjugate of `patch`."""
     c0, c1, c2, c3, d0, d1, d2, d3 = x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]
     j = work.matrix
     for e in range(6):
@@ -306,8 +297,8 @@ def _jacobian(a: Complex, x: Complex, patch: Complex, work: Work) -> None:
 
 
 @compiled
-def _correction(a: Complex, x: Complex, dx: Complex, work: Work) -> None:
-    """Newton's step, with the factors that are there."""
+def _correction(a: Complex, x: Complex, dx: Complex, work: TrackingScratch) -> None:
+    """Write Newton's step, with the present factors."""
     sums = work.products[ORDER]
     for m in range(PRODUCTS):
         sums[m] = 0.0
@@ -329,7 +320,7 @@ def _correction(a: Complex, x: Complex, dx: Complex, work: Work) -> None:
 
 @compiled
 def _factor(a: Complex, rows: Table) -> bool:
-    """Gauss' elimination with the largest pivot of a column, in place; the diagonal holds reciprocals."""
+    """Factor a by Gauss' elimination with the largest pivot of a column, in place; the diagonal holds reciprocals."""
     for i in range(8):
         best, size = i, abs(a[i, i].real) + abs(a[i, i].imag)
         for other in range(i + 1, 8):

@@ -1,1 +1,0 @@
-"""What is compiled: from leg lengths to platform placements."""

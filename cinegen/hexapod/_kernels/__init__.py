@@ -1,0 +1,1 @@
+"""Compiled functions: Merlet's elimination, its eigenvalues and roots; Taylor steps along paths of solutions."""

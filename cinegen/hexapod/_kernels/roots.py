@@ -1,0 +1,388 @@
+"""All solutions of the three distances of a platform triangle, complex ones too, from its eigenvalues.
+
+The unknowns are w = exp(i p) for the angles p12, p34, p56; a real angle has |w| = 1. For each eigenvalue exp(i p34) the
+other two angles follow from a quadratic each; Newton's method on all three distances starts from the pairs that nearly
+satisfy the third. Only then it is decided which solutions are real, by distances: near a singularity a pair of real
+roots and a pair of complex ones differ by less than rounding.
+"""
+
+from __future__ import annotations
+
+import cmath
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.hexapod._kernels.elimination import (
+    C1,
+    C2,
+    CC,
+    CS,
+    ONE,
+    S1,
+    S2,
+    SC,
+    SS,
+    EliminationScratch,
+    eigen_directions,
+)
+from cinegen.jit.compiled import Array, Table, compiled, entry
+
+Complex = NDArray[np.complex128]
+
+KNOWN, INFINITE, LOST, OUTCOME, COUNTS_WIDTH = range(5)
+"""Counts: distinct finite solutions; eigenvalues that lead to infinity, or nowhere; and an outcome."""
+
+SOLVED, CURVE, DIVERGED = range(3)
+"""Outcomes. CURVE: the determinant vanishes identically. DIVERGED: the eigenvalues did not converge."""
+
+_NEW, _AGAIN, _AT_INFINITY, _NOWHERE = range(4)
+"""Where an eigenvalue leads. AGAIN: to a solution known from another eigenvalue, which is a multiple root."""
+
+_REGULAR, _ALONE, _MOVED = range(3)
+"""Results of `_move_to_neighbour`."""
+
+_ZERO = 1e-13  # least pivot of a determinant that vanishes identically
+_FAR = 1e6  # |w| or 1 / |w| of a solution at infinity
+_LEAVING = 30.0  # ... if Newton's method finds nothing there: infinity is a multiple root
+SAME = 3e-7  # relative difference of solutions that rounding can't tell apart: the square root of a residual
+_NEAR = 0.1  # largest relative distance of an eigenvalue from the solution it leads to
+_NEARER = 1e-3  # ... where another solution fits it better
+_LOOSE = 1e-3  # residual of the third distance before Newton's method, relative to its terms
+_NEARLY_REAL = 1e-3  # | |w| - 1 | of what may be real; of a simple root nothing but rounding is left
+_HOLDS = 1e-12  # relative residual of a distance with the imaginary parts left out
+ON_CIRCLE = 1e-14  # | |w| - 1 | of a solution that was found to be real
+_MAX_STEPS = 40  # of Newton's method: a root of high multiplicity is found slowly
+_LONGEST = 0.5  # rad, of one step
+_STILL = 1e-9  # rad: after such a step the next would be shorter than rounding
+_EXACT = 1e-15  # relative residual below which no step is taken
+_SOLVED = 1e-12  # relative residual of an equation that holds
+_SINGULAR = 1e-3  # volume of the Jacobian's rows, as unit vectors, below which a solution may be one of several
+_STEEP = 1e-2  # of the sum of its terms: a shorter row is not normalised
+
+
+@entry
+def find_roots(
+    equations: Array, extents: Array, planar: bool, roots: Complex, times: Table, counts: Table,
+    scratch: EliminationScratch,
+) -> None:  # fmt: skip
+    """Find the distinct finite solutions for many sets of leg lengths.
+
+    Args:
+        equations: (m, 3, EQUATION_WIDTH) of the distances.
+        extents: (m, 3) radii of the circles, as parts of the longest leg: solutions whose points coincide are one.
+        planar: whether base points are in one plane. Then a solution and its mirror image (1 / w) count as one.
+        roots: (m, 17, 3) w of the solutions are written; those of real ones are on the unit circle.
+        times: (m, 17) how many eigenvalues lead to each.
+        counts: (m, COUNTS_WIDTH).
+        scratch: from `elimination_scratch`.
+    """
+    quadratics, blocks, wide, matrix, found = scratch[:5]
+    for m in range(len(equations)):
+        for i in range(COUNTS_WIDTH):
+            counts[m, i] = 0
+        regular = eigen_directions(equations[m], planar, quadratics, blocks, wide, matrix, found)
+        if not regular > _ZERO:
+            counts[m, OUTCOME] = DIVERGED if regular < 0.0 else CURVE
+            continue
+        for i in range(8 if planar else 16):
+            w = complex(found[0, i], found[1, i])
+            n = counts[m, KNOWN]
+            led = _follow(equations[m], extents[m], w, planar, n, roots[m], times[m], scratch.choice, scratch.newton)
+            counts[m, KNOWN] += led == _NEW
+            counts[m, INFINITE] += led == _AT_INFINITY
+            counts[m, LOST] += led == _NOWHERE
+
+
+@compiled
+def is_real(root: Any) -> bool:
+    """Return whether a root (3,) was found to be real."""
+    off = 0.0
+    for k in range(3):
+        off = max(off, abs(abs(root[k]) - 1.0))
+    return off < ON_CIRCLE
+
+
+@compiled
+def _follow(
+    equations: Array, extents: Array, w: Any, mirrored: bool, n: int, roots: Any, times: Table, choice: Any, work: Any
+) -> int:  # fmt: skip
+    """Write the solution with exp(i p34) = w, roughly, to roots[n] if it is new; return where w leads."""
+    if not _remoteness(w) < _FAR:
+        return _AT_INFINITY
+    again, root = -1, roots[n]
+    times[n] = 1
+    count = _write_choices(equations, w, choice)
+    for i in range(2 * count):
+        if i < count:
+            for k in range(3):
+                root[k] = choice[i, k]
+        else:  # nothing is new: what was found is a multiple root, or has another one next to it
+            known = int(choice[i - count, 0].real)
+            if known < 0:
+                continue
+            for k in range(3):
+                root[k] = roots[known, k]
+            neighbour = _move_to_neighbour(equations, root, work)
+            if neighbour != _REGULAR and again < 0:
+                again = known
+            if neighbour != _MOVED:
+                continue
+        solved = _newton(equations, root, work)
+        far = max(_remoteness(root[0]), _remoteness(root[1]), _remoteness(root[2]))
+        if i == 0 and (not far < _FAR or (far > _LEAVING and not solved)):
+            return _AT_INFINITY
+        if i < count:
+            choice[i, 0] = -1.0
+        if not solved or not far < _FAR or not _size(root[1] - w) <= (_NEAR if i % count == 0 else _NEARER) * _size(w):
+            continue
+        known = _find(roots, n, extents, mirrored, False)
+        if known < 0:
+            if not _make_real(equations, root, choice[4], work):
+                return _NEW
+            known = _find(roots, n, extents, mirrored, True)
+            if known < 0:
+                return _NEW
+            times[known] += 1
+            return _AGAIN
+        if i < count:
+            choice[i, 0] = float(known)
+    if again < 0:
+        return _NOWHERE if _remoteness(w) < _LEAVING else _AT_INFINITY
+    times[again] += 1
+    return _AGAIN
+
+
+@compiled
+def _remoteness(w: Any) -> float:
+    """Return the larger of |w| and 1 / |w|: 1 for a real angle, infinite at infinity; NaN where w is NaN."""
+    far = float(abs(w))
+    return max(far, 1.0 / far) if far == far else far
+
+
+@compiled
+def _find(roots: Any, n: int, extents: Array, mirrored: bool, real: bool) -> int:
+    """Return which of the first n roots coincides with root n, or is its mirror image; -1 if none does.
+
+    Of real ones platform points are compared, which may coincide though angles don't, on a small circle.
+    """
+    for i in range(n):
+        if real and not is_real(roots[i]):
+            continue
+        same, image = True, mirrored
+        for k in range(3):
+            weight = extents[k] if real else 1.0
+            same = same and weight * _size(roots[i, k] - roots[n, k]) <= SAME * _size(roots[n, k])
+            image = image and weight * _size(roots[i, k] * roots[n, k] - 1.0) <= SAME
+        if same or image:
+            return i
+    return -1
+
+
+@compiled
+def _make_real(equations: Array, root: Any, real: Any, work: Any) -> bool:
+    """Move a root (3,) onto the unit circle if the distances hold there too."""
+    for k in range(3):
+        real[k] = root[k] / abs(root[k])
+        if not _size(real[k] - root[k]) <= _NEARLY_REAL:
+            return False
+    if not _evaluate(equations, real, work) <= _HOLDS:
+        return False
+    for k in range(3):
+        root[k] = real[k]
+    return True
+
+
+@compiled
+def _write_choices(equations: Array, w: Any, choice: Any) -> int:
+    """Write the p12 and p56 that go with p34, of two values each those that nearly satisfy the third distance, the best
+    first. Return how many there are."""
+    K, L, M = equations[0], equations[1], equations[2]
+    c, s = _cosine_sine(w)
+    x0, x1 = _angles(K[ONE] + K[C2] * c + K[S2] * s, K[C1] + K[CC] * c + K[CS] * s, K[S1] + K[SC] * c + K[SS] * s)
+    z0, z1 = _angles(M[ONE] + M[C1] * c + M[S1] * s, M[C2] + M[CC] * c + M[SC] * s, M[S2] + M[CS] * c + M[SS] * s)
+    count = 0
+    for i in range(4):
+        x, z = (x0 if i % 2 == 0 else x1), (z0 if i < 2 else z1)
+        c, s = _cosine_sine(x)
+        d, t = _cosine_sine(z)
+        residual, _, terms = _distance(L, c, s, d, t)
+        off = _size(residual) / terms
+        if not off < 1e300:
+            off = 1e300
+        if not (off <= _LOOSE or (count == 0 and i == 3)):
+            continue
+        at = count
+        while at > 0 and choice[at - 1, 2].real > off:  # the third number holds the residual for now
+            for k in range(3):
+                choice[at, k] = choice[at - 1, k]
+            at -= 1
+        choice[at, 0], choice[at, 1], choice[at, 2] = x, z, off
+        count += 1
+    for i in range(count):
+        choice[i, 1], choice[i, 2] = w, choice[i, 1]
+    return count
+
+
+@compiled
+def _angles(g: Any, b: Any, a: Any) -> tuple[Any, Any]:
+    """Return both exp(i p) with g + b cos p + a sin p = 0."""
+    high, low = 0.5 * (b - 1j * a), 0.5 * (b + 1j * a)  # high w + g + low / w
+    root = cmath.sqrt(g * g - 4.0 * high * low)
+    if (root * g.conjugate()).real < 0.0:
+        root = -root
+    q = -0.5 * (g + root)
+    first = q / high if high != 0.0 else complex(1e300)
+    second = low / q if q != 0.0 and low != 0.0 else complex(1e-300)
+    return first, second
+
+
+# --- Newton's method on the three distances ---------------------------------------------------------------------------
+
+
+@compiled
+def _newton(equations: Array, w: Any, work: Any) -> bool:
+    """Improve w (3,); return whether the distances hold there.
+
+    work: (6, 3) complex scratch: residuals, sums of terms, step, Jacobian.
+    """
+    last, worst = 1.0, 1.0
+    for steps in range(_MAX_STEPS + 1):
+        worst = _evaluate(equations, w, work)
+        if worst <= _EXACT or last <= _STILL or steps == _MAX_STEPS or not _solve(work):
+            break
+        last = 0.0
+        for k in range(3):
+            last = max(last, _size(work[2, k]))
+        if not last < 1e300:
+            return False
+        part = 1.0 if last <= _LONGEST else _LONGEST / last
+        for k in range(3):
+            w[k] *= _rotation(part * work[2, k])
+    return bool(worst <= _SOLVED)
+
+
+@compiled
+def _distance(q: Array, c: Any, s: Any, d: Any, t: Any) -> tuple[Any, Any, Any]:
+    """Return the residual of a distance at cosine c and sine s of its first angle, d and t of its second; its
+    derivative by the first angle; and the sum of its terms' sizes."""
+    by_c, by_s = q[C1] + q[CC] * d + q[CS] * t, q[S1] + q[SC] * d + q[SS] * t
+    residual = q[ONE] + (q[C2] * d + q[S2] * t) + by_c * c + by_s * s
+    large, far = _size(c) + _size(s), _size(d) + _size(t)
+    terms = abs(q[ONE]) + max(abs(q[C1]), abs(q[S1])) * large + max(abs(q[C2]), abs(q[S2])) * far
+    terms += max(abs(q[CC]), abs(q[CS]), abs(q[SC]), abs(q[SS])) * large * far
+    return residual, by_s * c - by_c * s, terms
+
+
+@compiled
+def _evaluate(equations: Array, w: Any, work: Any) -> float:
+    """Write the residuals of K, L, M and their derivatives by the three angles; return the worst relative residual."""
+    worst = 0.0
+    for k in range(3):
+        i, j = (0, 1) if k == 0 else ((0, 2) if k == 1 else (1, 2))
+        q = equations[k]
+        c, s = _cosine_sine(w[i])
+        d, t = _cosine_sine(w[j])
+        residual, derivative, terms = _distance(q, c, s, d, t)
+        work[0, k], work[1, k] = residual, terms
+        work[3 + k, 2 - k] = 0.0
+        work[3 + k, i] = derivative
+        work[3 + k, j] = (q[S2] + q[CS] * c + q[SS] * s) * d - (q[C2] + q[CC] * c + q[SC] * s) * t
+        relative = _size(residual) / terms
+        if not relative <= worst:  # NaN counts too
+            worst = relative
+    return worst
+
+
+@compiled
+def _rotation(p: Any) -> Any:
+    """Return (1 + i p / 2) / (1 - i p / 2): nearly exp(i p), and of size 1 for a real p."""
+    x, y = 0.5 * p.real, 0.5 * p.imag
+    below = (1.0 + y) * (1.0 + y) + x * x
+    return complex((1.0 - y) * (1.0 + y) - x * x, 2.0 * x) / below
+
+
+@compiled
+def _cosine_sine(w: Any) -> tuple[Any, Any]:
+    """Return cos p and sin p, with w = exp(i p)."""
+    x, y = w.real, w.imag
+    over = 1.0 / (x * x + y * y)
+    u, v = x * over, y * over  # 1 / w = u - i v
+    return complex(0.5 * (x + u), 0.5 * (y - v)), complex(0.5 * (y + v), 0.5 * (u - x))
+
+
+@compiled
+def _size(z: Any) -> float:
+    """Return a number between |z| and 1.42 |z|, faster than |z| itself."""
+    return float(abs(z.real) + abs(z.imag))
+
+
+@compiled
+def _solve(work: Any) -> bool:
+    """Write the step: row 2 of work = - J^-1 residuals, with J = [[a, b, 0], [c, 0, d], [0, e, f]]."""
+    a, b, c, d, e, f = work[3, 0], work[3, 1], work[4, 0], work[4, 2], work[5, 1], work[5, 2]
+    x, y, z = work[0, 0], work[0, 1], work[0, 2]
+    determinant = -(a * d * e + b * c * f)
+    if determinant == 0.0:
+        return False
+    square = determinant.real * determinant.real + determinant.imag * determinant.imag
+    over = -determinant.conjugate() / square
+    work[2, 0] = over * (-d * e * x - b * f * y + b * d * z)
+    work[2, 1] = over * (-c * f * x + a * f * y - a * d * z)
+    work[2, 2] = over * (c * e * x - a * e * y - b * c * z)
+    return True
+
+
+@compiled
+def _move_to_neighbour(equations: Array, w: Any, work: Any) -> int:
+    """Move a solution w (3,) near a singularity to where the other solution of the pair must be.
+
+    Along the null vector v of the Jacobian J, projected on its left null vector u, the distances are b x + c x^2 / 2
+    with b = u.J v and c = u.F''(v, v): they vanish at x = -2 b / c too.
+
+    Returns:
+        _MOVED; _ALONE where there is no such place nearby; _REGULAR where w is not near a singularity.
+    """
+    _evaluate(equations, w, work)
+    a, b, c, d, e, f = work[3, 0], work[3, 1], work[4, 0], work[4, 2], work[5, 1], work[5, 2]
+    rows = max(_size(a) + _size(b), _STEEP * work[1, 0].real) * max(_size(c) + _size(d), _STEEP * work[1, 1].real)
+    rows *= max(_size(e) + _size(f), _STEEP * work[1, 2].real)
+    if not _size(a * d * e + b * c * f) <= _SINGULAR * rows:
+        return _REGULAR
+    # the adjugate's rows are multiples of u, its columns of v
+    work[0, 0], work[0, 1], work[0, 2] = -d * e, -b * f, b * d
+    work[1, 0], work[1, 1], work[1, 2] = -c * f, a * f, -a * d
+    work[2, 0], work[2, 1], work[2, 2] = c * e, -a * e, -b * c
+    row, column, largest = 0, 0, 0.0
+    for i in range(3):
+        for j in range(3):
+            if abs(work[i, j]) > largest:
+                row, column, largest = i, j, abs(work[i, j])
+    if largest == 0.0:
+        return _ALONE
+    u0, u1, u2 = work[row, 0] / largest, work[row, 1] / largest, work[row, 2] / largest
+    v0, v1, v2 = work[0, column] / largest, work[1, column] / largest, work[2, column] / largest
+    slope = u0 * (a * v0 + b * v1) + u1 * (c * v0 + d * v2) + u2 * (e * v1 + f * v2)
+    curvature = u0 * _second(equations[0], w[0], w[1], v0, v1) + u1 * _second(equations[1], w[0], w[2], v0, v2)
+    curvature += u2 * _second(equations[2], w[1], w[2], v1, v2)
+    if curvature == 0.0:
+        return _ALONE
+    x = -2.0 * slope / curvature
+    if not abs(x) * max(abs(v0), abs(v1), abs(v2)) < _LONGEST:
+        return _ALONE
+    w[0] *= 1.0 + 1j * x * v0
+    w[1] *= 1.0 + 1j * x * v1
+    w[2] *= 1.0 + 1j * x * v2
+    return _MOVED
+
+
+@compiled
+def _second(q: Array, a: Any, b: Any, x: Any, y: Any) -> Any:
+    """Return the second derivative of a distance when its two angles change at rates x and y."""
+    c, s = _cosine_sine(a)
+    d, t = _cosine_sine(b)
+    one, other = q[C1] * c + q[S1] * s, q[C2] * d + q[S2] * t
+    both = q[CC] * c * d + q[CS] * c * t + q[SC] * s * d + q[SS] * s * t
+    mixed = q[CC] * s * t - q[CS] * s * d - q[SC] * c * t + q[SS] * c * d
+    return -(one + both) * x * x - (other + both) * y * y + 2.0 * mixed * x * y

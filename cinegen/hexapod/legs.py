@@ -1,0 +1,154 @@
+"""Six legs between base and platform: their lengths, how these change, and placements with given lengths.
+
+All for many placements at once, as 4x4 matrices, in plain numpy.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.errors import CinegenError
+
+Array = NDArray[np.float64]
+
+_NEWTON_STEPS = 12
+_DESCENT_STEPS = 40  # of Levenberg and Marquardt
+_APART = 1e-5  # for a derivative
+_SMALL = 1e-14  # a step without effect, where points are about 1 apart
+
+
+class HexapodError(CinegenError):
+    """Geometry or leg lengths that have no assembly modes to compute; the message says why."""
+
+
+def checked_points(name: str, given: ArrayLike, count: int) -> Array:
+    """Return points as a read-only array (count, 3).
+
+    Raises:
+        HexapodError: another shape, or not finite.
+    """
+    points = np.array(given, dtype=float)
+    if points.shape != (count, 3):
+        raise HexapodError(f"the {name} must be ({count}, 3), one point in each row, not {points.shape}")
+    if not np.isfinite(points).all():
+        raise HexapodError(f"a point of the {name} is not finite")
+    points.setflags(write=False)
+    return points
+
+
+def checked_lengths(given: ArrayLike, dimensions: int = 1) -> Array:
+    """Return leg lengths as an array (6,), or (m, 6) with two dimensions.
+
+    Raises:
+        HexapodError: another shape, or not positive and finite; names the leg.
+    """
+    lengths = np.array(given, dtype=float, order="C")
+    if lengths.ndim != dimensions or lengths.shape[-1] != 6:
+        shape = "(6,)" if dimensions == 1 else "(m, 6)"
+        raise HexapodError(f"lengths must be {shape}, one for each leg, not {lengths.shape}")
+    wrong = np.argwhere(~(np.isfinite(lengths) & (lengths > 0.0)))
+    if len(wrong):
+        *row, leg = wrong[0].tolist()
+        where, value = f" in row {row[0]}" if row else "", lengths[(*row, leg)]
+        raise HexapodError(f"the length of leg {leg + 1}{where} is {value:g}; it must be positive and finite")
+    return lengths
+
+
+def leg_lengths(base: Array, platform: Array, placements: Array) -> Array:
+    """Return the leg lengths (..., 6) at placements (..., 4, 4), for points (6, 3) of base and platform."""
+    return np.asarray(np.linalg.norm(_legs(base, platform, placements)[0], axis=-1))
+
+
+def leg_jacobian(base: Array, platform: Array, placements: Array) -> Array:
+    """Return the derivative (n, 6, 6) of leg lengths by a motion of the platform: velocity of its origin, then angular
+    velocity, in the base's axes."""
+    legs, arms = _legs(base, platform, placements)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = np.nan_to_num(legs / np.linalg.norm(legs, axis=2)[:, :, None])
+    return np.concatenate([along, np.cross(arms, along)], axis=2)
+
+
+def refine(base: Array, platform: Array, lengths: Array, placements: Array, cutoff: ArrayLike) -> tuple[Array, Array]:
+    """Apply Newton's method from placements (n, 4, 4) to where legs have given lengths.
+
+    Args:
+        base: (6, 3).
+        platform: (6, 3).
+        lengths: (6,) or (n, 6).
+        placements: (n, 4, 4).
+        cutoff: (n,) singular values below this part of the largest count as 0: a direction in which a multiple solution
+            does not move.
+
+    Returns:
+        placements (n, 4, 4) and the length of the last step (n,).
+    """
+    here, last = placements.copy(), np.full(len(placements), np.inf)
+    for _ in range(_NEWTON_STEPS):
+        u, sigma, vt = np.linalg.svd(leg_jacobian(base, platform, here))
+        counts = sigma > np.asarray(cutoff)[:, None] * sigma[:, :1]
+        inverse = np.where(counts, 1.0 / np.where(counts, sigma, 1.0), 0.0)
+        missing = lengths - leg_lengths(base, platform, here)
+        motion = np.einsum("nji,nj->ni", vt, inverse * np.einsum("nji,nj->ni", u, missing))
+        size = np.linalg.norm(motion, axis=1)
+        better = size < last
+        here = np.where(better[:, None, None], _moved(here, motion), here)
+        last = np.where(better, size, last)
+        if not better.any() or (last <= _SMALL).all():
+            break
+    return here, last
+
+
+def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Array:
+    """Return the placement (4, 4) with the least sum of squared length errors that descent from starts (n, 4, 4)
+    reaches: Levenberg and Marquardt's method, then Newton's on the slope."""
+    here, damping = starts, np.full(len(starts), 1e-3)
+    error = leg_lengths(base, platform, here) - lengths
+    for _ in range(_DESCENT_STEPS):
+        j = leg_jacobian(base, platform, here)
+        square = np.swapaxes(j, 1, 2) @ j + damping[:, None, None] * np.eye(6)
+        motion = np.linalg.solve(square, np.swapaxes(j, 1, 2) @ error[:, :, None])[:, :, 0]
+        there = _moved(here, -np.asarray(motion, dtype=float))
+        other = leg_lengths(base, platform, there) - lengths
+        better = (other**2).sum(axis=1) < (error**2).sum(axis=1)
+        here = np.where(better[:, None, None], there, here)
+        error = np.where(better[:, None], other, error)
+        damping = np.clip(np.where(better, 0.1 * damping, 10.0 * damping), 1e-12, 1e6)
+    best = here[[np.argmin((error**2).sum(axis=1))]]
+    slope = _slope(base, platform, lengths, best)[0]
+    for _ in range(_NEWTON_STEPS):
+        around = _moved(np.repeat(best, 12, axis=0), _APART * np.vstack([np.eye(6), -np.eye(6)]))
+        slopes = _slope(base, platform, lengths, around)
+        curvature = (slopes[:6] - slopes[6:]).T / (2.0 * _APART)
+        there = _moved(best, -np.linalg.lstsq(curvature, slope, rcond=None)[0][None])
+        other = _slope(base, platform, lengths, there)[0]
+        if not np.linalg.norm(other) < np.linalg.norm(slope):
+            break
+        best, slope = there, other
+    return np.asarray(best[0])
+
+
+def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> Array:
+    """Return half the derivatives (n, 6) of the sum of squared length errors."""
+    error = leg_lengths(base, platform, placements) - lengths
+    return np.asarray(np.einsum("nij,ni->nj", leg_jacobian(base, platform, placements), error))
+
+
+def _moved(placements: Array, motion: Array) -> Array:
+    """Return placements (n, 4, 4) after motions (n, 6): a shift, then a rotation vector (Rodrigues' formula)."""
+    rotation = motion[:, 3:]
+    angle = np.linalg.norm(rotation, axis=1)[:, None, None]
+    cross = np.zeros((len(rotation), 3, 3))
+    cross[:, [2, 0, 1], [1, 2, 0]], cross[:, [1, 2, 0], [2, 0, 1]] = rotation, -rotation
+    turned = np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
+    found = placements.copy()
+    found[:, :3, :3] = turned @ placements[:, :3, :3]
+    found[:, :3, 3] += motion[:, :3]
+    return found
+
+
+def _legs(base: Array, platform: Array, placements: Array) -> tuple[Array, Array]:
+    """Return each leg (..., 6, 3) from base to platform, and the platform points (..., 6, 3) from its origin, in the
+    base's axes."""
+    arms = platform @ np.swapaxes(placements[..., :3, :3], -1, -2)
+    return arms + placements[..., None, :3, 3] - base, arms
