@@ -3,7 +3,6 @@
 import numpy as np
 
 import cinegen
-from cinegen.model.limits import outside
 
 robot = cinegen.load("robots/gough.raff")
 lengths = [0.96, 1.0, 1.05, 1.05, 1.1, 1.0]  # m, as the encoders say, in the order of robot.actuated
@@ -15,7 +14,7 @@ possible = []
 for q, pose in zip(modes, modes.placements("platform"), strict=True):
     x, y, z = 1000 * pose.translation
     tilt = np.degrees(np.arccos(pose.rotation[2, 2]))
-    beyond = outside(robot, q)
+    beyond = robot.limits.outside(q)
     if not beyond:
         possible.append(q)
     print(f"    {x:6.1f} {y:6.1f} {z:6.1f} mm, tilted by {tilt:5.1f} degrees:", ", ".join(beyond) or "within limits")
