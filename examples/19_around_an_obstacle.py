@@ -6,7 +6,7 @@ from pathlib import Path
 from cinegen.collision import scene_of
 from cinegen.errors import CinegenError
 from cinegen.mission import Recording
-from cinegen.mission.way import record_plan
+from cinegen.mission.results import record_plan
 from cinegen.planning import plan, rrt_connect
 from cinegen.plotting import draw_plan
 

@@ -14,7 +14,7 @@ import pytest
 from cinegen.assembly import assembly_modes
 from cinegen.cli import files, main
 from cinegen.mission import Player, Recording
-from cinegen.mission.walk import record_modes
+from cinegen.mission.results import record_modes
 from cinegen.plotting.words import place
 
 

@@ -21,10 +21,9 @@ import cinegen.cli
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
 from cinegen.cockpit.film import FilmError, _output
-from cinegen.devices import Reading, RecordError
-from cinegen.devices import Recorder as SensorRecorder
-from cinegen.devices.replay import load as load_readings
-from cinegen.mission import Motion, Recorder, Recording
+from cinegen.devices import Reading, ReadingRecorder, RecordError
+from cinegen.devices.replay import load_readings
+from cinegen.mission import MissionRecorder, Recording, RobotSample
 from cinegen.workspace.sweep.sweep import _write as write_part_of_sweep
 
 
@@ -89,9 +88,9 @@ def inputs(robot, tmp_path_factory):
     """A recording and a URDF."""
     folder = tmp_path_factory.mktemp("inputs")
     arm = robot("planar_3r")
-    with Recorder(folder / "run.jsonl", {"arm": arm}) as recorder:
+    with MissionRecorder(folder / "run.jsonl", {"arm": arm}) as recorder:
         for k in range(50):
-            recorder.write(0.02 * k, {"arm": Motion(arm.q_home + 1e-3 * k)})
+            recorder.write(0.02 * k, {"arm": RobotSample(arm.q_home + 1e-3 * k, "IDLE")})
     (folder / "arm.urdf").write_text(arm.source.urdf)
     return folder
 
@@ -208,13 +207,13 @@ def test_graphics_have_no_place_beside_a_device(device, tmp_path, capsys):
 
 
 def _mission(path, robot):
-    with Recorder(path, {"arm": robot("planar_3r")}) as recorder:
+    with MissionRecorder(path, {"arm": robot("planar_3r")}) as recorder:
         for k in range(20):
-            recorder.write(0.1 * k, {"arm": Motion(np.full(3, 0.01 * k))})
+            recorder.write(0.1 * k, {"arm": RobotSample(np.full(3, 0.01 * k), "IDLE")})
 
 
 def _readings(path, robot):
-    with SensorRecorder(path) as recorder:
+    with ReadingRecorder(path) as recorder:
         for k in range(20):
             recorder.write(Reading(0.1 * k, (0.1, 0, 0, 0, 0, 0)))
 
@@ -264,9 +263,9 @@ def test_readings_that_are_there_are_lost_only_where_others_can_be_written(tmp_p
     with monkeypatch.context() as full:
         full.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left on device")))
         with pytest.raises(RecordError, match="no space left"):
-            SensorRecorder(path)
+            ReadingRecorder(path)
     assert path.read_bytes() == b"old"
-    SensorRecorder(path).close()
+    ReadingRecorder(path).close()
     assert path.read_bytes().startswith(b'{"cinegen":"readings"')
     assert stat.S_IMODE(path.stat().st_mode) == 0o640
 

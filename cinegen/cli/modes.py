@@ -289,7 +289,7 @@ def _draw(name: str, modes: AssemblyModes, options: argparse.Namespace) -> None:
 
 def _walk(name: str, modes: AssemblyModes, options: argparse.Namespace) -> int:
     """Shows the modes in the page, one after the other."""
-    from cinegen.mission.walk import record_modes
+    from cinegen.mission.results import record_modes
     from cinegen.session import replayed
 
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:

@@ -303,7 +303,7 @@ def _draw(found: Plan, options: argparse.Namespace) -> None:
 
 def _record(found: Plan, options: argparse.Namespace, moves: bool) -> None:
     """The robot alone: what exports it asks for no other."""
-    from cinegen.mission.way import record_plan
+    from cinegen.mission.results import record_plan
     from cinegen.session import in_scene
 
     path = Path(options.output)
@@ -319,17 +319,17 @@ def _record(found: Plan, options: argparse.Namespace, moves: bool) -> None:
 
 def _view(found: Plan, options: argparse.Namespace, moves: bool) -> None:
     """Shows the way in the page, between its obstacles."""
-    from cinegen.mission.line import Place
-    from cinegen.mission.way import record_plan
+    from cinegen.mission import BasePose
+    from cinegen.mission.results import record_plan
     from cinegen.session import in_scene, replayed
 
     if not moves:
         print("there is no way to be shown")
         return
     setup = in_scene(found.scene)
-    places = {name: Place(None, stand.placement) for name, stand in setup.stands.items()}
+    bases = {name: BasePose(None, None, stand.placement) for name, stand in setup.stands.items()}
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         recording = Path(folder) / f"{found.scene.name}.jsonl"
-        times = record_plan(found, recording, next(iter(setup.robots)), setup.robots, places)
+        times = record_plan(found, recording, next(iter(setup.robots)), setup.robots, bases)
         tempo = min(1.0, max(0.01, float(times[-1]) / _SHOWN))
         show(replayed(recording, tempo), options, found.scene.name)

@@ -3,7 +3,7 @@
 from cinegen.devices.gamepad import Gamepad
 from cinegen.devices.kinds import KINDS, open_sensor, overrides
 from cinegen.devices.lines import Lines, start_from
-from cinegen.devices.record import Recorder, RecordError
+from cinegen.devices.reading_recorder import ReadingRecorder, RecordError
 from cinegen.devices.scripted_path import SHAPES, ScriptedPath, ScriptedSensor, fit_path
 from cinegen.devices.shared_sensor import SensorReader, SharedSensor
 from cinegen.devices.teleoperation import Teleoperation, TwistMapping
@@ -15,8 +15,8 @@ __all__ = [
     "Gamepad",
     "Lines",
     "Reading",
+    "ReadingRecorder",
     "RecordError",
-    "Recorder",
     "ScriptedPath",
     "ScriptedSensor",
     "Sensor",

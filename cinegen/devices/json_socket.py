@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import json
 import selectors
 import socket
 import time
 from dataclasses import dataclass, field
 
-from cinegen.devices.json_line import LONGEST, LineError, parse
+from cinegen.devices.reading_json import LONGEST, ReadingError, decode_reading
 from cinegen.devices.threaded_sensor import DeviceLostError, ThreadedSensor
 from cinegen.sensor import NO_TWIST
+from cinegen.typed_json import encode
 
 CLIENTS = 16
 """At once; one more is told so."""
@@ -133,8 +133,8 @@ class JsonSocket(ThreadedSensor):
     def _take(self, client: socket.socket, line: bytes) -> None:
         state = self._clients[client]
         try:
-            said, _ = parse(line)
-        except LineError as error:
+            reading = decode_reading(line)
+        except ReadingError as error:
             self.damaged += 1
             state.mistakes += 1
             _answer(client, str(error))
@@ -146,11 +146,11 @@ class JsonSocket(ThreadedSensor):
             state.ignored = True
             return
         state.ignored = False
-        if said.twist is None and said.target is None:  # only buttons: the motion goes on
-            if said.buttons is not None:
-                self.newest.press(said.buttons)
+        if reading.twist is None and reading.target is None:  # only buttons: the motion goes on
+            if reading.buttons is not None:
+                self.newest.press(reading.buttons)
         else:
-            self.newest.put(said.twist, said.target, said.buttons)
+            self.newest.put(*reading)
 
     def _speaker(self) -> socket.socket | None:
         return next((client for client in reversed(self._clients) if self._clients[client].spoken), None)
@@ -171,4 +171,4 @@ class JsonSocket(ThreadedSensor):
 def _answer(client: socket.socket, error: str) -> None:
     """Says what is wrong; whoever does not listen, misses it."""
     with contextlib.suppress(OSError):
-        client.send(json.dumps({"error": error}).encode() + b"\n")
+        client.send(encode({"error": error}) + b"\n")

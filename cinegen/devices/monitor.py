@@ -11,7 +11,7 @@ from typing import Any
 from serial.tools import list_ports
 
 from cinegen.devices.kinds import KINDS, open_sensor, overrides, scheme, what_is, why_missing
-from cinegen.devices.record import header, line
+from cinegen.devices.reading_json import encode_header, encode_recorded
 from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
@@ -142,12 +142,12 @@ def monitor(url: str, write: Write, seconds: float | None = None, as_json: bool 
 
 
 def _record(sensor: Sensor, write: Write, seconds: float | None) -> None:
-    write(json.dumps(header(sensor.timeout)) + "\n")
+    write(encode_header(sensor.timeout).decode())
     begin: float | None = None
     for reading in _readings(sensor, seconds):
         if reading is not None:
             begin = reading.time if begin is None else begin
-            write(json.dumps(line(reading, begin)) + "\n")
+            write(encode_recorded(reading, begin).decode())
 
 
 def _show(sensor: Sensor, write: Write, seconds: float | None, rewrite: bool) -> None:

@@ -1,29 +1,29 @@
-"""A recording of readings as a sensor: it says the same at the same times."""
+"""`Replay`: a recording of readings as a sensor."""
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from bisect import bisect_right
 from pathlib import Path
-from typing import Any
 
-from cinegen.devices.json_line import LineError, numbers, parse, pressed
-from cinegen.devices.record import VERSION, RecordError
+import msgspec
+
+from cinegen.devices.reading_json import VERSION, ReadingError, ReadingsHeader, decode_recorded
+from cinegen.devices.reading_recorder import RecordError
 from cinegen.sensor import NO_TWIST, Reading, SensorState, SensorStatus
 
-_BESIDES = frozenset({"time", "pressed"})
+_HEADER = msgspec.json.Decoder(ReadingsHeader)
 
 
 class Replay:
-    """Plays a recording once; ends at rest.
+    """Replay a recording once; it ends at rest.
 
     Args:
-        path: of the file.
+        path: path of the file.
 
     Attributes:
-        timeout: of the sensor that was recorded: its silences are replayed too.
+        timeout: time-out of the recorded sensor, s: its silences are replayed too.
 
     Raises:
         RecordError: the file can't be read, or is no recording.
@@ -31,7 +31,7 @@ class Replay:
 
     def __init__(self, path: str | Path) -> None:
         self.url = f"replay:{path}"
-        self.readings, self.timeout = load(path)
+        self.readings, self.timeout = load_readings(path)
         last = self.readings[-1] if self.readings else Reading(0.0)
         if last.twist not in (None, NO_TWIST):
             self.readings.append(Reading(last.time + self.timeout if self.timeout < math.inf else last.time, NO_TWIST))
@@ -40,12 +40,12 @@ class Replay:
         self._read = 0
 
     def start(self) -> None:
-        """Begins to count the time, once."""
+        """Start the clock, once."""
         if self._begin is None:
             self._begin, self._read = time.monotonic(), 0
 
     def read(self) -> Reading | None:
-        """The newest reading whose time has come, with all presses since the one before."""
+        """Return the newest reading that is due, with all buttons pressed since the one before."""
         if self._begin is None:
             return None
         due = bisect_right(self._times, time.monotonic() - self._begin)
@@ -57,7 +57,7 @@ class Replay:
 
     @property
     def status(self) -> SensorStatus:
-        """Live until its end."""
+        """Live until the recording ends."""
         count = len(self.readings)
         if self._begin is None:
             return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
@@ -66,17 +66,17 @@ class Replay:
         return SensorStatus(SensorState.CLOSED, f"{self.url} is at its end", self._read)
 
     def close(self) -> None:
-        """Ends; when it is started again, it begins at its beginning."""
+        """Stop; started again, it replays from the start."""
         self._begin = None
 
 
-def load(path: str | Path) -> tuple[list[Reading], float]:
-    """The readings of a recording, their times counted from its beginning, and its sensor's time-out (s).
+def load_readings(path: str | Path) -> tuple[list[Reading], float]:
+    """Return the readings of a recording, timed from its start, and the time-out of its sensor, s.
 
-    A last line that was cut by a crash is left out.
+    A last line that was cut off by a crash is left out.
 
     Raises:
-        RecordError: the file can't be read, or is no recording; says in which line.
+        RecordError: the file can't be read, or is no recording; names the line.
     """
     try:
         data = Path(path).read_bytes()
@@ -85,14 +85,14 @@ def load(path: str | Path) -> tuple[list[Reading], float]:
     first, *lines = data.split(b"\n")
     timeout = _timeout(first, path)
     readings: list[Reading] = []
-    for number, line in enumerate(lines[:-1], 2):  # behind the last line's end there is nothing, or a line that was cut
+    for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
         if not line.strip():
             continue
         try:
-            reading = _reading(line)
+            reading = decode_recorded(line)
             if readings and reading.time < readings[-1].time:
-                raise LineError("its time is before that of the line before")
-        except LineError as error:
+                raise ReadingError("Expected a time not before that of the line before - at `$.time`")
+        except ReadingError as error:
             raise RecordError(f"{path}:{number}: {error}") from None
         readings.append(reading)
     return readings, timeout
@@ -100,22 +100,12 @@ def load(path: str | Path) -> tuple[list[Reading], float]:
 
 def _timeout(first: bytes, path: str | Path) -> float:
     try:
-        values: Any = json.loads(first)
-    except (ValueError, RecursionError):
-        values = None
-    if not isinstance(values, dict) or values.get("cinegen") != "readings":
-        raise RecordError(f'{path}: no recording of readings (those begin with {{"cinegen": "readings", ...}})')
-    if values.get("version") != VERSION:
-        raise RecordError(f"{path}: a recording of version {values.get('version')}, only {VERSION} can be read")
-    timeout = values.get("timeout")
-    if timeout is None:
-        return math.inf
-    if type(timeout) not in (int, float) or not 0.0 <= timeout < math.inf:
-        raise RecordError(f"{path}: its time-out is no time in seconds")
-    return float(timeout)
-
-
-def _reading(line: bytes) -> Reading:
-    said, values = parse(line, _BESIDES)
-    (when,) = numbers([values.get("time")], 1, "time")
-    return Reading(when, said.twist, said.target, said.buttons or frozenset(), pressed(values))
+        header = _HEADER.decode(first)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        example = '{"cinegen": "readings", ...}'
+        raise RecordError(f"{path}: not a recording of readings (its first line would be {example}): {error}") from None
+    if header.version != VERSION:
+        raise RecordError(f"{path}: a recording of version {header.version}; only version {VERSION} can be read")
+    if header.timeout is not None and header.timeout < 0.0:
+        raise RecordError(f"{path}: Expected a time-out >= 0 s - at `$.timeout`")
+    return math.inf if header.timeout is None else header.timeout

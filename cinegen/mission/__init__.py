@@ -1,27 +1,27 @@
-"""What happened, kept: a mission is recorded, played again, and handed on as the joint motion of a robot."""
+"""Missions: record the motion of robots, replay it, check it, and export it as a joint trajectory."""
 
-from cinegen.mission.check import Finding, Findings, Kind, check
+from cinegen.mission.check import Finding, FindingKind, Findings, check
 from cinegen.mission.export import ExportReport, export, report_text
+from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample
 from cinegen.mission.formats import FORMATS
-from cinegen.mission.line import MissionError, Motion, Place, RecordedTask
 from cinegen.mission.player import Player
-from cinegen.mission.recorder import Recorder
+from cinegen.mission.recorder import MissionRecorder
 from cinegen.mission.recording import Recording
 from cinegen.mission.trajectory import Trajectory, resampled
 
 __all__ = [
     "FORMATS",
+    "BasePose",
     "ExportReport",
     "Finding",
+    "FindingKind",
     "Findings",
-    "Kind",
     "MissionError",
-    "Motion",
-    "Place",
+    "MissionRecorder",
     "Player",
     "RecordedTask",
-    "Recorder",
     "Recording",
+    "RobotSample",
     "Trajectory",
     "check",
     "export",

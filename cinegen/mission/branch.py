@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.errors import ClosureError
-from cinegen.mission.line import MissionError
+from cinegen.mission.file_format import MissionError
 from cinegen.model import ForwardKinematics, Mechanism
 from raff2urdf.closure import CLOSED
 

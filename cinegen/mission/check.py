@@ -30,7 +30,7 @@ _SAME = 1e-6  # part of a period: two crossings so near are one
 _AT_ONCE = 1000  # matrices
 
 
-class Kind(Enum):
+class FindingKind(Enum):
     """What may be found."""
 
     OPEN = "loops are open"
@@ -46,7 +46,7 @@ class Kind(Enum):
     @property
     def serious(self) -> bool:
         """Whether a robot must not be sent there."""
-        return self in (Kind.OPEN, Kind.LIMIT, Kind.SPEED, Kind.TYPE_2)
+        return self in (FindingKind.OPEN, FindingKind.LIMIT, FindingKind.SPEED, FindingKind.TYPE_2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Finding:
         sigma: the smallest singular value there, without unit; None for what is no singularity.
     """
 
-    kind: Kind
+    kind: FindingKind
     time: float
     recorded: float
     words: str
@@ -119,18 +119,18 @@ def check(trajectory: Trajectory, threshold: float = NEAR, passive_threshold: fl
     gaps = _of_each(q, lambda one: np.array(mechanism.closure(one)))
     found = [*_undriven(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_speeds(trajectory)]
     end, passive = of_end(mechanism), of_passive_joints(mechanism) if mechanism.passive_rank else None
-    kinds = (Kind.TYPE_1, Kind.NEAR_TYPE_1)
+    kinds = (FindingKind.TYPE_1, FindingKind.NEAR_TYPE_1)
     sigma = _singular(trajectory, end, threshold, kinds, found) if end.rank else np.full(len(q), np.inf)
     passive_sigma = np.full(len(q), np.inf)
     if passive is not None:
-        kinds = (Kind.TYPE_2, Kind.NEAR_TYPE_2)
+        kinds = (FindingKind.TYPE_2, FindingKind.NEAR_TYPE_2)
         passive_sigma = _singular(trajectory, passive, passive_threshold, kinds, found)
     found.sort(key=lambda finding: finding.time)
     return Findings(tuple(found), float(gaps.max()), float(sigma.min()), float(passive_sigma.min()))
 
 
 def _finding(
-    trajectory: Trajectory, kind: Kind, time: float, words: str, q: Array, sigma: float | None = None
+    trajectory: Trajectory, kind: FindingKind, time: float, words: str, q: Array, sigma: float | None = None
 ) -> Finding:
     return Finding(kind, float(time), trajectory.recorded(time), words, q.copy(), sigma)
 
@@ -157,13 +157,13 @@ def _undriven(trajectory: Trajectory) -> Iterator[Finding]:
     count = len(mechanism.passive_columns) - mechanism.passive_rank
     if count:
         words = f"what the motors do leaves {count} freedom{'s' * (count != 1)} of {trajectory.name} to itself"
-        yield _finding(trajectory, Kind.UNDRIVEN, 0.0, words, trajectory.q[0])
+        yield _finding(trajectory, FindingKind.UNDRIVEN, 0.0, words, trajectory.q[0])
 
 
 def _open(trajectory: Trajectory, gaps: Array) -> Iterator[Finding]:
     for part in _stretches(~(gaps <= CLOSURE)):
         words = f"the loops are open by {gaps[part].max():.2g} (rad or lengths)"
-        yield _finding(trajectory, Kind.OPEN, trajectory.times[part.start], words, trajectory.q[part.start])
+        yield _finding(trajectory, FindingKind.OPEN, trajectory.times[part.start], words, trajectory.q[part.start])
 
 
 def _unit(mechanism: Mechanism, joint: str) -> str:
@@ -181,7 +181,9 @@ def _limits(trajectory: Trajectory) -> Iterator[Finding]:
             for part in _stretches(beyond > spare):
                 unit = _unit(mechanism, joint)
                 words = f"{joint} goes {beyond[part].max():.3g} {unit} beyond its {word} limit of {bound:.5g} {unit}"
-                yield _finding(trajectory, Kind.LIMIT, trajectory.times[part.start], words, trajectory.q[part.start])
+                yield _finding(
+                    trajectory, FindingKind.LIMIT, trajectory.times[part.start], words, trajectory.q[part.start]
+                )
 
 
 def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
@@ -194,7 +196,7 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
         speed, unit = steps[:, mechanism.q_index(joint)], f"{_unit(mechanism, joint)}/s"
         for part in _stretches(~(speed <= limit * (1.0 + _SPEED))):
             words = f"{joint} moves at {speed[part].max():.4g} {unit}, its limit is {limit:.4g} {unit}"
-            yield _finding(trajectory, Kind.SPEED, times[part.start], words, trajectory.q[part.start])
+            yield _finding(trajectory, FindingKind.SPEED, times[part.start], words, trajectory.q[part.start])
         if joint in mechanism.actuated and not np.isfinite(limit):
             unlimited.append((float(speed.max() / mechanism.scale[mechanism.v_index(joint)]), joint))
     if unlimited:
@@ -202,14 +204,14 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
         speed = steps[:, mechanism.q_index(joint)]
         k = int(speed.argmax())
         words = f"{joint}, which has no velocity limit, moves at {speed[k]:.3g} {_unit(mechanism, joint)}/s"
-        yield _finding(trajectory, Kind.NO_SPEED_LIMIT, times[k], words, trajectory.q[k])
+        yield _finding(trajectory, FindingKind.NO_SPEED_LIMIT, times[k], words, trajectory.q[k])
 
 
 # --- singularities ---------------------------------------------------------------------------------------------------
 
 
 def _singular(
-    trajectory: Trajectory, rows: Rows, threshold: float, kinds: tuple[Kind, Kind], found: list[Finding]
+    trajectory: Trajectory, rows: Rows, threshold: float, kinds: tuple[FindingKind, FindingKind], found: list[Finding]
 ) -> Array:
     """Adds the singularities of a kind that are passed and those that are near; (n,) the smallest singular values."""
     mechanism, q, times = trajectory.mechanism, trajectory.q, trajectory.times
@@ -232,7 +234,7 @@ def _singular(
         if through[max(0, part.start - 1) : part.stop + 1].any():
             continue
         k = part.start + int(sigma[part].argmin())
-        at_it = passed is Kind.TYPE_2 and sigma[k] < NEAR_TYPE_2
+        at_it = passed is FindingKind.TYPE_2 and sigma[k] < NEAR_TYPE_2
         said = _said(mechanism, passed, rows, q[k])
         words = f"it is at a {said}" if at_it else f"it is near a {said}; singular value {sigma[k]:.2g}"
         found.append(_finding(trajectory, passed if at_it else near, float(times[k]), words, q[k], float(sigma[k])))
@@ -247,9 +249,9 @@ def _of_each(q: Array, of: Callable[[Array], Array]) -> Array:
     return np.array(found)
 
 
-def _said(mechanism: Mechanism, kind: Kind, rows: Rows, q: Array) -> str:
+def _said(mechanism: Mechanism, kind: FindingKind, rows: Rows, q: Array) -> str:
     """Which singularity, and what it does."""
-    if kind is Kind.TYPE_2:
+    if kind is FindingKind.TYPE_2:
         motion = gained(mechanism, q)
         moves = np.abs(motion.joints / mechanism.scale) if motion is not None else np.zeros(mechanism.model.nv)
         joint = mechanism.columns[int(moves.argmax())]

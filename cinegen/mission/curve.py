@@ -12,7 +12,7 @@ _AIM = 0.999  # part of a limit that what was too fast is slowed to: so few roun
 _ROUNDING = 1e-9
 
 
-class Curve:
+class JointCurve:
     """Cubic between each two of its points, with the slopes of F. N. Fritsch and J. Butland ("A method for constructing
     local monotone piecewise cubic interpolants", SIAM J. Sci. Stat. Comput. 5, 1984) in between, and 0 at both ends:
     no value goes beyond those of the two points.
@@ -82,7 +82,7 @@ def slowed(times: Array, points: Array, limits: Array) -> Array:
     lengths = np.diff(times)
     while len(lengths):
         passes = np.concatenate([[0.0], np.cumsum(lengths)])
-        over = (Curve(passes, points).fastest / limits).max(axis=1, initial=0.0)
+        over = (JointCurve(passes, points).fastest / limits).max(axis=1, initial=0.0)
         if over.max() <= 1.0 + _ROUNDING:
             return passes
         lengths = np.where(over > 1.0, lengths * over / _AIM, lengths)

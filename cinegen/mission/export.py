@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cinegen.mission.check import Findings, check
+from cinegen.mission.file_format import MissionError
 from cinegen.mission.formats import format_of
-from cinegen.mission.line import MissionError
 from cinegen.mission.recording import Recording
 from cinegen.mission.trajectory import Trajectory, resampled
 from raff2urdf.files import write_all

@@ -1,7 +1,7 @@
-"""Writes a mission to a file while it goes on: a loop hands over what happened, a thread of its own writes it down.
+"""Write a mission to a file while it is recorded: a control loop hands over samples, a thread writes them.
 
-The loop never waits for a disk. Whatever happens to the program, what was handed over more than 20 ms before is in the
-file: each line is given to the system in one piece. Once a second all is brought to the disk itself.
+The loop never waits for the disk. If the program is killed, the file holds all samples that were handed over more than
+20 ms before: each line is one call of the system. The file is synchronised with the disk once a second.
 """
 
 from __future__ import annotations
@@ -16,57 +16,60 @@ from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
+import msgspec
+import numpy as np
 import pinocchio as pin
+from msgspec import UNSET, UnsetType
+from msgspec.structs import replace
 
-from cinegen.mission.line import MissionError, Motion, Place, begins_a_mission, header, line, written
+from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample, encode_header, is_mission
 from cinegen.model import Mechanism
+from cinegen.typed_json import encode
 from raff2urdf.files import is_stream, open_stream, write_all
 
 MOST = 10_000
-"""Moments that wait to be written: more are lost."""
+"""Moments that may wait to be written; further ones are lost."""
 
-_POLL = 0.02  # s: so often the thread looks what there is; to be woken by the loop would hold that up
-_SYNC = 1.0  # s: so often what was written is brought to the disk
-_PATIENCE = 5.0  # s: how long closing waits for the disk
+_POLL = 0.02  # s between two looks of the thread at the queue; waking it would delay the control loop
+_SYNC = 1.0  # s between two synchronisations with the disk
+_PATIENCE = 5.0  # s that `close` waits for the disk
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 
-_Moment = tuple[float, list[tuple[str, Motion]]]
 
-
-class Recorder:
-    """Records what robots do. `write` may stand in a loop of 1 kHz; nothing but the constructor raises.
+class MissionRecorder:
+    """Record the motion of robots. `write` may be called in a loop of 1 kHz; only the constructor raises.
 
     Args:
-        path: of the file.
-        mechanisms: the robots, by the names that `write` gives them.
-        places: where they stand, by name; in the world unless said.
-        overwrite: whether a mission that is there already may be lost. Another kind of file never is.
+        path: path of the file.
+        mechanisms: robots, by the names that `write` uses.
+        bases: base poses of those that are not fixed in the origin, by name.
+        overwrite: whether an existing mission is overwritten. A file of another kind never is.
 
     Attributes:
-        path: of the file.
-        error: why it can write no more; None while it can.
+        path: path of the file.
+        error: reason why nothing more can be written; None while it can.
 
     Raises:
-        MissionError: the file can't be written, or is there already; or places name what there is not.
+        MissionError: the file can't be written or exists, or a base pose names a robot or node that is not recorded.
     """
 
     def __init__(
         self,
         path: str | Path,
         mechanisms: Mapping[str, Mechanism],
-        places: Mapping[str, Place] | None = None,
+        bases: Mapping[str, BasePose] | None = None,
         overwrite: bool = False,
     ) -> None:
         self.path = Path(path)
         self.error: str | None = None
-        self._left_out = self._senseless = 0  # by the loop, and by the thread
-        self._file = _begin(self.path, header(mechanisms, places or {}), overwrite)
-        self._queue: deque[_Moment] = deque()  # whose ends are atomic in Python: there is no lock
+        self._refused = self._invalid = 0  # moments lost in `write`, and in the thread
+        self._file = _open(self.path, encode_header(mechanisms, bases or {}), overwrite)
+        self._queue: deque[tuple[float, list[tuple[str, RobotSample]]]] = deque()  # its ends are atomic: no lock
         self._end = threading.Event()
         self._sizes = {name: mechanism.model.nq for name, mechanism in mechanisms.items()}
-        self._before: dict[str, dict[str, Any]] = {}
+        self._written: dict[str, tuple[bytes, bytes | None]] = {}  # last sample of each robot, and its tasks
         self._first: float | None = None
         self._last = -math.inf
         self._thread = threading.Thread(target=self._run, name=f"recorder {self.path.name}", daemon=True)
@@ -74,41 +77,41 @@ class Recorder:
 
     @property
     def seconds(self) -> float:
-        """From the first moment to the last one that was taken, s."""
+        """Time from the first moment to the last, s."""
         return self._last - self._first if self._first is not None else 0.0
 
     @property
     def lost(self) -> int:
-        """How many moments were left out: they were too many to wait, made no sense or were no later than the last."""
-        return self._left_out + self._senseless
+        """Number of lost moments: the queue was full, a value was not valid, or the time was not after the last."""
+        return self._refused + self._invalid
 
-    def write(self, time: float, robots: Mapping[str, Motion]) -> None:
-        """Takes a moment; does not raise, does not wait.
+    def write(self, time: float, robots: Mapping[str, RobotSample]) -> None:
+        """Queue a moment. Neither raises nor waits.
 
         Args:
-            time: s, on any clock; later than the one before.
-            robots: by name; one that is not named stays as it was. They may change after this.
+            time: time on any clock, s; after that of the moment before.
+            robots: samples by name, which are copied; a robot that is not named stays as it was.
         """
         if self.error is not None:
             return
         try:
             if not self._last < time < math.inf or len(self._queue) >= MOST:
-                self._left_out += 1
+                self._refused += 1
                 return
-            moment = [(name, _kept(motion)) for name, motion in robots.items()]
+            moment = [(name, _copied(sample)) for name, sample in robots.items()]
             self._queue.append((time, moment))
             if self._first is None:
                 self._first = time
             self._last = time
-        except Exception:  # whatever it was given: the loop goes on
-            self._left_out += 1
+        except Exception:  # any invalid value: the control loop goes on
+            self._refused += 1
 
     def close(self, wait: bool = True) -> None:
-        """Ends. May be called again.
+        """End the recording. May be called again.
 
         Args:
-            wait: until all that was taken is on the disk, unless `error` says otherwise; 5 s at most. A loop does not,
-                and closes again when it has ended.
+            wait: wait until all moments are on the disk, at most 5 s. A control loop passes False, and its owner closes
+                again when the loop has ended.
         """
         self._end.set()
         if wait:
@@ -150,7 +153,7 @@ class Recorder:
                 since = round(time - begin, 9) if begin is not None else 0.0
                 data = self._line(since, robots) if since > last else None
                 if data is None:
-                    self._senseless += 1
+                    self._invalid += 1
                     continue
                 _put(self._file, data)
                 begin, last, dirty = (time if begin is None else begin), since, True
@@ -158,40 +161,61 @@ class Recorder:
                 _sync(self._file)
                 dirty, due = False, clock.monotonic() + _SYNC
 
-    def _line(self, time: float, robots: list[tuple[str, Motion]]) -> bytes | None:
-        """What there is to write; None where the moment makes no sense."""
-        parts, news = {}, {}
+    def _line(self, time: float, robots: list[tuple[str, RobotSample]]) -> bytes | None:
+        """Return the line of a moment: what differs from the one before. None if the moment is not valid."""
+        parts, written = {}, {}
         try:
-            for name, motion in robots:
-                if len(motion.q) != self._sizes[name]:
-                    raise ValueError("q of another robot")
-                part = written(motion)
-                before = self._before.get(name)
-                if part == before and repr(part["q"]) == repr(before["q"]):  # -0.0 is not 0.0
+            for name, sample in robots:
+                sample = _checked(sample, self._sizes[name])
+                motion, before = encode(replace(sample, tasks=UNSET)), self._written.get(name)
+                last = None if before is None else before[1]
+                tasks = last if sample.tasks is UNSET else encode(sample.tasks)
+                if before == (motion, tasks):  # compared as text: -0.0 is not 0.0
                     continue
-                news[name] = parts[name] = part
-                if before is not None and part["tasks"] == before["tasks"]:
-                    parts[name] = {key: value for key, value in part.items() if key != "tasks"}
-            data = line(time, parts)
+                written[name] = motion, tasks
+                parts[name] = msgspec.Raw(motion if tasks == last else encode(sample))
+            line = encode({"t": time, "robots": parts}) + b"\n"
         except Exception:
             return None
-        self._before |= news
-        return data
+        self._written |= written
+        return line
 
 
-def _kept(motion: Motion) -> Motion:
-    """A copy of what its owner may change."""
-    tasks = tuple([task._replace(target=_copied(task.target)) for task in motion.tasks])
-    return Motion(motion.q.copy(), tasks, motion.status)
+def _copied(sample: RobotSample) -> RobotSample:
+    """Return a copy of what its owner may change."""
+    tasks = sample.tasks
+    if not isinstance(tasks, UnsetType):
+        tasks = tuple([replace(task, target=_copied_pose(task.target)) for task in tasks])
+    return RobotSample(sample.q.copy(), sample.status, tasks)
 
 
-def _copied(target: pin.SE3 | None) -> pin.SE3 | None:
-    """A task may have been set to anything."""
+def _copied_pose(target: pin.SE3 | None) -> pin.SE3 | None:
     return target.copy() if isinstance(target, pin.SE3) else None
 
 
-def _begin(path: Path, first: bytes, overwrite: bool) -> int:
-    """Opens a file that holds the first line; what was there before is only lost when that is written."""
+def _checked(sample: RobotSample, nq: int) -> RobotSample:
+    """Return a sample that can be written: with numbers that are finite, and without targets that are not.
+
+    Raises:
+        ValueError: q has another length, or a number is not finite.
+    """
+    q = np.array(sample.q, dtype=float)
+    if q.shape != (nq,) or not np.isfinite(q).all():
+        raise ValueError("q")
+    if isinstance(sample.tasks, UnsetType):
+        return RobotSample(q, str(sample.status))
+    tasks = []
+    for task in sample.tasks:
+        if not math.isfinite(task.weight):
+            raise ValueError("weight")
+        target = task.target if task.target is not None and np.isfinite(task.target.homogeneous).all() else None
+        counts = int(task.translation), int(task.rotation)
+        tasks.append(RecordedTask(str(task.node), str(task.source), task.offset, target, *counts, float(task.weight)))
+    return RobotSample(q, str(sample.status), tuple(tasks))
+
+
+def _open(path: Path, first: bytes, overwrite: bool) -> int:
+    """Open a file and write its first line. An existing file is only replaced when that has been written."""
     flags = os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0)
     try:
         if is_stream(path):  # a pipe, for example
@@ -213,15 +237,15 @@ def _check_free(path: Path, overwrite: bool) -> None:
     if not path.exists() or path.stat().st_size == 0:
         return
     with path.open("rb") as file:
-        is_mission = begins_a_mission(file.readline())
-    if not is_mission:
-        raise MissionError(f"{path}: is there already, and no mission: it is not overwritten")
+        mission = is_mission(file.readline())
+    if not mission:
+        raise MissionError(f"{path}: exists, and is not a mission: it is not overwritten")
     if not overwrite:
-        raise MissionError(f"{path}: is a mission already; name another file, or remove it first")
+        raise MissionError(f"{path}: exists, and is a mission: name another file, or remove it first")
 
 
 def _put(file: int, data: bytes) -> None:
-    """Writes all: mostly in one call, for a disk that gets full takes but a part."""
+    """Write all data: mostly in one call; a disk that runs full takes a part of it."""
     while data:
         data = data[os.write(file, data) :]
 
@@ -230,7 +254,7 @@ def _sync(file: int) -> None:
     try:
         os.fsync(file)
     except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a pipe has no disk
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a pipe can't be synchronised
             raise
 
 

@@ -1,4 +1,4 @@
-"""A mission that was recorded: where all robots were, and what held them, at any time."""
+"""`Recording`: a recorded mission, with the configurations of all robots at any time."""
 
 from __future__ import annotations
 
@@ -8,12 +8,22 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
+import msgspec
 import numpy as np
+from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
-from cinegen.mission.line import Entry, LineError, MissionError, Motion, Place, RecordedTask, parse_header
-from cinegen.mission.line import parse_line as parse
+from cinegen.mission.file_format import (
+    BasePose,
+    MissionError,
+    Moment,
+    RecordedRobot,
+    RecordedTask,
+    RobotSample,
+    decode_header,
+    decode_moment,
+)
 from cinegen.model import Mechanism
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.load import build
@@ -21,18 +31,17 @@ from cinegen.model.load import build
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
-    """What was recorded. A robot that a moment does not name is as it was before; at first, at home and not held.
+    """A recorded mission. A robot that a moment leaves out is as in the moment before; at first, at home without tasks.
 
     Attributes:
-        path: of the file.
-        created: when, as in ISO 8601.
-        times: (count,) s since the first moment.
-        q: of each robot (count, nq), rad and m, as it was written, bit for bit.
-        tasks: of each robot what held it, (count).
-        statuses: of each robot the names of its statuses, (count).
-        places: where each robot stands.
+        path: path of the file.
+        created: time, in ISO 8601.
+        times: (count,) time of each moment since the first, s.
+        q: configurations (count, nq) of each robot, rad and m, with the doubles that were written.
+        tasks: tasks of each robot, (count).
+        statuses: names of the statuses of each robot, (count).
     """
 
     path: Path
@@ -41,16 +50,18 @@ class Recording:
     q: Mapping[str, Array]
     tasks: Mapping[str, list[tuple[RecordedTask, ...]]]
     statuses: Mapping[str, list[str]]
-    places: Mapping[str, Place]
-    _entries: Mapping[str, Entry] = field(repr=False)
-    _built: dict[str, Mechanism] = field(repr=False, default_factory=dict)
+    _described: Mapping[str, RecordedRobot]
+    _built: dict[str, Mechanism] = field(default_factory=dict)
+
+    def __repr__(self) -> str:
+        return f"<Recording of {', '.join(self.robots)}: {len(self.times)} moments in {self.seconds:.3f} s>"
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """Reads a file. A last line that was cut by a crash is left out.
+        """Read a file. A last line that was cut off by a crash is left out.
 
         Raises:
-            MissionError: the file can't be read, is no mission, of another version or damaged; says in which line.
+            MissionError: the file can't be read, is no mission, of another version or damaged; names the line.
         """
         path = Path(path)
         try:
@@ -60,92 +71,97 @@ class Recording:
         first, *lines = data.split(b"\n")
         del data
         try:
-            created, entries = parse_header(first)
-        except LineError as error:
+            header = decode_header(first)
+        except MissionError as error:
             raise MissionError(f"{path}: {error}") from None
-        moments = _moments(path, lines, {name: entry.nq for name, entry in entries.items()})
-        self = cls(path, created, np.array([time for time, _ in moments]), {}, {}, {}, {}, entries)
-        courses = {name: self._course(name, [robots.get(name) for _, robots in moments]) for name in entries}
+        moments = _moments(path, lines, header.robots)
+        self = cls(path, header.created, np.array([moment.t for moment in moments]), {}, {}, {}, header.robots)
+        samples = {name: self._samples(name, moments) for name in header.robots}
         return replace(
             self,
-            q={name: course[0] for name, course in courses.items()},
-            tasks={name: course[1] for name, course in courses.items()},
-            statuses={name: course[2] for name, course in courses.items()},
-            places={name: entry.place for name, entry in entries.items()},
+            q={name: self._configurations(name, all_) for name, all_ in samples.items()},
+            tasks={name: [_tasks(sample) for sample in all_] for name, all_ in samples.items()},
+            statuses={name: [sample.status for sample in all_] for name, all_ in samples.items()},
         )
 
-    def _course(
-        self, name: str, said: list[tuple[Motion, bool] | None]
-    ) -> tuple[Array, list[tuple[RecordedTask, ...]], list[str]]:
-        """A robot's q (count, nq), tasks and statuses, from what the moments say of it; None where they don't."""
-        motions: list[Motion] = []
-        for one in said:
-            if one is None:
-                motions.append(motions[-1] if motions else Motion(self.mechanism(name).q_home))
-            else:
-                motion, says_tasks = one
-                motions.append(motion if says_tasks or not motions else motion._replace(tasks=motions[-1].tasks))
-        q = np.array([motion.q for motion in motions]).reshape(len(motions), self._entries[name].nq)
+    def _samples(self, name: str, moments: list[Moment]) -> list[RobotSample]:
+        """Return the samples of a robot, one for each moment."""
+        samples: list[RobotSample] = []
+        for moment in moments:
+            sample, last = moment.robots.get(name), samples[-1] if samples else None
+            if sample is None:
+                sample = last or RobotSample(self.mechanism(name).q_home, "IDLE")
+            elif last is not None and sample.tasks is UNSET:
+                sample = msgspec.structs.replace(sample, tasks=last.tasks)
+            samples.append(sample)
+        return samples
+
+    def _configurations(self, name: str, samples: list[RobotSample]) -> Array:
+        q = np.array([sample.q for sample in samples]).reshape(len(samples), self._described[name].nq)
         q.flags.writeable = False
-        return q, [tuple(motion.tasks) for motion in motions], [motion.status for motion in motions]
+        return q
 
     @property
     def robots(self) -> tuple[str, ...]:
-        """Their names."""
-        return tuple(self._entries)
+        """Names of the robots."""
+        return tuple(self._described)
+
+    @property
+    def bases(self) -> dict[str, BasePose]:
+        """Base pose of each robot."""
+        return {name: robot.base for name, robot in self._described.items()}
 
     @property
     def seconds(self) -> float:
-        """From the first moment to the last, s."""
+        """Time from the first moment to the last, s."""
         return float(self.times[-1]) if len(self.times) else 0.0
 
     def actuated(self, name: str) -> tuple[str, ...]:
-        """Names of a robot's joints with a motor.
+        """Return the names of a robot's actuated joints.
 
         Raises:
             UnknownNameError: no such robot.
         """
-        return self._entry(name).actuated
+        return self._robot(name).actuated
 
-    def _entry(self, name: str) -> Entry:
-        if name not in self._entries:
+    def _robot(self, name: str) -> RecordedRobot:
+        if name not in self._described:
             raise UnknownNameError("robot", name, self.robots)
-        return self._entries[name]
+        return self._described[name]
 
     def mechanism(self, name: str) -> Mechanism:
-        """A robot as it was when it was recorded, built from the first line; once for all calls. Its meshes are looked
-        for only when they are shown.
+        """Build a robot from the first line, as it was recorded; once for all calls. Its meshes are only read when they
+        are drawn.
 
         Raises:
-            UnknownNameError: no such robot.
+            UnknownNameError: there is no such robot.
             MissionError: its description was changed since, or can't be built any more.
         """
-        entry = self._entry(name)
+        robot = self._robot(name)
         if name not in self._built:
-            if fingerprint(entry.urdf, entry.constraints) != entry.hash:
+            if fingerprint(robot.urdf, robot.constraints) != robot.hash:
                 raise MissionError(f"{self.path}:1: the description of '{name}' was changed after it was recorded")
             try:
-                constraints = None if entry.constraints is None else dict(entry.constraints)
-                mechanism = build(entry.urdf, constraints, entry.folder, entry.source)
+                mechanism = build(robot.urdf, robot.constraints, robot.folder, robot.source)
             except (CinegenError, LookupError, TypeError, ValueError) as error:
                 raise MissionError(f"{self.path}:1: '{name}' can't be built: {error}") from None
-            if mechanism.model.nq != entry.nq or mechanism.actuated != entry.actuated:
-                raise MissionError(f"{self.path}:1: '{name}' is built otherwise today than when it was recorded")
+            if mechanism.model.nq != robot.nq or mechanism.actuated != robot.actuated:
+                raise MissionError(f"{self.path}:1: '{name}' is built differently today than when it was recorded")
             self._built[name] = mechanism
         return self._built[name]
 
     def index_at(self, time: float) -> int:
-        """Which moment is the last that is not after a time (s); the first one where all are. 0 where there is none."""
+        """Return the index of the last moment not after a time (s); 0 if all are after it, or there is none."""
         return max(0, bisect_right(self.times, time) - 1)
 
     def at(self, time: float) -> dict[str, Array]:
-        """Where all robots are at a time, between two moments too: on the shortest way, loops closed.
+        """Return the configurations at a time: between two moments interpolated, with closed loops.
 
         Args:
-            time: s since the first moment; before it and after the last, all stand.
+            time: time since the first moment, s; before it the first and after the last moment the last is returned.
 
         Returns:
-            (nq,) for each robot; home where nothing was recorded.
+            (nq,) for each robot; home if nothing was recorded.
 
         Raises:
             MissionError: see `mechanism`.
@@ -159,31 +175,36 @@ class Recording:
         return {name: between(self.mechanism(name), q[i], q[j], float(x)) for name, q in self.q.items()}
 
 
-def _moments(
-    path: Path, lines: list[bytes], sizes: Mapping[str, int]
-) -> list[tuple[float, dict[str, tuple[Motion, bool]]]]:
-    moments: list[tuple[float, dict[str, tuple[Motion, bool]]]] = []
-    for number, data in enumerate(lines[:-1], 2):  # behind the last line's end there is nothing, or a line that was cut
-        if not data.strip():
+def _moments(path: Path, lines: list[bytes], robots: Mapping[str, RecordedRobot]) -> list[Moment]:
+    moments: list[Moment] = []
+    for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
+        if not line.strip():
             continue
         try:
-            moment = parse(data, sizes)
-            if moments and moment[0] <= moments[-1][0]:
-                raise LineError("its time is not after that of the line before")
-        except LineError as error:
+            moment = decode_moment(line, robots)
+            if moments and moment.t <= moments[-1].t:
+                raise MissionError("Expected a time after that of the line before - at `$.t`")
+        except MissionError as error:
             raise MissionError(f"{path}:{number}: {error}") from None
         moments.append(moment)
     return moments
 
 
+def _tasks(sample: RobotSample) -> tuple[RecordedTask, ...]:
+    return () if isinstance(sample.tasks, UnsetType) else sample.tasks
+
+
 def between(mechanism: Mechanism, first: Array, second: Array, x: float) -> Array:
-    """(nq,) on the shortest way between two configurations that are near each other, loops closed.
+    """Return the interpolation of two configurations that are near each other, with closed loops.
 
     Args:
-        mechanism: which.
-        first: (nq,) loops closed.
-        second: (nq,) loops closed.
-        x: part of the way, 0 to 1. Where loops can't be closed on that way, the nearer end is given.
+        mechanism: mechanism of both.
+        first: (nq,) configuration with closed loops.
+        second: (nq,) configuration with closed loops.
+        x: fraction of the path, 0 to 1.
+
+    Returns:
+        (nq,) configuration; the nearer of the two where the loops can't be closed between them.
     """
     nearer = first if x < 0.5 else second
     if x in (0.0, 1.0) or not mechanism.model.nv or np.array_equal(first, second):

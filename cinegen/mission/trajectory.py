@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cinegen.errors import ClosureError, UnknownNameError
 from cinegen.mission.branch import Branch
-from cinegen.mission.curve import Curve, slowed
-from cinegen.mission.line import MissionError
+from cinegen.mission.curve import JointCurve, slowed
+from cinegen.mission.file_format import MissionError
 from cinegen.mission.recording import Recording
 from cinegen.model import Mechanism
 
@@ -169,7 +169,7 @@ def _timed(
         count = math.ceil(passes[-1] * rate - _ROUNDING) + 1
         if not count <= _MOST:
             raise MissionError(f"{name} can't be exported: {count:.3g} samples at {rate:g} a second are too many")
-        curve = Curve(passes, knots)
+        curve = JointCurve(passes, knots)
         times = np.minimum(np.arange(count) / rate, passes[-1])
         q = _led(branch, curve, times, recorded, name)
         over = (np.abs(np.diff(q, axis=0)) * rate / limits).max(axis=1, initial=0.0)
@@ -185,7 +185,7 @@ def _timed(
     raise MissionError(f"{name} can't be exported: however slow its motors, a joint that follows them is too fast")
 
 
-def _led(branch: Branch, curve: Curve, times: Array, recorded: Array, name: str) -> Array:
+def _led(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name: str) -> Array:
     """(n, nq) all joints at times (n,): those of a curve, led along the branch."""
     along = curve.at(times)
     if not branch.mechanism.loops:

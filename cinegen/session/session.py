@@ -16,8 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.errors import CinegenError
-from cinegen.mission import Motion as Sample
-from cinegen.mission import Place, Player, RecordedTask, Recorder, Recording
+from cinegen.mission import BasePose, MissionRecorder, Player, RecordedTask, Recording, RobotSample
 from cinegen.session import commands as c
 from cinegen.session.devices import Devices
 from cinegen.session.driven import HAND, PIN, SENSOR, Driven, Held, Pinned
@@ -65,12 +64,12 @@ class Session:
         self._answered = 0
         self._ticks = 0
         self._settings = {"gain": 100.0, "damping": 0.05}
-        self._recorder: Recorder | None = None
+        self._recorder: MissionRecorder | None = None
         self._recorded_in = ""
-        self._recorded: list[Recorder] = []  # whose files may still be written
+        self._recorded: list[MissionRecorder] = []  # whose files may still be written
         self._player = Player(Recording.load(setup.replay)) if setup.replay is not None else None
         if self._player is not None:
-            self._player.tempo(setup.tempo)
+            self._player.set_speed(setup.tempo)
             if not setup.stops:
                 self._player.play()
         self._obeys: dict[type[c.Command], Callable[[Any], None]] = {
@@ -320,11 +319,8 @@ class Session:
             self._notice(f"recorded {recorder.seconds:.1f} s in {self._recorded_in}")
 
     def _begin_recording(self, path: str) -> None:
-        places = {
-            name: Place((stand.robot, stand.node) if stand.robot and stand.node else None, stand.placement)
-            for name, stand in self.setup.stands.items()
-        }
-        self._recorder = Recorder(Path(path), self.setup.robots, places)
+        bases = {name: BasePose(stand.robot, stand.node, stand.placement) for name, stand in self.setup.stands.items()}
+        self._recorder = MissionRecorder(Path(path), self.setup.robots, bases)
         self._recorded_in = path
 
     def _replay(self, command: c.Play | c.Seek | c.Tempo) -> None:
@@ -333,7 +329,7 @@ class Session:
         if isinstance(command, c.Seek):
             self._player.seek(command.time)
         elif isinstance(command, c.Tempo):
-            self._player.tempo(command.factor)
+            self._player.set_speed(command.factor)
         elif command.on:
             self._player.play()
         else:
@@ -352,7 +348,7 @@ class Session:
                 self._player.seconds,
                 self._player.time,
                 self._player.playing,
-                self._player.factor,
+                self._player.speed,
             )
         moving = next((one.motion.name for one in self.robots.values() if one.motion is not None), None)
         return State(
@@ -393,9 +389,9 @@ def _robot(one: Driven) -> RobotState:
     return RobotState(one.q, one.base.copy(), tasks, one.status(), one.step.saturated, one.step.closure)
 
 
-def _sample(one: Driven) -> Sample:
+def _sample(one: Driven) -> RobotSample:
     tasks = tuple(
         RecordedTask(p.node, held.who, p.offset, one.base * p.target, p.translation, p.rotation, p.weight)
         for held, p in ((held, held.task) for held in one.held)
     )
-    return Sample(one.q, tasks, one.status()[0])
+    return RobotSample(one.q, one.status()[0], tasks)

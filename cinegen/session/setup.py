@@ -325,9 +325,8 @@ def replayed(path: str | Path, tempo: float = 1.0, stops: Sequence[tuple[float, 
         raise SetupError(f"a tempo is 0.01 to 100 times that of the recording, not {tempo}")
     recording = Recording.load(path)
     stands = {}
-    for name, place in recording.places.items():
-        robot, node = place.stands_on or (None, None)
-        stands[name] = Stand(robot, node, place.placement or pin.SE3.Identity())
+    for name, base in recording.bases.items():
+        stands[name] = Stand(base.robot, base.node, base.placement)
     robots = {name: recording.mechanism(name) for name in recording.q}
     return Setup(robots, stands, replay=str(path), tempo=tempo, stops=tuple(stops))
 

@@ -15,7 +15,7 @@ from playwright.sync_api import sync_playwright
 import cinegen
 from cinegen.cockpit import Cockpit
 from cinegen.collision.scene import scene_of
-from cinegen.mission.walk import record_modes
+from cinegen.mission.results import record_modes
 from cinegen.session import arrange, in_scene, replayed
 
 CHROMIUM = shutil.which("chromium")

@@ -150,7 +150,7 @@ def test_a_device_is_monitored(tmp_path):
         "live: a Magellan SpaceMouse with 11 buttons", "x +0.50 |     :##   |", "rz +0.00", "ry +1.00 |     :#####|"
     )
     one_line = Watched("\r\033[K", "ry +1.00")
-    recorded = Watched('"cinegen": "readings"', '"twist"')
+    recorded = Watched('"cinegen":"readings"', '"twist"')
     try:
         for watched, options in ((lines, {}), (one_line, {"rewrite": True}), (recorded, {"as_json": True})):
             monitor(str(device.path), watched, 30.0, **options)

@@ -13,8 +13,8 @@ import pinocchio as pin
 import pytest
 from played import wait
 
-from cinegen.devices import Reading, Recorder, RecordError, SensorState, open_sensor
-from cinegen.devices.replay import Replay, load
+from cinegen.devices import Reading, ReadingRecorder, RecordError, SensorState, open_sensor
+from cinegen.devices.replay import Replay, load_readings
 
 READINGS = [
     Reading(100.0, (0, 0, 0.5, 0, 0, 0)),
@@ -27,14 +27,14 @@ READINGS = [
 @pytest.fixture
 def recording(tmp_path):
     path = tmp_path / "run.jsonl"
-    with Recorder(path, 0.2) as recorder:
+    with ReadingRecorder(path, 0.2) as recorder:
         for reading in READINGS:
             recorder.write(reading)
     return path
 
 
 def test_what_was_written_is_read(recording):
-    readings, timeout = load(recording)
+    readings, timeout = load_readings(recording)
     assert timeout == 0.2
     assert [r.time for r in readings] == pytest.approx([0.0, 0.05, 0.05, 0.1])
     for said, written in zip(readings, READINGS, strict=True):
@@ -72,28 +72,28 @@ def test_a_line_that_was_cut_is_left_out(recording):
     whole = recording.read_bytes()
     for length in range(whole.index(b"\n") + 1, len(whole), 7):
         recording.write_bytes(whole[:length])
-        assert len(load(recording)[0]) == whole[:length].count(b"\n") - 1
+        assert len(load_readings(recording)[0]) == whole[:length].count(b"\n") - 1
 
 
 def test_a_process_that_is_killed_leaves_all_it_wrote(tmp_path):
     path = tmp_path / "run.jsonl"
     program = f"""
-from cinegen.devices import Reading, Recorder
-recorder = Recorder({str(path)!r})
+from cinegen.devices import Reading, ReadingRecorder
+recorder = ReadingRecorder({str(path)!r})
 for i in range(10**9):
     recorder.write(Reading(float(i), (0.5,) * 6))
 """
     with subprocess.Popen([sys.executable, "-c", program]) as process:
         wait(lambda: path.exists() and path.stat().st_size > 10_000, 60)
         process.send_signal(signal.SIGKILL)
-    readings, _ = load(path)
+    readings, _ = load_readings(path)
     assert len(readings) > 50
     assert [reading.time for reading in readings] == list(range(len(readings)))
 
 
 def test_a_full_disk_does_not_raise(device):
     full = device("full")
-    recorder = Recorder(full)
+    recorder = ReadingRecorder(full)
     recorder.write(READINGS[0])
     assert "no space" in recorder.error
     recorder.close()
@@ -106,22 +106,29 @@ def test_it_leaves_no_file_open(tmp_path):
         pytest.skip("no /proc here")
     before = len(os.listdir("/proc/self/fd"))
     for i in range(20):
-        Recorder(tmp_path / f"{i}").close()
+        ReadingRecorder(tmp_path / f"{i}").close()
     assert len(os.listdir("/proc/self/fd")) == before
 
 
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "no recording"),
-        ("hello\n", "no recording"),
-        ("[]\n", "no recording"),
-        ('{"cinegen": "readings", "version": 2}\n', "version 2"),
-        ('{"cinegen": "readings", "version": 1, "timeout": "x"}\n', "time-out"),
-        ('{"cinegen": "readings", "version": 1}\n{"time": 1}\n\n{"time": 0}\n', ":4: its time is before"),
-        ('{"cinegen": "readings", "version": 1}\n{"twist": [0, 0, 0, 0, 0, 0]}\n', ":2: 'time'"),
-        ('{"cinegen": "readings", "version": 1}\n{"time": 0, "pressed": "x"}\n', ":2: 'pressed'"),
-        ('{"cinegen": "readings", "version": 1}\n{"time": 0, "twist": [NaN]}\n', ":2: no JSON"),
+        ("", "not a recording"),
+        ("hello\n", "not a recording"),
+        ("[]\n", "not a recording"),
+        ('{"cinegen": "readings", "version": 2}\n', "version 2; only version 1"),
+        ('{"cinegen": "readings", "version": 1, "timeout": "x"}\n', r"got `str` - at `\$.timeout`"),
+        ('{"cinegen": "readings", "version": 1, "timeout": -1}\n', "time-out"),
+        (
+            '{"cinegen": "readings", "version": 1}\n{"time": 1}\n\n{"time": 0}\n',
+            r":4: Expected a time not before",
+        ),
+        (
+            '{"cinegen": "readings", "version": 1}\n{"twist": [0, 0, 0, 0, 0, 0]}\n',
+            ":2: .* field `time`",
+        ),
+        ('{"cinegen": "readings", "version": 1}\n{"time": 0, "pressed": "x"}\n', r":2: .*`\$.pressed`"),
+        ('{"cinegen": "readings", "version": 1}\n{"time": 0, "twist": [NaN]}\n', ":2: JSON is malformed"),
     ],
 )
 def test_what_is_no_recording(tmp_path, text, why):
@@ -135,12 +142,12 @@ def test_no_file(tmp_path):
     with pytest.raises(RecordError, match="no such file"):
         Replay(tmp_path / "none")
     with pytest.raises(RecordError, match="can't be written"):
-        Recorder(tmp_path)
+        ReadingRecorder(tmp_path)
 
 
 def test_an_empty_recording_and_one_without_time_out(tmp_path):
     path = tmp_path / "run.jsonl"
-    with Recorder(path, math.inf):
+    with ReadingRecorder(path, math.inf):
         pass
     assert json.loads(path.read_text())["timeout"] is None
     sensor = Replay(path)

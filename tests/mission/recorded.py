@@ -9,15 +9,15 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen import Mechanism, Solver
-from cinegen.mission import Motion, Recorder, Recording
+from cinegen.mission import MissionRecorder, Recording, RobotSample
 from cinegen.model import ForwardKinematics
 
 
 def record(path: Path, mechanism: Mechanism, times, q, name: str = "robot") -> Recording:
     """A recording of configurations."""
-    with Recorder(path, {name: mechanism}, overwrite=True) as recorder:
+    with MissionRecorder(path, {name: mechanism}, overwrite=True) as recorder:
         for time, one in zip(times, q, strict=True):
-            recorder.write(float(time), {name: Motion(np.asarray(one))})
+            recorder.write(float(time), {name: RobotSample(np.asarray(one), "IDLE")})
     assert recorder.lost == 0
     return Recording.load(path)
 

@@ -14,7 +14,16 @@ import yaml
 from recorded import record, swung
 
 from cinegen.errors import UnknownNameError
-from cinegen.mission import FORMATS, MissionError, Motion, Recorder, Recording, export, report_text, resampled
+from cinegen.mission import (
+    FORMATS,
+    MissionError,
+    MissionRecorder,
+    Recording,
+    RobotSample,
+    export,
+    report_text,
+    resampled,
+)
 from cinegen.mission.formats import format_of
 
 
@@ -187,9 +196,12 @@ def test_what_is_told(robot, tmp_path, recording):
 def test_one_of_several_robots(robot, tmp_path):
     arm, delta = robot("planar_3r"), robot("delta4")
     path = tmp_path / "run.jsonl"
-    with Recorder(path, {"arm": arm, "delta": delta}) as recorder:
+    with MissionRecorder(path, {"arm": arm, "delta": delta}) as recorder:
         for i in range(20):
-            recorder.write(i / 20, {"arm": Motion(np.full(3, 0.5 + i / 40)), "delta": Motion(delta.q_home)})
+            recorder.write(
+                i / 20,
+                {"arm": RobotSample(np.full(3, 0.5 + i / 40), "IDLE"), "delta": RobotSample(delta.q_home, "IDLE")},
+            )
     with pytest.raises(MissionError, match="several robots: name one of arm, delta"):
         export(path, "csv")
     with pytest.raises(UnknownNameError, match="no robot 'amr'"):

@@ -15,12 +15,13 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 from recorded import record, swung
 
 import cinegen.mission.recorder as module
 from cinegen import CinegenError
 from cinegen.errors import UnknownNameError
-from cinegen.mission import MissionError, Motion, Place, Player, RecordedTask, Recorder, Recording
+from cinegen.mission import BasePose, MissionError, MissionRecorder, Player, RecordedTask, Recording, RobotSample
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 doubles = st.lists(finite, min_size=3, max_size=3)
@@ -33,14 +34,14 @@ def _wait(condition, seconds=10.0):
         time.sleep(0.002)
 
 
-def _task(x=0.0, who="hand"):
+def _task(x=0.0, source="pointer"):
     turned = pin.SE3(pin.exp3(np.array([0.1, x, -0.3])), np.array([x, 0.2, 0.3]))
-    return RecordedTask("tool", who, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), turned, 3, 0, 2.5)
+    return RecordedTask("tool", source, pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.1])), turned, 3, 0, 2.5)
 
 
 def _same(one: RecordedTask, other: RecordedTask):
-    assert one[:2] == other[:2]
-    assert one[4:] == other[4:]
+    for name in ("node", "source", "translation", "rotation", "weight"):
+        assert getattr(one, name) == getattr(other, name)
     assert one.offset.isApprox(other.offset, 1e-14)
     assert (one.target is None) == (other.target is None)
     assert one.target is None or one.target.isApprox(other.target, 1e-14)
@@ -53,9 +54,9 @@ def _same(one: RecordedTask, other: RecordedTask):
 @given(st.lists(doubles, max_size=8), st.floats(-1e6, 1e6))
 def test_what_was_recorded_is_read_bit_for_bit(robot, tmp_path_factory, configurations, begin):
     arm, path = robot("planar_3r"), tmp_path_factory.mktemp("mission") / "run.jsonl"
-    with Recorder(path, {"arm": arm}) as recorder:
+    with MissionRecorder(path, {"arm": arm}) as recorder:
         for i, q in enumerate(configurations):
-            recorder.write(begin + i / 64, {"arm": Motion(np.array(q))})
+            recorder.write(begin + i / 64, {"arm": RobotSample(np.array(q), "IDLE")})
     recording = Recording.load(path)
     assert recorder.lost == 0
     assert recorder.seconds == pytest.approx(recording.seconds, abs=1e-9)
@@ -63,16 +64,16 @@ def test_what_was_recorded_is_read_bit_for_bit(robot, tmp_path_factory, configur
     assert recording.times == pytest.approx([i / 64 for i in range(len(configurations))], abs=1e-9)
 
 
-def test_pulls_statuss_and_places_are_read(robot, tmp_path):
+def test_tasks_statuses_and_base_poses_are_read(robot, tmp_path):
     arm, delta = robot("planar_3r"), robot("delta4")
-    place = Place(("arm", "tool"), pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), np.array([0.1, 0.0, 0.5])))
-    tasks = [(), (_task(),), (_task(),), (_task(1.0), _task(0.0, "pin")), (_task()._replace(target=None),), ()]
-    with Recorder(tmp_path / "run.jsonl", {"arm": arm, "delta": delta}, {"delta": place}) as recorder:
+    place = BasePose("arm", "tool", pin.SE3(pin.exp3(np.array([0.0, 0.0, 1.0])), np.array([0.1, 0.0, 0.5])))
+    tasks = [(), (_task(),), (_task(),), (_task(1.0), _task(0.0, "pin")), (replace(_task(), target=None),), ()]
+    with MissionRecorder(tmp_path / "run.jsonl", {"arm": arm, "delta": delta}, {"delta": place}) as recorder:
         for i, now in enumerate(tasks):
             q = np.array([0.1, 0.2, 0.01 * i])
-            robots = {"arm": Motion(q, now, "FOLLOWING" if now else "IDLE")}
+            robots = {"arm": RobotSample(q, "FOLLOWING" if now else "IDLE", now)}
             if i == 3:
-                robots["delta"] = Motion(delta.q_home, (), "AT_LIMIT")
+                robots["delta"] = RobotSample(delta.q_home, "AT_LIMIT", ())
             recorder.write(i / 100, robots)
             q[:] = np.nan  # it may be used again
     recording = Recording.load(tmp_path / "run.jsonl")
@@ -85,19 +86,18 @@ def test_pulls_statuss_and_places_are_read(robot, tmp_path):
     assert recording.q["arm"][:, 2] == pytest.approx([0.01 * i for i in range(6)])
     assert recording.statuses["delta"] == ["IDLE"] * 3 + ["AT_LIMIT"] * 3  # unsaid: at home, then as it was
     assert (recording.q["delta"] == delta.q_home).all()
-    stands_on, placement = recording.places["delta"]
-    assert stands_on == ("arm", "tool")
-    assert placement.isApprox(place.placement, 1e-14)
-    assert recording.places["arm"].stands_on is None
-    assert recording.places["arm"].placement == pin.SE3.Identity()
+    base = recording.bases["delta"]
+    assert (base.robot, base.node) == ("arm", "tool")
+    assert base.placement.isApprox(place.placement, 1e-14)
+    assert recording.bases["arm"] == BasePose()
 
 
 def test_what_does_not_change_is_not_written_again(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
-    with Recorder(path, {"arm": arm}) as recorder:
+    with MissionRecorder(path, {"arm": arm}) as recorder:
         for i in range(4):
-            recorder.write(i, {"arm": Motion(np.array([0.0, 0.0, 1.0 * (i > 1)]), (_task(),))})
-        recorder.write(4, {"arm": Motion(np.array([-0.0, 0.0, 1.0]), (_task(),))})
+            recorder.write(i, {"arm": RobotSample(np.array([0.0, 0.0, 1.0 * (i > 1)]), "IDLE", (_task(),))})
+        recorder.write(4, {"arm": RobotSample(np.array([-0.0, 0.0, 1.0]), "IDLE", (_task(),))})
     lines = [json.loads(line)["robots"] for line in path.read_text().splitlines()[1:]]
     assert [sorted(line.get("arm", "")) for line in lines] == [
         ["q", "status", "tasks"], [], ["q", "status"], [], ["q", "status"]
@@ -153,11 +153,11 @@ def test_a_process_that_is_killed_leaves_all_but_the_last_line(tmp_path, root):
 import itertools, time
 import numpy as np
 import cinegen
-from cinegen.mission import Motion, Recorder
+from cinegen.mission import RobotSample, MissionRecorder
 arm = cinegen.load({str(root / "robots" / "planar_3r.raff")!r})
-recorder = Recorder({str(path)!r}, {{"arm": arm}})
+recorder = MissionRecorder({str(path)!r}, {{"arm": arm}})
 for i in itertools.count():
-    recorder.write(i / 100, {{"arm": Motion(np.full(3, float(i)))}})
+    recorder.write(i / 100, {{"arm": RobotSample(np.full(3, float(i)), "IDLE")}})
     print(i, flush=True)
     time.sleep(0.001)
 """
@@ -186,7 +186,7 @@ def test_a_line_that_was_cut_is_left_out(robot, tmp_path, keep):
 
 def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
-    recorder, write = Recorder(path, {"arm": arm}), os.write
+    recorder, write = MissionRecorder(path, {"arm": arm}), os.write
     room = [2500]
 
     def nearly_full(file, data):
@@ -197,10 +197,10 @@ def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
 
     monkeypatch.setattr(module.os, "write", nearly_full)
     for i in range(100):
-        recorder.write(i / 10, {"arm": Motion(np.full(3, float(i)))})
+        recorder.write(i / 10, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
     _wait(lambda: recorder.error)
     assert recorder.error == "the disk is full"
-    recorder.write(100.0, {"arm": Motion(np.zeros(3))})
+    recorder.write(100.0, {"arm": RobotSample(np.zeros(3), "IDLE")})
     recorder.close()
     recorder.close()
     assert recorder.error == "the disk is full"
@@ -217,7 +217,7 @@ def test_a_line_that_the_system_takes_in_parts(robot, tmp_path, monkeypatch):
 def test_a_disk_that_is_full_from_the_beginning(robot, device):
     full = device("full")
     with pytest.raises(MissionError, match=f"{full}: can't be written: the disk is full"):
-        Recorder(full, {"arm": robot("planar_3r")})
+        MissionRecorder(full, {"arm": robot("planar_3r")})
     assert full.is_char_device()
 
 
@@ -225,7 +225,7 @@ def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
     monkeypatch.setattr(module, "MOST", 20)
     monkeypatch.setattr(module, "_PATIENCE", 0.05)
-    recorder, write, stuck = Recorder(path, {"arm": arm}), os.write, [True]
+    recorder, write, stuck = MissionRecorder(path, {"arm": arm}), os.write, [True]
 
     def waits(file, data):
         while stuck[0]:
@@ -234,7 +234,7 @@ def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
 
     monkeypatch.setattr(module.os, "write", waits)
     for i in range(200):
-        recorder.write(i / 10, {"arm": Motion(np.full(3, float(i)))})
+        recorder.write(i / 10, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
         time.sleep(0.0005)
     assert 150 < recorder.lost < 181
     assert len(recorder._queue) == 20
@@ -249,28 +249,28 @@ def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
 def test_what_makes_no_sense_is_left_out(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
     good = np.zeros(3)
-    with Recorder(path, {"arm": arm}) as recorder:
+    with MissionRecorder(path, {"arm": arm}) as recorder:
         for time_ in (float("nan"), float("inf"), None):
-            recorder.write(time_, {"arm": Motion(good)})
-        recorder.write(0.5, {"arm": Motion(good[:2])})
-        recorder.write(1.0, {"arm": Motion(good)})
-        recorder.write(1.0 + 1e-12, {"arm": Motion(good)})  # the file tells ns
+            recorder.write(time_, {"arm": RobotSample(good, "IDLE")})
+        recorder.write(0.5, {"arm": RobotSample(good[:2], "IDLE")})
+        recorder.write(1.0, {"arm": RobotSample(good, "IDLE")})
+        recorder.write(1.0 + 1e-12, {"arm": RobotSample(good, "IDLE")})  # the file tells ns
         for robots in (
-            {"arm": Motion(np.array([0.0, np.nan, 0.0]))},
-            {"arm": Motion(np.zeros(4))},
-            {"leg": Motion(good)},
-            {"arm": Motion(good, (None,))},
-            {"arm": Motion(good, (_task()._replace(weight=float("nan")),))},
+            {"arm": RobotSample(np.array([0.0, np.nan, 0.0]), "IDLE")},
+            {"arm": RobotSample(np.zeros(4), "IDLE")},
+            {"leg": RobotSample(good, "IDLE")},
+            {"arm": RobotSample(good, "IDLE", (None,))},
+            {"arm": RobotSample(good, "IDLE", (replace(_task(), weight=float("nan")),))},
             {"arm": None},
             None,
         ):
             recorder.write(2.0 + recorder.lost, robots)
             _wait(lambda: not recorder._queue)
             time.sleep(0.03)
-        recorder.write(0.5, {"arm": Motion(good)})  # earlier
-        recorder.write(float("nan"), {"arm": Motion(good)})
-        task = _task()._replace(target="somewhere")
-        recorder.write(40.0, {"arm": Motion(good + 1.0, (task,))})
+        recorder.write(0.5, {"arm": RobotSample(good, "IDLE")})  # earlier
+        recorder.write(float("nan"), {"arm": RobotSample(good, "IDLE")})
+        task = replace(_task(), target="somewhere")
+        recorder.write(40.0, {"arm": RobotSample(good + 1.0, "IDLE", (task,))})
     assert recorder.lost == 14
     recording = Recording.load(path)
     assert recording.times.tolist() == [0.0, 39.0]
@@ -279,14 +279,14 @@ def test_what_makes_no_sense_is_left_out(robot, tmp_path):
 
 def test_a_loop_closes_without_waiting(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
-    recorder = Recorder(path, {"arm": arm})
+    recorder = MissionRecorder(path, {"arm": arm})
     for i in range(100):
-        recorder.write(i / 100, {"arm": Motion(np.full(3, float(i)))})
+        recorder.write(i / 100, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
     begin = time.perf_counter()
     recorder.close(wait=False)
     assert time.perf_counter() - begin < 0.02
     assert recorder.error == "closed"
-    recorder.write(9.0, {"arm": Motion(np.zeros(3))})
+    recorder.write(9.0, {"arm": RobotSample(np.zeros(3), "IDLE")})
     recorder.close()
     assert (recorder.lost, len(Recording.load(path).times)) == (0, 100)
 
@@ -298,15 +298,15 @@ def test_it_leaves_no_file_and_no_thread(robot, tmp_path):
         pytest.skip("no /proc here")
     files, threads = len(os.listdir("/proc/self/fd")), threading.active_count()
     for i in range(5):
-        Recorder(tmp_path / f"{i}", {"arm": robot("planar_3r")}).close()
+        MissionRecorder(tmp_path / f"{i}", {"arm": robot("planar_3r")}).close()
     assert (len(os.listdir("/proc/self/fd")), threading.active_count()) == (files, threads)
     assert sorted(path.name for path in tmp_path.iterdir()) == list("01234")
 
 
 def test_it_takes_no_time(robot, tmp_path):
     mechanism = robot("gough")
-    motion = {"gough": Motion(mechanism.q_home, (_task(), _task()))}
-    with Recorder(tmp_path / "run.jsonl", {"gough": mechanism}) as recorder:
+    motion = {"gough": RobotSample(mechanism.q_home, "IDLE", (_task(), _task()))}
+    with MissionRecorder(tmp_path / "run.jsonl", {"gough": mechanism}) as recorder:
         took = []
         for i in range(500):
             begin = time.perf_counter()
@@ -322,51 +322,68 @@ def test_nothing_that_is_there_is_lost(robot, tmp_path):
     arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
     path.write_text("my notes\n")
     for overwrite in (False, True):
-        with pytest.raises(MissionError, match="is there already, and no mission"):
-            Recorder(path, {"arm": arm}, overwrite=overwrite)
+        with pytest.raises(MissionError, match="exists, and is not a mission"):
+            MissionRecorder(path, {"arm": arm}, overwrite=overwrite)
     assert path.read_text() == "my notes\n"
     path.unlink()
     record(path, arm, [0.0, 1.0], np.zeros((2, 3)))
     before = path.read_bytes()
-    with pytest.raises(MissionError, match="is a mission already; name another"):
-        Recorder(path, {"arm": arm})
+    with pytest.raises(MissionError, match="exists, and is a mission: name another"):
+        MissionRecorder(path, {"arm": arm})
     assert path.read_bytes() == before
-    Recorder(path, {"arm": arm}, overwrite=True).close()
+    MissionRecorder(path, {"arm": arm}, overwrite=True).close()
     assert len(Recording.load(path).times) == 0
     (tmp_path / "empty").touch()
-    Recorder(tmp_path / "empty", {"arm": arm}).close()
+    MissionRecorder(tmp_path / "empty", {"arm": arm}).close()
     with pytest.raises(MissionError, match="can't be written: is a directory"):
-        Recorder(tmp_path, {"arm": arm})
+        MissionRecorder(tmp_path, {"arm": arm})
 
 
 def test_places_of_robots_that_are_not_there(robot, tmp_path):
     for places, why in (
-        ({"leg": Place()}, "no robot 'leg'"),
-        ({"arm": Place(("leg", "tool"))}, "'tool' of 'leg'"),
-        ({"arm": Place(("arm", "hat"))}, "'hat' of 'arm'"),
+        ({"leg": BasePose()}, "no robot 'leg'"),
+        ({"arm": BasePose("leg", "tool")}, "'tool' of 'leg'"),
+        ({"arm": BasePose("arm", "hat")}, "'hat' of 'arm'"),
     ):
         with pytest.raises(MissionError, match=why):
-            Recorder(tmp_path / "run.jsonl", {"arm": robot("planar_3r")}, places)
+            MissionRecorder(tmp_path / "run.jsonl", {"arm": robot("planar_3r")}, places)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (lambda lines: [b"", *lines], "no recording of a mission"),
-        (lambda lines: [b"[]"], "no recording of a mission"),
-        (lambda lines: [b'{"cinegen":"readings","version":1}'], "It is one of a sensor's readings"),
-        (lambda lines: [lines[0].replace(b'"version":2', b'"version":7', 1)], "version 7, only 2"),
-        (lambda lines: [b'{"cinegen":"mission","version":2,"robots":{}}'], "names no robots"),
-        (lambda lines: [b'{"cinegen":"mission","version":2,"robots":{"a":{"nq":1}}}'], "does not describe"),
-        (lambda lines: [*lines[:2], lines[2][:-5], *lines[3:]], ":3: no JSON"),
-        (lambda lines: [*lines[:3], lines[1]], ":4: its time is not after"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"leg":{}}}'], ":5: robot 'leg' is not one"),
-        (lambda lines: [*lines, b'{"t":NaN,"robots":{}}'], ":5: no JSON"),
-        (lambda lines: [*lines, b'{"t":1e999,"robots":{}}'], ":5: 't' must be finite"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1]}}}'], ":5: 'q' must be a list of 3"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'], ":5: 'status'"),
-        (lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","tasks":[3]}}}'], ":5: a task"),
+        (lambda lines: [b"", *lines], "not a mission"),
+        (lambda lines: [b"[]"], "not a mission"),
+        (lambda lines: [b'{"cinegen":"readings","version":1}'], "It is a recording of sensor readings"),
+        (lambda lines: [lines[0].replace(b'"version":3', b'"version":7', 1)], "version 7; only version 3"),
+        (lambda lines: [b'{"cinegen":"mission","version":3,"robots":{}}'], "Object missing required field `created`"),
+        (lambda lines: [b'{"cinegen":"mission","version":3,"created":"","robots":{}}'], "Expected at least one robot"),
+        (
+            lambda lines: [b'{"cinegen":"mission","version":3,"created":"","robots":{"a":{"nq":1}}}'],
+            r"field `robot` - at `\$.robots",
+        ),
+        (lambda lines: [*lines[:2], lines[2][:-5], *lines[3:]], ":3: (Input data was truncated|JSON is malformed)"),
+        (lambda lines: [*lines[:3], lines[1]], r":4: Expected a time after .* at `\$.t`"),
+        (
+            lambda lines: [*lines, b'{"t":9,"robots":{"leg":{}}}'],
+            r":5: .* field `q` - at `\$.robots",
+        ),
+        (lambda lines: [*lines, b'{"t":NaN,"robots":{}}'], ":5: JSON is malformed"),
+        (lambda lines: [*lines, b'{"t":9,"robots":{"leg":{"q":[],"status":"X"}}}'], ":5: robot 'leg' is not in"),
+        (lambda lines: [*lines, b'{"t":1e999,"robots":{}}'], r":5: Number out of range - at `\$.t`"),
+        (
+            lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1],"status":"X"}}}'],
+            ":5: .* of length 3",
+        ),
+        (
+            lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3]}}}'],
+            ":5: .* field `status`",
+        ),
+        (
+            lambda lines: [*lines, b'{"t":9,"robots":{"robot":{"q":[1,2,3],"status":"X","tasks":[3]}}}'],
+            r"tasks\[0\]`",
+        ),
     ],
 )
 def test_a_file_that_is_damaged_or_something_else(robot, tmp_path, change, why):
@@ -425,11 +442,11 @@ def test_across_a_leap_it_is_on_one_side(robot, tmp_path):
 def test_a_player(robot, tmp_path):
     arm = robot("planar_3r")
     player = Player(record(tmp_path / "run.jsonl", arm, [0.0, 1.0, 2.0], [[0, 0, 0], [1, 1, 1], [2, 2, 3]]))
-    assert (player.time, player.playing, player.seconds, player.factor) == (0.0, False, 2.0, 1.0)
+    assert (player.time, player.playing, player.seconds, player.speed) == (0.0, False, 2.0, 1.0)
     assert player.advance(0.5)["robot"].tolist() == [0, 0, 0]
     player.play()
     assert player.advance(0.5)["robot"].tolist() == [0.5, 0.5, 0.5]
-    player.tempo(2.0)
+    player.set_speed(2.0)
     assert player.advance(0.5)["robot"].tolist() == [1.5, 1.5, 2.0]
     assert player.index == 1
     player.pause()
@@ -437,13 +454,13 @@ def test_a_player(robot, tmp_path):
     player.seek(0.25)
     assert player.advance(0.5)["robot"].tolist() == [0.25, 0.25, 0.25]
     player.play()
-    player.tempo(1000.0)
-    assert player.factor == 100.0
+    player.set_speed(1000.0)
+    assert player.speed == 100.0
     assert player.advance(1.0)["robot"].tolist() == [2, 2, 3]
     assert (player.time, player.playing) == (2.0, False)
     player.play()  # again
-    player.tempo(float("nan"))
-    player.tempo(-3.0)
+    player.set_speed(float("nan"))
+    player.set_speed(-3.0)
     assert player.advance(1.0)["robot"] == pytest.approx([0.01] * 3)
     player.seek(float("nan"))
     player.seek(float("-inf"))

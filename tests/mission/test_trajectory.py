@@ -12,8 +12,17 @@ from hypothesis import strategies as st
 from recorded import dragged, record, swung
 
 from cinegen.errors import UnknownNameError
-from cinegen.mission import Kind, MissionError, Motion, Recorder, Recording, Trajectory, check, resampled
-from cinegen.mission.curve import Curve, slowed
+from cinegen.mission import (
+    FindingKind,
+    MissionError,
+    MissionRecorder,
+    Recording,
+    RobotSample,
+    Trajectory,
+    check,
+    resampled,
+)
+from cinegen.mission.curve import JointCurve, slowed
 from cinegen.mission.recording import between
 from cinegen.model import ForwardKinematics
 from cinegen.singularities.crossing import Rows, crossings, of_passive_joints
@@ -44,7 +53,7 @@ def test_a_curve_passes_its_points_overshoots_nowhere_and_rests_at_its_ends(seed
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.uniform(0.3, 2.0, count))
     points = np.round(rng.normal(size=(count, width)), 1)  # some are equal
-    curve = Curve(times, points)
+    curve = JointCurve(times, points)
     assert (curve.at(times) == points).all()
     dense = np.linspace(times[0], times[-1], 4001)
     values, speeds = curve.at(dense), curve.speeds(dense)
@@ -69,7 +78,7 @@ def test_a_curve_is_slowed_as_far_as_needed(seed, count):
     before, after = np.diff(times), np.diff(passes)
     assert passes[0] == 0.0
     assert (after >= before - 1e-9).all()
-    assert (Curve(passes, points).fastest[:, 0] <= limits[0] * (1 + 1e-9)).all()
+    assert (JointCurve(passes, points).fastest[:, 0] <= limits[0] * (1 + 1e-9)).all()
     mean = np.abs(np.diff(points[:, 0])) / limits[0]
     assert (after <= np.maximum(before, 3.01 * mean) + 1e-9).all()
     assert slowed(times, points, np.array([math.inf, math.inf])) == pytest.approx(times - times[0])
@@ -99,7 +108,7 @@ def test_it_obeys_all_limits_and_stays_closed(robot, tmp_path_factory, name, see
     # it passes all recorded positions in their order, at the times that it says
     assert (motion.passes[:, 1] == recording.times).all()
     assert (np.diff(motion.passes[:, 0]) >= np.diff(times) / speed - 1e-9).all()
-    curve = Curve(motion.passes[:, 0], q[:, [mechanism.q_index(joint) for joint in mechanism.actuated]])
+    curve = JointCurve(motion.passes[:, 0], q[:, [mechanism.q_index(joint) for joint in mechanism.actuated]])
     assert (curve.at(motion.passes[:, 0]) == curve.points).all()
     assert _motors(motion) == pytest.approx(curve.at(np.minimum(motion.times, motion.passes[-1, 0])), abs=1e-12)
     findings = check(motion)
@@ -233,8 +242,8 @@ def test_what_can_not_be_sampled(robot, raff, tmp_path):
             resampled(one, **options)
     with pytest.raises(UnknownNameError, match="no robot 'leg'"):
         resampled(one, "leg")
-    with Recorder(tmp_path / "two.jsonl", {"left": arm, "right": arm}) as recorder:
-        recorder.write(0.0, {"left": Motion(np.zeros(3)), "right": Motion(np.ones(3))})
+    with MissionRecorder(tmp_path / "two.jsonl", {"left": arm, "right": arm}) as recorder:
+        recorder.write(0.0, {"left": RobotSample(np.zeros(3), "IDLE"), "right": RobotSample(np.ones(3), "IDLE")})
     two = Recording.load(tmp_path / "two.jsonl")
     with pytest.raises(MissionError, match="name one of left, right"):
         resampled(two)
@@ -327,7 +336,7 @@ def test_a_type_2_singularity_between_two_samples_is_found(robot, tmp_path, step
     motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=rate)
     findings = check(motion)
     assert findings.closure <= 1e-12
-    (found,) = (one for one in findings if one.kind is Kind.TYPE_2)
+    (found,) = (one for one in findings if one.kind is FindingKind.TYPE_2)
     assert found.recorded == pytest.approx(low, abs=5e-3 / rate + 4e-2 * step**2)
     assert found.time == pytest.approx(motion.passes[-1, 0] * low, abs=0.05)
     assert found.sigma < 1e-6
@@ -361,9 +370,9 @@ def test_dead_points_of_a_rocker_that_drives_a_crank(robot, rocker, tmp_path, st
     times = np.arange(round(1.0 / step) + 1) * step
     q = [forward.move({"joint1": begin + 2.0 * math.pi * time}) for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    found = [one.recorded for one in findings if one.kind is Kind.TYPE_2]
+    found = [one.recorded for one in findings if one.kind is FindingKind.TYPE_2]
     assert found == pytest.approx(sorted((dead - begin) % (2.0 * math.pi) / (2.0 * math.pi)), abs=0.03 * step)
-    assert Kind.TYPE_1 not in _kinds(findings)
+    assert FindingKind.TYPE_1 not in _kinds(findings)
     assert not check(resampled(record(tmp_path / "run.jsonl", crank, times, q))).serious
 
 
@@ -400,11 +409,11 @@ def test_a_motion_near_a_type_2_singularity_is_noted_where_it_is_nearest(robot, 
     times = np.arange(101) / 100
     q = [_five_bar(mechanism, 0.0, 0.58 + 0.015 * math.sin(math.pi * time)) for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    (near,) = (one for one in findings if one.kind is Kind.NEAR_TYPE_2)
+    (near,) = (one for one in findings if one.kind is FindingKind.NEAR_TYPE_2)
     assert near.time == pytest.approx(0.5, abs=0.01)
     assert near.sigma == findings.passive_sigma < 0.05
     assert near not in findings.serious
-    assert Kind.TYPE_2 not in _kinds(findings)
+    assert FindingKind.TYPE_2 not in _kinds(findings)
 
 
 def test_a_motion_that_ends_at_a_type_2_singularity_is_serious(robot, tmp_path):
@@ -412,7 +421,7 @@ def test_a_motion_that_ends_at_a_type_2_singularity_is_serious(robot, tmp_path):
     times = np.arange(101) / 100
     q = [_five_bar(mechanism, 0.0, 0.57 + 0.03 * time) for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", mechanism, times, q)))
-    assert Kind.TYPE_2 in _kinds(findings.serious)
+    assert FindingKind.TYPE_2 in _kinds(findings.serious)
 
 
 def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):
@@ -420,7 +429,7 @@ def test_an_elbow_that_is_stretched_is_noted(robot, tmp_path):
     times = np.arange(11) / 10
     q = [[0.3, 0.4 - 0.77 * time, 0.5] for time in times]
     findings = check(resampled(record(tmp_path / "run.jsonl", arm, times, q), rate=10.0))
-    (found,) = (one for one in findings if one.kind is Kind.TYPE_1)
+    (found,) = (one for one in findings if one.kind is FindingKind.TYPE_1)
     assert found.q[1] == pytest.approx(0.0, abs=1e-6)
     assert found.recorded == pytest.approx(0.4 / 0.77, abs=1e-2)
     assert not findings.serious
@@ -453,7 +462,7 @@ def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
     q = np.array([mechanism.q_home] * 9)
     q[3:5, 1] += [1e-3, 2e-3]
     findings = check(_made(mechanism, q))
-    (found,) = (one for one in findings if one.kind is Kind.OPEN)
+    (found,) = (one for one in findings if one.kind is FindingKind.OPEN)
     assert (found.time, found in findings.serious) == (0.03, True)
     assert findings.closure == max(map(mechanism.closure, q)) > 1e-4
     arm = robot("planar_3r")
@@ -462,7 +471,7 @@ def test_what_is_open_beyond_a_limit_or_too_fast_is_found(robot):
     high, fastest = arm.model.upperPositionLimit[0], arm.model.upperVelocityLimit
     q[4:, 0] = high + 0.1
     findings = check(_made(arm, q))
-    assert _kinds(findings.serious) == {Kind.LIMIT, Kind.SPEED}
+    assert _kinds(findings.serious) == {FindingKind.LIMIT, FindingKind.SPEED}
     assert sorted(one.time for one in findings.serious) == pytest.approx([0.03, 0.04])
     assert "joint1 goes 0.1 rad beyond its upper limit" in " ".join(map(str, findings))
     q[:, 0] = np.arange(9) * fastest[0] / 100
@@ -484,7 +493,7 @@ def test_motors_in_excess_and_motors_that_are_missing(robot, raff, root, tmp_pat
     motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=200.0)
     findings = check(motion)
     assert not findings.serious
-    assert (Kind.UNDRIVEN in _kinds(findings)) == noted
+    assert (FindingKind.UNDRIVEN in _kinds(findings)) == noted
     exact = np.array([motion.q[min(round(200 * time), len(motion.q) - 1)] for time in motion.passes[:, 0]])
     assert exact == pytest.approx(q, abs=1e-2)
     assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)
@@ -495,6 +504,6 @@ def test_motors_without_a_velocity_limit_are_noted(raff, tmp_path):
     times = np.arange(51) / 50
     recording = record(tmp_path / "run.jsonl", arm, times, np.column_stack([times, 1.0 - np.cos(2.0 * np.pi * times)]))
     findings = check(resampled(recording))
-    (found,) = (one for one in findings if one.kind is Kind.NO_SPEED_LIMIT)
+    (found,) = (one for one in findings if one.kind is FindingKind.NO_SPEED_LIMIT)
     assert "joint2, which has no velocity limit, moves at 6.2" in found.words
     assert not findings.serious

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cinegen.cli import main
-from cinegen.mission import Motion, Recorder
+from cinegen.mission import MissionRecorder, RobotSample
 from cinegen.plotting.loci import draw_loci
 from cinegen.singularities import Kind, singularity
 from cinegen.singularities.scan import scan
@@ -149,9 +149,9 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     pose = {"x": 0.0, "y": 0.0, "z": 0.02, "rx": 0.0, "ry": 0.0}
     turns = np.radians([80.0, 84.0, 88.0, 92.0, 96.0, 100.0])
     coordinates = Coordinates(mechanism, (*pose, "rz"))
-    with Recorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
+    with MissionRecorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
         for k, turn in enumerate(turns):
-            recorder.write(float(k), {"tssm": Motion(coordinates.led({**pose, "rz": turn}))})
+            recorder.write(float(k), {"tssm": RobotSample(coordinates.led({**pose, "rz": turn}), "IDLE")})
     assert main(["singular", str(tmp_path / "run.jsonl"), "--json"]) == 0
     (report,) = json.loads(capsys.readouterr().out)
     (passed,) = [one for one in report["found"] if "passed" in one["kind"] and "type 2" in one["kind"]]

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.mission.line import MissionError
+from cinegen.mission.file_format import MissionError
 from cinegen.mission.trajectory import Trajectory
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ import pytest
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.mission import MissionError, Player, Recording, check, resampled
-from cinegen.mission.way import passes, record_plan
+from cinegen.mission.results import passes, record_plan
 from cinegen.planning import plan
 
 REVOLUTE, PRISMATIC = 1.0, 0.25
@@ -89,12 +89,12 @@ def test_it_can_be_handed_on_to_a_robot(request, tmp_path, name):
 
 def test_what_does_not_move_is_refused(tmp_path):
     way = plan(scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [0, 0]}}))
-    with pytest.raises(MissionError, match="no way that could be recorded: reached"):
+    with pytest.raises(MissionError, match="there is no path to record: reached"):
         record_plan(way, tmp_path / "way.jsonl")
     assert not list(tmp_path.iterdir())
 
 
 def test_a_recording_is_not_overwritten(rod, tmp_path):
     record_plan(rod, tmp_path / "rod.jsonl")
-    with pytest.raises(MissionError, match="is a mission already"):
+    with pytest.raises(MissionError, match="exists, and is a mission"):
         record_plan(rod, tmp_path / "rod.jsonl")

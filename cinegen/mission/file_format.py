@@ -1,0 +1,234 @@
+"""The file format of a mission, lines of JSON: this module is the schema.
+
+The first line describes the robots, see `MissionHeader`; with it the robots can be built again. Each other line is a
+moment, see `Moment`. A pose is x y z (m) and a quaternion x y z w. The tables in `docs/missions.md` are generated from
+the classes here by `docs/protocols.py`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+from msgspec import UNSET, Struct, UnsetType
+from numpy.typing import NDArray
+
+from cinegen.errors import CinegenError
+from cinegen.model.fingerprint import fingerprint
+from cinegen.model.mechanism import Mechanism
+from cinegen.typed_json import DoF, decoder, encode
+
+Array = NDArray[np.float64]
+
+VERSION: Literal[3] = 3
+
+
+class MissionError(CinegenError):
+    """A mission can't be recorded, read or exported. The message says where or when."""
+
+
+class RecordedTask(Struct, frozen=True, forbid_unknown_fields=True):
+    """A task at a moment.
+
+    Attributes:
+        node: node that it moves.
+        source: what commands it: "pointer", "pin", "sensor" or "plan".
+        offset: frame that is constrained, in the node's frame (m).
+        target: of that frame, in the world of all robots (m); None if it was not valid.
+        translation: number of constrained translations.
+        rotation: number of constrained rotations.
+        weight: of its equations.
+    """
+
+    node: str
+    source: str
+    offset: pin.SE3
+    target: pin.SE3 | None
+    translation: DoF = 3
+    rotation: DoF = 3
+    weight: float = 1.0
+
+
+class RobotSample(Struct, frozen=True, forbid_unknown_fields=True):
+    """A robot at a moment.
+
+    Attributes:
+        q: (nq,) configuration, rad and m. The file has the same doubles.
+        status: name of the tick's status.
+        tasks: tasks of the robot; UNSET (left out in the file): those of the moment before.
+    """
+
+    q: Array
+    status: str
+    tasks: tuple[RecordedTask, ...] | UnsetType = UNSET
+
+
+class BasePose(Struct, frozen=True, forbid_unknown_fields=True):
+    """Pose of a robot's own world.
+
+    Attributes:
+        robot: robot that carries it; None: nothing, it is fixed.
+        node: node of that robot.
+        placement: in the frame of the node, or in the world of all robots (m).
+    """
+
+    robot: str | None = None
+    node: str | None = None
+    placement: pin.SE3 = msgspec.field(default_factory=pin.SE3.Identity)
+
+
+class RecordedRobot(Struct, frozen=True, forbid_unknown_fields=True):
+    """A robot in the first line.
+
+    Attributes:
+        robot: its own name.
+        hash: SHA-256 of `urdf` and `constraints`.
+        joints: joints that move.
+        index: index of each of them in q, from 0.
+        actuated: actuated joints.
+        nq: length of q.
+        urdf: URDF that the robot is built from.
+        constraints: sidecar of the URDF, or null.
+        folder: folder of meshes that the URDF names relatively, or null; only needed to draw them.
+        source: what errors call the URDF.
+        base: base pose.
+    """
+
+    robot: str
+    hash: str
+    joints: tuple[str, ...]
+    index: tuple[int, ...]
+    actuated: tuple[str, ...]
+    nq: int
+    urdf: str
+    constraints: dict[str, Any] | None
+    folder: str | None
+    source: str
+    base: BasePose
+
+
+class MissionHeader(Struct, frozen=True, forbid_unknown_fields=True):
+    """The first line.
+
+    Attributes:
+        cinegen: kind of the file.
+        version: of the format.
+        created: time, in ISO 8601.
+        robots: robots by name.
+    """
+
+    cinegen: Literal["mission"]
+    version: Literal[3]
+    created: str
+    robots: dict[str, RecordedRobot]
+
+
+class Moment(Struct, frozen=True, forbid_unknown_fields=True):
+    """Any other line.
+
+    Attributes:
+        t: time since the first moment, s.
+        robots: robots by name; one that is left out is as in the moment before.
+    """
+
+    t: float
+    robots: dict[str, RobotSample]
+
+
+class _FileKind(Struct):
+    cinegen: str = ""
+    version: int = 0
+
+
+_FILE_KIND = decoder(_FileKind, _FileKind)
+_HEADER = decoder(MissionHeader, MissionHeader)
+_MOMENT = decoder(Moment, Moment)
+_NOT_DECODED = (msgspec.MsgspecError, RecursionError)
+
+
+def encode_header(mechanisms: Mapping[str, Mechanism], bases: Mapping[str, BasePose]) -> bytes:
+    """Encode the first line.
+
+    Raises:
+        MissionError: a base pose is of a robot that is not recorded, or on one.
+    """
+    for name, base in bases.items():
+        if name not in mechanisms:
+            raise MissionError(f"no robot '{name}' is recorded")
+        if base.robot is not None and (base.robot not in mechanisms or base.node not in mechanisms[base.robot].nodes):
+            raise MissionError(f"the base of '{name}' is '{base.node}' of '{base.robot}', which is not recorded")
+    robots = {name: _described(mechanism, bases.get(name, BasePose())) for name, mechanism in mechanisms.items()}
+    created = datetime.now(UTC).isoformat(timespec="seconds")
+    return encode(MissionHeader("mission", VERSION, created, robots)) + b"\n"
+
+
+def _described(mechanism: Mechanism, base: BasePose) -> RecordedRobot:
+    source = mechanism.source
+    return RecordedRobot(
+        mechanism.name,
+        fingerprint(source.urdf, source.constraints),
+        mechanism.joints,
+        tuple(mechanism.q_index(joint) for joint in mechanism.joints),
+        mechanism.actuated,
+        mechanism.model.nq,
+        source.urdf,
+        None if source.constraints is None else dict(source.constraints),
+        None if source.folder is None else os.path.abspath(source.folder),
+        source.name,
+        base,
+    )
+
+
+def is_mission(first: bytes) -> bool:
+    """Return whether a file with this first line is a mission, of any version."""
+    try:
+        return _FILE_KIND.decode(first).cinegen == "mission"
+    except _NOT_DECODED:
+        return False
+
+
+def decode_header(first: bytes) -> MissionHeader:
+    """Decode the first line.
+
+    Raises:
+        MissionError: it is no mission, of another version, or doesn't match the schema.
+    """
+    try:
+        kind = _FILE_KIND.decode(first)
+    except _NOT_DECODED:
+        kind = _FileKind()
+    if kind.cinegen != "mission":
+        readings = " It is a recording of sensor readings." if kind.cinegen == "readings" else ""
+        raise MissionError(f'not a mission (its first line would be {{"cinegen":"mission", ...}}).{readings}')
+    if kind.version != VERSION:
+        raise MissionError(f"a mission of version {kind.version}; only version {VERSION} can be read")
+    try:
+        header = _HEADER.decode(first)
+    except _NOT_DECODED as error:
+        raise MissionError(f"line 1: {error}") from None
+    if not header.robots:
+        raise MissionError("line 1: Expected at least one robot - at `$.robots`")
+    return header
+
+
+def decode_moment(data: bytes, robots: Mapping[str, RecordedRobot]) -> Moment:
+    """Decode a moment of these robots.
+
+    Raises:
+        MissionError: it doesn't match the schema, or is of other robots.
+    """
+    try:
+        moment = _MOMENT.decode(data)
+    except _NOT_DECODED as error:
+        raise MissionError(str(error)) from None
+    for name, sample in moment.robots.items():
+        if name not in robots:
+            raise MissionError(f"robot '{name:.40}' is not in the first line - at `$.robots`")
+        if len(sample.q) != robots[name].nq:
+            raise MissionError(f"Expected `array` of length {robots[name].nq} - at `$.robots.{name}.q`")
+    return moment

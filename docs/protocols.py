@@ -1,0 +1,117 @@
+"""Write the tables of messages and files into the docs, from the classes that are their schemas.
+
+    python docs/protocols.py
+
+A table stands between `<!-- table of MODULE.NAME -->` and `<!-- end of table -->`. NAME is a Struct, whose fields are
+listed, or a union of messages, each of which is listed with its fields. Meanings are those in the docstrings.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import re
+import typing
+from collections.abc import Iterator
+from pathlib import Path
+
+import msgspec.inspect as mi
+from msgspec import Struct
+
+DOCS = Path(__file__).parent
+TABLE = re.compile(r"(<!-- table of (\S+) -->\n).*?(<!-- end of table -->)", flags=re.DOTALL)
+
+
+def written(text: str) -> str:
+    """Return a page with its tables written anew."""
+    return TABLE.sub(lambda found: f"{found[1]}\n{table(found[2])}\n\n{found[3]}", text)
+
+
+def table(name: str) -> str:
+    """Return the table of a schema by the name of its class or union."""
+    module, _, attribute = name.rpartition(".")
+    schema = getattr(importlib.import_module(module), attribute)
+    messages = typing.get_args(schema)
+    if not messages:
+        rows = [("field", "type", "meaning"), *_fields(schema)]
+    else:
+        rows = [("message", "field", "type", "meaning")]
+        for message in messages:
+            rows.append((f"`{message.__struct_config__.tag}`", "", "", _summary(message)))
+            rows += [("", *row) for row in _fields(message)]
+    lines = [f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows]
+    return "\n".join([lines[0], "|" + " --- |" * len(rows[0]), *lines[1:]])
+
+
+def meanings(struct: type[Struct]) -> dict[str, str]:
+    """Return what the docstring of a Struct says about each of its own fields."""
+    _, _, section = inspect.cleandoc(struct.__doc__ or "").partition("Attributes:\n")
+    found = re.findall(r"^ {4}(\w+): ((?:.|\n {8})*)", section, flags=re.MULTILINE)
+    texts = {name: re.sub(r"\bNone\b", "null", re.sub(r"\s+", " ", text).strip()) for name, text in found}
+    return {name: text if ". " in text else text.rstrip(".") for name, text in texts.items()}
+
+
+def _summary(struct: type[Struct]) -> str:
+    text = inspect.cleandoc(struct.__doc__ or "").partition("\n\n")[0]
+    return re.sub(r"\s+", " ", text)
+
+
+def _fields(struct: type[Struct]) -> Iterator[tuple[str, ...]]:
+    """Yield name, type and meaning of each field that the Struct's own docstring documents."""
+    known = meanings(struct)
+    for one in mi.type_info(struct).fields:
+        if one.name in known:
+            yield f"`{one.encode_name}`" + ("" if one.required else "?"), kind_of(one.type), known[one.name]
+
+
+def kind_of(info: mi.Type) -> str:
+    """Return a type in words."""
+    match info:
+        case mi.IntType() | mi.FloatType():
+            low, high = info.ge, info.le
+            word = "integer" if isinstance(info, mi.IntType) else "number"
+            return word if low is None or high is None else f"{word} {low:,g} to {high:,g}"
+        case mi.StrType():
+            return "string"
+        case mi.BoolType():
+            return "boolean"
+        case mi.NoneType():
+            return "null"
+        case mi.LiteralType():
+            return " or ".join(f'"{value}"' if isinstance(value, str) else str(value) for value in info.values)
+        case mi.UnionType():
+            return " or ".join(kind_of(one) for one in info.types)
+        case mi.TupleType():
+            first, *_ = kinds = [kind_of(one) for one in info.item_types]
+            if set(kinds) == {first}:
+                return f"{len(kinds)} lists of {first}" if "list" in first else f"list of {len(kinds)} {plural(first)}"
+            return f"[{', '.join(kinds)}]"
+        case mi.VarTupleType() | mi.ListType() | mi.FrozenSetType():
+            return f"list of {plural(kind_of(info.item_type))}"
+        case mi.DictType():
+            return f"object of {plural(kind_of(info.value_type))}"
+        case mi.StructType():
+            return info.cls.__name__
+        case mi.CustomType():
+            return "pose" if info.cls.__name__ == "SE3" else "list of numbers"
+        case mi.AnyType():
+            return "value"
+    raise TypeError(f"no words for {info}")
+
+
+def plural(kind: str) -> str:
+    """Return the plural of a type."""
+    noun, space, rest = kind.partition(" ")
+    return noun + ("" if noun in ("list", "object") else "s") + space + rest
+
+
+def main() -> None:
+    """Write all pages anew."""
+    for page in sorted(DOCS.glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        if (new := written(text)) != text:
+            page.write_text(new, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,40 @@
+"""The tables of messages and files in the docs are those of the schemas."""
+
+from __future__ import annotations
+
+import importlib.util
+import re
+import sys
+
+import msgspec.inspect
+import pytest
+
+
+@pytest.fixture(scope="module")
+def protocols(root):
+    spec = importlib.util.spec_from_file_location("protocols", root / "docs/protocols.py")
+    module = importlib.util.module_from_spec(spec)
+    sys.modules["protocols"] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("page", ["missions.md", "sensors.md"])
+def test_tables_are_generated(protocols, root, page):
+    text = (root / "docs" / page).read_text(encoding="utf-8")
+    assert protocols.TABLE.search(text)
+    assert protocols.written(text) == text, "run python docs/protocols.py"
+
+
+def test_every_field_is_documented(protocols):
+    import typing
+
+    from cinegen.devices import reading_json
+    from cinegen.mission import file_format
+
+    for module in (file_format, reading_json):
+        for name, struct in vars(module).items():
+            if isinstance(struct, type) and issubclass(struct, msgspec.Struct) and re.match("[A-Z]", name):
+                known = {field for one in struct.__mro__[:-2] for field in protocols.meanings(one)}
+                fields = {field.name for field in msgspec.inspect.type_info(struct).fields}
+                assert fields <= known | typing.get_type_hints(object).keys(), name
