@@ -168,13 +168,14 @@ def _ways(files: list[str], options: argparse.Namespace) -> int:
         trajectory = resampled(Recording.load(file), options.robot)
         findings = [finding for finding in check(trajectory) if finding.sigma is not None]
         reports.append({"recording": file, "found": [
-            {"kind": one.kind.value, "time": one.recorded, "sigma": one.sigma, "words": one.words, "q": one.q.tolist()}
+            {"kind": one.kind.value, "time": one.recorded, "sigma": one.sigma, "message": one.message,
+             "q": one.q.tolist()}
             for one in findings
         ]})  # fmt: skip
         if not options.json:
             print(f"{file}: {len(findings) or 'no'} singularit{'y' if len(findings) == 1 else 'ies'} on its way")
             for one in findings:
-                print(f"  at {one.recorded:.3f} s {one.words} (singular value {one.sigma:.2g})")
+                print(f"  at {one.recorded:.3f} s {one.message} (singular value {one.sigma:.2g})")
     if options.json:
         print(json.dumps(reports, indent=1, ensure_ascii=False))
     return 0

@@ -1,4 +1,4 @@
-"""Between two recorded configurations: where all joints are while the motors go from the one to the other."""
+"""Interpolation between two recorded configurations on their branch of the kinematics."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ from raff2urdf.closure import CLOSED
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-6  # rad or lengths: motors that lead this near to a configuration lead to it
-_LEAP = 0.5  # rad or lengths: what moves further from one sample to the next, and not by its motors, has leapt
-_ASTRAY = 0.25  # part of the way that closing the loops may add
-_OPEN = 1e-3  # rad or lengths: what moves further when its loops are closed was open
+_SAME = 1e-6  # rad or lengths: distance at which a configuration counts as reached
+_JUMP = 0.5  # rad or lengths: a longer step that the actuated joints do not produce is a jump
+_DETOUR = 0.25  # of the step: largest motion that closing the loops may add
+_OPEN = 1e-3  # rad or lengths: a configuration that moves further when it is closed had open loops
 
 
 class Branch:
-    """Leads a mechanism along a recording, on the branch that the recording is on: its assembly mode.
+    """Interpolates a recording of a mechanism on its branch (assembly mode).
 
-    The motors tell where all joints are (`ForwardKinematics`), beginning at each recorded configuration anew. Where
-    that does not lead to the next one, though it is near, the motors alone don't determine the motion: it passes
-    through a type 2 singularity there, or the mechanism has joints or motors in excess. Then all joints go the shortest
-    way that the loops allow.
+    The actuated joints determine all others (`ForwardKinematics`), starting from each recorded configuration. If that
+    does not reach the next configuration although it is near, the actuated joints do not determine the motion: it
+    passes through a type 2 singularity, or the mechanism has uncontrolled DoF or redundant actuation. Then all joints
+    are interpolated, and the loops closed.
 
     Args:
-        mechanism: each of whose joints is one number.
+        mechanism: mechanism whose joints each have one number.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._motors = [mechanism.q_index(name) for name in mechanism.actuated]
+        self._actuated = [mechanism.q_index(name) for name in mechanism.actuated]
         self._forward = ForwardKinematics(mechanism)
         self._scale = np.ones(mechanism.model.nq)
         for name in mechanism.joints:
             self._scale[mechanism.q_index(name)] = mechanism.scale[mechanism.v_index(name)]
 
     def far(self, first: Array, second: Array) -> float:
-        """How far two configurations (nq,) are apart, in rad or characteristic lengths of one joint."""
+        """Return the distance of two configurations (nq,): the largest of all joints, rad or characteristic lengths."""
         return float((np.abs(second - first) / self._scale).max(initial=0.0))
 
     def closed(self, q: Array) -> Array:
-        """(nq,) a recorded configuration with its loops as closed as can be, the motors where they are if they can.
+        """Return a recorded configuration (nq,) with closed loops, with unchanged actuated joints if possible.
 
         Raises:
-            ClosureError: its loops are open.
+            ClosureError: the recorded loops are open.
         """
         mechanism = self.mechanism
         if mechanism.closure(q) <= CLOSED:
@@ -56,22 +56,22 @@ class Branch:
         except ClosureError:
             closed = mechanism.close(q)
         if self.far(q, closed) > _OPEN:
-            raise ClosureError(f"loops of {mechanism.name} stand open by {mechanism.closure(q):.2g} (rad or lengths)")
+            raise ClosureError(f"loops of {mechanism.name} are open by {mechanism.closure(q):.2g} (rad or lengths)")
         return closed
 
-    def lead(self, first: Array, second: Array, along: Array) -> Array:
-        """All joints on the way from one recorded configuration to the next.
+    def interpolate(self, first: Array, second: Array, along: Array) -> Array:
+        """Return all joints between two recorded configurations.
 
         Args:
-            first: (nq,) loops closed.
-            second: (nq,) loops closed.
-            along: (n, nq) where the joints would be if there were no loops; what it says of motors holds.
+            first: (nq,) first configuration, closed.
+            second: (nq,) second configuration, closed.
+            along: (n, nq) interpolated joints without regard to loops; its actuated joints are kept.
 
         Returns:
-            (n, nq) loops closed.
+            (n, nq) configurations with closed loops.
 
         Raises:
-            MissionError: the second is on another branch, and not beside the first.
+            MissionError: the second configuration is on another branch, and not near the first.
         """
         if not self.mechanism.loops:
             return along
@@ -82,26 +82,26 @@ class Branch:
                 return np.array(found).reshape(along.shape)
         except ClosureError:
             pass
-        return self._beside(first, second, along)
+        return self._interpolate_all(first, second, along)
 
     def _moved(self, q: Array) -> Array:
-        motors = zip(self.mechanism.actuated, q[self._motors].tolist(), strict=True)
-        return self._forward.move(dict(motors))
+        values = zip(self.mechanism.actuated, q[self._actuated].tolist(), strict=True)
+        return self._forward.move(dict(values))
 
-    def _beside(self, first: Array, second: Array, along: Array) -> Array:
-        way = self.far(first, second)
+    def _interpolate_all(self, first: Array, second: Array, along: Array) -> Array:
+        step = self.far(first, second)
         middle = [first + x * (second - first) for x in (0.25, 0.5, 0.75)]
         found = []
         for q in [*middle, *along]:
             try:
                 closed = self.mechanism.close(q)
             except ClosureError:
-                way = np.inf
+                step = np.inf
                 break
-            if self.far(q, closed) > _ASTRAY * way + _SAME:
-                way = np.inf
+            if self.far(q, closed) > _DETOUR * step + _SAME:
+                step = np.inf
                 break
             found.append(closed)
-        if way > _LEAP:
-            raise MissionError("leaps to another branch, where its motors can't lead it")
+        if step > _JUMP:
+            raise MissionError("jumps to another branch, which its actuated joints can't reach")
         return np.array(found[len(middle) :]).reshape(along.shape)

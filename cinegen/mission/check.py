@@ -1,4 +1,4 @@
-"""Checks a joint motion before it is handed on: loops, limits, and singularities at its samples and between them."""
+"""Check of a joint trajectory before export: loops, limits, and singularities at its samples and between them."""
 
 from __future__ import annotations
 
@@ -22,68 +22,68 @@ from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_j
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-_AWAY = 1.2  # times a threshold: a singular value above has left it
-_MOTOR = 1e-9  # rad or lengths: rounding at a limit
-_PASSIVE = 1e-3  # rad or lengths that a joint may be beyond: between recorded samples it follows the motors
-_SPEED = 1e-6  # part of a velocity limit
-_SAME = 1e-6  # part of a period: two crossings so near are one
-_AT_ONCE = 1000  # matrices
+_AWAY = 1.2  # times a threshold, above which a singular value has left it
+_ACTUATED = 1e-9  # rad or lengths: rounding at a limit
+_PASSIVE = 1e-3  # rad or lengths that an interpolated passive joint may be beyond a limit
+_SPEED = 1e-6  # relative to a velocity limit
+_SAME = 1e-6  # of a period: distance of two crossings that are one
+_AT_ONCE = 1000  # matrices at once
 
 
 class FindingKind(Enum):
-    """What may be found."""
+    """Kinds of findings."""
 
     OPEN = "loops are open"
     LIMIT = "a joint is beyond a limit"
-    SPEED = "a joint is faster than it may"
-    TYPE_2 = "a type 2 singularity is passed or reached: motors lose their hold"
+    SPEED = "a joint exceeds its velocity limit"
+    TYPE_2 = "a type 2 singularity is passed or reached: the actuated joints lose control"
     NEAR_TYPE_2 = "a type 2 singularity is near"
-    TYPE_1 = "a type 1 singularity is passed: the end loses a direction"
+    TYPE_1 = "a type 1 singularity is passed: the end loses a DoF"
     NEAR_TYPE_1 = "a type 1 singularity is near"
-    NO_SPEED_LIMIT = "nothing says how fast a motor may be"
-    UNDRIVEN = "joints may move though all motors are held"
+    NO_SPEED_LIMIT = "an actuated joint has no velocity limit"
+    UNDRIVEN = "joints may move while all actuated joints are locked"
 
     @property
     def serious(self) -> bool:
-        """Whether a robot must not be sent there."""
+        """True for findings with which the trajectory must not be sent to a robot."""
         return self in (FindingKind.OPEN, FindingKind.LIMIT, FindingKind.SPEED, FindingKind.TYPE_2)
 
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """Something that was found.
+    """One finding.
 
     Attributes:
-        kind: what.
-        time: s in the trajectory: where it begins; where it is nearest, for what is near.
+        kind: kind of the finding.
+        time: time in the trajectory, s: of its start, or of the smallest distance to a singularity.
         recorded: the same moment in the recording, s.
-        words: for people.
-        q: (nq,) there.
-        sigma: the smallest singular value there, without unit; None for what is no singularity.
+        message: description for users.
+        q: (nq,) configuration.
+        sigma: smallest singular value there, dimensionless; None unless it is a singularity.
     """
 
     kind: FindingKind
     time: float
     recorded: float
-    words: str
+    message: str
     q: Array
     sigma: float | None = None
 
     def __str__(self) -> str:
         same = abs(self.time - self.recorded) < 5e-4
         when = f"at {self.time:.3f} s" + ("" if same else f" ({self.recorded:.3f} s of the recording)")
-        return f"{when} {self.words}"
+        return f"{when} {self.message}"
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """All that was found, in the order of time.
+    """Findings in the order of time.
 
     Attributes:
-        all: of them.
-        closure: the largest loop residual of all samples, rad or characteristic lengths.
-        sigma: the smallest singular value of the end at a sample, without unit (type 1); infinite where nothing moves.
-        passive_sigma: that of the passive joints (type 2); infinite without loops.
+        all: all findings.
+        closure: largest loop residual of all samples, rad or characteristic lengths.
+        sigma: smallest singular value of the end at a sample, dimensionless (type 1); infinite if nothing moves.
+        passive_sigma: smallest singular value of the passive joints (type 2); infinite without loops.
     """
 
     all: tuple[Finding, ...]
@@ -93,7 +93,7 @@ class Findings:
 
     @property
     def serious(self) -> tuple[Finding, ...]:
-        """Those because of which a robot must not be sent there."""
+        """Findings with which the trajectory must not be sent to a robot."""
         return tuple(finding for finding in self.all if finding.kind.serious)
 
     def __iter__(self) -> Iterator[Finding]:
@@ -104,16 +104,16 @@ class Findings:
 
 
 def check(trajectory: Trajectory, threshold: float = NEAR, passive_threshold: float = NEAR_PASSIVE) -> Findings:
-    """Checks a motion.
+    """Check a trajectory.
 
     Args:
-        trajectory: which.
-        threshold: below which singular value the end is near a singularity of type 1, without unit.
-        passive_threshold: below which one the passive joints are near one of type 2.
+        trajectory: trajectory to check.
+        threshold: singular value of the end, dimensionless, below which a type 1 singularity is near.
+        passive_threshold: singular value of the passive joints below which a type 2 singularity is near.
 
     Returns:
-        loops open by more than 1e-10 (rad or characteristic lengths), limits of position and velocity that are not
-        kept, both at the samples; singularities at the samples and between them.
+        At the samples: loops open by more than 1e-10 (rad or characteristic lengths), violated limits of position and
+        velocity. At the samples and between them: singularities.
     """
     mechanism, q = trajectory.mechanism, trajectory.q
     gaps = _of_each(q, lambda one: np.array(mechanism.closure(one)))
@@ -130,13 +130,13 @@ def check(trajectory: Trajectory, threshold: float = NEAR, passive_threshold: fl
 
 
 def _finding(
-    trajectory: Trajectory, kind: FindingKind, time: float, words: str, q: Array, sigma: float | None = None
+    trajectory: Trajectory, kind: FindingKind, time: float, message: str, q: Array, sigma: float | None = None
 ) -> Finding:
-    return Finding(kind, float(time), trajectory.recorded(time), words, q.copy(), sigma)
+    return Finding(kind, float(time), trajectory.recorded(time), message, q.copy(), sigma)
 
 
-def _stretches(inside: Mask, outside: Mask | None = None) -> Iterator[slice]:
-    """Where something is so: from the first sample of each stretch to the one before it has clearly ended."""
+def _intervals(inside: Mask, outside: Mask | None = None) -> Iterator[slice]:
+    """Iterate over the intervals of samples in which a condition holds, until it has clearly ended."""
     ended = ~inside if outside is None else outside
     begin: int | None = None
     for k in np.flatnonzero(inside | ended):
@@ -156,14 +156,14 @@ def _undriven(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
     count = len(mechanism.passive_columns) - mechanism.passive_rank
     if count:
-        words = f"what the motors do leaves {count} freedom{'s' * (count != 1)} of {trajectory.name} to itself"
-        yield _finding(trajectory, FindingKind.UNDRIVEN, 0.0, words, trajectory.q[0])
+        message = f"the actuated joints leave {count} DoF of {trajectory.name} uncontrolled"
+        yield _finding(trajectory, FindingKind.UNDRIVEN, 0.0, message, trajectory.q[0])
 
 
 def _open(trajectory: Trajectory, gaps: Array) -> Iterator[Finding]:
-    for part in _stretches(~(gaps <= CLOSURE)):
-        words = f"the loops are open by {gaps[part].max():.2g} (rad or lengths)"
-        yield _finding(trajectory, FindingKind.OPEN, trajectory.times[part.start], words, trajectory.q[part.start])
+    for part in _intervals(~(gaps <= CLOSURE)):
+        message = f"the loops are open by {gaps[part].max():.2g} (rad or lengths)"
+        yield _finding(trajectory, FindingKind.OPEN, trajectory.times[part.start], message, trajectory.q[part.start])
 
 
 def _unit(mechanism: Mechanism, joint: str) -> str:
@@ -173,16 +173,16 @@ def _unit(mechanism: Mechanism, joint: str) -> str:
 def _limits(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
     for joint, (lower, upper, *_) in mechanism.limits.items():
-        spare = _MOTOR if joint in mechanism.actuated else _PASSIVE
+        spare = _ACTUATED if joint in mechanism.actuated else _PASSIVE
         spare *= mechanism.scale[mechanism.v_index(joint)]
-        course = trajectory.q[:, mechanism.q_index(joint)]
+        positions = trajectory.q[:, mechanism.q_index(joint)]
         for sign, word, bound in ((-1, "lower", lower), (1, "upper", upper)):
-            beyond = sign * (course - bound)
-            for part in _stretches(beyond > spare):
+            beyond = sign * (positions - bound)
+            for part in _intervals(beyond > spare):
                 unit = _unit(mechanism, joint)
-                words = f"{joint} goes {beyond[part].max():.3g} {unit} beyond its {word} limit of {bound:.5g} {unit}"
+                message = f"{joint} is {beyond[part].max():.3g} {unit} beyond its {word} limit of {bound:.5g} {unit}"
                 yield _finding(
-                    trajectory, FindingKind.LIMIT, trajectory.times[part.start], words, trajectory.q[part.start]
+                    trajectory, FindingKind.LIMIT, trajectory.times[part.start], message, trajectory.q[part.start]
                 )
 
 
@@ -194,17 +194,17 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
     unlimited: list[tuple[float, str]] = []
     for joint, (_, _, limit, _) in mechanism.limits.items():
         speed, unit = steps[:, mechanism.q_index(joint)], f"{_unit(mechanism, joint)}/s"
-        for part in _stretches(~(speed <= limit * (1.0 + _SPEED))):
-            words = f"{joint} moves at {speed[part].max():.4g} {unit}, its limit is {limit:.4g} {unit}"
-            yield _finding(trajectory, FindingKind.SPEED, times[part.start], words, trajectory.q[part.start])
+        for part in _intervals(~(speed <= limit * (1.0 + _SPEED))):
+            message = f"{joint} moves at {speed[part].max():.4g} {unit}, its limit is {limit:.4g} {unit}"
+            yield _finding(trajectory, FindingKind.SPEED, times[part.start], message, trajectory.q[part.start])
         if joint in mechanism.actuated and not np.isfinite(limit):
             unlimited.append((float(speed.max() / mechanism.scale[mechanism.v_index(joint)]), joint))
     if unlimited:
         _, joint = max(unlimited)
         speed = steps[:, mechanism.q_index(joint)]
         k = int(speed.argmax())
-        words = f"{joint}, which has no velocity limit, moves at {speed[k]:.3g} {_unit(mechanism, joint)}/s"
-        yield _finding(trajectory, FindingKind.NO_SPEED_LIMIT, times[k], words, trajectory.q[k])
+        message = f"{joint}, which has no velocity limit, moves at {speed[k]:.3g} {_unit(mechanism, joint)}/s"
+        yield _finding(trajectory, FindingKind.NO_SPEED_LIMIT, times[k], message, trajectory.q[k])
 
 
 # --- singularities ---------------------------------------------------------------------------------------------------
@@ -213,7 +213,7 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
 def _singular(
     trajectory: Trajectory, rows: Rows, threshold: float, kinds: tuple[FindingKind, FindingKind], found: list[Finding]
 ) -> Array:
-    """Adds the singularities of a kind that are passed and those that are near; (n,) the smallest singular values."""
+    """Add the singularities of a type that are passed or near. Return the smallest singular values, (n,)."""
     mechanism, q, times = trajectory.mechanism, trajectory.q, trajectory.times
     passed, near = kinds
     matrices = _of_each(q, rows.of)
@@ -221,42 +221,42 @@ def _singular(
     changed = np.linalg.norm(np.diff(matrices, axis=0), axis=(1, 2))
     through = np.zeros(len(q), dtype=bool)
     for k in np.flatnonzero((sigma[1:] + sigma[:-1] <= changed) & (changed > 0.0)):
-        way = partial(between, mechanism, q[k], q[k + 1])
-        for crossing in crossings(rows, way):
+        segment = partial(between, mechanism, q[k], q[k + 1])
+        for crossing in crossings(rows, segment):
             time = float(times[k] + crossing.x * (times[k + 1] - times[k]))
             if found and found[-1].kind is passed and time - found[-1].time <= _SAME * (times[k + 1] - times[k]):
-                continue  # it is at a sample, and was found before it
-            words = f"it passes through a {_said(mechanism, passed, rows, crossing.q)}"
+                continue  # at a sample, found in the interval before
+            message = f"it passes through a {_description(mechanism, passed, rows, crossing.q)}"
             value = float(rows.sigma(rows.of(crossing.q)[None])[0])
-            found.append(_finding(trajectory, passed, time, words, crossing.q, value))
+            found.append(_finding(trajectory, passed, time, message, crossing.q, value))
             through[k : k + 2] = True
-    for part in _stretches(sigma < threshold, sigma > _AWAY * threshold):
+    for part in _intervals(sigma < threshold, sigma > _AWAY * threshold):
         if through[max(0, part.start - 1) : part.stop + 1].any():
             continue
         k = part.start + int(sigma[part].argmin())
         at_it = passed is FindingKind.TYPE_2 and sigma[k] < NEAR_TYPE_2
-        said = _said(mechanism, passed, rows, q[k])
-        words = f"it is at a {said}" if at_it else f"it is near a {said}; singular value {sigma[k]:.2g}"
-        found.append(_finding(trajectory, passed if at_it else near, float(times[k]), words, q[k], float(sigma[k])))
+        described = _description(mechanism, passed, rows, q[k])
+        message = f"it is at a {described}" if at_it else f"it is near a {described}; singular value {sigma[k]:.2g}"
+        found.append(_finding(trajectory, passed if at_it else near, float(times[k]), message, q[k], float(sigma[k])))
     return sigma
 
 
 def _of_each(q: Array, of: Callable[[Array], Array]) -> Array:
-    """(n, ...) a value at each sample; where the robot stands still, computed once."""
+    """Return a value at each sample, (n, ...); it is computed once while the robot is at rest."""
     found = [of(q[0])]
     for before, now in pairwise(q):
         found.append(found[-1] if np.array_equal(before, now) else of(now))
     return np.array(found)
 
 
-def _said(mechanism: Mechanism, kind: FindingKind, rows: Rows, q: Array) -> str:
-    """Which singularity, and what it does."""
+def _description(mechanism: Mechanism, kind: FindingKind, rows: Rows, q: Array) -> str:
+    """Return a description of a singularity and its effect."""
     if kind is FindingKind.TYPE_2:
         motion = gained(mechanism, q)
         moves = np.abs(motion.joints / mechanism.scale) if motion is not None else np.zeros(mechanism.model.nv)
         joint = mechanism.columns[int(moves.argmax())]
-        return f"type 2 singularity, where the motors do not hold {joint}"
+        return f"type 2 singularity, where the actuated joints do not control {joint}"
     u = np.linalg.svd(rows.of(q))[0][:, rows.rank - 1]
     axis = int(np.abs(u).argmax())
-    way = f"{'along' if axis < 3 else 'about'} its {'xyz'[axis % 3]}"
-    return f"type 1 singularity, where {mechanism.end} can't move {way}"
+    direction = f"{'along' if axis < 3 else 'about'} its {'xyz'[axis % 3]}"
+    return f"type 1 singularity, where {mechanism.end} can't move {direction}"

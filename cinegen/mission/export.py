@@ -1,4 +1,4 @@
-"""From a recording to a file for a robot: read, sampled anew, checked, and only then written."""
+"""Export of a recording to a file for a robot controller: resampled, checked, and only then written."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from cinegen.mission.recording import Recording
 from cinegen.mission.trajectory import Trajectory, resampled
 from raff2urdf.files import write_all
 
-_TOLD = 3  # findings in an error
+_LISTED = 3  # findings in an error
 
 
 @dataclass(frozen=True, eq=False)
 class ExportReport:
-    """What was exported.
+    """Report of an export.
 
     Attributes:
-        path: of the file.
-        to: the format's name.
-        joints: whose motion it holds.
-        trajectory: the motion.
-        findings: of its check.
-        recorded: how long the same took in the recording, s, by the tempo that was asked for.
-        notes: what there is to know about the file.
+        path: path of the file.
+        to: name of the format.
+        joints: exported joints.
+        trajectory: exported trajectory.
+        findings: findings of its check.
+        recorded: duration in the recording divided by the requested speed, s.
+        notes: notes about the file.
     """
 
     path: Path
@@ -49,21 +49,21 @@ def export(
     all_joints: bool = False,
     force: bool = False,
 ) -> ExportReport:
-    """Writes a robot's recorded motion to a file, whole or not at all. A file that is there is written anew.
+    """Write a robot's recorded motion to a file, completely or not at all. An existing file is replaced.
 
     Args:
-        recording_path: of the mission.
-        to: one of `FORMATS`.
-        output: path of the file; that of the recording with the format's ending unless given.
-        robot: its name in the recording; the only one unless given.
+        recording_path: path of the recording.
+        to: format, one of `FORMATS`.
+        output: path of the file; that of the recording with the format's suffix unless given.
+        robot: name of the robot in the recording; the only one unless given.
         rate: samples per second.
-        speed: times as fast as recorded, as far as limits allow.
-        all_joints: whether the joints without motors are written too.
-        force: whether a motion that a robot must not be sent is written all the same.
+        speed: speed relative to the recording, as far as limits allow.
+        all_joints: write passive joints, too.
+        force: write the motion even if its check has serious findings.
 
     Raises:
-        MissionError: the recording can't be read or exported, its motion leaves loops open, passes limits or a type 2
-            singularity (and when), the format can't hold it, or the file can't be written.
+        MissionError: the recording can't be read or exported; its motion leaves loops open, violates limits or passes a
+            type 2 singularity (with the time); the format can't express it; or the file can't be written.
         UnknownNameError: no such format, or no such robot.
     """
     source, form = Path(recording_path), format_of(to)
@@ -88,20 +88,20 @@ def export(
 
 def _refused(source: Path, trajectory: Trajectory, findings: Findings) -> str:
     serious = findings.serious
-    told = [f"  {finding}" for finding in serious[:_TOLD]]
-    if len(serious) > _TOLD:
-        told.append(f"  and {len(serious) - _TOLD} more")
+    listed = [f"  {finding}" for finding in serious[:_LISTED]]
+    if len(serious) > _LISTED:
+        listed.append(f"  and {len(serious) - _LISTED} more")
     return "\n".join(
         [
-            f"{source}: the motion of {trajectory.name} is not one to send to a robot:",
-            *told,
-            "record it again around that; --force writes it all the same",
+            f"{source}: the motion of {trajectory.name} must not be sent to a robot:",
+            *listed,
+            "record another motion, or write this one with --force",
         ]
     )
 
 
 def report_text(report: ExportReport) -> str:
-    """What was exported, for people."""
+    """Return a report for users."""
     trajectory, findings = report.trajectory, report.findings
     count, seconds = len(report.joints), trajectory.seconds
     lines = [
@@ -118,5 +118,5 @@ def report_text(report: ExportReport) -> str:
         )
         lines.append(f"checked: {closed}joints within their limits{passed}")
     for finding in findings:
-        lines.append(f"{'NOT TO BE SENT TO A ROBOT' if finding.kind.serious else 'note'}: {finding}")
+        lines.append(f"{'DO NOT SEND THIS TO A ROBOT' if finding.kind.serious else 'note'}: {finding}")
     return "\n".join([*lines, *(f"note: {note}" for note in report.notes)])

@@ -1,4 +1,4 @@
-"""The joint motion of one robot, sampled at a fixed rate, within its velocity limits: what a robot's control takes."""
+"""Joint trajectory of one robot, sampled at a fixed rate, within its velocity limits."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
-_STILL = 1e-6  # rad or lengths: what moves less stands
+_STILL = 1e-6  # rad or lengths: a smaller motion counts as rest
 _ROUNDING = 1e-9
-_AIM = 0.999  # part of a limit that what was too fast is slowed to
+_AIM = 0.999  # fraction of a limit to which fast steps are slowed
 _ROUNDS = 60
-_MOST = 5_000_000  # samples
+_MOST = 5_000_000  # most samples
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """Motion of all joints of a robot, at rest at both ends.
+    """Trajectory of all joints of a robot, at rest at both ends.
 
     Attributes:
-        name: of the robot in the recording.
-        mechanism: the robot; each of its joints is one number.
+        name: name of the robot in the recording.
+        mechanism: mechanism whose joints each have one number.
         rate: samples per second.
-        times: (n,) s, k / rate; the motion ends with the last one or within the period before.
-        q: (n, nq) where all joints are, rad and m, loops closed.
-        v: (n, nv) how fast they are, rad/s and m/s.
-        passes: (k, 2) when the recorded samples are passed: the time here, and that in the recording, s.
+        times: (n,) times k / rate, s; the motion ends with the last one or within the period before.
+        q: (n, nq) configurations with closed loops, rad and m.
+        v: (n, nv) velocities, rad/s and m/s.
+        passes: (k, 2) times of the recorded samples, in the trajectory and in the recording, s.
     """
 
     name: str
@@ -48,16 +48,16 @@ class Trajectory:
 
     @property
     def seconds(self) -> float:
-        """How long it takes."""
+        """Duration, s."""
         return float(self.times[-1])
 
     @property
     def actuated(self) -> tuple[str, ...]:
-        """Names of the joints with a motor."""
+        """Names of the actuated joints."""
         return self.mechanism.actuated
 
     def positions(self, joints: tuple[str, ...]) -> Array:
-        """(n, joints) of some joints, rad and m.
+        """Return the positions (n, joints) of some joints, rad and m.
 
         Raises:
             UnknownNameError: no such joint.
@@ -65,7 +65,7 @@ class Trajectory:
         return self.q[:, [self.mechanism.q_index(joint) for joint in joints]]
 
     def velocities(self, joints: tuple[str, ...]) -> Array:
-        """(n, joints) of some joints, rad/s and m/s.
+        """Return the velocities (n, joints) of some joints, rad/s and m/s.
 
         Raises:
             UnknownNameError: no such joint.
@@ -73,29 +73,28 @@ class Trajectory:
         return self.v[:, [self.mechanism.v_index(joint) for joint in joints]]
 
     def recorded(self, time: float) -> float:
-        """The time in the recording that a time here belongs to, s."""
+        """Return the time in the recording of a time in the trajectory, s."""
         return float(np.interp(time, self.passes[:, 0], self.passes[:, 1]))
 
 
 def resampled(
     recording: Recording, robot: str | None = None, rate: float = 125.0, speed: float = 1.0, trim: bool = False
 ) -> Trajectory:
-    """A robot's recorded motion, sampled anew.
+    """Return a robot's recorded motion as a trajectory.
 
-    The motors go through all recorded positions on a smooth curve that nowhere overshoots; the other joints follow on
-    the branch that the recording is on. Where a joint would be faster than it may, passive or not, the motion is slowed
-    down as far as needed; a leap becomes a motion at the limit.
+    The actuated joints pass all recorded positions on a smooth curve without overshoot; the other joints follow on the
+    branch of the recording. If a joint would exceed its velocity limit, the motion is slowed down as far as needed.
 
     Args:
-        recording: of the robot.
-        robot: its name in the recording; the only one unless given.
+        recording: recording of the robot.
+        robot: name of the robot in the recording; the only one unless given.
         rate: samples per second.
-        speed: times as fast as recorded, as far as limits allow.
-        trim: leaves out that the robot stands still at the beginning and the end.
+        speed: speed relative to the recording, as far as limits allow.
+        trim: leave out rest at the start and the end.
 
     Raises:
-        MissionError: the recording is empty, of several robots of which none is named, of one whose base can move, with
-            open loops, or changes its branch by a leap (and says when); or rate or speed make no sense.
+        MissionError: the recording is empty, has several robots of which none is named, a floating base, open loops, or
+            a jump to another branch (with its time); or rate or speed is not positive.
         UnknownNameError: no such robot.
     """
     name = _chosen(recording, robot)
@@ -106,8 +105,8 @@ def resampled(
         raise MissionError(f"{recording.path}: nothing was recorded")
     mechanism = recording.mechanism(name)
     if mechanism.model.nq != len(mechanism.joints):
-        what = "its base can move" if mechanism.floating else "it has joints of more than one number"
-        raise MissionError(f"{name} can't be exported: {what}, and a joint motion does not tell how")
+        what = "its base is floating" if mechanism.floating else "it has joints of more than one number"
+        raise MissionError(f"{name} can't be exported: {what}, which a joint trajectory does not contain")
     branch = Branch(mechanism)
     kept = _kept(branch, recording.q[name], trim)
     times, knots = recording.times[kept], recording.q[name][kept].copy()
@@ -119,15 +118,15 @@ def resampled(
     passes, q, speeds = _timed(branch, (times - times[0]) / speed, times, knots, rate, name)
     v = np.zeros((len(q), mechanism.model.nv))
     v[1:-1] = (q[2:] - q[:-2]) * (0.5 * rate)
-    motors = [mechanism.q_index(joint) for joint in mechanism.actuated]
-    v[1:-1, motors] = speeds[1:-1, motors]
+    actuated = [mechanism.q_index(joint) for joint in mechanism.actuated]
+    v[1:-1, actuated] = speeds[1:-1, actuated]
     return Trajectory(name, mechanism, rate, np.arange(len(q)) / rate, q, v, np.column_stack([passes, times]))
 
 
 def _chosen(recording: Recording, robot: str | None) -> str:
     if robot is None and len(recording.robots) > 1:
         names = ", ".join(recording.robots)
-        raise MissionError(f"{recording.path}: holds several robots: name one of {names} (--robot NAME)")
+        raise MissionError(f"{recording.path}: has several robots: name one of {names} (--robot NAME)")
     name = recording.robots[0] if robot is None else robot
     if name not in recording.robots:
         raise UnknownNameError("robot", name, recording.robots)
@@ -135,7 +134,7 @@ def _chosen(recording: Recording, robot: str | None) -> str:
 
 
 def _kept(branch: Branch, q: Array, trim: bool) -> slice:
-    """Which of the recorded samples (count, nq) are used."""
+    """Return which of the recorded samples (count, nq) are used."""
     if not trim:
         return slice(None)
     first = next((i for i in range(1, len(q)) if branch.far(q[0], q[i]) > _STILL), len(q)) - 1
@@ -146,32 +145,32 @@ def _kept(branch: Branch, q: Array, trim: bool) -> slice:
 def _timed(
     branch: Branch, begin: Array, recorded: Array, knots: Array, rate: float, name: str
 ) -> tuple[Array, Array, Array]:
-    """Stretches a motion until every step of it obeys all velocity limits.
+    """Stretch a motion until all its steps obey all velocity limits.
 
     Args:
-        branch: leads it.
-        begin: (k,) when the recorded samples would be passed.
-        recorded: (k,) their times in the recording.
-        knots: (k, nq) the samples.
+        branch: interpolation on the branch.
+        begin: (k,) desired times of the recorded samples, s.
+        recorded: (k,) their times in the recording, s.
+        knots: (k, nq) recorded samples.
         rate: samples per second.
-        name: of the robot.
+        name: name of the robot.
 
     Returns:
-        (k,) when they are passed, (n, nq) the samples and (n, nq) how fast the curve that leads them is.
+        Times of the recorded samples (k,), new samples (n, nq) and velocities of the curve (n, nq).
     """
     mechanism = branch.mechanism
     limits = mechanism.limits.velocity  # each joint is one number: q's order is v's
-    led = np.ones(len(limits), dtype=bool)
+    guided = np.ones(len(limits), dtype=bool)
     if mechanism.loops:
-        led[mechanism.passive_columns] = False
-    passes = slowed(begin, knots, np.where(led, limits, np.inf))
+        guided[mechanism.passive_columns] = False
+    passes = slowed(begin, knots, np.where(guided, limits, np.inf))
     for _ in range(_ROUNDS):
         count = math.ceil(passes[-1] * rate - _ROUNDING) + 1
         if not count <= _MOST:
             raise MissionError(f"{name} can't be exported: {count:.3g} samples at {rate:g} a second are too many")
         curve = JointCurve(passes, knots)
         times = np.minimum(np.arange(count) / rate, passes[-1])
-        q = _led(branch, curve, times, recorded, name)
+        q = _interpolated(branch, curve, times, recorded, name)
         over = (np.abs(np.diff(q, axis=0)) * rate / limits).max(axis=1, initial=0.0)
         if (over <= 1.0 + _ROUNDING).all():
             return passes, q, curve.speeds(times)
@@ -181,17 +180,17 @@ def _timed(
             first = max(0, int(np.searchsorted(passes, times[k], side="right")) - 1)
             last = int(np.searchsorted(passes, times[k + 1], side="left"))
             stretch[first:last] = np.maximum(stretch[first:last], over[k] / _AIM)
-        passes = slowed(np.concatenate([[0.0], np.cumsum(lengths * stretch)]), knots, np.where(led, limits, np.inf))
-    raise MissionError(f"{name} can't be exported: however slow its motors, a joint that follows them is too fast")
+        passes = slowed(np.concatenate([[0.0], np.cumsum(lengths * stretch)]), knots, np.where(guided, limits, np.inf))
+    raise MissionError(f"{name} can't be exported: a passive joint is too fast however slow the actuated joints are")
 
 
-def _led(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name: str) -> Array:
-    """(n, nq) all joints at times (n,): those of a curve, led along the branch."""
+def _interpolated(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name: str) -> Array:
+    """Return all joints (n, nq) at times (n,): those of a curve, on the branch."""
     along = curve.at(times)
     if not branch.mechanism.loops:
         return along
     knots, passes = curve.points, curve.times
-    ends = np.searchsorted(times, passes, side="left")  # samples before each knot
+    ends = np.searchsorted(times, passes, side="left")  # most samples before each knot
     ends[-1] = len(times)
     for i in range(len(knots) - 1):
         part = slice(ends[i], ends[i + 1])
@@ -199,7 +198,7 @@ def _led(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name:
             along[part] = knots[i]
             continue
         try:
-            along[part] = branch.lead(knots[i], knots[i + 1], along[part])
+            along[part] = branch.interpolate(knots[i], knots[i + 1], along[part])
         except MissionError as error:
             when = f"between {recorded[i]:.3f} and {recorded[i + 1]:.3f} s of the recording"
             raise MissionError(f"{name} can't be exported: {when} it {error}") from None

@@ -133,7 +133,7 @@ def test_a_program_in_urscript(recording, rate):
 )
 def test_urscript_is_for_six_motors_that_turn(recording, name, all_joints, has):
     path = recording(name)
-    with pytest.raises(MissionError, match=f"six motors that turn: {name} {has}"):
+    with pytest.raises(MissionError, match=f"six actuated revolute joints: {name} {has}"):
         export(path, "urscript", all_joints=all_joints)
     assert [one.name for one in path.parent.iterdir()] == ["run.jsonl"]
 
@@ -164,8 +164,8 @@ def test_what_must_not_be_sent_is_not_written(forbidden):
     with pytest.raises(MissionError) as refused:
         export(forbidden, "csv")
     words = str(refused.value)
-    assert re.search(r"at 0\.\d+ s joint1 goes 0\.5 rad beyond its upper limit", words)
-    assert "record it again" in words
+    assert re.search(r"at 0\.\d+ s joint1 is 0\.5 rad beyond its upper limit", words)
+    assert "record another motion" in words
     assert "--force" in words
     assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
 
@@ -173,7 +173,7 @@ def test_what_must_not_be_sent_is_not_written(forbidden):
 def test_unless_it_is_forced(forbidden):
     report = export(forbidden, "csv", force=True)
     assert report.path.exists()
-    assert "NOT TO BE SENT TO A ROBOT: at 0.5" in report_text(report)
+    assert "DO NOT SEND THIS TO A ROBOT: at 0.5" in report_text(report)
     assert "checked" not in report_text(report)
     assert len(report.findings.serious) == 1
 

@@ -1,7 +1,7 @@
-"""The formats in which a joint motion can be handed on.
+"""Export formats of a joint trajectory.
 
-Each is a module with SUFFIX, what its files end with; `write(trajectory, joints)`, their content; and `note(content)`,
-what there is to know about it, or nothing. A new format is a new module and one line here.
+Each is a module with SUFFIX, the suffix of its files; `write(trajectory, joints)`, which returns their content; and
+`note(content)`, which returns a note for users. A new format is a new module and one line here.
 """
 
 from __future__ import annotations
@@ -22,28 +22,28 @@ FORMATS: Mapping[str, str] = {
 
 
 class Format(Protocol):
-    """What such a module has."""
+    """Interface of a format's module."""
 
     SUFFIX: str
 
     @staticmethod
     def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
-        """The content of a file.
+        """Return the content of a file.
 
         Raises:
-            MissionError: this format can't say what these joints do.
+            MissionError: the format can't express the motion of these joints.
         """
 
     @staticmethod
     def note(content: bytes) -> str:
-        """What there is to know about a file with this content; empty if nothing."""
+        """Return a note for users about a file with this content; empty without one."""
 
 
 def format_of(name: str) -> Format:
-    """The format of a name.
+    """Return a format by its name.
 
     Raises:
-        UnknownNameError: there is none.
+        UnknownNameError: no such format.
     """
     if name not in FORMATS:
         raise UnknownNameError("format", name, tuple(FORMATS))

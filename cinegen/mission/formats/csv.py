@@ -13,7 +13,7 @@ SUFFIX = ".csv"
 
 
 def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
-    """The table, of these joints."""
+    """Return the table of these joints."""
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(["time", *joints])
@@ -22,5 +22,5 @@ def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
 
 
 def note(content: bytes) -> str:
-    """There is nothing to know."""
+    """Return no note."""
     return ""

@@ -12,7 +12,7 @@ SUFFIX = ".npz"
 
 
 def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
-    """The arrays, of these joints."""
+    """Return the arrays of these joints."""
     file = io.BytesIO()
     np.savez_compressed(
         file,
@@ -27,5 +27,5 @@ def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
 
 
 def note(content: bytes) -> str:
-    """There is nothing to know."""
+    """Return no note."""
     return ""

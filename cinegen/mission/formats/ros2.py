@@ -11,7 +11,7 @@ from cinegen.mission.trajectory import Trajectory
 
 SUFFIX = ".yaml"
 
-_LONGEST = 128 * 1024  # bytes: a longer argument is not handed to a program by Linux
+_LONGEST = 128 * 1024  # bytes: Linux limits the length of an argument
 _DIGITS = 9
 _SECOND = 1_000_000_000  # ns
 
@@ -19,7 +19,7 @@ _DUMPER: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
-    """The goal, of these joints."""
+    """Return the goal of these joints."""
     positions = (trajectory.positions(joints).round(_DIGITS) + 0.0).tolist()  # no -0.0
     velocities = (trajectory.velocities(joints).round(_DIGITS) + 0.0).tolist()
     points = []
@@ -33,7 +33,7 @@ def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
 
 
 def note(content: bytes) -> str:
-    """Whether it can be sent by `"$(cat FILE)"`."""
+    """Return a note if the content is too long for `"$(cat FILE)"`."""
     if len(content) < _LONGEST:
         return ""
     return (

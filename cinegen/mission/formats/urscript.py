@@ -1,5 +1,5 @@
-"""A program in URScript for a Universal Robots arm, or one that reads the same: to the start by `movej`, then every
-sample by `servoj`. rad, six digits. The first of the six motors is the base, the last the third wrist."""
+"""A URScript program for arms of Universal Robots: `movej` to the start, then `servoj` for each sample; rad, 6 digits.
+The first of the six actuated joints is the base, the last the third wrist."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ _STOP = 2.0  # rad/s^2
 
 
 def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
-    """The program.
+    """Return the program.
 
     Raises:
-        MissionError: these are not six joints with motors that turn.
+        MissionError: the joints are not six actuated revolute joints.
     """
     mechanism = trajectory.mechanism
-    turning = [joint for joint in joints if joint in mechanism.actuated and not mechanism.slides(joint)]
-    if len(joints) != 6 or len(turning) != 6:
-        more = f", and {len(joints) - len(turning)} other joints" if len(joints) > len(turning) else ""
-        raise MissionError(f"URScript is for six motors that turn: {trajectory.name} has {len(turning)}{more}")
+    revolute = [joint for joint in joints if joint in mechanism.actuated and not mechanism.slides(joint)]
+    if len(joints) != 6 or len(revolute) != 6:
+        more = f", and {len(joints) - len(revolute)} other joints" if len(joints) > len(revolute) else ""
+        raise MissionError(f"URScript needs six actuated revolute joints: {trajectory.name} has {len(revolute)}{more}")
     q, period = trajectory.positions(joints), 1.0 / trajectory.rate
     lines = [
         f"# {trajectory.name}: {len(q)} positions in {trajectory.seconds:.3f} s, {trajectory.rate:g} a second",
         f"# joints, base first (rad): {', '.join(joints)}",
-        "# Made by cinegen. First it goes to its start, straight in joint space: nothing may stand in that way.",
+        "# Made by cinegen. It first moves to the start along a straight line in joint space: keep that path clear.",
         "def cinegen_motion():",
         f"  movej({_list(q[0])}, a={_ACCELERATION}, v={_SPEED})",
         *(f"  servoj({_list(one)}, 0, 0, {period:.6g}, {_LOOKAHEAD}, {_GAIN})" for one in q[1:]),
@@ -45,7 +45,7 @@ def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
 
 
 def note(content: bytes) -> str:
-    """There is nothing to know."""
+    """Return no note."""
     return ""
 
 
