@@ -96,7 +96,8 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
             values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
         return function(**values)
 
-    command.__doc__ = function.__doc__
+    paragraphs = inspect.cleandoc(function.__doc__ or "").split("\n\n")
+    command.__doc__ = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)  # as wide as the terminal
     command.__annotations__ = {one.name: one.annotation for one in parameters}
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return command

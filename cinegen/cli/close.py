@@ -2,41 +2,31 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import sys
-from typing import Any
+from pathlib import Path
 
-from cinegen.cli.files import mechanisms, of_files, read
+from cinegen.cli.files import read
+from cinegen.cli.options import FILE, RobotOptions, option
 from raff2urdf.output import write_at_once
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    close = commands.add_parser(
-        "close", help="a filter: values of actuated joints in, values of all joints out, loops closed",
-        description="Reads lines such as {\"joint1\": 0.1} from its input (rad, m) and answers each with a line of all "
-        "joints, on the same branch as the line before; the first begins at home. Joints that are not named stay. What "
-        "can't be is answered by {\"error\": \"...\"}, and moves nothing.",
-    )  # fmt: skip
-    of_files(close, count=1)
-    close.add_argument("--start", metavar="FILE", help="begin where an answer says, kept in a file, instead of at home")
-    close.set_defaults(run=run)
+def run(
+    options: RobotOptions,
+    file: Path = FILE,
+    start: Path | None = option("FILE", "start at a configuration in a file, an earlier answer (default: home)"),
+) -> int:
+    """Filter: values of actuated joints in, values of all joints out, with closed loops.
 
-
-def run(options: argparse.Namespace) -> int:
-    """Answers lines until there are no more."""
-    from cinegen.errors import CinegenError
-
-    found = mechanisms(options)
-    if len(found) != 1:
-        names = ", ".join(mechanism.name for mechanism in found.values())
-        raise CinegenError(f"{options.files[0]} holds several robots: name one by --robot ({names})")
-    (mechanism,) = found.values()
+    Each line of standard input is an object of joint values such as {"joint1": 0.1} (rad, m). It is answered by a line
+    with the values of all joints, on the same branch as the line before; the first starts at home. Joints that are not
+    named keep their values. A line that is wrong or can't be reached is answered by {"error": "..."} and moves nothing.
+    """
+    _, mechanism = options.load_one(file)
     from cinegen.devices import Lines, start_from
     from cinegen.model import ForwardKinematics
 
-    motion = ForwardKinematics(mechanism) if options.start is None else start_from(mechanism, read(options.start))
+    motion = ForwardKinematics(mechanism) if start is None else start_from(mechanism, read(start))
     if sys.stdin is not None:
         with contextlib.suppress(KeyboardInterrupt):
             Lines(motion).serve(sys.stdin.buffer, write_at_once)

@@ -2,41 +2,35 @@
 
 from __future__ import annotations
 
-import argparse
-from typing import Any
+from pathlib import Path
+
+import typer
+
+from cinegen.cli.options import flag, option
+from cinegen.mission.formats import FORMATS
+
+RECORDING = typer.Argument(..., metavar="FILE.jsonl", help="recording, by `cinegen drive --record`")
+SPEED = option("X", "playback speed, times that of the recording", 1.0)
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    export = commands.add_parser(
-        "export", help="a recorded motion as CSV, NPZ, a ROS 2 goal or URScript",
-        description="Samples a recorded motion anew at a fixed rate, within the robot's velocity limits, checks it "
-        "again (loops, limits, singularities between samples too), and writes it.",
-    )  # fmt: skip
-    export.add_argument("recording", metavar="FILE.jsonl", help="as `cinegen drive --record` writes it")
-    export.add_argument("--to", required=True, metavar="FORMAT", help="csv, npz, ros2 or urscript")
-    export.add_argument("-o", "--output", metavar="FILE", help="(the recording's name with another ending)")
-    export.add_argument("--robot", metavar="NAME", help="which robot of the recording")
-    export.add_argument("--rate", type=float, default=125.0, metavar="HZ", help="samples a second (%(default)g)")
-    export.add_argument("--speed", type=float, default=1.0, metavar="X", help="times as fast (%(default)g)")
-    export.add_argument("--all-joints", action="store_true", help="joints without motors too")
-    export.add_argument("--force", action="store_true", help="write it though the check refuses it")
-    export.set_defaults(run=run)
+def run(
+    recording: Path = RECORDING,
+    to: str = option("FORMAT", f"format: {', '.join(FORMATS)}", ...),
+    output: Path | None = option("FILE", "file to write (default: next to the recording)", None, "-o", "--output"),
+    robot: str | None = option("NAME", "robot of the recording, if it has several"),
+    rate: float = option("HZ", "samples per second, Hz", 125.0),
+    speed: float = SPEED,
+    all_joints: bool = flag("--all-joints", "write passive joints too"),
+    force: bool = flag("--force", "write the motion even if its check fails"),
+) -> int:
+    """Export a recorded motion as CSV, NPZ, a ROS 2 goal or URScript.
 
-
-def run(options: argparse.Namespace) -> int:
-    """Writes it."""
+    The motion is resampled at a fixed rate within the velocity limits of the robot, checked again (loops, limits,
+    singularities between the samples too) and written.
+    """
     from cinegen.mission import export, report_text
 
-    report = export(
-        options.recording,
-        options.to,
-        output=options.output,
-        robot=options.robot,
-        rate=options.rate,
-        speed=options.speed,
-        all_joints=options.all_joints,
-        force=options.force,
-    )
-    print(report_text(report))
+    print(report_text(export(
+        recording, to, output=output, robot=robot, rate=rate, speed=speed, all_joints=all_joints, force=force
+    )))  # fmt: skip
     return 0

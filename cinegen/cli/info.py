@@ -1,38 +1,30 @@
-"""`cinegen info`: what a mechanism is."""
+"""`cinegen info`: the properties of a mechanism."""
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
-from cinegen.cli.files import count, mechanisms, of_files
+from cinegen.cli.files import count, print_json
+from cinegen.cli.options import FILE, JSON, RobotOptions
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    info = commands.add_parser("info", help="what a mechanism is: joints, loops, mobility, singular values")
-    of_files(info)
-    info.add_argument("--json", action="store_true", help="as JSON")
-    info.set_defaults(run=run)
-
-
-def run(options: argparse.Namespace) -> int:
-    """Prints it."""
+def run(options: RobotOptions, files: list[Path] = FILE, json: bool = JSON) -> int:
+    """Print joints, limits, loops, mobility and singular values."""
     from cinegen.model.description import describe
 
-    reports = [{"name": name, **describe(mechanism)} for name, mechanism in mechanisms(options).items()]
-    if options.json:
-        print(json.dumps(reports, indent=1, ensure_ascii=False))
+    reports = [{"name": name, **describe(mechanism)} for name, (mechanism, _) in options.load(files).items()]
+    if json:
+        print_json(reports)
     else:
-        print("\n\n".join(_described(report) for report in reports))
+        print("\n\n".join(map(_text, reports)))
     return 0
 
 
-def _described(report: Mapping[str, Any]) -> str:
+def _text(report: Mapping[str, Any]) -> str:
     actuated, joints, loops = report["actuated"], report["joints"], report["loops"]
-    undriven = f" ({report['undriven']} driven by no motor)" if report["undriven"] else ""
+    undriven = f" ({report['undriven']} of them without actuated joint)" if report["undriven"] else ""
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{undriven}, "
         f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}",
@@ -41,25 +33,25 @@ def _described(report: Mapping[str, Any]) -> str:
     ]
     for joint in joints:
         numbers = [joint["home"], joint["low"], joint["high"], joint["velocity"]]
-        cells = "".join(f"{'-' if value is None else f'{_quiet(value):.4g}':>10}" for value in numbers)
-        motor = "actuated" if joint["actuated"] else ""
-        lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {motor}".rstrip())
+        cells = "".join(f"{'-' if value is None else f'{_rounded(value):.4g}':>10}" for value in numbers)
+        actuation = "actuated" if joint["actuated"] else ""
+        lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {actuation}".rstrip())
     if loops:
         lines += ["", f"  loops: {report['loop_rows']} rows of rank {report['loop_rank']}"]
         lines += [f"    {loop['name']}: {loop['kind']}" for loop in loops]
         gaps = report["gap_as_written"], report["closure_at_home"]
-        lines.append("    open as written by {:.2g}, at home by {:.2g}".format(*gaps))
+        lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
         lines.append(f"    singular values at home: {_values(report['loop_singular_values'])}")
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
     length = report["characteristic_length"]
-    lines.append(f"  (without unit: lengths divided by the characteristic length, {length:.4g} m)")
+    lines.append(f"  (dimensionless: lengths divided by the characteristic length, {length:.4g} m)")
     return "\n".join(lines)
 
 
 def _values(sigma: Sequence[float]) -> str:
-    return " ".join(f"{_quiet(value):.3g}" for value in sigma)
+    return " ".join(f"{_rounded(value):.3g}" for value in sigma)
 
 
-def _quiet(value: float) -> float:
-    """Rounding is not worth reading."""
+def _rounded(value: float) -> float:
+    """Return 0 for a rounding error."""
     return value if abs(value) > 1e-12 else 0.0

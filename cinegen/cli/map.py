@@ -1,182 +1,154 @@
-"""`cinegen map`: where a robot reaches, how well, and where it fails; and `cinegen compare`, of two such maps."""
+"""`cinegen map`: where a robot reaches, how well, and where it is singular."""
 
 from __future__ import annotations
 
-import argparse
-import contextlib
-import json
 import math
 import os
 import sys
 import textwrap
-from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.drive import of_page, show
-from cinegen.cli.files import mechanisms_and_files, of_files, write_figure
+from cinegen.cli.files import print_json, write_figure
+from cinegen.cli.numbers import interval, named, point
+from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
+from cinegen.cli.page import PageOptions
+from cinegen.cli.progress import Progress
+from cinegen.cli.region import region
+from cinegen.errors import CinegenError
+from cinegen.workspace.quantities import DIRECTED, QUANTITIES
 
 if TYPE_CHECKING:
     import xarray
 
     from cinegen.model import Mechanism
     from cinegen.workspace import MapSpecification
-    from cinegen.workspace.make import Say
 
 _LONG = 600.0  # s, or
-_LARGE = 2e9  # bytes, that a map may take without being asked for twice
+_LARGE = 2e9  # bytes, that a map may take without a question
 _SURELY = 200_000  # cells that take neither
-_BROAD = 100  # columns of the terminal
-_ROUNDING = 1e-9  # of a sum of cells
+_WIDTH = 100  # columns of text
+_ROUNDING = 1e-9  # relative error of a sum over cells
+_SLOW = ("solutions", "solid_angle")
+_UNITS = "m and rad, or with a unit: -900mm, 15deg"
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    command = commands.add_parser(
-        "map", help="where a robot reaches, how well, and where it is singular: a file, a picture, in the page",
-        description="Cuts a region into cells and finds for each whether the robot reaches it, and how well; writes an "
-        "xarray Dataset as zarr. Killed at any moment, the same command goes on where it stopped. Numbers are m and "
-        "rad, as the file has them, unless a unit stands behind: -900mm, 15deg.",
+@dataclass(frozen=True)
+class MapOptions:
+    """A map and what is done with it."""
+
+    over: str = option(
+        "AXES", "axes, each NAME, NAME=LOW..HIGH or NAME=LOW..HIGH:CELLS: x, y, z, rx, ry, rz of a node ('xy' is x,y), "
+        f"azimuth, elevation, radius about --centre, or actuated joints ({_UNITS}; default: all translations)", "",
     )  # fmt: skip
-    of_files(command, 1)
-    command.add_argument(
-        "--over", metavar="AXES", default="",
-        help="what the map is over, each NAME, NAME=LOW..HIGH or NAME=LOW..HIGH:CELLS: x, y, z, rx, ry, rz of a node "
-        "('xy' is x,y), azimuth, elevation, radius about --centre, or motors (all directions that the node can go)",
+    line: str | None = option("A..B", "instead of axes, a line between two points, m: 0,0,-1..0.5,0,-1:200")
+    at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({_UNITS}; default: home)", "")
+    orientation: Literal["free", "axis", "fixed", "home"] = option(
+        None, "orientation to reach: any, a direction of the node's z axis, a full one, or that at home; free is fixed "
+        "if rx, ry or rz is given", "free",
     )  # fmt: skip
-    command.add_argument(
-        "--line", metavar="A..B", help="the line from one point to another instead, such as 0,0,-1..0.5,0,-1:200"
-    )
-    command.add_argument("--at", metavar="VALUES", default="", help="other coordinates, such as z=-0.9,rx=0 (home's)")
-    command.add_argument(
-        "--orientation", choices=("free", "axis", "fixed", "home"), default="free",
-        help="what counts of it: nothing, the direction of the node's z, or all; 'home' is all, as at home (free, "
-        "unless rx, ry or rz are given)",
+    centre: str | None = option("X,Y,Z", "centre of azimuth, elevation and radius, m (default: 0,0,0)")
+    node: str | None = option("NAME", "node to reach with (default: the robot's end)")
+    grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
+    quantity: list[str] = option(
+        "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {' and '.join(_SLOW)} "
+        "(default: sigma_1,sigma_2)", (), "-q", "--quantity",
     )  # fmt: skip
-    command.add_argument("--centre", metavar="X,Y,Z", help="what azimuth, elevation and radius are seen from (0,0,0)")
-    command.add_argument("--node", metavar="NAME", help="whose place is meant (the robot's end)")
-    command.add_argument("--grid", type=int, metavar="N", help="cells along each axis that does not say it (80 of two)")
-    command.add_argument(
-        "-q", "--quantity", action="append", default=[], metavar="NAMES",
-        help="what is told of each cell: solutions, sigma_1, sigma_2, condition, manipulability, margin, velocity, "
-        "force, solid_angle, clearance; or all, but for solutions and solid_angle (sigma_1,sigma_2)",
+    along: str | None = option("X,Y,Z", "direction of velocity and force, in the world (default: z, or x, or y)")
+    scene: Path | None = option("FILE", "obstacles for the clearance: a scene of `cinegen plan`")
+    no_limits: bool = flag("--no-limits", "ignore position limits of joints")
+    starts: int | None = option("N", "starts of a search where no neighbour's solution leads (6)")
+    vary: list[str] = option(
+        "PARAMETER", "map each variant of a RAFF file, such as link2.d=1500..2500:11, in units of the file; several "
+        "parameters together (link2.d+link5.d=...), or independently (--vary twice)", (),
     )  # fmt: skip
-    command.add_argument("--along", metavar="X,Y,Z", help="direction of velocity and force, in the world (z, or x, y)")
-    command.add_argument("--scene", metavar="FILE", help="obstacles for the clearance, as cinegen plan reads them")
-    command.add_argument("--no-limits", action="store_true", help="let joints go beyond their limits")
-    command.add_argument("--starts", type=int, metavar="N", help="starts of a search where no neighbour leads (6)")
-    command.add_argument(
-        "--vary", action="append", default=[], metavar="PARAMETER",
-        help="a map for each variant of a RAFF file, such as link2.d=1500..2500:11, in its own units; several vary "
-        "together (link2.d+link5.d=...), or each for itself (--vary twice)",
-    )  # fmt: skip
-    command.add_argument(
-        "--box", metavar="RANGES", default="", help="what is wanted of the region, such as x=-0.3..0.3,y=-0.3..0.3"
-    )
-    command.add_argument("-o", "--output", metavar="FOLDER", help="the map (ROBOT-map.zarr), or all (ROBOT-sweep)")
-    command.add_argument("--plot", metavar="FILE", help="draws it, .png, .svg or .pdf")
-    command.add_argument("--show", metavar="NAME", help="which quantity is drawn and shown in the page (sigma_1)")
-    command.add_argument("--view", action="store_true", help="shows it in the page: a click brings the robot there")
-    of_page(command.add_argument_group("with --view"))
-    command.add_argument("--json", action="store_true", help="what is found, as JSON")
-    command.add_argument("--workers", type=int, metavar="N", help="processes on this machine (its cores)")
-    command.add_argument("--scheduler", metavar="URL", help="a Dask cluster's, such as tcp://node1:8786")
-    command.add_argument("--yes", action="store_true", help="begin, however long it takes")
-    command.set_defaults(run=run)
+    box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm (m)", "")
+    output: Path | None = option("FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output")
+    plot: Path | None = PLOT
+    show: str | None = option("NAME", "quantity to draw and to show (sigma_1)")
+    view: bool = VIEW
+    json: bool = JSON
+    workers: int | None = option("N", "processes on this machine (default: its cores)")
+    scheduler: str | None = option("URL", "scheduler of a Dask cluster, such as tcp://node1:8786")
+    yes: bool = flag("--yes", "start without a question, however long it takes")
 
 
-def add_compare(commands: Any) -> None:
-    """Adds the other command."""
-    command = commands.add_parser(
-        "compare", help="what differs between two maps",
-        description="Says what two maps over the same coordinates have in common: what both reach, what one reaches "
-        "alone, and how their quantities differ.",
-    )  # fmt: skip
-    command.add_argument("maps", nargs=2, metavar="MAP", help="folder of a map, .zarr")
-    command.add_argument("--plot", metavar="FILE", help="draws it, .png, .svg or .pdf")
-    command.add_argument("--show", metavar="NAME", help="the quantity whose difference is drawn")
-    command.add_argument("--json", action="store_true", help="as JSON")
-    command.set_defaults(run=run_compare)
+def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path = FILE) -> int:
+    """Map where a robot reaches, how well, and where it is singular.
 
-
-def run(options: argparse.Namespace) -> int:
-    """Makes it, and says what is found."""
+    Divides a region into cells, finds for each whether the robot reaches it, and how well, and writes an xarray Dataset
+    as zarr. After an interruption at any moment, the same command continues. With --view, a click on a cell moves the
+    robot there.
+    """
     from cinegen.workspace import make_map
 
-    if options.json and options.view:
-        _refuse("--json is for programs and --view for people: leave one out")
-    (name, (mechanism, _)), *others = mechanisms_and_files(options).items()
-    if others:
-        _refuse(f"{options.files[0]} holds {1 + len(others)} robots: say which (--robot NAME)")
-    spec = asked(mechanism, options)
+    exclude(json=options.json, view=options.view)
+    name, mechanism = robots.load_one(file)
+    spec = specification(mechanism, options, robots.ignore_loops)
     if options.vary:
-        return _vary(name, spec, options)
+        return _sweep(name, spec, file, robots, options)
     if options.box:
-        _refuse("--box says what is wanted of the variants of a robot: vary something (--vary), or leave it out")
-    path = Path(options.output or f"{name}-map.zarr")
+        raise CinegenError("--box is for variants of a robot: add --vary, or leave it out")
+    path = options.output or Path(f"{name}-map.zarr")
     if not options.yes and not path.exists():
-        _ask(spec, options)
+        _confirm(spec, options)
     try:
-        with bar() as say:
-            found = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, say=say)
+        with Progress() as progress:
+            found = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, say=progress.cells)
     except KeyboardInterrupt:
-        print(f"{path}: what was finished stays, and the same command goes on", file=sys.stderr)
+        print(f"{path}: finished cells are kept; the same command continues", file=sys.stderr)
         raise
-    told = summary(found, spec)
-    if not told["reachable"]:
-        _refuse(f"{name}: no cell of this region is reached ({_settled(told)}). {_where(spec)}")
+    result = summary(found, spec)
+    if not result["reachable"]:
+        raise CinegenError(f"{name}: no cell of this region is reached ({_counts(result)}). {_home(spec)}")
     if options.json:
-        print(json.dumps({"map": str(path), **told}, indent=1, ensure_ascii=False))
+        print_json({"map": str(path), **result})
     else:
-        print("\n".join([*_lines(name, spec, told), f"map: {path}"]), flush=True)
+        print("\n".join([*_lines(name, spec, result), f"map: {path}"]), flush=True)
     if options.plot:
         from cinegen.plotting.map import draw_map
 
-        write_figure(Path(options.plot), draw_map(found, options.show, name=name))
+        write_figure(options.plot, draw_map(found, options.show, name=name))
         if not options.json:
             print(f"picture: {options.plot}", flush=True)
     if options.view:
         from cinegen.session import on_map
 
-        return show(on_map(path, options.show, mechanism), options, name)
+        return page.show(on_map(path, options.show, mechanism), name)
     return 0
 
 
-def asked(mechanism: Mechanism, options: argparse.Namespace) -> MapSpecification:
-    """What options ask for.
+def specification(mechanism: Mechanism, options: MapOptions, ignore_loops: bool = False) -> MapSpecification:
+    """Return the specification of a map.
 
     Raises:
-        CinegenError: something there makes no sense.
+        CinegenError: an option is wrong.
     """
-    from cinegen.cli.grid import point, region
     from cinegen.workspace import MapSpecification
-    from cinegen.workspace.quantities import QUANTITIES
     from cinegen.workspace.specification import STARTS
 
     where = region(
         mechanism, options.over, options.at, options.node, options.orientation, options.grid, options.centre,
         options.line,
     )  # fmt: skip
-    quantities = [name for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
-    scene, folder = _obstacles(mechanism, options.scene, options.ignore_loops)
-    if "all" in quantities:
-        slow = {"solutions", "solid_angle"} | ({"clearance"} if scene is None else set())
-        quantities = [name for name in quantities if name != "all"]
-        quantities += [name for name in QUANTITIES if name not in (slow | set(quantities))]
-    elif scene is not None and "clearance" not in quantities:
-        quantities.append("clearance")
+    scene = None if options.scene is None else _obstacles(mechanism, options.scene, ignore_loops)
+    names = [name.strip() for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
+    if "all" in names:
+        slow = {*_SLOW, *(() if scene else ("clearance",))}
+        names = [name for name in names if name != "all"] + [name for name in QUANTITIES if name not in slow]
+    elif scene:
+        names.append("clearance")
     return MapSpecification(
-        mechanism, where, tuple(name.strip() for name in quantities), options.node or "", not options.no_limits,
+        mechanism, where, tuple(dict.fromkeys(names)), options.node or "", not options.no_limits,
         STARTS if options.starts is None else options.starts,
         along=() if options.along is None else point(options.along, "--along"),
-        scene=scene, folder=folder,
+        scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
     )  # fmt: skip
 
 
-def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tuple[dict[str, Any] | None, str]:
-    """A scene's obstacles, around this robot."""
-    if file is None:
-        return None, "."
+def _obstacles(mechanism: Mechanism, file: Path, ignore_loops: bool) -> dict[str, Any]:
+    """Return the obstacles of a scene, with this robot instead of the scene's."""
     from cinegen.collision import load_scene
 
     scene = load_scene(file, ignore_loops)
@@ -185,43 +157,46 @@ def _obstacles(mechanism: Mechanism, file: str | None, ignore_loops: bool) -> tu
     if scene.allowed_collisions:
         values["allowed_collisions"] = [list(pair) for pair in scene.allowed_collisions]
     values["obstacle"] = [obstacle.document() for obstacle in scene.obstacles]
-    return values, str(Path(file).absolute().parent)
+    return values
 
 
-def _vary(name: str, spec: MapSpecification, options: argparse.Namespace) -> int:
-    """Maps of all variants, and their table."""
-    from cinegen.cli.grid import ranges
+def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, options: MapOptions) -> int:
+    """Map all variants and print their table."""
     from cinegen.plotting.sweep import check_drawable, draw_table
     from cinegen.workspace.sweep import Box, Variation, sweep
 
-    apart = {"--loop": options.loop, "--ignore-loops": options.ignore_loops, "--view": options.view}
-    for option in (option for option, given in apart.items() if given):
-        _refuse(f"{option} and --vary don't go together: leave one out")
+    for other, value in {"loop": robots.loop, "ignore_loops": robots.ignore_loops, "view": options.view}.items():
+        exclude(vary=True, **{other: value})
     variations = [Variation.parse(text) for text in options.vary]
     if options.plot:
         check_drawable(variations)
-    folder = Path(options.output or f"{name}-sweep")
+    folder = options.output or Path(f"{name}-sweep")
     if not options.yes and not folder.exists():
-        _ask(spec, options, math.prod(len(variation.values) for variation in variations))
-    with bar() as say:
+        _confirm(spec, options, math.prod(len(variation.values) for variation in variations))
+    box = {key: interval(ends, "--box") for key, ends in named(options.box, "--box", "x=-0.3..0.3").items()}
+    with Progress() as progress:
         table = sweep(
-            options.files[0], variations, spec.region, folder, box=Box(ranges(options.box, "--box")),
-            robot=options.robot, workers=options.workers, scheduler=options.scheduler, say=say,
-            node=spec.node, limits=spec.limits, quantities=spec.quantities, starts=spec.starts,
-            along=spec.along, scene=spec.scene, folder=spec.folder,
+            file, variations, spec.region, folder, box=Box(box), robot=robots.robot, workers=options.workers,
+            scheduler=options.scheduler, say=progress.cells, node=spec.node, limits=spec.limits,
+            quantities=spec.quantities, starts=spec.starts, along=spec.along, scene=spec.scene, folder=spec.folder,
         )  # fmt: skip
-    print(json.dumps(table.as_dict(), indent=1, ensure_ascii=False) if options.json else table.text())
+    if options.json:
+        print_json(table.as_dict())
+    else:
+        print(f"{table.text()}\nvariants, maps and table.csv: {folder}")
     if options.plot:
-        write_figure(Path(options.plot), draw_table(table))
-    if not options.json:
-        print(f"variants, maps and table.csv: {folder}")
-        if options.plot:
+        write_figure(options.plot, draw_table(table))
+        if not options.json:
             print(f"picture: {options.plot}")
     return 0
 
 
-def _ask(spec: MapSpecification, options: argparse.Namespace, maps: int = 1) -> None:
-    """Whether maps that take long, or much of the disk, are meant."""
+def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None:
+    """Ask before maps that take long or much of the disk.
+
+    Raises:
+        CinegenError: the answer is no, or there is nobody to answer.
+    """
     if maps * spec.region.size <= _SURELY:
         return
     from cinegen.workspace.estimate import estimate
@@ -231,141 +206,84 @@ def _ask(spec: MapSpecification, options: argparse.Namespace, maps: int = 1) -> 
         return
     words = found.words(cores)
     if not sys.stdin.isatty():
-        _refuse(f"{words}. Give --yes to begin all the same, or a coarser --grid")
+        raise CinegenError(f"{words}. Add --yes to start it, or use a coarser --grid")
     print(words, file=sys.stderr)
     try:
-        said = input("Begin? [y/N] ")
+        answer = input("Start? [y/N] ")
     except EOFError:
-        said = ""
-    if said.strip().lower() not in ("y", "yes"):
-        _refuse("not begun; nothing is written")
+        answer = ""
+    if answer.strip().lower() not in ("y", "yes"):
+        raise CinegenError("not started; nothing is written")
 
 
-@contextlib.contextmanager
-def bar() -> Iterator[Say]:
-    """Tells a person at a terminal how many cells are done, how fast, and how long it will take yet."""
-    from tqdm import tqdm
-
-    told: Any = None
-
-    def say(done: int, size: int) -> None:
-        nonlocal told
-        if told is None:
-            told = tqdm(
-                total=size, initial=done, unit="cell", unit_scale=True, dynamic_ncols=True, leave=False, delay=1.0,
-                disable=not sys.stderr.isatty(), file=sys.stderr,
-            )  # fmt: skip
-        told.update(done - told.n)
-
-    try:
-        yield say
-    finally:
-        if told is not None:
-            told.close()
-
-
-# --- what is told ------------------------------------------------------------------------------------------------
+# --- the result --------------------------------------------------------------------------------------------------
 
 
 def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
-    """What is found, as JSON has it: m, rad and sr; nothing (null) for what is without bound."""
+    """Return the summary of a map for JSON: m, rad and sr; null for values without bound."""
     import numpy as np
 
     from cinegen.workspace import How
     from cinegen.workspace.extent import extent
 
-    settled = np.bincount(found["settled"].values.ravel(), minlength=len(How))
-    reachable = int(found["reachable"].values.sum())
-    told: dict[str, Any] = {
+    counts = np.bincount(found["settled"].values.ravel(), minlength=len(How))
+    measured = extent(found)
+    quantities = {}
+    for name in spec.quantities:
+        values = found[name].values[found["reachable"].values].astype(float)
+        values = values[~np.isnan(values)]
+        if len(values):
+            three = {"min": values.min(), "median": np.median(values), "max": values.max()}
+            quantities[name] = {
+                "unit": found[name].attrs["units"],
+                **{key: float(value) if np.isfinite(value) else None for key, value in three.items()},
+            }
+    return {
         "robot": spec.mechanism.name,
         "node": spec.node,
         "over": {axis.name: [axis.low, axis.high, axis.count] for axis in spec.region.axes},
         "at": dict(spec.region.at),
         "cells": spec.region.size,
-        "reachable": reachable,
-        "settled": {how.words: int(count) for how, count in zip(How, settled, strict=True) if count},
-        "quantities": {},
+        "reachable": int(found["reachable"].values.sum()),
+        "status": {how.words: int(number) for how, number in zip(How, counts, strict=True) if number},
+        "quantities": quantities,
+        "extent": {"value": measured.value, "error": measured.error, "unit": measured.unit},
     }
-    measured = extent(found)
-    told["extent"] = {"value": measured.value, "error": measured.error, "unit": measured.unit}
-    for name in spec.quantities:
-        values = found[name].values[found["reachable"].values].astype(float)
-        values = values[~np.isnan(values)]
-        if len(values):
-            three = {"least": values.min(), "median": np.median(values), "most": values.max()}
-            told["quantities"][name] = {
-                "unit": found[name].attrs["units"],
-                **{key: float(value) if np.isfinite(value) else None for key, value in three.items()},
-            }
-    return told
 
 
-def _lines(name: str, spec: MapSpecification, told: dict[str, Any]) -> list[str]:
-    from cinegen.workspace.quantities import DIRECTED
-
+def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[str]:
     shape = " x ".join(map(str, spec.region.shape))
     what = f"{name}: {shape} cells over {', '.join(spec.region.names)}"
     if spec.region.at:
         what += f", at {', '.join(f'{key} = {value:.4g}' for key, value in spec.region.at.items())}"
     if not spec.of_motors:
-        turned = {0: "free", 2: "of its z given", 3: "given"}[spec.rotation]
-        what += f"; of {spec.node}, orientation {turned}"
-    share = 100.0 * told["reachable"] / told["cells"]
-    measured = told["extent"]
+        orientation = {0: "free", 2: "of its z axis given", 3: "given"}[spec.rotation]
+        what += f"; of {spec.node}, orientation {orientation}"
+    share = 100.0 * result["reachable"] / result["cells"]
+    measured = result["extent"]
     error = f" ± {measured['error']:.2g}" if measured["error"] > _ROUNDING * measured["value"] else ""
     size = f"{measured['value']:.4g}{error} {measured['unit']}"
     lines = [
-        *textwrap.wrap(what, _BROAD, subsequent_indent="  "),
+        *textwrap.wrap(what, _WIDTH, subsequent_indent="  "),
         f"  reachable       {size}, {share:.3g} % of the region",
-        *textwrap.wrap(f"  settled         {_settled(told)}", _BROAD, subsequent_indent=" " * 18),
+        *textwrap.wrap(f"  status          {_counts(result)}", _WIDTH, subsequent_indent=" " * 18),
     ]
-    for quantity, values in told["quantities"].items():
+    for quantity, values in result["quantities"].items():
         unit = "" if values["unit"] == "1" else f" {values['unit']}"
-        three = ", ".join(f"{key} {_number(values[key])}" for key in ("least", "median", "most"))
+        three = ", ".join(
+            f"{key} {'unbounded' if values[key] is None else f'{values[key]:.3g}'}" for key in ("min", "median", "max")
+        )
         along = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in DIRECTED else ""
         lines.append(f"  {quantity:<15} {three}{unit}{along}")
     return lines
 
 
-def _settled(told: dict[str, Any]) -> str:
-    return ", ".join(f"{count:,} {how}" for how, count in told["settled"].items())
+def _counts(result: dict[str, Any]) -> str:
+    return ", ".join(f"{number:,} {how}" for how, number in result["status"].items())
 
 
-def _number(value: float | None) -> str:
-    return "without bound" if value is None else f"{value:.3g}"
-
-
-def _where(spec: MapSpecification) -> str:
-    """Where the node is at home: people mistake units, and frames."""
+def _home(spec: MapSpecification) -> str:
+    """Return where the node is at home: mistaken units and frames are common."""
     home = spec.home.translation
     here = ", ".join(f"{name} = {round(value, 6) + 0.0:.4g}" for name, value in zip("xyz", home, strict=True))
-    return f"At home {spec.node} is at {here} m; numbers are m and rad unless a unit stands behind (-900mm, 15deg)"
-
-
-def _refuse(words: str) -> None:
-    from cinegen.errors import CinegenError
-
-    raise CinegenError(words)
-
-
-# --- two maps ----------------------------------------------------------------------------------------------------
-
-
-def run_compare(options: argparse.Namespace) -> int:
-    """Says what differs."""
-    from cinegen.workspace import open_map
-    from cinegen.workspace.compare import compare
-
-    one, other = (open_map(path) for path in options.maps)
-    found = compare(one, other)
-    if options.json:
-        print(json.dumps(found.as_dict(), indent=1, ensure_ascii=False))
-    else:
-        print(found)
-    if options.plot:
-        from cinegen.plotting.comparison import draw_comparison
-
-        write_figure(Path(options.plot), draw_comparison(one, other, options.show))
-        if not options.json:
-            print(f"picture: {options.plot}")
-    return 0
+    return f"At home {spec.node} is at {here} m; numbers are {_UNITS}"

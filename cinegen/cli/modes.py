@@ -1,19 +1,19 @@
-"""`cinegen modes`: all ways in which a closed mechanism can be assembled with its motors where they are."""
+"""`cinegen modes`: all assembly modes of a closed mechanism with its actuated joints at given values."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import math
-import re
 import tempfile
-from collections.abc import Sequence
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.drive import of_page, show
-from cinegen.cli.files import mechanisms, of_files, progress, write_figure
-from cinegen.cli.values import meant, named, number, parts
+from cinegen.cli.files import count, print_json, write_figure
+from cinegen.cli.numbers import mm_and_degrees, parts, values
+from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
+from cinegen.cli.page import PageOptions
+from cinegen.cli.progress import Progress
+from cinegen.errors import CinegenError, UnknownNameError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,243 +26,215 @@ if TYPE_CHECKING:
 
 _POSE = ("x", "y", "z", "rx", "ry", "rz")
 _TYPED = 1e-4  # m and rad: poses are typed with some digits only
-_BROAD = 100  # columns
-_JOINED = "\xa0"  # a blank that no line breaks at
-_TEMPO = 0.5  # modes a second
+_WIDTH = 100  # columns
+_JOINED = "\xa0"  # a blank at which no line is broken
+_SPEED = 0.5  # modes per second
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    modes = commands.add_parser(
-        "modes", help="assembly modes: the ways to assemble a closed mechanism, its motors held",
-        description="Lists the configurations of a closed mechanism for given values of its motors (the direct "
-        "kinematics of a parallel robot), and says whether it is proved that these are all. Motors are at home, unless "
-        "--lengths or --at says where. Lengths in mm, angles in degrees; as JSON, m and rad. Exit code 1 where none is "
-        "found.",
-    )  # fmt: skip
-    # argparse takes "-10" for a value; so it does "-10,5,800" then.
-    modes._negative_number_matcher = re.compile(r"-\.?\d")
-    of_files(modes, count=1)
-    where = modes.add_mutually_exclusive_group()
-    where.add_argument(
-        "--lengths", "--values", nargs="+", metavar="V",
-        help="values of the motors, mm and degrees, in the file's order, such as 21.7 21.7 23.8 (or with commas); or "
-        "of some by name, such as joint3=21.7, the others at home",
-    )  # fmt: skip
-    where.add_argument(
-        "--at", nargs="+", metavar="POSE",
-        help="the motors are where they bring the end to this pose: x,y,z[,rx,ry,rz] in mm and degrees, rx, ry, rz "
-        "being roll, pitch and yaw as URDF has them (without them the orientation is left open); or some by name, such "
-        "as x=10,rz=15, the others as at home. Of several ways there, one near home is taken",
-    )  # fmt: skip
-    modes.add_argument("--node", metavar="NAME", help="whose pose is meant and told (the robot's end)")
-    modes.add_argument(
-        "--method", default="auto", choices=["auto", "monodromy"],
-        help="monodromy: as if nothing were known of the robot's family, to compare; it takes longer (%(default)s)",
-    )  # fmt: skip
-    modes.add_argument("--plot", metavar="FILE", help="draw all modes side by side: .png, .svg or .pdf")
-    shown = modes.add_mutually_exclusive_group()
-    shown.add_argument("--json", action="store_true", help="as JSON; a list where the file holds several robots")
-    shown.add_argument("--view", action="store_true", help="walk through the modes in the page")
-    of_page(modes.add_argument_group("with --view"))
-    modes.set_defaults(run=run)
+def run(
+    robots: RobotOptions,
+    page: PageOptions,
+    file: Path = FILE,
+    lengths: str | None = option(
+        "VALUES",
+        "values of the actuated joints in the order of the file, such as 21.7,21.7,23.8 (mm, degrees); or of "
+        "some by name: joint3=21.7, the others as at home",
+        None,
+        "--lengths",
+        "--values",
+    ),
+    at: str | None = option(
+        "POSE",
+        "solve for the actuated joints with the node at x,y,z[,rx,ry,rz] (mm, degrees; roll, pitch, yaw as in "
+        "URDF; without them any orientation); or some by name: x=10,rz=15, the others as at home. If several solutions "
+        "exist, the one nearest the home configuration is used",
+    ),
+    node: str | None = NODE,
+    method: Literal["auto", "monodromy"] = option(
+        None, "monodromy ignores what is known of the robot's family: for comparison, and slower", "auto"
+    ),
+    plot: Path | None = PLOT,
+    json: bool = JSON,
+    view: bool = VIEW,
+) -> int:
+    """List the assembly modes of a closed mechanism.
 
-
-def run(options: argparse.Namespace) -> int:
-    """Prints them; draws and shows them."""
-    found = mechanisms(options)
-    if len(found) > 1 and (options.lengths or options.at or options.plot or options.view):
-        from cinegen.errors import CinegenError
-
-        names = ", ".join(mechanism.name for mechanism in found.values())
-        raise CinegenError(f"{options.files[0]} holds several robots: name one by --robot ({names})")
+    Lists all configurations for given values of the actuated joints, home unless --lengths or --at gives others (the
+    direct kinematics of a parallel robot), and says whether it is proved that these are all. The exit code is 1 if
+    there is none.
+    """
+    exclude(lengths=lengths, at=at)
+    exclude(json=json, view=view)
+    single = lengths or at or plot or view
+    found = dict([robots.load_one(file)]) if single else {key: one for key, (one, _) in robots.load([file]).items()}
     from cinegen.assembly import assembly_modes
 
-    reports, every = [], True
+    reports: list[dict[str, Any]] = []
+    every = True
     for name, mechanism in found.items():
-        mechanism.frame_id(options.node or mechanism.end)  # refuses what there is not before it takes time
-        values, asked = _motors(mechanism, options)
-        with progress() as say:
-            modes = assembly_modes(mechanism, values, options.method, say=say)
-        if options.json:
-            reports.append(modes.as_dict())
-        else:
-            print(("\n" if reports else "") + "\n".join(_told(name, modes, options.node, asked)))
-            reports.append({})
+        mechanism.frame_id(node or mechanism.end)  # refuses an unknown node before anything takes time
+        asked = None if at is None else _pose(mechanism, at, node or mechanism.end)
+        given = _solved(mechanism, asked) if asked else None if lengths is None else _values(mechanism, lengths)
+        with Progress() as progress:
+            modes = assembly_modes(mechanism, given, method, say=progress.text)
+        if not json:
+            print(("\n" if reports else "") + "\n".join(_lines(name, modes, node, asked)))
+        reports.append(modes.as_dict())
         every = every and len(modes) > 0
-        if options.plot:
-            _draw(name, modes, options)
-        if options.view and len(modes):
-            return _walk(name, modes, options)
-    if options.json:
-        print(json.dumps(reports if len(reports) > 1 else reports[0], indent=1, ensure_ascii=False))
+        if plot:
+            from cinegen.plotting import draw_modes
+
+            write_figure(plot, draw_modes(modes, node, name))
+            if not json:
+                print(f"picture: {plot.resolve()}")
+        if view and len(modes):
+            return _show(name, modes, page)
+    if json:
+        print_json(reports if len(reports) > 1 else reports[0])
     return 0 if every else 1
 
 
-# --- where the motors are ----------------------------------------------------------------------------------------
+# --- the actuated joints -----------------------------------------------------------------------------------------
 
 
-def _motors(mechanism: Mechanism, options: argparse.Namespace) -> tuple[NDArray[np.float64] | None, FrameTask | None]:
-    """Values of the motors, rad and m, None for those of home; and the pose that --at asked for."""
-    import numpy as np
-
-    if options.lengths:
-        return _values(mechanism, parts(options.lengths)), None
-    if options.at:
-        asked = _asked(mechanism, parts(options.at), options.node or mechanism.end)
-        q = _reached(mechanism, asked)
-        return np.array([q[mechanism.q_index(joint)] for joint in mechanism.actuated]), asked
-    return None, None
-
-
-def _values(mechanism: Mechanism, given: Sequence[str]) -> NDArray[np.float64]:
-    """(motors,) rad and m, from --lengths.
+def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
+    """Return the values (n,) of the actuated joints, rad and m, from --lengths.
 
     Raises:
         CinegenError: too many, too few or no numbers.
-        UnknownNameError: no motor has that name.
+        UnknownNameError: there is no such actuated joint.
     """
     import numpy as np
 
-    from cinegen.errors import CinegenError, UnknownNameError
     from cinegen.plotting.words import said
 
-    motors = mechanism.actuated
-    home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in motors}
-    by_name = named(given, "--lengths", f"{motors[0] if motors else 'joint1'}=100")
-    if by_name is None:
-        if len(given) != len(motors):
-            listed = ", ".join(f"{joint} ({said(mechanism, joint, home[joint])} at home)" for joint in motors)
-            values = f"{len(given)} value{'s' * (len(given) != 1)}"
-            raise CinegenError(f"--lengths: {values} for the {len(motors)} motors of {mechanism.name}: {listed}")
-        by_name = dict(zip(motors, (number(part, "--lengths") for part in given), strict=True))
-    for joint, value in by_name.items():
+    joints, scale = mechanism.actuated, mm_and_degrees(mechanism)
+    home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in joints}
+    given = parts(text)
+    if not any("=" in part for part in given):
+        if len(given) != len(joints):
+            listed = ", ".join(f"{joint} ({said(mechanism, joint, home[joint])} at home)" for joint in joints)
+            number = f"{count(given, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
+            raise CinegenError(f"--lengths: {number}: {listed}")
+        text = ",".join(f"{joint}={value}" for joint, value in zip(joints, given, strict=True))
+    for joint, value in values(text, "--lengths", f"{next(iter(joints), 'joint1')}=100", scale).items():
         if joint not in home:
-            raise UnknownNameError("motor", joint, tuple(motors))
-        home[joint] = meant(mechanism, joint, value)
-    return np.array([home[joint] for joint in motors])
+            raise UnknownNameError("actuated joint", joint, tuple(joints))
+        home[joint] = value
+    return np.array([home[joint] for joint in joints])
 
 
-def _asked(mechanism: Mechanism, given: Sequence[str], node: str) -> FrameTask:
-    """What of a node --at wants to be where.
+def _pose(mechanism: Mechanism, text: str, node: str) -> FrameTask:
+    """Return the task of bringing a node to the pose of --at.
 
     Raises:
-        CinegenError: it is no pose.
+        CinegenError: it is not a pose.
     """
     import numpy as np
     import pinocchio as pin
 
-    from cinegen.errors import CinegenError, UnknownNameError
     from cinegen.ik import FrameTask
-    from cinegen.plotting.words import place
 
-    by_name = named(given, "--at", "x=10,rz=15")
-    if by_name is None:
+    given = parts(text)
+    if not any("=" in part for part in given):
         if len(given) not in (3, 6):
             raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in mm and degrees, not {len(given)} numbers")
-        by_name = dict(zip(_POSE, (number(part, "--at") for part in given), strict=False))
-    pose = place(mechanism.placement(mechanism.q_home, node))
-    for coordinate, value in by_name.items():
+        text = ",".join(f"{name}={value}" for name, value in zip(_POSE, given, strict=False))
+    by_name = values(text, "--at", "x=10,rz=15", mm_and_degrees(mechanism))
+    home = mechanism.placement(mechanism.q_home, node)
+    pose = dict(zip(_POSE, [*home.translation, *pin.rpy.matrixToRpy(home.rotation)], strict=True))
+    for coordinate in by_name:
         if coordinate not in _POSE:
             raise UnknownNameError("coordinate", coordinate, _POSE)
-        pose[_POSE.index(coordinate)] = value
-    turned = any(coordinate in by_name for coordinate in _POSE[3:])
-    target = pin.SE3(pin.rpy.rpyToMatrix(np.radians(pose[3:])), pose[:3] / 1e3)
-    return FrameTask(node, target, rotation=3 if turned else 0)
+    x, y, z, roll, pitch, yaw = {**pose, **by_name}.values()
+    target = pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z]))
+    return FrameTask(node, target, rotation=3 if any(name in by_name for name in _POSE[3:]) else 0)
 
 
-def _reached(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
-    """(nq,) with a node where it should be, within limits if that can be had, and near home.
+def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
+    """Return the values (n,) of the actuated joints with a node at its target, within limits if possible, near home.
 
     Raises:
-        CinegenError: it can't be reached; says by how much it is missed.
+        CinegenError: the target can't be reached; says by how much it is missed.
     """
-    from cinegen.errors import CinegenError
+    import numpy as np
+
     from cinegen.ik import inverse_kinematics
     from cinegen.plotting.words import place
 
-    for limits in (True, False):  # a mode that limits forbid is a mode all the same, and said to be outside
+    for limits in (True, False):  # a mode beyond limits is a mode, and listed as such
         found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
         if found:
-            return found.q
+            return np.array([found.q[mechanism.q_index(joint)] for joint in mechanism.actuated])
     numbers = [f"{name} {value:g}" for name, value in zip(_POSE, place(asked.target), strict=True)]
     where, missed = f"{', '.join(numbers[:3])} mm", f"{1e3 * found.errors[0][0]:.4g} mm"
     if asked.rotation:
         where += f", {', '.join(numbers[3:])} degrees"
         missed += f" and {math.degrees(found.errors[0][1]):.4g} degrees"
     raise CinegenError(
-        f"{mechanism.name}: {asked.node} can't be brought to {where}, limits or not: the nearest that was found misses "
+        f"{mechanism.name}: {asked.node} can't reach {where}, even beyond joint limits: the closest pose found misses "
         f"it by {missed}"
     )
 
 
-# --- what is told ------------------------------------------------------------------------------------------------
+# --- the result --------------------------------------------------------------------------------------------------
 
 
-def _told(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask | None) -> list[str]:
-    """Lines: what was asked, a table, and what it is worth."""
-    import textwrap
-
+def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask | None) -> list[str]:
     from cinegen.plotting.words import said
 
-    mechanism, count = modes.mechanism, len(modes)
-    node = node or mechanism.end
-    many = "no assembly mode" if not count else f"{count} assembly mode{'s' * (count != 1)}"
-    motors = zip(mechanism.actuated, modes.actuated, strict=True)
-    values = [f"{joint} {said(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in motors]
-    lines = [f"{name}: robot '{mechanism.name}', {many}" + (f"; where {node} is, mm and degrees:" if count else "")]
-    wrapped = textwrap.wrap(f"motors: {', '.join(values)}", _BROAD, initial_indent="  ", subsequent_indent="    ")
-    lines += [line.replace(_JOINED, " ") for line in wrapped]
-    lines += ["", *_table(modes, node, asked), ""] if count else [""]
+    mechanism, node = modes.mechanism, node or modes.mechanism.end
+    number = count(modes, "assembly mode") if len(modes) else "no assembly mode"
+    joints = zip(mechanism.actuated, modes.actuated, strict=True)
+    given = [f"{joint} {said(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
+    heading = f"{name}: robot '{mechanism.name}', {number}" + (f"; pose of {node}, mm and degrees:" * bool(len(modes)))
+    wrapped = textwrap.wrap(f"actuated: {', '.join(given)}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
+    lines = [heading, *(line.replace(_JOINED, " ") for line in wrapped), ""]
+    lines += [*_table(modes, node, asked), ""] if len(modes) else []
     if modes.closest is not None:
-        lines += textwrap.wrap(f"The nearest to one: {modes.closest.words}.", _BROAD - 2)
-    worth = {
+        lines += textwrap.wrap(f"The closest configuration: {modes.closest.words}.", _WIDTH - 2)
+    proof = {
         (True, True): "These are all.", (True, False): "There is none.",
         (False, True): "There may be more.", (False, False): "None was found.",
-    }[modes.complete, count > 0]  # fmt: skip
-    lines += textwrap.wrap(f"{worth} {_sentence(modes.method)}", _BROAD - 2)
-    return lines
-
-
-def _sentence(words: str) -> str:
-    return words[:1].upper() + words[1:] + ("" if words.endswith(".") else ".")
+    }[modes.complete, len(modes) > 0]  # fmt: skip
+    method = modes.method.removesuffix(".")
+    return lines + textwrap.wrap(f"{proof} {method[:1].upper()}{method[1:]}.", _WIDTH - 2)
 
 
 def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str]:
-    """A line for each mode, below a heading."""
+    """Return a heading and a line for each mode."""
     import numpy as np
 
     from cinegen.plotting.skeleton import Skeleton
     from cinegen.plotting.words import place, quiet
 
-    mechanism = modes.mechanism
-    places = np.array([place(placement) for placement in modes.placements(node)])
+    placements = modes.placements(node)
+    poses = np.array([place(placement) for placement in placements])
     heads = ["x", "y", "z", "roll", "pitch", "yaw"]
     columns = list(range(6))
-    plane = Skeleton(mechanism, node).plane
-    if plane is not None and abs(plane[2]) > 1.0 - 1e-9 and np.abs(places[:, 3:5]).max() < 1e-6:
-        columns = [0, 1, 5]  # all that moves in a plane x, y
-    marks = [asked is not None and _is_at(asked, placement) for placement in modes.placements(node)]
-    notes = [_limits(mechanism, q) for q in modes]
+    plane = Skeleton(modes.mechanism, node).plane
+    if plane is not None and abs(plane[2]) > 1.0 - 1e-9 and np.abs(poses[:, 3:5]).max() < 1e-6:
+        columns = [0, 1, 5]  # the coordinates of a planar motion in x, y
+    marks = [asked is not None and _is_at(asked, placement) for placement in placements]
+    notes = [_limits(modes.mechanism, q) for q in modes]
     head = "".join(f"{heads[c]:>11}" if c < 3 else f"{heads[c]:>9}" for c in columns)
     lines = [f"  mode {head}   {'outside limits' if any(notes) else ''}".rstrip()]
-    for k, (row, count) in enumerate(zip(places, modes.coincident, strict=True)):
+    for k, (row, number) in enumerate(zip(poses, modes.coincident, strict=True)):
         cells = "".join(f"{quiet(row[c], 3):11.3f}" if c < 3 else f"{quiet(row[c], 2):9.2f}" for c in columns)
-        said = [f"{count} solutions meet"] * (count > 1) + [notes[k]] * bool(notes[k])
-        lines.append(f"  {k + 1:>4}{'*' if marks[k] else ' '}{cells}   {'; '.join(said)}".rstrip())
-    return [*lines, "", "  * as asked"] if any(marks) else lines
+        note = "; ".join(filter(None, [f"{number} solutions coincide" if number > 1 else "", notes[k]]))
+        lines.append(f"  {k + 1:>4}{'*' if marks[k] else ' '}{cells}   {note}".rstrip())
+    return [*lines, "", "  * the pose of --at"] if any(marks) else lines
 
 
 def _is_at(asked: FrameTask, placement: pin.SE3) -> bool:
-    """Whether a node is where it should be, as exactly as that was typed."""
+    """Return whether a node is at its target, as exactly as that was typed."""
     import numpy as np
 
-    straight, turn = asked.errors(placement, asked.target.rotation)
-    return bool(np.linalg.norm(straight) <= 2.0 * _TYPED and np.linalg.norm(turn) <= 2.0 * _TYPED)
+    return all(float(np.linalg.norm(error)) <= 2.0 * _TYPED for error in asked.errors(placement, asked.target.rotation))
 
 
 def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
-    """The first joint that is outside its limits, and how many others are; nothing where all are inside."""
+    """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
     from cinegen.plotting.words import quiet, shown
 
     beyond, there = mechanism.limits.outside(q), mechanism.limits.unwound(q)
@@ -271,30 +243,17 @@ def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
     joint, limit = next(iter(beyond.items()))
     value = float(there[mechanism.q_index(joint)])
     numbers = (f"{quiet(shown(mechanism, joint, one)[0], 1):g}" for one in (value, limit))
-    words = f"{joint} {(' < ' if value < limit else ' > ').join(numbers)}"
-    return words + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
+    text = f"{joint} {(' < ' if value < limit else ' > ').join(numbers)}"
+    return text + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
 
 
-# --- pictures ----------------------------------------------------------------------------------------------------
-
-
-def _draw(name: str, modes: AssemblyModes, options: argparse.Namespace) -> None:
-    from cinegen.plotting import draw_modes
-
-    path = Path(options.plot)
-    write_figure(path, draw_modes(modes, options.node, name))
-    if not options.json:
-        print(f"picture: {path.resolve()}")
-
-
-def _walk(name: str, modes: AssemblyModes, options: argparse.Namespace) -> int:
-    """Shows the modes in the page, one after the other."""
+def _show(name: str, modes: AssemblyModes, page: PageOptions) -> int:
+    """Show the modes in the page, one after the other."""
     from cinegen.mission.results import record_modes
     from cinegen.session import replayed
 
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         recording = Path(folder) / f"{name}-modes.jsonl"
         record_modes(modes, recording, name)
-        stops = [(float(k + 1), f"mode {k + 1} of {len(modes)}") for k in range(len(modes))]
-        stops[0] = (0.0, stops[0][1])
-        return show(replayed(recording, _TEMPO, stops), options, f"{name}-modes")
+        stops = [(float(k + 1) if k else 0.0, f"mode {k + 1} of {len(modes)}") for k in range(len(modes))]
+        return page.show(replayed(recording, _SPEED, stops), f"{name}-modes")

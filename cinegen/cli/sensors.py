@@ -1,40 +1,31 @@
-"""`cinegen sensors`: which sensors there are; what one says."""
+"""`cinegen sensors`: the sensors of files and of this machine; the readings of one."""
 
 from __future__ import annotations
 
-import argparse
 import sys
-from typing import Any
+from pathlib import Path
 
-from cinegen.cli.files import ignoring_loops, seconds
+from cinegen.cli.options import FILES, IGNORE_LOOPS, JSON, SECONDS, option
 from raff2urdf.output import write_at_once
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    sensors = commands.add_parser(
-        "sensors", help="which sensors a file names and what could be one here; watch one",
-        description="Lists the sensors that files name, the serial ports of this machine, and what else may be a "
-        "sensor. With --monitor, shows what one says until Ctrl-C.",
-    )  # fmt: skip
-    sensors.add_argument("files", nargs="*", metavar="FILE", help="RAFF file, URDF, SDF or MJCF")
-    ignoring_loops(sensors)
-    sensors.add_argument(
-        "--sensor", action="append", default=[], metavar="N=URL", help="another port for the files' sensor N"
-    )
-    sensors.add_argument("--monitor", metavar="URL", help="show what this one says: a port or a URL")
-    sensors.add_argument("--seconds", type=seconds, metavar="S", help="stop after so long (at Ctrl-C)")
-    sensors.add_argument("--json", action="store_true", help="as JSON; with --monitor, a recording")
-    sensors.set_defaults(run=run)
+def run(
+    files: list[Path] = FILES,
+    sensor: list[str] = option("N=URL", "another port for sensor N of the files", ()),
+    monitor: str | None = option("URL", "show the readings of this port or URL"),
+    seconds: float | None = SECONDS,
+    ignore_loops: bool = IGNORE_LOOPS,
+    json: bool = JSON,
+) -> int:
+    """List the sensors of files and of this machine; monitor one.
 
+    Lists the sensors that the files name, the serial ports of this machine, and which URLs name a sensor. With
+    --monitor, shows the readings of one sensor; with --json, as a recording.
+    """
+    from cinegen.devices import monitor as monitoring
 
-def run(options: argparse.Namespace) -> int:
-    """List the sensors, or monitor one."""
-    from cinegen.devices import monitor
-
-    if options.monitor:
-        rewrite = sys.stdout.isatty() and not options.json
-        monitor.monitor(options.monitor, write_at_once, options.seconds, options.json, rewrite)
-        return 0
-    print(monitor.listing(options.files, options.sensor, options.json, options.ignore_loops))
+    if monitor:
+        monitoring.monitor(monitor, write_at_once, seconds, json, rewrite=sys.stdout.isatty() and not json)
+    else:
+        print(monitoring.listing(map(str, files), sensor, json, ignore_loops))
     return 0

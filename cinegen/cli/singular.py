@@ -1,125 +1,109 @@
-"""`cinegen singular`: whether a mechanism is singular somewhere, why, and where else it is."""
+"""`cinegen singular`: singularities at a pose, over a slice of the workspace, or along a recorded motion."""
 
 from __future__ import annotations
 
-import argparse
-import json
+import json as json_text
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cinegen.cli.files import mechanisms, of_files, progress, write, write_figure
-from cinegen.cli.values import meant, named, number, parts
+from cinegen.cli.files import print_json, write, write_figure
+from cinegen.cli.numbers import interval, mm_and_degrees, parts, values
+from cinegen.cli.options import FILE, JSON, RobotOptions, option
+from cinegen.cli.progress import Progress
+from cinegen.errors import CinegenError
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
-    from cinegen.singularities.slice import Axis, Slice
+    from cinegen.singularities.slice import Axis
+
+_EXAMPLE = "x=100 or rz=15"
 
 
-def add(commands: Any) -> None:
-    """Adds the command."""
-    singular = commands.add_parser(
-        "singular", help="singularities: at a pose, over a slice of the workspace, or on a recorded way",
-        description="Says whether a mechanism is singular at a pose (home unless --at says where), of which type, what "
-        "moves or is lost there, and, for legs that are lines, the geometric reason. With --scan it looks for all "
-        "singularities on a slice, draws them and writes them. Given a recording (FILE.jsonl) it says where, between "
-        "its samples too, the motion passes through one. Lengths in mm, angles in degrees.",
-    )  # fmt: skip
-    of_files(singular)
-    singular.add_argument("--node", metavar="NAME", help="whose motion is meant (the robot's end)")
-    singular.add_argument(
-        "--at", metavar="POSE", default="",
-        help="where, such as x=0,y=100,rz=15 of the node, or joint3=700 of motors; the others as at home",
-    )  # fmt: skip
-    singular.add_argument(
-        "--scan", metavar="AXES", help="two coordinates, such as x,y or x=-300..300,rz=-90..90, or two motors"
-    )
-    singular.add_argument("--grid", type=int, default=61, metavar="N", help="points along each axis (%(default)d)")
-    singular.add_argument("--plot", metavar="FILE", help="the scan's picture, .png, .svg or .pdf (ROBOT-singular.png)")
-    singular.add_argument("-o", "--output", metavar="FILE", help="the scan as JSON, m and rad (ROBOT-singular.json)")
-    singular.add_argument("--json", action="store_true", help="as JSON")
-    singular.set_defaults(run=run)
+def run(
+    robots: RobotOptions,
+    files: list[Path] = FILE,
+    node: str | None = option("NAME", "node whose motion is analysed (default: the robot's end)"),
+    at: str = option(
+        "POSE", "where: x=0,y=100,rz=15 of the node, or joint3=700 of actuated joints (mm, degrees; default: home)", ""
+    ),
+    scan: str | None = option(
+        "AXES", "two coordinates, such as x,y or x=-300..300,rz=-90..90, or two actuated joints (mm, degrees)"
+    ),
+    grid: int = option("N", "points along each axis", 61),
+    plot: Path | None = option("FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)"),
+    output: Path | None = option("FILE", "the scan as JSON, m and rad (ROBOT-singular.json)", None, "-o", "--output"),
+    json: bool = JSON,
+) -> int:
+    """Find singularities: at a pose, over a slice of the workspace, or along a recorded motion.
 
-
-def run(options: argparse.Namespace) -> int:
-    """Prints it, or writes it."""
-    recordings = [file for file in options.files if file.endswith(".jsonl")]
+    Reports whether a mechanism is singular at a pose, of which type, which degrees of freedom are lost or uncontrolled
+    there and, for legs that are lines, the geometric reason. With --scan, finds, draws and writes all singularities on
+    a slice. For a recording (FILE.jsonl), finds where the motion passes through one, between the samples too.
+    """
+    recordings = [file for file in files if file.suffix == ".jsonl"]
     if recordings:
-        return _ways(recordings, options)
-    found = mechanisms(options)
-    if options.scan is not None:
+        _check_recordings(recordings, robots.robot, json)
+        return 0
+    found = {name: mechanism for name, (mechanism, _) in robots.load(files).items()}
+    if scan is not None:
         for name, mechanism in found.items():
-            _scan(name, mechanism, options, alone=len(found) == 1)
+            alone = len(found) == 1
+            picture = plot if plot and alone else Path(f"{name}-singular{plot.suffix if plot else ''}")
+            numbers = output if output and alone else Path(f"{name}-singular.json")
+            _scan(mechanism, name, scan, at, node, grid, picture, numbers)
         return 0
     from cinegen.singularities import singularity
 
     reports = []
     for name, mechanism in found.items():
-        here = singularity(mechanism, _there(mechanism, options), options.node)
+        here = singularity(mechanism, _configuration(mechanism, at, node), node)
         reports.append({"name": name, **here.as_dict()})
-        if not options.json:
-            print(f"{name}: " + "\n".join(_wrapped(here.words)))
-    if options.json:
-        print(json.dumps(reports, indent=1, ensure_ascii=False))
+        if not json:
+            first, *others = here.words.split("; ")
+            wrapped = [textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in others]
+            print("\n".join([f"{name}: {first}", *wrapped]))
+    if json:
+        print_json(reports)
     return 0
 
 
-def _wrapped(words: str) -> list[str]:
-    """A line or two for each part of a sentence."""
-    parts = words.split("; ")
-    return [parts[0], *(textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in parts[1:])]
-
-
-# --- a pose ------------------------------------------------------------------------------------------------------
-
-
-def _there(mechanism: Mechanism, options: argparse.Namespace) -> Any:
-    """The configuration that --at names; home without it."""
-    values = _values(mechanism, options.at)
-    if not values:
+def _configuration(mechanism: Mechanism, at: str, node: str | None) -> Any:
+    """Return the configuration (nq,) that --at gives."""
+    given = values(at, "--at", _EXAMPLE, mm_and_degrees(mechanism))
+    if not given:
         return mechanism.q_home
-    from cinegen.errors import CinegenError
     from cinegen.singularities.slice import POSE, Coordinates
 
-    of_motors = all(name in mechanism.actuated for name in values)
-    names = mechanism.actuated if of_motors else POSE
-    coordinates = Coordinates(mechanism, [name for name in names if name in values], options.node)
-    q = coordinates.led(values)
+    names = mechanism.actuated if all(name in mechanism.actuated for name in given) else POSE
+    q = Coordinates(mechanism, [name for name in names if name in given], node).led(given)
     if q is None:
-        raise CinegenError(f"{mechanism.name}: --at {options.at} can't be reached straight from home on its branch")
+        raise CinegenError(
+            f"{mechanism.name}: --at {at} can't be reached along a straight line from home on its branch"
+        )
     return q
 
 
-def _values(mechanism: Mechanism, text: str) -> dict[str, float]:
-    """Coordinates by name, m and rad, from --at; none without it."""
-    from cinegen.errors import CinegenError
-
-    given = parts([text])
-    for part in given:
-        if "=" not in part:
-            raise CinegenError(f"--at: '{part}': write NAME=VALUE, mm or degrees, such as x=100 or rz=15")
-    values = named(given, "--at", "x=100,rz=15") or {}
-    return {name: meant(mechanism, name, value) for name, value in values.items()}
-
-
-# --- a slice -----------------------------------------------------------------------------------------------------
-
-
-def _scan(name: str, mechanism: Mechanism, options: argparse.Namespace, alone: bool) -> None:
+def _scan(
+    mechanism: Mechanism, name: str, axes: str, at: str, node: str | None, grid: int, picture: Path, numbers: Path
+) -> None:
     from cinegen.plotting.loci import draw_loci
     from cinegen.singularities import Kind
     from cinegen.singularities.scan import scan
+    from cinegen.singularities.slice import Slice
 
-    of = _slice(mechanism, options)
-    with progress() as say:
-        loci = scan(of, options.grid, lambda part: say(f"{100.0 * part:3.0f} %"))
-    picture = Path(options.plot if options.plot and alone else f"{name}-singular{_ending(options.plot)}")
-    numbers = Path(options.output if options.output and alone else f"{name}-singular.json")
+    names = parts(axes)
+    if len(names) != 2:
+        raise CinegenError(f"--scan {axes}: name two coordinates, such as x,y or x=-300..300,rz=-90..90")
+    first, second = (_axis(mechanism, text, node) for text in names)
+    of = Slice(mechanism, (first, second), values(at, "--at", _EXAMPLE, mm_and_degrees(mechanism)), node)
+    with Progress() as progress:
+        loci = scan(of, grid, progress.fraction)
     figure = draw_loci(loci)
-    write(numbers, json.dumps(loci.as_dict(), ensure_ascii=False) + "\n")
+    write(numbers, json_text.dumps(loci.as_dict(), ensure_ascii=False) + "\n")
     write_figure(picture, figure)
-    axes = " and ".join(axis.name for axis in of.axes)
-    print(f"{name}: {100.0 * loci.reached.mean():.0f} % of the slice over {axes} is reached from home on its branch")
+    share = f"{100.0 * loci.reached.mean():.0f} % of the slice over {first.name} and {second.name}"
+    print(f"{name}: {share} is reached from home on its branch")
     for curve in loci.curves:
         kind = "no singularity" if curve.kind is Kind.NONE else curve.kind.value
         print(f"  {kind}, {'where the branch ends' if curve.border else 'inside'}: {len(curve.points)} points")
@@ -128,54 +112,29 @@ def _scan(name: str, mechanism: Mechanism, options: argparse.Namespace, alone: b
     print(f"{picture} and {numbers} are written")
 
 
-def _slice(mechanism: Mechanism, options: argparse.Namespace) -> Slice:
-    from cinegen.errors import CinegenError
-    from cinegen.singularities.slice import Slice
-
-    parts = [part.strip() for part in options.scan.split(",") if part.strip()]
-    if len(parts) != 2:
-        raise CinegenError(f"--scan {options.scan}: name two coordinates, such as x,y or x=-300..300,rz=-90..90")
-    first, second = (_axis(mechanism, part, options.node) for part in parts)
-    return Slice(mechanism, (first, second), _values(mechanism, options.at), options.node)
-
-
 def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
-    """A coordinate with its range; where none is given, about home."""
-    from cinegen.errors import CinegenError
+    """Return a coordinate with its range; without one, a range around home."""
     from cinegen.singularities.slice import Axis, about_home
 
-    name, equals, span = (word.strip() for word in text.partition("="))
+    name, equals, ends = text.partition("=")
     if not equals:
         return about_home(mechanism, name, node)
-    low, dots, high = span.partition("..")
-    if not dots:
-        raise CinegenError(f"--scan: '{text}': write NAME=LOW..HIGH, mm or degrees, such as x=-300..300")
-    return Axis(name, *(meant(mechanism, name, number(end, "--scan")) for end in (low, high)))
+    return Axis(name, *interval(ends, "--scan", mm_and_degrees(mechanism)(name)))
 
 
-def _ending(plot: str | None) -> str:
-    return Path(plot).suffix if plot and Path(plot).suffix else ".png"
-
-
-# --- a recorded way ----------------------------------------------------------------------------------------------
-
-
-def _ways(files: list[str], options: argparse.Namespace) -> int:
+def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:
     from cinegen.mission import Recording, check, resampled
 
     reports = []
     for file in files:
-        trajectory = resampled(Recording.load(file), options.robot)
-        findings = [finding for finding in check(trajectory) if finding.sigma is not None]
-        reports.append({"recording": file, "found": [
-            {"kind": one.kind.value, "time": one.recorded, "sigma": one.sigma, "message": one.message,
-             "q": one.q.tolist()}
+        findings = [one for one in check(resampled(Recording.load(file), robot)) if one.sigma is not None]
+        reports.append({"recording": str(file), "found": [
+            {"kind": one.kind.value, "time": one.recorded, "sigma": one.sigma, "message": one.message, "q": one.q.tolist()}
             for one in findings
         ]})  # fmt: skip
-        if not options.json:
-            print(f"{file}: {len(findings) or 'no'} singularit{'y' if len(findings) == 1 else 'ies'} on its way")
+        if not json:
+            print(f"{file}: {len(findings) or 'no'} singularit{'y' if len(findings) == 1 else 'ies'} along the motion")
             for one in findings:
                 print(f"  at {one.recorded:.3f} s {one.message} (singular value {one.sigma:.2g})")
-    if options.json:
-        print(json.dumps(reports, indent=1, ensure_ascii=False))
-    return 0
+    if json:
+        print_json(reports)

@@ -1,0 +1,38 @@
+"""`cinegen compare`: the differences of two maps."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from cinegen.cli.files import print_json, write_figure
+from cinegen.cli.options import JSON, PLOT, option
+
+_MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
+
+
+def run(
+    first: Path = _MAP,
+    second: Path = _MAP,
+    plot: Path | None = PLOT,
+    show: str | None = option("NAME", "quantity whose difference is drawn"),
+    json: bool = JSON,
+) -> int:
+    """Compare two maps: cells that both or only one reaches, and differences of quantities."""
+    from cinegen.workspace import open_map
+    from cinegen.workspace.compare import compare
+
+    one, other = open_map(first), open_map(second)
+    found = compare(one, other)
+    if json:
+        print_json(found.as_dict())
+    else:
+        print(found)
+    if plot:
+        from cinegen.plotting.comparison import draw_comparison
+
+        write_figure(plot, draw_comparison(one, other, show))
+        if not json:
+            print(f"picture: {plot}")
+    return 0

@@ -1,0 +1,102 @@
+"""Arguments and options that several commands share, and the two functions that declare options."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from cinegen.errors import CinegenError
+from raff2urdf.command_line import UsageError
+
+if TYPE_CHECKING:
+    from cinegen.model import Mechanism
+
+
+def option(metavar: str | None, help: str, default: object = None, *names: str, **settings: Any) -> Any:
+    """Return an option with a value; further settings are those of `typer.Option`.
+
+    Args:
+        metavar: the value in the help; None lists the choices of a `Literal`.
+        help: what it does, with the unit of a number.
+        default: shown in the help unless it is empty.
+        names: such as `-o`, `--output`; `--parameter` unless given.
+    """
+    return typer.Option(default, *names, metavar=metavar, help=help, show_default=bool(default), **settings)
+
+
+def flag(name: str, help: str, **settings: Any) -> Any:
+    """Return an option without a value; further settings are those of `typer.Option`."""
+    return typer.Option(False, name, metavar="", help=help, **settings)
+
+
+FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file")
+FILES = typer.Argument(None, metavar="FILE", help="RAFF, URDF, SDF or MJCF files")
+IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even if loops or couplings can't be read")
+JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
+NODE = option("NAME", "node to report (default: the robot's end)")
+PLOT = option("FILE", "draw a picture: .png, .svg or .pdf")
+SECONDS = option("S", "stop after this time, s (default: at Ctrl-C)", min=0, max=10_000_000)
+VIEW = flag("--view", "show the result in the page")
+
+
+@dataclass(frozen=True)
+class RobotOptions:
+    """Which robots are loaded, and how."""
+
+    robot: str | None = option("NAME", "load only the robot of this name")
+    loop: list[str] = option(
+        "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, whatever the file says", ()
+    )
+    ignore_loops: bool = IGNORE_LOOPS
+
+    def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
+        """Return all robots of all files with their file, by a unique name.
+
+        Raises:
+            CinegenError, raff2urdf.RaffError: a file can't be read, or holds no robot of that name.
+        """
+        from cinegen.model.load import load, robots
+
+        loops = {}
+        for text in self.loop:
+            name, equals, kind = text.rpartition("=")
+            if not equals:
+                raise CinegenError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
+            loops[name] = kind
+        found: dict[str, tuple[Mechanism, Path]] = {}
+        for file in files:
+            wanted = robots(file) if self.robot is None else [self.robot]
+            for robot in wanted:
+                mechanism = load(file, robot, loops, self.ignore_loops)
+                name = file.stem if len(wanted) == 1 else f"{file.stem}.{mechanism.name}"
+                while name in found:
+                    name += "'"
+                found[name] = mechanism, file
+        return found
+
+    def load_one(self, file: Path) -> tuple[str, Mechanism]:
+        """Return the only robot of a file, behind its name.
+
+        Raises:
+            CinegenError, raff2urdf.RaffError: as `load`; or there are several robots.
+        """
+        found = [(name, mechanism) for name, (mechanism, _) in self.load([file]).items()]
+        if len(found) > 1:
+            names = ", ".join(mechanism.name for _, mechanism in found)
+            raise CinegenError(f"{file} holds several robots: name one by --robot ({names})")
+        return found[0]
+
+
+def exclude(**options: object) -> None:
+    """Refuse options that were given together.
+
+    Raises:
+        UsageError: more than one value is neither None, False nor empty.
+    """
+    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value]
+    if len(given) > 1:
+        raise UsageError(f"{given[0]} and {given[1]} exclude each other: leave one out")

@@ -1,0 +1,68 @@
+"""Progress of long computations, shown to a person at a terminal."""
+
+from __future__ import annotations
+
+import sys
+import time
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import rich.progress
+
+_PATIENCE = 1.0  # s until progress is shown
+
+
+class Progress:
+    """A line below a command's output, from its second second on; removed in the end."""
+
+    def __init__(self) -> None:
+        self._begin = time.monotonic()
+        self._first: int | None = None  # cells that were done before
+        self._bar: rich.progress.Progress | None = None
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def text(self, text: str) -> None:
+        """Show what is being done."""
+        self._show(text, None, None)
+
+    def fraction(self, fraction: float) -> None:
+        """Show which fraction is done, 0 to 1."""
+        self._show("", fraction, 1.0)
+
+    def cells(self, done: int, total: int) -> None:
+        """Show how many cells are done, and how fast."""
+        self._first = done if self._first is None else self._first
+        rate = (done - self._first) / max(time.monotonic() - self._begin, 1e-9)
+        self._show(f"{done:,} of {total:,} cells, {rate:,.0f}/s", done, total)
+
+    def _show(self, text: str, done: float | None, total: float | None) -> None:
+        if self._bar is None:
+            if not sys.stderr.isatty() or time.monotonic() - self._begin < _PATIENCE:
+                return
+            self._bar = _bar()
+            self._bar.add_task(text, total=total)
+            self._bar.start()
+        self._bar.update(self._bar.task_ids[0], description=text, completed=done, total=total)
+
+
+def _bar() -> rich.progress.Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+    )
+    return Progress(
+        *columns, console=Console(stderr=True), transient=True, redirect_stdout=False, redirect_stderr=False
+    )
