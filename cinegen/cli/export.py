@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from pkgutil import iter_modules
 
 import typer
 
 from cinegen.cli.options import flag, option
-from cinegen.mission.formats import FORMATS
+
+FORMATS = [module.name for module in iter_modules([str(Path(__file__).parents[1] / "mission" / "formats")])]
+"""As `cinegen.mission.FORMATS`, without importing anything."""
 
 RECORDING = typer.Argument(..., metavar="FILE.jsonl", help="recording, by `cinegen drive --record`")
 SPEED = option("X", "playback speed, times that of the recording", 1.0)

@@ -108,7 +108,7 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
 
     from cinegen.plotting.words import said
 
-    joints, scale = mechanism.actuated, mm_and_degrees(mechanism)
+    joints, units = mechanism.actuated, mm_and_degrees(mechanism)
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in joints}
     given = parts(text)
     if not any("=" in part for part in given):
@@ -117,7 +117,7 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
             number = f"{count(given, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
             raise CinegenError(f"--lengths: {number}: {listed}")
         text = ",".join(f"{joint}={value}" for joint, value in zip(joints, given, strict=True))
-    for joint, value in values(text, "--lengths", f"{next(iter(joints), 'joint1')}=100", scale).items():
+    for joint, value in values(text, "--lengths", f"{next(iter(joints), 'joint1')}=100 (mm, degrees)", units).items():
         if joint not in home:
             raise UnknownNameError("actuated joint", joint, tuple(joints))
         home[joint] = value
@@ -140,7 +140,7 @@ def _pose(mechanism: Mechanism, text: str, node: str) -> FrameTask:
         if len(given) not in (3, 6):
             raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in mm and degrees, not {len(given)} numbers")
         text = ",".join(f"{name}={value}" for name, value in zip(_POSE, given, strict=False))
-    by_name = values(text, "--at", "x=10,rz=15", mm_and_degrees(mechanism))
+    by_name = values(text, "--at", "x=10,rz=15 (mm, degrees)", mm_and_degrees(mechanism))
     home = mechanism.placement(mechanism.q_home, node)
     pose = dict(zip(_POSE, [*home.translation, *pin.rpy.matrixToRpy(home.rotation)], strict=True))
     for coordinate in by_name:

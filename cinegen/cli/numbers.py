@@ -17,46 +17,44 @@ from cinegen.errors import CinegenError
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
 
-UNITS = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0}
-"""SI values of the units that may follow a number."""
-
+_TO_SI: dict[str, Callable[[float], float]] = {
+    "m": float, "cm": lambda x: x / 1e2, "mm": lambda x: x / 1e3, "rad": float, "deg": math.radians, "°": math.radians,
+}  # fmt: skip
 _NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z°]*)")
 
-Scale = Callable[[str], float]
-"""For a coordinate or joint by name, the SI value of 1 without a unit."""
+Units = Callable[[str], str]
+"""The unit of bare numbers, by the name of a coordinate or joint."""
 
 
-def si(_: str) -> float:
-    """Bare numbers are m and rad."""
-    return 1.0
+def si(_: str) -> str:
+    """Return the unit of bare numbers where they are m and rad."""
+    return "m"
 
 
-def mm_and_degrees(mechanism: Mechanism) -> Scale:
-    """Bare numbers are mm for x, y, z and prismatic joints, else degrees."""
+def mm_and_degrees(mechanism: Mechanism) -> Units:
+    """Return the unit of bare numbers where they are mm for x, y, z and prismatic joints, else degrees."""
 
-    def scale(name: str) -> float:
-        long = mechanism.slides(name) if name in mechanism.joints else name in ("x", "y", "z")
-        return UNITS["mm" if long else "deg"]
+    def unit(name: str) -> str:
+        return "mm" if (mechanism.slides(name) if name in mechanism.joints else name in ("x", "y", "z")) else "deg"
 
-    return scale
+    return unit
 
 
-def quantity(text: str, option: str, scale: float = 1.0) -> float:
+def quantity(text: str, option: str, unit: str = "m") -> float:
     """Return a number in m or rad.
 
     Args:
         text: what was typed.
         option: where, for errors.
-        scale: SI value of 1 without a unit.
+        unit: of a bare number.
 
     Raises:
         CinegenError: it is not a finite number, or its unit is unknown.
     """
     found = _NUMBER.fullmatch(text.strip())
-    if found is None or found[2] not in {"", *UNITS} or not math.isfinite(float(found[1])):
-        units = ", ".join(UNITS)
-        raise CinegenError(f"{option}: '{text}' is not a number (it may have a unit, as in -900mm: {units})")
-    return float(found[1]) * (UNITS[found[2]] if found[2] else scale)
+    if found is None or found[2] not in {"", *_TO_SI} or not math.isfinite(float(found[1])):
+        raise CinegenError(f"{option}: '{text}' is not a number (with a unit, if you like: {', '.join(_TO_SI)})")
+    return _TO_SI[found[2] or unit](float(found[1]))
 
 
 def parts(text: str) -> list[str]:
@@ -81,16 +79,16 @@ def named(text: str, option: str, example: str) -> dict[str, str]:
     return found
 
 
-def values(text: str, option: str, example: str, scale: Scale) -> dict[str, float]:
+def values(text: str, option: str, example: str, units: Units) -> dict[str, float]:
     """Return numbers by name, m and rad.
 
     Raises:
         CinegenError: as `named` and `quantity`.
     """
-    return {name: quantity(value, option, scale(name)) for name, value in named(text, option, example).items()}
+    return {name: quantity(value, option, units(name)) for name, value in named(text, option, example).items()}
 
 
-def interval(text: str, option: str, scale: float = 1.0) -> tuple[float, float]:
+def interval(text: str, option: str, unit: str = "m") -> tuple[float, float]:
     """Return both ends of `LOW..HIGH`, m or rad; a unit behind the second is that of both.
 
     Raises:
@@ -102,7 +100,7 @@ def interval(text: str, option: str, scale: float = 1.0) -> tuple[float, float]:
     first, last = _NUMBER.fullmatch(low.strip()), _NUMBER.fullmatch(high.strip())
     if first is not None and last is not None and not first[2]:
         low += last[2]
-    return quantity(low, option, scale), quantity(high, option, scale)
+    return quantity(low, option, unit), quantity(high, option, unit)
 
 
 def point(text: str, option: str) -> tuple[float, float, float]:
@@ -121,12 +119,13 @@ class NumberLists(TyperCommand):
     """A command whose lists of numbers may also be separated by blanks: `--at x=10 rz=15`."""
 
     _LISTS = frozenset({"--at", "--lengths", "--values"})
+    _ITEM = re.compile(rf"{_NUMBER.pattern}|\w+=\S*")
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command line, with the words of a list joined by commas."""
         joined, in_list = [""], False
         for word in args:
-            if in_list and all("=" in part or _NUMBER.fullmatch(part) for part in parts(word)):
+            if in_list and all(map(self._ITEM.fullmatch, parts(word))):
                 joined[-1] += f",{word}"
             else:
                 option, equals, _ = word.partition("=")

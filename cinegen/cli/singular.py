@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from cinegen.model import Mechanism
     from cinegen.singularities.slice import Axis
 
-_EXAMPLE = "x=100 or rz=15"
+_EXAMPLE = "x=100 or rz=15 (mm, degrees)"
 
 
 def run(
@@ -49,7 +49,7 @@ def run(
     if scan is not None:
         for name, mechanism in found.items():
             alone = len(found) == 1
-            picture = plot if plot and alone else Path(f"{name}-singular{plot.suffix if plot else ''}")
+            picture = plot if plot and alone else Path(f"{name}-singular{(plot and plot.suffix) or '.png'}")
             numbers = output if output and alone else Path(f"{name}-singular.json")
             _scan(mechanism, name, scan, at, node, grid, picture, numbers)
         return 0

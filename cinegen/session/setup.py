@@ -205,8 +205,8 @@ def stand_of(text: str) -> tuple[str, Stand]:
     values = _numbers(numbers) if numbers or at else ()
     if not (name and equals) or values is None or not (on or values) or (on and not (robot and node)):
         raise SetupError(
-            f"--stand {text}: write NAME=ROBOT.NODE, NAME=x,y,z[,roll,pitch,yaw] (m, degrees) or "
-            "NAME=ROBOT.NODE@x,y,z..., for example --stand wrist=delta4.platform"
+            f"--base {text}: write NAME=ROBOT.NODE, NAME=x,y,z[,roll,pitch,yaw] (m, degrees) or "
+            "NAME=ROBOT.NODE@x,y,z..., for example --base wrist=delta4.platform"
         )
     placement = pin.SE3.Identity()
     if values:

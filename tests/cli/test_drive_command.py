@@ -41,17 +41,12 @@ def run(capsys, root, monkeypatch, tmp_path):
         (["robots/delta4.raff", "--sensor", "platfrom=spnav:"], "no node 'platfrom': did you mean 'platform'"),
         (["robots/delta4.raff", "--sensor", "platform=spanv:"], "no kind of sensor 'spanv:'"),
         (["robots/delta4.raff", "--sensor", "platform=seam:none.csv"], "none.csv"),
-        (["robots/delta4.raff", "--stand", "delta4"], "write NAME=ROBOT.NODE"),
-        (["robots/delta4.raff", "--stand", "delta=0,0,1"], "no robot 'delta': did you mean 'delta4'"),
-        (["robots/delta4.raff", "--stand", "delta4=delta4.platform"], "stand on each other in a circle"),
-        (["robots/delta4.raff", "robots/rx90.raff", "--stand", "rx90=delta4.nose"], "no node 'nose'"),
+        (["robots/delta4.raff", "--base", "delta4"], "write NAME=ROBOT.NODE"),
+        (["robots/delta4.raff", "--base", "delta=0,0,1"], "no robot 'delta': did you mean 'delta4'"),
+        (["robots/delta4.raff", "--base", "delta4=delta4.platform"], "stand on each other in a circle"),
+        (["robots/delta4.raff", "robots/rx90.raff", "--base", "rx90=delta4.nose"], "no node 'nose'"),
         (["robots/delta4.raff", "--host", "no such host"], "no such host"),
         (["robots/delta4.raff", "--record", "folder/../"], "can't be written"),
-        (["robots/delta4.raff", "--video", "film.mp4"], "--video needs --seconds"),
-        ([], "nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml"),
-        (["robots/rx90.raff", "--scene", "robots/scenes/disc.toml"], "leave a FILE out"),
-        (["--scene", "robots/scenes/disc.toml", "--stand", "planar_3r=0,0,1"], "leave --stand out"),
-        (["--scene", "robots/scenes/disc.toml", "--robot", "arm"], "leave --robot out"),
         (["--scene", "robots/scenes/none.toml"], "none.toml"),
         (["--scene", "robots/rx90.raff"], "a scene is a .toml or a .json file"),
         (["--scene", "robots/scenes/disc.toml", "--node", "tol", "--follow", "line"], "did you mean 'tool'"),
@@ -64,6 +59,29 @@ def test_what_makes_no_sense_is_told_and_nothing_is_served(run, tmp_path, argume
     assert says in err.splitlines()[-1]
     assert "page:" not in out
     assert not [path for path in tmp_path.iterdir() if path.suffix]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ([], "nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml"),
+        (["robots/delta4.raff", "--video", "film.mp4"], "--video needs --seconds"),
+        (["robots/delta4.raff", "--video", "film.mp4", "--seconds", "1", "--size", "9x9"], "is not a size in pixels"),
+        (["robots/delta4.raff", "--seconds", "-1"], "invalid value for '--seconds'"),
+        (["robots/delta4.raff", "--seconds", "nan"], "invalid value for '--seconds'"),
+        (["robots/delta4.raff", "--rate", "1"], "invalid value for '--rate'"),
+        (["robots/delta4.raff", "--follow", "square"], "invalid value for '--follow'"),
+        (["robots/rx90.raff", "--scene", "robots/scenes/disc.toml"], "leave FILE out"),
+        (["--scene", "robots/scenes/disc.toml", "--base", "planar_3r=0,0,1"], "--scene and --base exclude each other"),
+        (["--scene", "robots/scenes/disc.toml", "--robot", "arm"], "--scene and --robot exclude each other"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::cinegen.CinegenWarning")
+def test_a_wrong_call_of_drive_is_exit_code_2(run, arguments, says):
+    code, out, err = run("drive", *arguments)
+    assert (code, out.count("page:")) == (2, 0)
+    assert err.startswith("cinegen drive: ")
+    assert says in err
 
 
 @pytest.mark.filterwarnings("always::cinegen.CinegenWarning")

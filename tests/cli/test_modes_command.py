@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
 import math
-import sys
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from cinegen.assembly import assembly_modes
-from cinegen.cli import files, main
+from cinegen.cli import main
 from cinegen.mission import Player, Recording
 from cinegen.mission.results import record_modes
 from cinegen.plotting.words import place
@@ -151,7 +149,7 @@ def test_where_solutions_meet_it_says_so(typed):
     """Both cranks of the five-bar outward: its rods, 400 mm each, reach across the 800 mm between them."""
     ((_, numbers, note),) = rows(typed("five_bar", "--values", 180, 0))
     np.testing.assert_allclose(numbers[:2], [0.0, 0.0], atol=1e-3)
-    assert "2 solutions meet" in note
+    assert "2 solutions coincide" in note
 
 
 def test_where_there_is_no_mode_it_says_what_stays_open(typed):
@@ -159,7 +157,7 @@ def test_where_there_is_no_mode_it_says_what_stays_open(typed):
     said = typed("gough", *asked, code=1)
     assert "no assembly mode" in said
     assert "There is none." in said
-    assert "The nearest" in said
+    assert "The closest configuration" in said
     assert rows(said) == []
     assert json.loads(typed("gough", *asked, "--json", code=1))["modes"] == []
     assert typed("gough", *asked, "--view", code=1) == said
@@ -183,13 +181,13 @@ def test_what_is_not_proved_is_not_called_all(typed):
         (
             "gough",
             ["--lengths", "900,950"],
-            "2 values for the 6 motors of hexapod: joint3 (939.043 mm at home), joint9",
+            "2 values for the 6 actuated joints of hexapod: joint3 (939.043 mm at home), joint9",
         ),
         ("five_bar", ["--values", "1", "2", "3"], "joint1 (125.000 degrees at home), joint3 (50.000 degrees at home)"),
-        ("five_bar", ["--values", "1", "two"], "'two' is no number"),
-        ("five_bar", ["--values", "1", "nan"], "'nan' is no number"),
-        ("five_bar", ["--values", "joint3=1", "2"], "give all values by name"),
-        ("five_bar", ["--values", "joint2=1"], "no motor 'joint2'"),
+        ("five_bar", ["--values", "1,two"], "'two' is not a number"),
+        ("five_bar", ["--values", "1,nan"], "'nan' is not a number"),
+        ("five_bar", ["--values", "joint3=1", "2"], "write NAME=VALUE"),
+        ("five_bar", ["--values", "joint2=1"], "no actuated joint 'joint2'"),
         ("five_bar", ["--values", "joint3=1", "joint3=2"], "--lengths: joint3 is given twice"),
         ("five_bar", ["--at", "x=1,y=2,x=3"], "--at: x is given twice"),
         ("five_bar", ["--at", "1,2"], "not 2 numbers"),
@@ -216,18 +214,10 @@ def test_a_picture_is_written(typed, tmp_path):
         assert path.read_bytes().startswith(begin)
 
 
-def test_progress_is_told_to_a_person_who_waits_and_taken_away(typed, monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    terminal = Terminal()
-    monkeypatch.setattr(sys, "stderr", terminal)
-    monkeypatch.setattr(files, "_PATIENCE", 0.0)
+def test_progress_is_told_to_a_person_who_waits_and_taken_away(typed, terminal):
+    screen = terminal()
     typed("five_bar", "--method", "monodromy")
-    told = terminal.getvalue()
-    assert "found by closed paths" in told
-    assert told.split("\r")[-2].strip() == ""
+    assert "found by closed paths" in screen.getvalue()
 
 
 def test_at_second_k_the_page_shows_mode_k(robot, tmp_path):
