@@ -68,7 +68,7 @@ def run(
         draw(drawing, setup)
         write_page(snapshot, drawing.html())
         return 0
-    return page.show(setup, (scene or (files or [Path()])[0]).stem, snapshot)
+    return page.show(setup, (scene or [*files, Path()][0]).stem, snapshot)
 
 
 def _shape(follow: str) -> str | None:

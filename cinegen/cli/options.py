@@ -34,7 +34,7 @@ def flag(name: str, help: str, **settings: Any) -> Any:
 
 
 FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file")
-FILES = typer.Argument(None, metavar="FILE", help="RAFF, URDF, SDF or MJCF files")
+FILES = typer.Argument((), metavar="FILE", help="RAFF, URDF, SDF or MJCF files", show_default=False)
 IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even if loops or couplings can't be read")
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node to report (default: the robot's end)")

@@ -88,19 +88,19 @@ def resampled(
     Args:
         recording: recording of the robot.
         robot: name of the robot in the recording; the only one unless given.
-        rate: samples per second.
-        speed: speed relative to the recording, as far as limits allow.
+        rate: samples per second, 0.1 to 1e5.
+        speed: speed relative to the recording, 0.01 to 100, as far as limits allow.
         trim: leave out rest at the start and the end.
 
     Raises:
         MissionError: the recording is empty, has several robots of which none is named, a floating base, open loops, or
-            a jump to another branch (with its time); or rate or speed is not positive.
+            a jump to another branch (with its time); or rate or speed is out of range.
         UnknownNameError: no such robot.
     """
     name = _chosen(recording, robot)
-    for what, value in (("rate", rate), ("speed", speed)):
-        if not 0.0 < value < math.inf:
-            raise MissionError(f"the {what} must be a positive number, not {value}")
+    for what, value, low, high in (("rate", rate, 0.1, 1e5), ("speed", speed, 0.01, 100.0)):
+        if not low <= value <= high:
+            raise MissionError(f"the {what} must be from {low:g} to {high:g}, not {value:g}")
     if not len(recording.times):
         raise MissionError(f"{recording.path}: nothing was recorded")
     mechanism = recording.mechanism(name)

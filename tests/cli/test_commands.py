@@ -14,8 +14,10 @@ import time
 import urllib.request
 
 import pytest
+import typer
 
 import cinegen
+from cinegen.cli import app, main
 
 
 def _cinegen(*arguments, cwd, **options):
@@ -160,3 +162,55 @@ def test_a_loop_that_cant_be_closed_says_what_to_type(tmp_path):
 def test_the_public_face_is_short():
     assert set(cinegen.__all__) >= {"load", "Mechanism", "Solver", "inverse_kinematics"}
     assert len(cinegen.__all__) < 20
+
+
+def _in_a_shell(root, *arguments, **environment):
+    """What `cinegen` prints, where a shell sets variables."""
+    return subprocess.run(
+        [sys.executable, "-c", "import sys; from cinegen.cli import main; sys.exit(main())", *arguments], text=True,
+        capture_output=True, env=os.environ | {"PYTHONPATH": str(root)} | environment, timeout=60, check=False,
+    ).stdout  # fmt: skip
+
+
+def test_colours_are_for_those_who_want_them(root):
+    assert "\x1b[1;36m" in _in_a_shell(root, "--help", FORCE_COLOR="1")
+    assert "\x1b[1;36m" not in _in_a_shell(root, "--help", FORCE_COLOR="1", NO_COLOR="1")
+    assert "\x1b" not in _in_a_shell(root, "--help")
+
+
+@pytest.mark.parametrize(
+    ("typed", "completed"),
+    [("cinegen mo", ["modes"]), ("cinegen plan --fi", ["--field"]), ("cinegen plan --field v", ["vortex"])],
+)
+def test_a_shell_completes_commands_options_and_choices(root, typed, completed):
+    words = {"COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
+    assert _in_a_shell(root, _CINEGEN_COMPLETE="complete_bash", **words).split() == completed
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["modse"], "cinegen: unknown command 'modse' (did you mean 'modes'?)\nTry 'cinegen --help'.\n"),
+        (["map", "a.raff", "--ovre", "x"], "cinegen map: unknown option '--ovre' (did you mean '--over'?)\n"),
+        (["info"], "cinegen info: missing argument 'FILE'"),
+        (["export", "a.jsonl"], "cinegen export: missing option '--to'"),
+    ],
+)
+def test_a_wrong_call_is_exit_code_2_with_what_was_probably_meant(capsys, arguments, says):
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert (out, err[: len(says)]) == ("", says)
+
+
+def test_help_shows_all_that_is_said_about_every_option(capsys, monkeypatch):
+    """Brackets are not taken for colours."""
+    monkeypatch.setenv("COLUMNS", "2000")  # no text is broken
+    for name, command in typer.main.get_command(app).commands.items():
+        assert main([name, "--help"]) == 0
+        text = capsys.readouterr().out
+        assert f"Usage: cinegen {name}" in text
+        for paragraph in command.help.split("\n\n"):
+            assert paragraph in text
+        for parameter in command.params:
+            assert parameter.help
+            assert parameter.help in text

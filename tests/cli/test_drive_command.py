@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from cinegen.cli import main
+from cinegen.mission import Recording
 
 
 @pytest.fixture
@@ -129,8 +130,6 @@ def test_a_sensor_on_the_command_line_moves_the_node_that_it_names(run, root):
         thread.join()
     assert code == 0
     assert "recorded: run.jsonl" in out
-    from cinegen.mission import Recording
-
     recording = Recording.load("run.jsonl")
     delta = recording.mechanism("delta4")
     first, last = (delta.placement(recording.q["delta4"][k], "platform").translation for k in (0, -1))
@@ -207,7 +206,7 @@ def test_a_mission_is_recorded_replayed_and_exported(run, tmp_path):
         assert name in out
     rows = (tmp_path / "run.csv").read_text().splitlines()
     assert rows[0] == "time,joint1,joint3"
-    assert len(rows) > 200
+    assert len(rows) > 100 * Recording.load("run.jsonl").seconds
     code, _, err = run("export", "run.jsonl", "--to", "urscript")
     assert code == 1
     assert "six" in err
@@ -233,8 +232,6 @@ def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
     assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
     code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8480", "--seconds", "0.3")
     assert code == 0
-    from cinegen.mission import Recording
-
     recording = Recording.load("run.jsonl")
     assert recording.robots == ("mobile", "triangle", "rod", "angle", "block", "hexagon", "post")
     assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
@@ -252,8 +249,6 @@ def test_a_session_that_is_killed_leaves_its_recording_whole(root, tmp_path):
     process.kill()
     process.wait()
     time.sleep(0.5)
-    from cinegen.mission import Recording
-
     assert Recording.load(tmp_path / "run.jsonl").seconds > 0.5
     lines = (tmp_path / "run.jsonl").read_bytes().split(b"\n")
     assert all(isinstance(json.loads(line), dict) for line in lines[:-1])

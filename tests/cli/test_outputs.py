@@ -244,7 +244,7 @@ def test_recordings_to_standard_output(what, root, tmp_path):
     (tmp_path / "stdout").symlink_to("/proc/self/fd/1")
     program = f"""
 import sys
-sys.path[:0] = [{str(root / "tests")!r}]
+sys.path[:0] = [{str(root / "tests/cli")!r}]
 import cinegen
 from test_outputs import WRITERS
 arm = cinegen.load({str(root / "robots/planar_3r.raff")!r})

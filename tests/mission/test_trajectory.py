@@ -237,8 +237,8 @@ def test_what_can_not_be_sampled(robot, raff, tmp_path):
     with pytest.raises(MissionError, match="nothing was recorded"):
         resampled(empty)
     one = record(tmp_path / "one.jsonl", arm, [0.0], np.zeros((1, 3)))
-    for options in ({"rate": 0.0}, {"rate": math.nan}, {"speed": -1.0}, {"speed": math.inf}):
-        with pytest.raises(MissionError, match="must be a positive number"):
+    for options in ({"rate": 0.0}, {"rate": math.nan}, {"rate": 1e9}, {"speed": -1.0}, {"speed": 1e300}):
+        with pytest.raises(MissionError, match="must be from "):
             resampled(one, **options)
     with pytest.raises(UnknownNameError, match="no robot 'leg'"):
         resampled(one, "leg")

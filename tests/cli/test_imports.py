@@ -1,0 +1,74 @@
+"""Nobody waits for what a call does not need: `import cinegen` and every `--help` import nothing that computes."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import cinegen
+from cinegen.cli import app
+from cinegen.cli.export import FORMATS
+from cinegen.mission import FORMATS as FORMATS_OF_MISSIONS
+
+LIGHT = {
+    "__main__", "annotated_doc", "annotated_types", "attr", "cinegen", "cmeel_pth", "markdown_it", "mdurl", "pydantic",
+    "pydantic_core", "pygments", "raff2urdf", "rich", "shellingham", "typer", "typing_extensions", "typing_inspection",
+}  # fmt: skip
+"""What the library of command lines needs."""
+
+COMMANDS = [command.name for command in app.registered_commands]
+
+# Several calls in one process, since each only adds modules; the first that adds a heavy one is named.
+PROGRAM = """
+import contextlib, io, json, sys
+import cinegen
+found = {"import cinegen": sorted(sys.modules)}
+dir(cinegen), cinegen.__version__, cinegen.CinegenError
+found["names of cinegen"] = sorted(sys.modules)
+from cinegen.cli import main
+for words in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        main(words)
+    found["cinegen " + " ".join(words)] = sorted(sys.modules)
+print(json.dumps(found))
+"""
+
+
+@pytest.fixture(scope="module")
+def imported(root):
+    """The packages that are imported after each of several calls in one process."""
+    calls = [["--version"], ["--help"], [], ["nonsense"], *([name, "--help"] for name in COMMANDS)]
+    command = [sys.executable, "-c", PROGRAM, json.dumps(calls)]
+    done = subprocess.run(command, cwd=root, capture_output=True, text=True, timeout=60, check=True)
+    standard = set(sys.stdlib_module_names)
+    return {
+        call: {top for top in (name.split(".")[0] for name in names) if top not in standard and "sysconfig" not in top}
+        for call, names in json.loads(done.stdout).items()
+    }
+
+
+def test_import_cinegen_imports_no_package_at_all(imported):
+    assert imported["import cinegen"] <= {"__main__", "cinegen", "cmeel_pth"}
+    assert imported["names of cinegen"] <= {"__main__", "cinegen", "cmeel_pth", "raff2urdf"}
+
+
+def test_help_of_every_command_imports_nothing_that_computes(imported):
+    assert len(COMMANDS) == 11
+    assert {call: sorted(names - LIGHT) for call, names in imported.items() if names - LIGHT} == {}
+    assert not imported["cinegen --version"] & {"pydantic", "rich"}
+
+
+def test_the_formats_are_those_of_missions():
+    assert set(FORMATS) == set(FORMATS_OF_MISSIONS)
+
+
+def test_all_public_names_are_there_when_they_are_asked_for():
+    assert set(cinegen.__all__) <= set(dir(cinegen))
+    for name in cinegen.__all__:
+        assert getattr(cinegen, name) is getattr(cinegen, name)
+    assert cinegen.model.Mechanism is cinegen.Mechanism
+    with pytest.raises(AttributeError, match="'nonsense'"):
+        _ = cinegen.nonsense
