@@ -128,10 +128,17 @@ def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:
     reports = []
     for file in files:
         findings = [one for one in check(resampled(Recording.load(file), robot)) if one.sigma is not None]
-        reports.append({"recording": str(file), "found": [
-            {"kind": one.kind.value, "time": one.recorded, "sigma": one.sigma, "message": one.message, "q": one.q.tolist()}
+        numbers = [
+            {
+                "kind": one.kind.value,
+                "time": one.recorded,
+                "sigma": one.sigma,
+                "message": one.message,
+                "q": one.q.tolist(),
+            }
             for one in findings
-        ]})  # fmt: skip
+        ]
+        reports.append({"recording": str(file), "found": numbers})
         if not json:
             print(f"{file}: {len(findings) or 'no'} singularit{'y' if len(findings) == 1 else 'ies'} along the motion")
             for one in findings:
