@@ -106,14 +106,14 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
     """
     import numpy as np
 
-    from cinegen.plotting.words import said
+    from cinegen.plotting.units import value_text
 
     joints, units = mechanism.actuated, mm_and_degrees(mechanism)
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in joints}
     given = parts(text)
     if not any("=" in part for part in given):
         if len(given) != len(joints):
-            listed = ", ".join(f"{joint} ({said(mechanism, joint, home[joint])} at home)" for joint in joints)
+            listed = ", ".join(f"{joint} ({value_text(mechanism, joint, home[joint])} at home)" for joint in joints)
             number = f"{count(given, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
             raise CinegenError(f"--lengths: {number}: {listed}")
         text = ",".join(f"{joint}={value}" for joint, value in zip(joints, given, strict=True))
@@ -160,13 +160,13 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
     import numpy as np
 
     from cinegen.ik import inverse_kinematics
-    from cinegen.plotting.words import place
+    from cinegen.plotting.units import pose_numbers
 
     for limits in (True, False):  # a mode beyond limits is a mode, and listed as such
         found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
         if found:
             return np.array([found.q[mechanism.q_index(joint)] for joint in mechanism.actuated])
-    numbers = [f"{name} {value:g}" for name, value in zip(_POSE, place(asked.target), strict=True)]
+    numbers = [f"{name} {value:g}" for name, value in zip(_POSE, pose_numbers(asked.target), strict=True)]
     where, missed = f"{', '.join(numbers[:3])} mm", f"{1e3 * found.errors[0][0]:.4g} mm"
     if asked.rotation:
         where += f", {', '.join(numbers[3:])} degrees"
@@ -181,12 +181,12 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
 
 
 def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask | None) -> list[str]:
-    from cinegen.plotting.words import said
+    from cinegen.plotting.units import value_text
 
     mechanism, node = modes.mechanism, node or modes.mechanism.end
     number = count(modes, "assembly mode") if len(modes) else "no assembly mode"
     joints = zip(mechanism.actuated, modes.actuated, strict=True)
-    given = [f"{joint} {said(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
+    given = [f"{joint} {value_text(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
     heading = f"{name}: robot '{mechanism.name}', {number}" + (f"; pose of {node}, mm and degrees:" * bool(len(modes)))
     wrapped = textwrap.wrap(f"actuated: {', '.join(given)}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
     lines = [heading, *(line.replace(_JOINED, " ") for line in wrapped), ""]
@@ -206,10 +206,10 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     import numpy as np
 
     from cinegen.plotting.skeleton import Skeleton
-    from cinegen.plotting.words import place, quiet
+    from cinegen.plotting.units import pose_numbers, rounded
 
     placements = modes.placements(node)
-    poses = np.array([place(placement) for placement in placements])
+    poses = np.array([pose_numbers(placement) for placement in placements])
     heads = ["x", "y", "z", "roll", "pitch", "yaw"]
     columns = list(range(6))
     plane = Skeleton(modes.mechanism, node).plane
@@ -220,7 +220,7 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     head = "".join(f"{heads[c]:>11}" if c < 3 else f"{heads[c]:>9}" for c in columns)
     lines = [f"  mode {head}   {'outside limits' if any(notes) else ''}".rstrip()]
     for k, (row, number) in enumerate(zip(poses, modes.coincident, strict=True)):
-        cells = "".join(f"{quiet(row[c], 3):11.3f}" if c < 3 else f"{quiet(row[c], 2):9.2f}" for c in columns)
+        cells = "".join(f"{rounded(row[c], 3):11.3f}" if c < 3 else f"{rounded(row[c], 2):9.2f}" for c in columns)
         note = "; ".join(filter(None, [f"{number} solutions coincide" if number > 1 else "", notes[k]]))
         lines.append(f"  {k + 1:>4}{'*' if marks[k] else ' '}{cells}   {note}".rstrip())
     return [*lines, "", "  * the pose of --at"] if any(marks) else lines
@@ -235,14 +235,14 @@ def _is_at(asked: FrameTask, placement: pin.SE3) -> bool:
 
 def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
     """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
-    from cinegen.plotting.words import quiet, shown
+    from cinegen.plotting.units import in_user_units, rounded
 
     beyond, there = mechanism.limits.outside(q), mechanism.limits.unwound(q)
     if not beyond:
         return ""
     joint, limit = next(iter(beyond.items()))
     value = float(there[mechanism.q_index(joint)])
-    numbers = (f"{quiet(shown(mechanism, joint, one)[0], 1):g}" for one in (value, limit))
+    numbers = (f"{rounded(in_user_units(mechanism, joint, one)[0], 1):g}" for one in (value, limit))
     text = f"{joint} {(' < ' if value < limit else ' > ').join(numbers)}"
     return text + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
 

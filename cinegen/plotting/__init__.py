@@ -4,12 +4,12 @@ from cinegen.plotting.modes import DrawingError, draw_modes
 from cinegen.plotting.paths import draw_plan
 from cinegen.plotting.potentials import draw_potentials, figure1, figure2, figure3, figure4
 from cinegen.plotting.skeleton import Skeleton
-from cinegen.plotting.view import View, views
+from cinegen.plotting.view import Projection, views
 
 __all__ = [
     "DrawingError",
+    "Projection",
     "Skeleton",
-    "View",
     "draw_modes",
     "draw_plan",
     "draw_potentials",

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from cinegen.plotting.heading import printed, value
 from cinegen.plotting.modes import DrawingError
-from cinegen.plotting.panel import LABEL, bar, curve, finish, fit_path, sheet, spans
+from cinegen.plotting.panel import LABEL, bar, curve, finish, sheet, spans, wrapped
 from cinegen.plotting.plane import Plane
 from cinegen.plotting.shades import OUT, differing, pretty
 from cinegen.plotting.stick import INK
-from cinegen.plotting.words import readable
+from cinegen.plotting.units import user_scale
 from cinegen.workspace.compare import Comparison, Difference, compare
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.make import open_map
@@ -88,7 +88,7 @@ def _words(found: Comparison) -> str:
 
 def _over_one(found: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
     (axis,) = found.region.axes
-    scale, unit = readable(spec.mechanism, axis.name)
+    scale, unit = user_scale(spec.mechanism, axis.name)
     wide, tall = 0.6 * size, 0.3 * size
     figure, body = sheet(wide, tall, " and ".join(found.names), _words(found))
     axes = body.add_subplot()
@@ -100,7 +100,7 @@ def _over_one(found: Comparison, spec: MapSpecification, name: str | None, size:
         curve(axes, axis, scale, difference.values, color=INK, linewidth=1.6)
         axes.axhline(0.0, color=INK, linewidth=0.5)
         words = differing(difference.words, difference.unit, name, difference.values).words
-        axes.set_ylabel(fit_path(words, tall - _UNDER, LABEL), fontsize=LABEL)
+        axes.set_ylabel(wrapped(words, tall - _UNDER, LABEL), fontsize=LABEL)
     axes.set_xlabel(f"{axis.name} ({unit})")
     axes.set_xlim(axis.low * scale, axis.high * scale)
     finish(figure)
@@ -134,7 +134,7 @@ def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size:
         plane.levels(beside, values, look)
         plane.dress(beside)
         for panel, said in ((axes, "what is reached"), (beside, f"{pretty(name)}, where both reach")):
-            panel.set_title(fit_path(said, wide - _BESIDE, LABEL), fontsize=LABEL, color=INK)
+            panel.set_title(wrapped(said, wide - _BESIDE, LABEL), fontsize=LABEL, color=INK)
         bar(body, mesh, beside, look, tall - _UNDER)
     finish(figure)
     return figure

@@ -1,10 +1,10 @@
-"""What stands above a map's picture: which robot, what is held, how much is reached."""
+"""Titles of a map's picture: robot, fixed coordinates, size of the workspace."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
-from cinegen.plotting.words import quiet, readable
+from cinegen.plotting.units import rounded, user_scale
 from cinegen.singularities.slice import POSE
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.region import AROUND
@@ -16,13 +16,13 @@ _TURNED = {0: "any orientation", 2: "direction of its z given", 3: "orientation 
 
 
 def heading(spec: MapSpecification, name: str | None = None) -> str:
-    """Whose map of what it is."""
+    """Return the first title: robot and subject."""
     robot = name or spec.mechanism.name
     return f"{robot}: over {', '.join(spec.region.names)}" if spec.of_motors else f"{robot}: reach of {spec.node}"
 
 
 def given(spec: MapSpecification, words: str) -> str:
-    """What is held, and more."""
+    """Return the fixed coordinates, followed by a text."""
     region = spec.region
     parts = [value(spec, name, number) for name, number in region.at.items()]
     if any(name in AROUND for name in (*region.names, *region.at)):
@@ -36,19 +36,19 @@ def given(spec: MapSpecification, words: str) -> str:
 
 
 def value(spec: MapSpecification, name: str, si: float) -> str:
-    """Of a coordinate, in mm or degrees."""
-    scale, unit = readable(spec.mechanism, name)
-    number = f"{quiet(si * scale, 6):.4g}".replace("-", "−")
+    """Return a coordinate with its value in mm or degrees."""
+    scale, unit = user_scale(spec.mechanism, name)
+    number = f"{rounded(si * scale, 6):.4g}".replace("-", "−")
     return f"{name} {number} mm" if unit == "mm" else f"{name} {number}°"
 
 
 def size_words(spec: MapSpecification, extent: Extent) -> str:
-    """How much is reached."""
+    """Return the size of the workspace."""
     return f"{'possible' if spec.of_motors else 'reached'}: {printed(extent)}"
 
 
 def printed(extent: Extent) -> str:
-    """An extent and its error, unless that is rounding, in letters for paper."""
+    """Return an extent with its error, unless that is rounding, with typographic powers."""
     exact = extent.error <= _ROUNDING * extent.value
     words = str(replace(extent, low=extent.value, high=extent.value) if exact else extent)
     for typed, letter in _POWERS.items():

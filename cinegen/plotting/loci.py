@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.stick import FAINT, INK
-from cinegen.plotting.words import readable
+from cinegen.plotting.units import user_scale
 from cinegen.singularities.contour import Curve
 from cinegen.singularities.scan import Loci
 from cinegen.singularities.singularity import Kind
@@ -33,7 +33,7 @@ def draw_loci(loci: Loci, size: float = 7.0) -> Figure:
 
     figure = Figure(figsize=(size, 0.86 * size), layout="constrained", dpi=150)
     axes = figure.add_subplot()
-    units = [readable(loci.of.mechanism, axis.name) for axis in loci.of.axes]
+    units = [user_scale(loci.of.mechanism, axis.name) for axis in loci.of.axes]
     u, v = (values * scale for values, (scale, _) in zip((loci.u, loci.v), units, strict=True))
     nearness = np.fmin(loci.first, loci.second)
     shade = axes.pcolormesh(u, v, nearness.T, shading="nearest", cmap="Greys_r", vmin=0.0, alpha=0.55, rasterized=True)
@@ -71,7 +71,7 @@ def _paint(axes: Any, curve: Curve, points: Array) -> None:
 def _title(loci: Loci) -> str:
     given = loci.of.given(*loci.of.start())
     others = [name for name in given if name not in (axis.name for axis in loci.of.axes)]
-    units = {name: readable(loci.of.mechanism, name) for name in others}
+    units = {name: user_scale(loci.of.mechanism, name) for name in others}
     said = ", ".join(f"{name} {_quiet(given[name] * scale):.4g} {unit}" for name, (scale, unit) in units.items())
     what = loci.of.mechanism.name if loci.of.of_motors else f"{loci.of.node} of {loci.of.mechanism.name}"
     return f"Singularities of {what}" + (f" at {said}" if said else "")

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from cinegen.plotting.heading import given, heading, size_words, value
 from cinegen.plotting.loci import TYPE_1
 from cinegen.plotting.modes import DrawingError
-from cinegen.plotting.panel import LABEL, bar, curve, finish, fit_path, out_of_reach, panel, sheet, spans
+from cinegen.plotting.panel import LABEL, bar, curve, finish, out_of_reach, panel, sheet, spans, wrapped
 from cinegen.plotting.plane import Plane
 from cinegen.plotting.shades import OUT, chosen, shades, values_of
 from cinegen.plotting.solid import paint_solid
 from cinegen.plotting.stick import INK
-from cinegen.plotting.words import readable
+from cinegen.plotting.units import user_scale
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 from cinegen.workspace.make import open_map
@@ -93,7 +93,7 @@ def _of_one(
     figure, body = sheet(size, tall, heading(spec, name), given(spec, words))
     axes = body.add_subplot()
     (axis,) = spec.region.axes
-    scale, unit = readable(spec.mechanism, axis.name)
+    scale, unit = user_scale(spec.mechanism, axis.name)
     values = values_of(dataset, shown)
     look = shades(dataset, shown, values)
     for first, last in spans(out_of_reach(dataset)):
@@ -105,7 +105,7 @@ def _of_one(
     elif look.logarithmic:
         axes.set_yscale("log")
     axes.set_xlabel(f"{axis.name} ({unit})")
-    axes.set_ylabel(fit_path(look.words, tall - _UNDER, LABEL), fontsize=LABEL)
+    axes.set_ylabel(wrapped(look.words, tall - _UNDER, LABEL), fontsize=LABEL)
     axes.set_xlim(axis.low * scale, axis.high * scale)
     axes.spines[["top", "right"]].set_visible(False)
     finish(figure)

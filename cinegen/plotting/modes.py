@@ -17,8 +17,8 @@ from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import BACK, END, FAINT, FRONT, INK, MOTOR, Pen, paint
-from cinegen.plotting.view import View, views
-from cinegen.plotting.words import quiet, said
+from cinegen.plotting.units import rounded, value_text
+from cinegen.plotting.view import Projection, views
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -93,7 +93,7 @@ class _Sheet:
         width, height: of the paper.
     """
 
-    def __init__(self, seen: tuple[View, ...], poses: list[Pose]) -> None:
+    def __init__(self, seen: tuple[Projection, ...], poses: list[Pose]) -> None:
         self.views, count = seen, len(poses)
         low, high = np.array([_bounds(view, poses) for view in seen]).transpose(1, 0, 2)
         size = high - low
@@ -132,7 +132,7 @@ class _Sheet:
         return self._across[v], self._upright[k // self.columns][v]
 
 
-def _bounds(view: View, poses: list[Pose]) -> Array:
+def _bounds(view: Projection, poses: list[Pose]) -> Array:
     """(2, 2) lower left and upper right corner of what a view has to show of some poses, m."""
     flat = np.vstack([view.project(pose.points)[0] for pose in poses])
     low, high = flat.min(axis=0), flat.max(axis=0)
@@ -152,7 +152,7 @@ class _Words:
         right, top = sheet.width - _MARGIN, sheet.height
         self._put(f"{name}: {count} assembly mode{'s' * (count != 1)}", _MARGIN, top - 0.34, INK, 13.0, weight="bold")
         motors = zip(mechanism.actuated, modes.actuated, strict=True)
-        values = ", ".join(f"{joint} {said(mechanism, joint, value)}" for joint, value in motors)
+        values = ", ".join(f"{joint} {value_text(mechanism, joint, value)}" for joint, value in motors)
         self._put(_cut(values, right - _MARGIN), _MARGIN, top - 0.56, FAINT, 8.0)
         for k, note in enumerate(_notes(modes)):
             self._above(k, modes.placements(node)[k].translation, note)
@@ -178,7 +178,7 @@ class _Words:
         sheet = self._sheet
         left, top, right = sheet.block(k)
         digits = 1 if np.abs(place).max() >= 0.1 else 2
-        x, y, z = (f"{quiet(1e3 * value, digits):.{digits}f}" for value in place)
+        x, y, z = (f"{rounded(1e3 * value, digits):.{digits}f}" for value in place)
         self._put(str(k + 1), left, top - 0.12, INK, 10.0, weight="bold")
         self._put(f"{x}   {y}   {z} mm", left + 0.28, top - 0.12, FAINT, 7.0)
         self._put(note, right, top - 0.12, END, 7.0, ha="right")

@@ -1,4 +1,4 @@
-"""What a map's picture has: titles above, panels with their colours, a bar that explains them, a legend."""
+"""Parts of a map's picture: titles, panels, colour bar and legend."""
 
 from __future__ import annotations
 
@@ -22,60 +22,60 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LABEL = 8.33
-"""Points, of words beside what they explain."""
+"""Font size of labels, points."""
 
 _LARGE, _SMALL = 11.0, 8.5  # points
-_LINE = 1.28  # from one line to the next, letters' heights
-_AROUND, _PAD = 0.15, 0.07  # inches, around titles, and around all else
-_LEFT = 0.01  # of the width, before titles
-_INK = 0.96  # of the width, that titles fill at most
-_KEY = 0.6  # inches, of a colour in a legend and what is around it
-_COLUMNS = 5  # of a legend
+_LINE = 1.28  # line spacing, font sizes
+_AROUND, _PAD = 0.15, 0.07  # inches, around titles and around everything else
+_LEFT = 0.01  # of the width, left of titles
+_INK = 0.96  # of the width, largest width of titles
+_KEY = 0.6  # inches, width of a key in a legend
+_COLUMNS = 5  # of a legend, most
 
 
 def out_of_reach(dataset: xarray.Dataset) -> NDArray[np.bool_]:
-    """Cells of which that is known."""
+    """Return the cells that were evaluated and are not reachable."""
     return np.asarray(~dataset["reachable"].values & (dataset["settled"].values != How.NOT_YET))
 
 
 def spans(cells: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """From where to where cells follow each other."""
+    """Return the runs of successive cells as (first, end)."""
     changes = np.flatnonzero(np.diff(np.r_[False, cells, False].astype(int)))
     return [(int(first), int(last)) for first, last in changes.reshape(-1, 2)]
 
 
 def panel(plane: Plane, axes: Axes, dataset: xarray.Dataset, values: Array, look: Shades) -> Any:
-    """Colours a map of two axes, and returns what a colour bar is of."""
+    """Colour a map of two axes; return the object that a colour bar explains."""
     if look.name != "settled":
         plane.fill(axes, out_of_reach(dataset), OUT, "out of reach")
     return plane.shade(axes, values, look)
 
 
 def bar(figure: Any, mesh: Any, axes: Any, look: Shades, tall: float) -> None:
-    """A colour bar, with its words in lines of so many inches; none where there is one colour."""
+    """Draw a colour bar whose label is wrapped to `tall` inches; none for a single colour."""
     if look.name == "reachable":
         return
     shown = figure.colorbar(mesh, ax=axes, shrink=0.82, aspect=28, pad=0.02, extend=look.extend)
     shown.ax.set_yticks(look.ticks, look.labels or [look.number(tick) for tick in look.ticks])
     shown.ax.minorticks_off()
     shown.ax.tick_params(labelsize="small", color=INK)
-    shown.set_label(fit_path(look.words, tall, LABEL), color=INK, fontsize=LABEL)
+    shown.set_label(wrapped(look.words, tall, LABEL), color=INK, fontsize=LABEL)
     shown.outline.set_linewidth(0.5)
 
 
 def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, Any]:
-    """Paper with two titles of different weight, in lines that fit it, and the part below them for what is drawn.
+    """Return a figure with two titles, and the subfigure below them.
 
     Args:
-        wide: inches.
-        tall: of the part below the titles, inches.
-        first: title.
-        second: title.
+        wide: width, inches.
+        tall: height of the part below the titles, inches.
+        first: bold title.
+        second: second title.
     """
     from matplotlib.figure import Figure
 
-    first = fit_path(first, _INK * wide, _LARGE, "bold")
-    second = fit_path(second, _INK * wide, _SMALL)
+    first = wrapped(first, _INK * wide, _LARGE, "bold")
+    second = wrapped(second, _INK * wide, _SMALL)
     lines = [points * _LINE * (words.count("\n") + 1) for words, points in ((first, _LARGE), (second, _SMALL))]
     figure = Figure(figsize=(wide, tall + sum(lines) / 72.0 + 2.0 * _AROUND), dpi=150)
     figure.set_layout_engine("constrained", h_pad=_PAD)
@@ -85,8 +85,8 @@ def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, An
     return figure, body
 
 
-def fit_path(words: str, room: float, points: float, weight: str = "normal") -> str:
-    """Words in lines of at most so many inches."""
+def wrapped(words: str, room: float, points: float, weight: str = "normal") -> str:
+    """Return a text wrapped to lines of at most `room` inches."""
     found: list[str] = []
     for line in words.split("\n"):
         letters, parts = len(line), [line]
@@ -98,7 +98,7 @@ def fit_path(words: str, room: float, points: float, weight: str = "normal") -> 
 
 
 def _inches(line: str, points: float, weight: str = "normal") -> float:
-    """How long a line of letters is."""
+    """Return the length of a line of text, inches."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 
@@ -107,7 +107,7 @@ def _inches(line: str, points: float, weight: str = "normal") -> float:
 
 
 def curve(axes: Axes, axis: GridAxis, scale: float, values: Array, **style: Any) -> None:
-    """Values over one axis as a line, and as dots where only one cell in a row has any."""
+    """Draw values over one axis as a line, and isolated values as dots."""
     u, there = axis.middles() * scale, np.isfinite(values)
     axes.plot(u, values, **style)
     alone = [first for first, last in spans(there) if last == first + 1]
@@ -116,8 +116,8 @@ def curve(axes: Axes, axis: GridAxis, scale: float, values: Array, **style: Any)
 
 
 def finish(figure: Any) -> None:
-    """What lines and colours are, below all; and all in its place, once before it is drawn: which numbers an axis has
-    depends on its length, and that on how long these numbers are."""
+    """Add the legend, and lay the figure out once before it is drawn: the tick labels of an axis depend on its length,
+    which depends on their size."""
     _legend(figure)
     figure.get_layout_engine().execute(figure)
 
@@ -129,7 +129,7 @@ def _legend(figure: Any) -> None:
             named.setdefault(label, handle)
     if named:
         room = figure.get_figwidth() - _KEY
-        labels = [fit_path(label, room, LABEL) for label in named]
+        labels = [wrapped(label, room, LABEL) for label in named]
         figure.legend(
             named.values(), labels, loc="outside lower center", ncols=_columns(labels, room), frameon=False,
             fontsize=LABEL,
@@ -137,7 +137,7 @@ def _legend(figure: Any) -> None:
 
 
 def _columns(labels: list[str], room: float) -> int:
-    """How many columns of a legend fit so many inches."""
+    """Return the number of columns of a legend that fit into `room` inches."""
     wide = [max(_inches(line, LABEL) for line in label.split("\n")) + _KEY for label in labels]
     for columns in range(min(len(labels), _COLUMNS), 1, -1):
         if sum(part.max() for part in np.array_split(np.array(wide), columns)) <= room:

@@ -13,8 +13,8 @@ from cinegen.plotting.loci import TYPE_1, TYPE_2
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import INK, Pen, paint
-from cinegen.plotting.view import View
-from cinegen.plotting.words import readable
+from cinegen.plotting.units import user_scale
+from cinegen.plotting.view import Projection
 from cinegen.singularities.contour import Curve
 from cinegen.singularities.singularity import Kind
 from cinegen.workspace.region import Region
@@ -65,7 +65,7 @@ class Plane:
 
     def __init__(self, spec: MapSpecification) -> None:
         self.spec, self.region = spec, spec.region
-        self.scales, self.units = zip(*(readable(spec.mechanism, name) for name in spec.region.names), strict=True)
+        self.scales, self.units = zip(*(user_scale(spec.mechanism, name) for name in spec.region.names), strict=True)
         ranges = [axis.high - axis.low for axis in spec.region.axes]
         self.round = _is_round(spec.region)
         aspect = ranges[1] * self.scales[1] / (ranges[0] * self.scales[0])
@@ -202,7 +202,7 @@ class Plane:
         if self.spec.of_motors or not all(name in _SIDES for name in self.region.names):
             return False
         sides = np.eye(3)[[_SIDES.index(name) for name in self.region.names]]
-        view = View("", np.array([*sides, np.cross(*sides)]) * self.scales[0], np.zeros(3))
+        view = Projection("", np.array([*sides, np.cross(*sides)]) * self.scales[0], np.zeros(3))
         pen = pen or Pen(1.5, 0.8, 3.2)
         there = set(axes.get_children())
         paint(

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.stick import INK
-from cinegen.plotting.words import readable
+from cinegen.plotting.units import user_scale
 from cinegen.workspace.region import AROUND, Region
 from cinegen.workspace.specification import MapSpecification
 
@@ -153,7 +153,7 @@ def _coordinates(spec: MapSpecification) -> tuple[tuple[str, ...], Array, tuple[
     """Names, what SI values are multiplied by, and units, of what a solid is drawn over."""
     spherical = set(spec.region.names) == set(AROUND)
     names = ("x", "y", "z") if spherical else spec.region.names
-    scales, units = zip(*(readable(spec.mechanism, name) for name in names), strict=True)
+    scales, units = zip(*(user_scale(spec.mechanism, name) for name in names), strict=True)
     return names, np.array(scales), units
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.skeleton import Pose
-from cinegen.plotting.view import View
+from cinegen.plotting.view import Projection
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -41,7 +41,7 @@ class Pen:
     dot: float = 2.6
 
 
-def paint(axes: Axes, pose: Pose, view: View, pen: Pen | None = None) -> None:
+def paint(axes: Axes, pose: Pose, view: Projection, pen: Pen | None = None) -> None:
     """Paints a skeleton into axes whose unit is the metre; leaves their limits as they are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Polygon

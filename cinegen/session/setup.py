@@ -59,8 +59,8 @@ class Device:
         url: where it is.
         translation: how many translations it commands, 0 to 3.
         rotation: how many rotations.
-        robot: that a script is fit_path to; None for what moves any.
-        node: that it is fit_path to.
+        robot: that a script is fitted to; None for what moves any.
+        node: that it is fitted to.
     """
 
     name: str

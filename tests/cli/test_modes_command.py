@@ -13,7 +13,7 @@ from cinegen.assembly import assembly_modes
 from cinegen.cli import main
 from cinegen.mission import Player, Recording
 from cinegen.mission.results import record_modes
-from cinegen.plotting.words import place
+from cinegen.plotting.units import pose_numbers
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def test_the_table_says_where_the_end_is_and_which_limits_are_passed(robot, type
 def test_of_a_planar_mechanism_only_what_varies_is_listed(robot, typed):
     bar = robot("five_bar")
     listed = [numbers for _, numbers, _ in rows(typed("five_bar"))]
-    expected = [place(placement)[[0, 1, 5]] for placement in assembly_modes(bar).placements()]
+    expected = [pose_numbers(placement)[[0, 1, 5]] for placement in assembly_modes(bar).placements()]
     np.testing.assert_allclose(listed, expected, atol=6e-3)
 
 
@@ -140,7 +140,7 @@ def test_a_pose_may_be_typed_by_name_and_without_orientation(robot, typed):
     found = json.loads(typed("gough", "--at", "x=-20", "y=30,z=880", "--json"))
     assert min(math.dist(mode["position"], (-0.02, 0.03, 0.88)) for mode in found["modes"]) < 1e-4
     found = json.loads(typed("gough", "--at", "rz=25", "--json"))
-    home = place(gough.placement(gough.q_home, "platform"))
+    home = pose_numbers(gough.placement(gough.q_home, "platform"))
     turned = pin.rpy.rpyToMatrix(np.radians([*home[3:5], 25.0]))
     assert min(np.abs(np.array(mode["rotation"]) - turned).max() for mode in found["modes"]) < 1e-4
 

@@ -18,7 +18,7 @@ from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.heading import printed
 from cinegen.plotting.loci import TYPE_1, TYPE_2
 from cinegen.plotting.map import draw_map
-from cinegen.plotting.panel import fit_path
+from cinegen.plotting.panel import wrapped
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.shades import differing
 from cinegen.plotting.solid import net
@@ -281,7 +281,7 @@ def test_a_long_name_takes_nothing_from_the_picture(made, sides):
 def test_words_are_put_in_lines_that_fit(said, room, points):
     from matplotlib.figure import Figure
 
-    lines = fit_path(said, room, points)
+    lines = wrapped(said, room, points)
     assert "".join(lines.split()) == "".join(said.split())
     figure = Figure(dpi=150)
     FigureCanvasAgg(figure)

@@ -79,12 +79,12 @@ def around(points: Array) -> Capsule:
         start = found + np.vstack([np.zeros(5), step * np.diag([1.0, 1.0, 0.2, 0.2, 0.5])])
         options = {"initial_simplex": start, "xatol": 1e-5, "fatol": 1e-7}
         found = minimize(lambda x: capsule(x, outer).volume, found, method="Nelder-Mead", options=options).x
-    fit_path = capsule(found, (points - origin) / size)  # now around all of them
-    middle, half = origin + size * fit_path.middle, size * fit_path.length / 2.0
+    fitted = capsule(found, (points - origin) / size)  # now around all of them
+    middle, half = origin + size * fitted.middle, size * fitted.length / 2.0
     # measured once more, as it will stand there
-    height = np.clip((points - middle) @ fit_path.axis, -half, half)
-    radius = float(np.linalg.norm(points - middle - height[:, None] * fit_path.axis, axis=1).max())
-    return Capsule(middle, fit_path.axis, radius * (1.0 + _ROUNDING), 2.0 * half)
+    height = np.clip((points - middle) @ fitted.axis, -half, half)
+    radius = float(np.linalg.norm(points - middle - height[:, None] * fitted.axis, axis=1).max())
+    return Capsule(middle, fitted.axis, radius * (1.0 + _ROUNDING), 2.0 * half)
 
 
 def _fitted(points: Array, axis: Array, through: Array, wider: float) -> Capsule:
