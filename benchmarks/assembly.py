@@ -36,7 +36,7 @@ def main() -> None:
 def measure(robot: str, method: str = "auto") -> None:
     mechanism = cinegen.load(ROBOTS / f"{robot}.raff")
     home = np.array([mechanism.q_home[mechanism.q_index(name)] for name in mechanism.actuated])
-    unit = np.array([mechanism.length if mechanism.slides(name) else 1.0 for name in mechanism.actuated])
+    unit = np.array([mechanism.length if mechanism.is_prismatic(name) else 1.0 for name in mechanism.actuated])
     rng = np.random.default_rng(0)
     began = time.perf_counter()
     modes = assembly_modes(mechanism, method=method)

@@ -152,7 +152,7 @@ class Run:
         for k in range(1, PATH + 1):
             values = {}
             for i, motor in enumerate(motors):
-                size = SWING * (mechanism.length if mechanism.slides(motor) else 1.0)
+                size = SWING * (mechanism.length if mechanism.is_prismatic(motor) else 1.0)
                 swing = size * math.sin(math.tau * k / PATH * (1 + i % 2)) / max(1.0, len(motors) / 6.0)
                 values[motor] = float(mechanism.q_home[mechanism.q_index(motor)]) + swing
             q = mechanism.configuration(values, q)

@@ -28,6 +28,14 @@ def axis(joint: Any) -> Array:
     return np.array(motion[:3] if translations(joint) else motion[3:])
 
 
+def step_scale(model: pin.Model, length: float) -> Array:
+    """Return (nv,) the size of one dimensionless step: `length` (m) for translations, 1 rad for rotations."""
+    scale = np.ones(model.nv)
+    for joint in model.joints:
+        scale[joint.idx_v : joint.idx_v + translations(joint)] = length
+    return scale
+
+
 def supporting_columns(model: pin.Model, joint: int) -> Array:
     """Return (nv,) 1 for each column of a Jacobian that moves the body behind a joint (by its index), else 0."""
     columns = np.zeros(model.nv)

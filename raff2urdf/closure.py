@@ -1,14 +1,15 @@
-"""Closing loops and counting mobility, for any mechanism that can evaluate its loops.
+"""Closing loops, their rank, and which joints they determine, for any mechanism that can evaluate its loops.
 
-A `LoopSystem` gives the residual of all its loops and its Jacobian, without unit: lengths are divided by the
-characteristic length, and a prismatic joint's variable likewise. What is here knows no robot and no file.
+A `LoopSystem` gives the residual c(q) of all its loops and the Jacobian J = dc/dq, dimensionless: lengths are divided
+by the characteristic length, and so is the variable of a prismatic joint. The algorithms know no robot and no file.
+
+`close` is the reference for closing loops: `cinegen.loops` compiles it and is tested against it on every robot.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +20,13 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CLOSED = 1e-12
-"""Loops count as closed below this residual (rad, or characteristic lengths)."""
+"""rad, or characteristic lengths: `close` succeeds where no residual is above this."""
 
-ROUNDING = 2e-15  # no residual is expected to get below this: Gauss-Newton stops
-STEP_CAP = 0.6  # rad: a longer Gauss-Newton step leaves what its linearisation knows
+ROUNDING = 2e-15  # no residual is expected to get below this: iterations stop
+STEP_CAP = 0.6  # rad or lengths: a longer step leaves the range of its linearisation
 _RANK = 1e-6  # singular values below this part of the largest are zeros: closing to 1e-14 leaves 1e-7 at a singularity
 _NOTHING = 1e-9  # and below this, in any case: loops that no joint can open
-_WALK = 0.3  # rad: length of a step between the random closed configurations
+_WALK = 0.3  # rad or lengths: step between the random closed configurations
 _SAMPLES = 5  # random closed configurations on which the generic rank is counted
 
 
@@ -33,75 +34,85 @@ class LoopSystem(Protocol):
     """The loops of a mechanism as equations c(q) = 0."""
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Residual c (rows,) and its derivative (rows, nv) by the dimensionless step, at q (nq,)."""
+        """Return the residual c (rows,) and its derivative (rows, nv) by the dimensionless step, at q (nq,)."""
         ...
 
     def integrate(self, q: Array, step: Array) -> Array:
-        """The configuration reached from q by a dimensionless step (nv,)."""
+        """Return the configuration reached from q (nq,) by a dimensionless step (nv,)."""
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Closing:
-    """What an attempt to close all loops led to: `q` is the best configuration met, `gap` its largest residual."""
+class Closing(NamedTuple):
+    """The result of closing loops.
+
+    Attributes:
+        q: (nq,) the best configuration met.
+        gap: its largest residual, in rad or characteristic lengths.
+    """
 
     q: Array
     gap: float
 
     @property
     def closed(self) -> bool:
-        """Whether every loop is."""
+        """Whether all loops are closed."""
         return self.gap <= CLOSED
 
 
 def close(system: LoopSystem, q: Array, free: Mask | None = None, iterations: int = 100) -> Closing:
-    """Gauss-Newton on the SVD, from q to the loops: the shortest correction, damped and capped while far away.
+    """Close loops from a configuration, by damped Gauss-Newton steps.
 
-    Levenberg-Marquardt with damping c^T c, which keeps the convergence quadratic where the rows are dependent
-    (N. Yamashita and M. Fukushima, "On the rate of convergence of the Levenberg-Marquardt method", Computing
-    Supplement 15, 2001), as they are in every planar or overconstrained loop.
+    With J = U S V^T, residual c and damping mu, a step is
+
+        d = -V S / (S^2 + mu c^T c) U^T c ,
+
+    the least of |J d + c|^2 + mu (c^T c) |d|^2: of all steps that close the loops to first order the shortest, but for
+    the damping. Since that vanishes with the square of the residual, convergence stays quadratic where rows depend on
+    each other, as they do in every planar or overconstrained loop (N. Yamashita and M. Fukushima, "On the rate of
+    convergence of the Levenberg-Marquardt method", Computing Supplement 15, 2001). Singular values that are zero but
+    for rounding are left out, and a step is cut to `STEP_CAP`. A step that does not lower c^T c is tried again with
+    tenfold damping; after one that does, the damping falls to a tenth.
 
     Args:
         system: the loops.
         q: (nq,) where to begin.
-        free: (nv,) which degrees of freedom may move; all unless said.
-        iterations: at most so many evaluations.
+        free: (nv,) the degrees of freedom that may move; all if None.
+        iterations: greatest number of steps tried.
     """
     c, jacobian = system.evaluate(q)
-    best = _largest(c)
-    damping = 1.0
+    gap, damping = _largest(c), 1.0
+    free = np.ones(jacobian.shape[1], dtype=bool) if free is None else free
     for _ in range(iterations):
-        if best <= ROUNDING:
+        if gap <= ROUNDING or not free.any():
             break
-        rows = jacobian if free is None else jacobian[:, free]
-        if rows.shape[1] == 0:
-            break
-        u, s, vt = np.linalg.svd(rows, full_matrices=False)
-        kept = s > 1e-10 * max(s[0], 1e-300)
-        along = (u.T @ c)[kept]
-        s, vt = s[kept], vt[kept]
-        step = np.zeros(jacobian.shape[1])
-        short = -vt.T @ (s / (s * s + damping * float(c @ c)) * along)
-        short *= min(1.0, STEP_CAP / max(_largest(short), 1e-300))
-        step[slice(None) if free is None else free] = short
+        step = np.zeros(len(free))
+        step[free] = _step(jacobian[:, free], c, damping * float(c @ c))
         there = system.integrate(q, step)
         c_there, jacobian_there = system.evaluate(there)
         if c_there @ c_there < c @ c:
-            improved = _largest(c_there)
-            enough = improved <= 0.1 * CLOSED and improved > 0.25 * best
-            q, c, jacobian, best = there, c_there, jacobian_there, improved
+            before, gap = gap, _largest(c_there)
+            q, c, jacobian = there, c_there, jacobian_there
             damping = max(damping * 0.1, 1e-4)
-            if enough:
+            if gap <= 0.1 * CLOSED and gap > 0.25 * before:  # nothing but rounding is left
                 break
-        elif best <= CLOSED or damping > 1e12:
+        elif gap <= CLOSED or damping > 1e12:
             break
         else:
             damping *= 10.0
-    return Closing(q, best)
+    return Closing(q, gap)
+
+
+def _step(jacobian: Array, c: Array, damping: float) -> Array:
+    u, s, vt = np.linalg.svd(jacobian, full_matrices=False)
+    kept = s > 1e-10 * max(s[0], 1e-300)
+    along, s, vt = (u.T @ c)[kept], s[kept], vt[kept]
+    step = -vt.T @ (s / (s * s + damping) * along)
+    return np.asarray(step * min(1.0, STEP_CAP / max(_largest(step), 1e-300)))
 
 
 def close_from_afar(system: LoopSystem, q: Array) -> Closing:
-    """`close`, and where that ends in a dead end, again from up to twelve random places ever further from q."""
+    """Close loops as `close` does; where that fails, again from up to twelve random configurations ever further from
+    q. The best result is returned."""
     best = close(system, q)
     nv = system.evaluate(q)[1].shape[1]
     rng = np.random.default_rng(0)
@@ -113,8 +124,33 @@ def close_from_afar(system: LoopSystem, q: Array) -> Closing:
     return best
 
 
+def close_within(system: LoopSystem, closed: Array, lower: Array, upper: Array) -> Array:
+    """Return a closed configuration within the limits, or `closed` itself where none is found.
+
+    Joints beyond a limit are put on it and kept there while the others close the loops. That may lead others beyond
+    theirs, so it is done up to three times.
+
+    Args:
+        system: the loops.
+        closed: (nq,) a closed configuration; its last nv numbers are joints, any before them a free base.
+        lower: (nq,) least values; -inf where there is none.
+        upper: (nq,) greatest values; inf where there is none.
+    """
+    q, free = closed, np.ones(system.evaluate(closed)[1].shape[1], dtype=bool)
+    for _ in range(3):
+        outside = (q < lower) | (q > upper)
+        if not outside.any():
+            return q
+        free[np.flatnonzero(outside) - (len(q) - len(free))] = False
+        closing = close(system, np.clip(q, lower, upper), free)
+        if not closing.closed:
+            break
+        q = closing.q
+    return closed
+
+
 def rank(jacobian: Array) -> int:
-    """Number of independent rows, from the singular values."""
+    """Return the number of independent rows of a Jacobian, from its singular values."""
     if 0 in jacobian.shape:
         return 0
     s = np.linalg.svd(jacobian, compute_uv=False)
@@ -122,17 +158,17 @@ def rank(jacobian: Array) -> int:
 
 
 def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> Iterator[Array]:
-    """Random closed configurations: a walk from the closed q along the directions the loops leave free.
+    """Yield random closed configurations: a walk from the closed q along the directions that the loops leave free.
 
-    A step that does not close, or falls back to where it came from (as many do from a singular q), is tried again
-    elsewhere, eight times for each sample at most.
+    A step that can't be closed, or falls back to where it began (as many do from a singular q), is tried again in
+    another direction, eight times for each sample at most.
     """
     rng = np.random.default_rng(seed)
     for _ in range(samples):
         _, jacobian = system.evaluate(q)
         for attempt in range(8):
-            anyhow = rng.standard_normal(jacobian.shape[1])
-            step: Array = anyhow - np.linalg.lstsq(jacobian, jacobian @ anyhow, rcond=_RANK)[0].astype(float)
+            direction = rng.standard_normal(jacobian.shape[1])
+            step: Array = direction - np.linalg.lstsq(jacobian, jacobian @ direction, rcond=_RANK)[0].astype(float)
             size = _largest(step)
             if size <= 1e-6:  # nothing can move
                 return
@@ -146,9 +182,10 @@ def closed_walk(system: LoopSystem, q: Array, samples: int, seed: int = 0) -> It
 
 
 def generic_rank(system: LoopSystem, q: Array) -> tuple[int, Array]:
-    """The loops' rank on random closed configurations around the closed q, and one where it is reached.
+    """Return the generic rank of the loops, and a closed configuration (nq,) where it is reached.
 
-    q itself may be singular, so the largest rank counts: degrees of freedom less this rank is the mobility.
+    It is the largest rank on random closed configurations around the closed q, which may be singular itself. The
+    mobility is the number of degrees of freedom less this rank.
     """
     found, where = rank(system.evaluate(q)[1]), q
     for there in closed_walk(system, q, _SAMPLES):
@@ -159,10 +196,10 @@ def generic_rank(system: LoopSystem, q: Array) -> tuple[int, Array]:
 
 
 def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
-    """The first columns in `order` that are independent: joints that the others determine.
+    """Return the first columns in `order` that are independent: passive joints, which the others determine.
 
-    Taking the joints furthest from the base first leaves, as the rest, the joints nearest the base that suffice
-    to determine the mechanism (a basis of a matroid and the complement in its dual).
+    If the joints furthest from the base come first, the remaining ones are those nearest the base that suffice to
+    determine the mechanism (a basis of a matroid, and its complement in the dual).
     """
     total = rank(jacobian)
     basis = np.zeros((jacobian.shape[0], 0))
@@ -174,9 +211,9 @@ def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
         size = float(np.linalg.norm(v))
         for _ in range(2):  # twice is enough (Kahan, Parlett)
             v = v - basis @ (basis.T @ v)
-        rest = float(np.linalg.norm(v))
-        if rest > 1e-6 * size and size > 0.0:
-            basis = np.column_stack([basis, v / rest])
+        remainder = float(np.linalg.norm(v))
+        if remainder > 1e-6 * size and size > 0.0:
+            basis = np.column_stack([basis, v / remainder])
             chosen.append(column)
     return chosen
 
@@ -189,28 +226,28 @@ def why_open(
     start: Array,
     best: Closing,
 ) -> str:
-    """Why a mechanism can't be closed, and which weaker closures would close it.
+    """Return the text of an error: which loops can't be closed, and which weaker kinds would close them.
 
     Args:
         names: of all loops.
         kinds: of all loops.
-        gaps: the residual of each loop at a configuration.
-        relaxed: the same mechanism with other kinds of loops.
-        start: (nq,) the written configuration.
+        gaps: returns the largest residual of each loop at a configuration.
+        relaxed: returns the same mechanism with other kinds of loops.
+        start: (nq,) the configuration as written.
         best: the best attempt.
     """
-    left = gaps(best.q)
-    open_loops = [i for i, gap in enumerate(left) if gap > CLOSED]
+    remaining = gaps(best.q)
+    open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
     jacobian = relaxed(kinds).evaluate(best.q)[1]
-    listed = ", ".join(f"'{names[i]}' ({kinds[i].name.lower()}, {left[i]:.3g})" for i in open_loops[:8])
+    listed = ", ".join(f"'{names[i]}' ({kinds[i].name.lower()}, {remaining[i]:.3g})" for i in open_loops[:8])
     more = f" and {len(open_loops) - 8} more" if len(open_loops) > 8 else ""
     lines = [
-        f"the mechanism can't be closed: {listed}{more} stay open",
+        f"the mechanism can't be closed: {listed}{more} remain open",
         f"the numbers are the least gaps found, in rad or characteristic lengths; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]
     for weaker in (LoopKind.REVOLUTE, LoopKind.BALL):
-        changed = [i for i in open_loops if _freedom(kinds[i]) < _freedom(weaker) and kinds[i] is not LoopKind.BALL]
+        changed = [i for i in open_loops if _dof(kinds[i]) < _dof(weaker) and kinds[i] is not LoopKind.BALL]
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
         if changed and close_from_afar(relaxed(trial), start).closed:
             kind = weaker.name.lower()
@@ -225,7 +262,7 @@ def why_open(
     return "\n  ".join(lines)
 
 
-def _freedom(kind: LoopKind) -> int:
+def _dof(kind: LoopKind) -> int:
     return {LoopKind.RIGID: 0, LoopKind.PRISMATIC: 1, LoopKind.REVOLUTE: 1, LoopKind.BALL: 3}[kind]
 
 

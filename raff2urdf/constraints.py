@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from raff2urdf.analysis import Analysis
+from raff2urdf.analysis import Analysis, loop_kinds
 from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.json_lines import line_of, repeated_key
@@ -30,31 +30,52 @@ Steps = list[str | int]
 IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
 
 
-def constraints(document: Document, robot: RaffRobot, analysis: Analysis) -> Constraints:
-    """What the schema describes, for one robot of a document."""
+def constraints(
+    document: Document, robot: RaffRobot, analysis: Analysis | None, loops: Mapping[str, str] | None = None
+) -> Constraints:
+    """Return what the schema describes, for one robot of a document.
+
+    Args:
+        document: that holds the robot.
+        robot: the robot.
+        analysis: of its loops. Without it, what it determines is None: `mobility`, `loop_rows`, `loop_rank`, and
+            `actuated` where the file leaves that open.
+        loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name; as in the analysis.
+
+    Raises:
+        RaffError: `loops` names a loop or a kind that does not exist.
+    """
+    kinds = loop_kinds(robot, loops)
+    moving = [link for link in robot.links if link.type is not JointType.FIXED]
+    actuated: dict[str, bool | None] = {link.joint: link.actuated for link in moving}
+    if True in actuated.values():  # then all others are passive
+        actuated = {joint: bool(has) for joint, has in actuated.items()}
+    mobility = rows = rank = None
+    if analysis is not None:
+        mobility, rows, rank = analysis.mobility, analysis.rows, analysis.rank
+        actuated = {joint: joint in analysis.actuated for joint in actuated}
     joints = []
-    for link in robot.links:
-        if link.type is not JointType.FIXED:
-            low, high = limits(document, link)
-            speed = velocity(document, link)
-            joints.append(
-                {
-                    "name": link.joint,
-                    "type": link.type.name.lower(),
-                    "home": home(document, link),
-                    "limits": None if math.isinf(low) else [low, high],
-                    "velocity": None if math.isinf(speed) else speed,
-                    "actuated": link.joint in analysis.actuated,
-                }
-            )
-    loops = [
+    for link in moving:
+        low, high = limits(document, link)
+        speed = velocity(document, link)
+        joints.append(
+            {
+                "name": link.joint,
+                "type": link.type.name.lower(),
+                "home": home(document, link),
+                "limits": None if math.isinf(low) else [low, high],
+                "velocity": None if math.isinf(speed) else speed,
+                "actuated": actuated[link.joint],
+            }
+        )
+    closures = [
         {
             "name": name,
-            "kind": kind.name.lower(),
+            "kind": kinds[i].name.lower(),
             "first": {"node": robot.nodes[loop.first].node, "placement": IDENTITY},
             "second": {"node": robot.nodes[loop.second].node, "placement": IDENTITY},
         }
-        for name, loop, kind in zip(robot.loop_names, robot.loops, analysis.kinds, strict=True)
+        for i, (name, loop) in enumerate(zip(robot.loop_names, robot.loops, strict=True))
     ]
     used = {number for constraint in robot.sensor_constraints for number in constraint.sensors}
     return {
@@ -65,10 +86,10 @@ def constraints(document: Document, robot: RaffRobot, analysis: Analysis) -> Con
         "nodes": [part.node for part in robot.nodes.values()],
         "floating": BASE_JOINT if robot.movable else None,
         "joints": joints,
-        "loops": loops,
-        "mobility": analysis.mobility,
-        "loop_rows": analysis.rows,
-        "loop_rank": analysis.rank,
+        "loops": closures,
+        "mobility": mobility,
+        "loop_rows": rows,
+        "loop_rank": rank,
         "sensors": [
             {"number": s.number, "port": s.port, "translation": s.translation, "rotation": s.rotation}
             for s in document.sensors

@@ -10,7 +10,7 @@ from pathlib import Path
 import yourdfpy
 
 from raff2urdf.analysis import Analysis, analyse
-from raff2urdf.check import check
+from raff2urdf.check import check, check_sizes
 from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
@@ -99,15 +99,44 @@ def translate(
     """
     analysis = analyse(document, robot, loops)
     graphics = Graphics(robot, beside, meshes)
+    model, missing = _tree(document, robot, beside, out, graphics)
+    values = constraints(document, robot, analysis, loops)
+    return Translation(robot, dumps(model), values, analysis, missing, graphics.written, model)
+
+
+def describe(
+    document: Document, robot: RaffRobot, beside: Path, loops: Mapping[str, str] | None = None
+) -> tuple[str, Constraints]:
+    """Return one robot of a checked document as a URDF's text and its constraints; its loops are not closed.
+
+    What only closing them would tell is None, see `constraints`. Converted graphics are written to the user's cache.
+
+    Args:
+        document: that holds the robot.
+        robot: the robot.
+        beside: the folder of the RAFF file, for its graphics.
+        loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
+
+    Raises:
+        RaffError: `loops` names a loop or a kind that does not exist; a length is too large.
+    """
+    check_sizes(document, robot)
+    model, _ = _tree(document, robot, beside, None, Graphics(robot, beside, None))
+    return dumps(model), constraints(document, robot, None, loops)
+
+
+def _tree(
+    document: Document, robot: RaffRobot, beside: Path, out: Path | None, graphics: Graphics
+) -> tuple[yourdfpy.Robot, tuple[str, ...]]:
+    """Return the tree and the graphics that can't be shown; one warning lists them."""
     model, missing = tree(document, robot, beside, out, graphics)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
         message = (
             f"robot '{robot.name}': graphics that can't be shown (a skeleton stands in where no other is): {shown}"
         )
-        warnings.warn(message, RaffWarning, stacklevel=2)
-    beside_it = constraints(document, robot, analysis)
-    return Translation(robot, dumps(model), beside_it, analysis, tuple(missing), graphics.written, model)
+        warnings.warn(message, RaffWarning, stacklevel=3)
+    return model, tuple(missing)
 
 
 def convert_file(

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from raff2urdf.document import Document, JointType, LoopKind, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger, transform
-from raff2urdf.loops import ROWS, gap
 from raff2urdf.placement import inverse
+from raff2urdf.residual import ROWS, loop_residual
 
 BASE_JOINT = "joint0"
 """The joint that places the base in the world, if the base is not simply at the world's origin."""
@@ -138,7 +138,7 @@ class Cluster:
         for index, kind, (on, sign, prismatic) in zip(self.loops, self.kinds, self._columns, strict=True):
             loop = self.robot.loops[index]
             first, second = placed.get(loop.first, fixed), placed.get(loop.second, fixed)
-            residual, derivative = gap(kind, inverse(first) @ second, self.length)
+            residual, derivative = loop_residual(kind, inverse(first) @ second, self.length)
             z = sign * axes[on]
             angular = np.where(prismatic, 0.0, z)
             linear = np.where(prismatic, z, _cross(z, first[:3, 3] - origins[on]))

@@ -143,7 +143,7 @@ class Linkage:
         self.leading = np.array([name in inside for name in self.motors], dtype=bool)
         self._rank = mechanism.loop_rank if self.surplus else mechanism.passive_rank
         self.joint_names = names
-        self._slides = np.array([mechanism.slides(name) for name in names])
+        self._slides = np.array([mechanism.is_prismatic(name) for name in names])
         self._at = np.array([mechanism.q_index(name) for name in names])
         self._unit = np.where(self._slides, mechanism.length, 1.0)
         self.tables = self._tables()

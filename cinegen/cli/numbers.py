@@ -35,7 +35,9 @@ def mm_and_degrees(mechanism: Mechanism) -> Units:
     """Return the unit of bare numbers where they are mm for x, y, z and prismatic joints, else degrees."""
 
     def unit(name: str) -> str:
-        return "mm" if (mechanism.slides(name) if name in mechanism.joints else name in ("x", "y", "z")) else "deg"
+        return (
+            "mm" if (mechanism.is_prismatic(name) if name in mechanism.joints else name in ("x", "y", "z")) else "deg"
+        )
 
     return unit
 

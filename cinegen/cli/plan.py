@@ -238,7 +238,7 @@ def _length(found: Plan) -> float:
 def _motion(found: Plan) -> str:
     """Return the motion of the joints: rad; m if all are prismatic; of both kinds, rad and characteristic lengths."""
     mechanism = found.scene.mechanism
-    prismatic = [mechanism.slides(joint) for joint in mechanism.joints]
+    prismatic = [mechanism.is_prismatic(joint) for joint in mechanism.joints]
     if mechanism.floating or (any(prismatic) and not all(prismatic)):
         return f"{found.motion:.3g} rad and lengths of {_mm(mechanism.length)}"
     return f"{found.motion * mechanism.length:.3g} m" if any(prismatic) else f"{found.motion:.3g} rad"

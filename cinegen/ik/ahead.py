@@ -14,7 +14,7 @@ from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import BEGIN, ERROR_CAP, JUDGE
 from cinegen.model import Mechanism
-from raff2urdf.loops import log
+from raff2urdf.residual import log
 
 if TYPE_CHECKING:
     from cinegen.ik.solver import Solver

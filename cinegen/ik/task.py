@@ -13,7 +13,7 @@ from cinegen.errors import CinegenError
 from cinegen.ik._kernels import memory as m
 from cinegen.ik._kernels.memory import TARGET, address_of_copy
 from cinegen.ik._kernels.pulls import FURTHEST
-from raff2urdf.loops import log, log_derivative, swing
+from raff2urdf.residual import log, log_derivative, swing
 
 Array = NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Rotations: `raff2urdf.loops`'s log, swing and their derivatives, compiled; results go into arrays of the caller's."""
+"""Rotations: `raff2urdf.residual`'s log, swing and their derivatives, compiled; results go into given arrays."""
 
 from __future__ import annotations
 

@@ -167,7 +167,7 @@ def _open(trajectory: Trajectory, gaps: Array) -> Iterator[Finding]:
 
 
 def _unit(mechanism: Mechanism, joint: str) -> str:
-    return "m" if mechanism.slides(joint) else "rad"
+    return "m" if mechanism.is_prismatic(joint) else "rad"
 
 
 def _limits(trajectory: Trajectory) -> Iterator[Finding]:

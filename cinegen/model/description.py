@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cinegen.loops.closed_loops import Loop
+from cinegen.loops.closed_loops import LoopConstraint
 from cinegen.model.mechanism import Mechanism
 
 
@@ -44,7 +44,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     }
 
 
-def describe_loop(loop: Loop) -> dict[str, str]:
+def describe_loop(loop: LoopConstraint) -> dict[str, str]:
     """A loop's name, how it is closed, and the nodes that it ties."""
     return {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
 
@@ -55,7 +55,7 @@ def describe_joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
     bounds = {"low": limits.lower, "high": limits.upper, "velocity": limits.velocity}
     return {
         "name": joint,
-        "type": "prismatic" if mechanism.slides(joint) else "revolute",
+        "type": "prismatic" if mechanism.is_prismatic(joint) else "revolute",
         "home": float(mechanism.q_home[mechanism.q_index(joint)]),
         **{word: value if np.isfinite(value) else None for word, value in bounds.items()},
         "actuated": joint in mechanism.actuated,

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.html import table
+
 Array = NDArray[np.float64]
 
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
@@ -15,11 +17,11 @@ COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 @dataclass(frozen=True, slots=True)
 class ExtendedJacobian:
-    """A matrix that says what its rows and columns are; `numpy.asarray` gives the bare matrix.
+    """A matrix with labelled rows and columns; `numpy.asarray` returns the bare matrix.
 
     Attributes:
         matrix: (rows, nv), metres and radians.
-        rows: for each row the node or loop it belongs to, and the component (x, y, z, rx, ry, rz).
+        rows: for each row the node or loop it belongs to, and its component (x, y, z, rx, ry, rz).
         columns: for each column the joint it belongs to (a free base: `joint0.x` and so on).
     """
 
@@ -29,20 +31,31 @@ class ExtendedJacobian:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Rows and columns."""
+        """Number of rows and columns."""
         return self.matrix.shape
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Array:
         return np.array(self.matrix, dtype=dtype) if copy or dtype else self.matrix
 
     def block(self, name: str) -> Array:
-        """The rows of one node or loop."""
+        """Return the rows (n, nv) of one node or loop, by its name."""
         return self.matrix[[i for i, (owner, _) in enumerate(self.rows) if owner == name]]
 
     def compact(self) -> ExtendedJacobian:
-        """Without the rows that are exactly zero: a planar mechanism keeps x, y and rz, as in figure 9."""
+        """Return the matrix without rows that are exactly zero: a planar mechanism keeps x, y, rz as in figure 9."""
         kept = [i for i, row in enumerate(self.matrix) if row.any()]
         return ExtendedJacobian(self.matrix[kept], tuple(self.rows[i] for i in kept), self.columns)
+
+    def __repr__(self) -> str:
+        owners = dict.fromkeys(owner for owner, _ in self.rows)
+        return f"<ExtendedJacobian {self.shape[0]} x {self.shape[1]}: {', '.join(owners)}"[:99] + ">"
+
+    def _repr_html_(self) -> str:
+        rows = (
+            [f"{owner} {component}", *map(_cell, row)]
+            for (owner, component), row in zip(self.rows, self.matrix, strict=True)
+        )
+        return table("extended Jacobian (m, rad)", ("", *self.columns), rows)
 
     def __str__(self) -> str:
         wide = max([len(f"{owner} {component}") for owner, component in self.rows], default=0)
@@ -50,8 +63,10 @@ class ExtendedJacobian:
         head = " " * wide + "".join(f"  {name:>{w}}" for name, w in zip(self.columns, columns, strict=True))
         lines = [head]
         for (owner, component), row in zip(self.rows, self.matrix, strict=True):
-            cells = "".join(
-                f"  {'.' if value == 0.0 else f'{value:.4g}':>{w}}" for value, w in zip(row, columns, strict=True)
-            )
+            cells = "".join(f"  {_cell(value):>{w}}" for value, w in zip(row, columns, strict=True))
             lines.append(f"{f'{owner} {component}':<{wide}}{cells}")
         return "\n".join(lines)
+
+
+def _cell(value: float) -> str:
+    return "." if value == 0.0 else f"{value:.4g}"

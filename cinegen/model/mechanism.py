@@ -1,9 +1,10 @@
-"""`Mechanism`: any robot, serial, tree or closed, as a constant Pinocchio model with its loops."""
+"""`Mechanism`: any robot, serial, tree or closed, as a Pinocchio model with its loops. It never changes."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,96 +13,121 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
+from cinegen.html import table
 from cinegen.joints import scalar_joints, translations
-from cinegen.loops.close import Newton
-from cinegen.loops.closed_loops import ClosedLoops, Loop
+from cinegen.loops.close import Closer
+from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.shapes import collision_shapes, shapes
 from raff2urdf import closure
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+
+_MOST_MASKS = 64  # sets of locked joints whose columns are kept
 
 
-class Source(NamedTuple):
-    """What a mechanism was built from, and by what."""
+class MechanismSource(NamedTuple):
+    """What a mechanism was built from, as `cinegen.model.load.build` takes it.
 
-    build: Callable[..., Mechanism]
+    Attributes:
+        urdf: its text.
+        constraints: everything that a URDF cannot express, as `raff2urdf.constraints` describes; None for a tree.
+        folder: where the URDF's meshes are searched; None where it names them absolutely.
+        name: the file's, for errors.
+    """
+
     urdf: str
     constraints: Mapping[str, Any] | None
     folder: str | None
     name: str
 
 
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class Mechanism:
-    """A mechanism, constant once loaded; configurations are values. Made by `cinegen.load`.
+    """A mechanism; it never changes, and serves several threads at once. Made by `cinegen.load`.
 
     Attributes:
         name: of the robot.
-        model: the tree, as Pinocchio has it. One number of q per joint (rad, m), a free base apart: RAFF's own
-            theta or r. Map joints by name: Pinocchio orders them its own way.
-        q_home: (nq,) the written configuration with all loops closed.
-        mobility: degrees of freedom that the loops leave, counted on random closed configurations.
-        loops: the joints that were cut.
-        loop_rank: how many loop rows are independent (generic rank).
-        actuated: names of the joints that have a motor, in file order.
-        joints: names of all joints that move, in file order (a free base apart).
+        model: the tree as a Pinocchio model. Each joint is one number of q (rad, m), RAFF's theta or r; a free base is
+            seven. Find joints by name, since Pinocchio orders them its own way.
         nodes: names of base, links and frames: base first, in file order.
-        floating: whether the base can move (then q begins with its seven numbers).
-        length: characteristic length, m: it makes translations commensurable with angles.
-        scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations.
-        limits: limits of position, velocity and effort, by joint name and as arrays.
-        source: what it was built from: a URDF's text, and what that can't say.
-        gap_as_written: how far the loops stood open in the file, without unit.
-        sensors: the file's sensors, by number, as the constraints file has them.
+        joints: names of all joints that move, in file order (not of a free base).
+        actuated: names of the actuated joints, in file order.
+        loops: the joints that were cut.
+        length: characteristic length, m, which makes translations commensurable with angles.
+        floating: whether the base can move; then q begins with its seven numbers.
+        q_home: (nq,) the configuration as written, moved to where all loops are closed; read-only.
+        loop_rank: number of independent equations of the loops (generic rank).
+        gap_as_written: largest residual of a loop at the configuration as written, rad or characteristic lengths.
+        sensors: the sensors of the file, by number, as the constraints file has them.
         sensor_constraints: node and sensors, for each node that may follow some.
+        source: what it was built from.
     """
 
-    def __init__(
-        self,
-        name: str,
-        model: pin.Model,
-        nodes: Sequence[str],
-        joints: Sequence[str],
-        actuated: Sequence[str],
-        loops: Sequence[Loop],
-        length: float,
-        floating: bool,
-        source: Source,
-    ) -> None:
-        self.name = name
-        self.model = model
-        self.nodes = tuple(nodes)
-        self.joints = tuple(joints)
-        self.actuated = tuple(actuated)
-        self.loops = tuple(loops)
-        self.length = length
-        self.floating = floating
-        self.scale = _scale(model, length)
-        self.limits = Limits(model, self.joints)
-        self.source = source
-        self._scratch = threading.local()
-        self.q_home: Array = pin.neutral(model)  # until `load` has closed the loops
-        self.loop_rank = 0
-        self.gap_as_written = 0.0
-        self.sensors: Mapping[int, Mapping[str, Any]] = {}
-        self.sensor_constraints: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    name: str
+    model: pin.Model
+    nodes: tuple[str, ...]
+    joints: tuple[str, ...]
+    actuated: tuple[str, ...]
+    loops: tuple[LoopConstraint, ...]
+    length: float
+    floating: bool
+    q_home: Array
+    loop_rank: int
+    gap_as_written: float
+    sensors: Mapping[int, Mapping[str, Any]]
+    sensor_constraints: tuple[tuple[str, tuple[int, ...]], ...]
+    source: MechanismSource
+    _scratch: threading.local = field(init=False, default_factory=threading.local)
+    _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.q_home.flags.writeable = False
 
     def __repr__(self) -> str:
-        joints, loops = len(self.joints), len(self.loops)
-        counted = f"{joints} joint{'s' * (joints != 1)}, {loops} loop{'s' * (loops != 1)}"
-        return f"<Mechanism {self.name}: {counted}, mobility {self.mobility}>"
+        return f"<Mechanism {self.name[:60]}: {self._summary}>"
+
+    @property
+    def _summary(self) -> str:
+        nodes, joints, loops = (
+            f"{len(of)} {what}{'s' * (len(of) != 1)}"
+            for of, what in ((self.nodes, "node"), (self.joints, "joint"), (self.loops, "loop"))
+        )
+        return f"{nodes}, {joints} ({len(self.actuated)} actuated), {loops}, mobility {self.mobility}"
+
+    def _repr_html_(self) -> str:
+        rows = []
+        for name, limits in self.limits.items():
+            kind = "prismatic" if self.is_prismatic(name) else "revolute"
+            home = self.q_home[self.q_index(name)]
+            numbers = (f"{value:.4g}" for value in (home, limits.lower, limits.upper, limits.velocity))
+            rows.append([name, kind, *numbers, "yes" if name in self.actuated else ""])
+        headings = ("joint", "type", "home (rad, m)", "lower", "upper", "velocity (rad/s, m/s)", "actuated")
+        joints = table(f"{self.name}: {self._summary}", headings, rows)
+        ends = [(loop.name, loop.kind.name.lower(), loop.first, loop.second) for loop in self.loops]
+        return joints + (table("loops", ("loop", "kind", "first node", "second node"), ends) if ends else "")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pinocchio's constraint models can't be pickled: a copy in another process is built from the texts."""
-        build, *texts = self.source
-        return build, tuple(texts)
+        """Return what builds a copy in another process: Pinocchio's constraint models can't be pickled."""
+        from cinegen.model.load import build
+
+        return build, tuple(self.source)
 
     @property
     def mobility(self) -> int:
-        """Degrees of freedom that the loops leave."""
+        """Degrees of freedom that the loops leave, counted on random closed configurations."""
         return int(self.model.nv) - self.loop_rank
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of position, velocity and effort, by joint name and as arrays; rad, m, s, N."""
+        return Limits(self.model, self.joints)
+
+    @cached_property
+    def scale(self) -> Array:
+        """(nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations."""
+        return self.system.scale
 
     @property
     def system(self) -> ClosedLoops:
@@ -112,23 +138,12 @@ class Mechanism:
         return system
 
     def own_system(self) -> ClosedLoops:
-        """The loops as equations, with scratch data of the caller's own."""
-        anchors = []
-        for loop in self.loops:
-            first, second = self._frame(loop.first), self._frame(loop.second)
-            anchors.append(
-                (
-                    first.parentJoint,
-                    first.placement * loop.first_placement,
-                    second.parentJoint,
-                    second.placement * loop.second_placement,
-                )
-            )
-        return ClosedLoops(self.model, self.loops, anchors, self.length, self.scale)
+        """Return the loops as equations, with scratch data of the caller's own."""
+        return ClosedLoops(self.model, self.loops, self.length)
 
     @cached_property
     def visual(self) -> pin.GeometryModel:
-        """The shapes of all nodes, as Pinocchio reads them from the URDF.
+        """The visual shapes of all nodes.
 
         Raises:
             LoadError: a mesh can't be read.
@@ -137,7 +152,7 @@ class Mechanism:
 
     @cached_property
     def collision(self) -> pin.GeometryModel:
-        """The shapes with which the nodes can collide, see `cinegen.model.shapes.collision_shapes`.
+        """The collision shapes of all nodes, see `cinegen.model.shapes.collision_shapes`.
 
         Raises:
             LoadError: a mesh can't be read.
@@ -146,13 +161,13 @@ class Mechanism:
 
     @property
     def end(self) -> str:
-        """The node that a hand takes first: the one that a sensor may follow, else the last in the file."""
+        """The node that is driven unless another is named: the first that may follow a sensor, else the last node."""
         return next((node for node, _ in self.sensor_constraints), self.nodes[-1])
 
     # --- names ---------------------------------------------------------------------------------------------------
 
     def frame_id(self, node: str) -> int:
-        """Pinocchio's number of a node's frame.
+        """Return Pinocchio's index of a node's frame.
 
         Raises:
             UnknownNameError: no such node.
@@ -164,11 +179,7 @@ class Mechanism:
 
     @cached_property
     def _frame_ids(self) -> dict[str, int]:
-        bodies = {f.name: i for i, f in enumerate(self.model.frames) if f.type == pin.FrameType.BODY}
-        return {node: bodies[node] for node in self.nodes}
-
-    def _frame(self, node: str) -> Any:
-        return self.model.frames[self.frame_id(node)]
+        return {node: self.model.getFrameId(node, pin.FrameType.BODY) for node in self.nodes}
 
     def _joint(self, joint: str) -> Any:
         if joint not in self._joint_ids:
@@ -180,7 +191,7 @@ class Mechanism:
         return {name: i for i, name in enumerate(self.model.names) if i > 0}
 
     def q_index(self, joint: str) -> int:
-        """Where a joint's variable stands in q.
+        """Return the index of a joint's variable in q.
 
         Raises:
             UnknownNameError: no such joint.
@@ -188,15 +199,15 @@ class Mechanism:
         return int(self._joint(joint).idx_q)
 
     def v_index(self, joint: str) -> int:
-        """Where a joint's velocity stands in v, and its column in every Jacobian.
+        """Return the index of a joint's velocity in v, which is its column in every Jacobian.
 
         Raises:
             UnknownNameError: no such joint.
         """
         return int(self._joint(joint).idx_v)
 
-    def slides(self, joint: str) -> bool:
-        """Whether a joint is prismatic: its variable is in metres.
+    def is_prismatic(self, joint: str) -> bool:
+        """Return whether a joint is prismatic: its variable is in metres.
 
         Raises:
             UnknownNameError: no such joint.
@@ -210,7 +221,7 @@ class Mechanism:
 
     @cached_property
     def columns(self) -> tuple[str, ...]:
-        """For each column of a Jacobian the joint it belongs to."""
+        """For each column of a Jacobian the joint it belongs to; a free base has six, `joint0.x` and so on."""
         names = [""] * self.model.nv
         for name, joint in zip(self.model.names, self.model.joints, strict=True):
             for i in range(joint.nv if name != "universe" else 0):
@@ -219,23 +230,25 @@ class Mechanism:
 
     @cached_property
     def passive_columns(self) -> NDArray[np.intp]:
-        """Columns of the joints without a motor in a Jacobian; never those of a base that can move."""
+        """The columns of the passive joints (not actuated) in a Jacobian; never those of a free base."""
         passive = [self._joint(name) for name in self.joints if name not in self.actuated]
         return np.array([joint.idx_v + i for joint in passive for i in range(joint.nv)], dtype=np.intp)
 
     @cached_property
     def passive_rank(self) -> int:
-        """How many of these columns of the loops' Jacobian are independent (generic rank): all, unless joints are left
-        that motors and loops don't determine."""
+        """The generic rank of these columns of the loops' Jacobian: their number, unless there are joints that neither
+        actuated joints nor loops determine."""
         found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
         return max(found) if self.loops else 0
 
+    # --- configurations ------------------------------------------------------------------------------------------
+
     def configuration(self, values: Mapping[str, float], q: ArrayLike | None = None) -> Array:
-        """A configuration with some joints set by name: the others are as in q, at home unless given.
+        """Return a configuration with some joints set by name.
 
         Args:
             values: joint name -> value, rad or m.
-            q: (nq,).
+            q: (nq,) that gives the other joints; home unless given.
 
         Raises:
             UnknownNameError: no such joint.
@@ -247,19 +260,17 @@ class Mechanism:
         return self.checked(full)
 
     def checked(self, q: ArrayLike) -> Array:
-        """q as an array (nq,) of finite doubles.
+        """Return q as an array (nq,) of finite numbers.
 
         Raises:
-            ConfigurationError: it is none.
+            ConfigurationError: it has another shape, or a number that is not finite.
         """
         full = np.asarray(q, dtype=float)
         if full.shape != (self.model.nq,):
             raise ConfigurationError(f"a configuration of {self.name} has {self.model.nq} numbers, not {full.shape}")
         if not np.isfinite(full).all():
-            raise ConfigurationError(f"a configuration of {self.name} holds numbers that are not finite")
+            raise ConfigurationError(f"a configuration of {self.name} has numbers that are not finite")
         return full
-
-    # --- arithmetic of configurations ----------------------------------------------------------------------------
 
     def difference(self, start: ArrayLike, end: ArrayLike) -> Array:
         """Return the velocity (nv,) that leads from one configuration (nq,) to another in 1 s; rad/s and m/s."""
@@ -278,13 +289,13 @@ class Mechanism:
         return np.asarray(pin.integrate(self.model, q, step))
 
     def interpolate(self, start: ArrayLike, end: ArrayLike, part: float) -> Array:
-        """Return the configuration (nq,) at a part, 0 to 1, of the shortest way between two others; loops apart."""
+        """Return the configuration (nq,) at a part, 0 to 1, of the shortest path between two others; loops may open."""
         return np.asarray(pin.interpolate(self.model, start, end, part))
 
     # --- kinematics ----------------------------------------------------------------------------------------------
 
     def placement(self, q: ArrayLike, node: str) -> pin.SE3:
-        """Where a node is in the world.
+        """Return the pose of a node in the world, m.
 
         Args:
             q: (nq,).
@@ -295,12 +306,12 @@ class Mechanism:
             ConfigurationError: q is no configuration.
         """
         data = self.system.data
-        frame = self._frame(node)
+        frame = self.model.frames[self.frame_id(node)]
         pin.forwardKinematics(self.model, data, self.checked(q))
         return data.oMi[frame.parentJoint] * frame.placement
 
     def jacobian(self, q: ArrayLike, node: str) -> Array:
-        """(6, nv) Jacobian of a node in its own frame: linear above angular velocity, m and rad.
+        """Return the (6, nv) Jacobian of a node in its own frame: linear above angular velocity, m and rad.
 
         Raises:
             UnknownNameError: no such node.
@@ -314,11 +325,11 @@ class Mechanism:
         return np.asarray(jacobian).reshape(6, self.model.nv)  # a single column comes without its second dimension
 
     def loop_residual(self, q: ArrayLike) -> Array:
-        """(rows,) how far each loop stands open: m and rad, in its first end's axes (see `raff2urdf.loops`)."""
+        """Return the residual (rows,) of all loops, m and rad, in the first ends' axes (see `raff2urdf.residual`)."""
         return self.system.evaluate(self.checked(q))[0] * self._loop_units
 
     def loop_jacobian(self, q: ArrayLike) -> Array:
-        """(rows, nv) exact derivative of `loop_residual` by the velocity, m and rad, closed or open."""
+        """Return the exact derivative (rows, nv) of `loop_residual` by the velocity, m and rad; loops may be open."""
         jacobian = self.system.evaluate(self.checked(q))[1]
         return jacobian * self._loop_units[:, None] / self.scale
 
@@ -328,14 +339,15 @@ class Mechanism:
         return np.array([1.0 if "r" in component else self.length for component in components])
 
     def extended_jacobian(self, q: ArrayLike, nodes: Iterable[str] | str = ()) -> ExtendedJacobian:
-        """The paper's matrix (figure 9): six rows for each node that is pulled, above the rows of all loops.
+        """Return the extended Jacobian (seed paper, figure 9): six rows for each node above the rows of all loops.
 
         Args:
             q: (nq,).
-            nodes: whose Jacobians stand above, each in its node's own frame.
+            nodes: whose Jacobians come first, each in its node's own frame.
 
         Returns:
-            rows in m and rad, columns by m and rad; a joint that does not move what a row says has exactly 0 there.
+            rows in m and rad, columns by m and rad. The entry of a joint that does not move what a row describes is
+            exactly 0.
 
         Raises:
             UnknownNameError: no such node.
@@ -353,16 +365,17 @@ class Mechanism:
     # --- loops ---------------------------------------------------------------------------------------------------
 
     def closure(self, q: ArrayLike) -> float:
-        """The largest residual of all loops at q, in rad and characteristic lengths; 0 without loops."""
+        """Return the largest residual of all loops at q (nq,), in rad or characteristic lengths; 0 without loops."""
         return max(self.system.gaps(self.checked(q)), default=0.0)
 
     def close(self, q: ArrayLike, locked: Iterable[str] = ()) -> Array:
-        """The closed configuration that Gauss-Newton reaches from q: the shortest way, joint limits apart.
+        """Return the closed configuration that Gauss-Newton steps reach from q (`raff2urdf.closure.close`), a nearby
+        one; joint limits are not considered.
 
         Args:
             q: (nq,) such as rounded or guessed values.
-            locked: joints that keep their value: with all actuated ones, this is forward kinematics on the branch
-                that q is near to.
+            locked: joints that keep their value. With all actuated joints this is forward kinematics, on the branch
+                near q.
 
         Returns:
             (nq,), closed to 1e-12.
@@ -373,35 +386,40 @@ class Mechanism:
             ConfigurationError: q is no configuration.
         """
         names = (locked,) if isinstance(locked, str) else tuple(locked)
-        newton: Newton | None = getattr(self._scratch, "newton", None)
-        near = newton.close(q, names) if newton is not None else None
-        if near is not None:
-            return near
-        start = self.checked(q)
-        free = np.ones(self.model.nv, dtype=bool)
-        for name in names:
-            free[self.v_index(name)] = False
-        if not self.loops:
-            return start.copy()
-        system = self.system
-        self._expect_again(system, names, ~free)
-        closing = closure.close(system, start, free)
-        if not closing.closed:
-            gaps = zip(self.loops, system.gaps(closing.q), strict=True)
-            listed = ", ".join(f"'{loop.name}' by {gap:.2g}" for loop, gap in gaps if gap > closure.CLOSED)
-            held = f" with {int((~free).sum())} joints locked" if not free.all() else ""
-            raise ClosureError(f"{self.name} can't be closed from there{held}: open stay {listed} (rad or lengths)")
-        return closing.q.copy()  # never what the caller gave
+        mask = self._masks.get(names)
+        if mask is None:
+            mask = self._mask(names)
+        start = np.asarray(q, dtype=float)
+        if not self.loops or start.shape != self.q_home.shape:
+            return self.checked(start).copy()
+        closing = self._closer.close(start, mask)
+        if closing.closed:
+            return closing.q
+        self.checked(start)
+        gaps = zip(self.loops, self.system.gaps(closing.q), strict=True)
+        listed = ", ".join(f"'{loop.name}' by {gap:.2g}" for loop, gap in gaps if gap > closure.CLOSED)
+        condition = f" with {len(set(names))} joints locked" if names else ""
+        raise ClosureError(
+            f"{self.name} can't be closed from there{condition}: these loops remain open: {listed} (rad or lengths)"
+        )
 
-    def _expect_again(self, system: ClosedLoops, locked: tuple[str, ...], held: Mask) -> None:
-        """From the second time on in this thread, loops are closed by what is compiled: once is no reason to wait."""
-        scratch = self._scratch
-        if not hasattr(scratch, "newton"):
-            scratch.newton = None
-        elif scratch.newton is None and self.model.nv > 0:
-            scratch.newton = Newton(system, self.loop_rank)
-        if scratch.newton is not None:
-            scratch.newton.expect(locked, held)
+    @property
+    def _closer(self) -> Closer:
+        """The compiled algorithm, with scratch data of this thread's own."""
+        closer: Closer | None = getattr(self._scratch, "closer", None)
+        if closer is None:
+            closer = self._scratch.closer = Closer(self.own_system(), self.loop_rank)
+        return closer
+
+    def _mask(self, names: tuple[str, ...]) -> Array:
+        """Return (nv,) 1 for the columns of joints that are locked, else 0; it is kept for the next call."""
+        mask = np.zeros(self.model.nv)
+        for name in names:
+            joint = self._joint(name)
+            mask[joint.idx_v : joint.idx_v + joint.nv] = 1.0
+        if len(self._masks) < _MOST_MASKS:
+            self._masks[names] = mask
+        return mask
 
     @cached_property
     def samples(self) -> tuple[Array, ...]:
@@ -409,16 +427,9 @@ class Mechanism:
         return (self.q_home, *self.random_closed(3))
 
     def random_closed(self, count: int, seed: int = 0) -> list[Array]:
-        """Closed configurations (nq,) along a random walk from home; fewer where little can move. Limits apart."""
+        """Return random closed configurations (nq,) along a walk from home: at most `count`, fewer where little can
+        move. Joint limits are not considered."""
         if self.loops:
             return list(closure.closed_walk(self.system, self.q_home, count, seed))
         rng = np.random.default_rng(seed)
         return [self.system.integrate(self.q_home, rng.normal(size=self.model.nv)) for _ in range(count)]
-
-
-def _scale(model: pin.Model, length: float) -> Array:
-    """(nv,) `length` where a velocity is a translation's, 1 where it is a rotation's."""
-    scale = np.ones(model.nv)
-    for joint in model.joints:
-        scale[joint.idx_v : joint.idx_v + translations(joint)] = length
-    return scale

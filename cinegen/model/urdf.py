@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import warnings
+from collections.abc import Mapping
 from typing import Any
 
 from lxml import etree
@@ -100,7 +101,7 @@ def kinematics(tree: Any) -> str:
     return text
 
 
-def completed(said: Constraints, beside: Constraints | None, name: str) -> Constraints:
+def completed(said: Constraints, beside: Mapping[str, Any] | None, name: str) -> Constraints:
     """What a URDF says of itself, and what a file beside it adds or says otherwise.
 
     Args:

@@ -127,7 +127,7 @@ class Skeleton:
         for name in mechanism.joints:
             j = model.getJointId(name)
             motor = name in mechanism.actuated
-            if mechanism.slides(name):
+            if mechanism.is_prismatic(name):
                 ends = [self._beginning(j), self._point(j)]
                 slides.append(Slide(name, np.array(ends), motor))
             elif motor:

@@ -21,7 +21,7 @@ def in_user_units(mechanism: Mechanism, joint: str, value: float) -> tuple[float
     Raises:
         UnknownNameError: no such joint.
     """
-    return (1e3 * value, "mm") if mechanism.slides(joint) else (math.degrees(value), "degrees")
+    return (1e3 * value, "mm") if mechanism.is_prismatic(joint) else (math.degrees(value), "degrees")
 
 
 def user_scale(mechanism: Mechanism, name: str) -> tuple[float, str]:
@@ -31,7 +31,7 @@ def user_scale(mechanism: Mechanism, name: str) -> tuple[float, str]:
         mechanism: mechanism of the joints.
         name: coordinate of a pose, radius, path length or joint; any other is an angle.
     """
-    long = name in _LONG or (name in mechanism.joints and mechanism.slides(name))
+    long = name in _LONG or (name in mechanism.joints and mechanism.is_prismatic(name))
     return (1e3, "mm") if long else (math.degrees(1.0), "°")
 
 

@@ -208,7 +208,7 @@ def speeds(mechanism: Mechanism) -> dict[str, float]:
     found = {}
     for joint in mechanism.joints:
         limit = mechanism.limits[joint].velocity
-        usual = _FASTEST * (mechanism.length if mechanism.slides(joint) else 1.0)
+        usual = _FASTEST * (mechanism.length if mechanism.is_prismatic(joint) else 1.0)
         found[joint] = limit if math.isfinite(limit) else usual
     return found
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cinegen.assembly.linkage import Linkage, ModesError
 from cinegen.model import Mechanism
-from raff2urdf.loops import gap
+from raff2urdf.residual import loop_residual
 
 Array = NDArray[np.float64]
 
@@ -110,6 +110,6 @@ def _opened(mechanism: Mechanism, joint: int, turns: list[pin.Motion]) -> Array:
     for loop, (first, first_place, second, second_place) in zip(mechanism.loops, system.anchors, strict=True):
         one, two = (system.data.oMi[j] * at for j, at in ((first, first_place), (second, second_place)))
         sign = int(joint in model.supports[second]) - int(joint in model.supports[first])
-        _, derivative = gap(loop.kind, one.actInv(two).homogeneous, mechanism.length)
+        _, derivative = loop_residual(loop.kind, one.actInv(two).homogeneous, mechanism.length)
         columns.append(sign * derivative @ np.column_stack([one.actInv(turn).vector for turn in turns]))
     return np.vstack(columns)

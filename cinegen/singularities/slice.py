@@ -247,7 +247,7 @@ def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis
         UnknownNameError: no such node.
     """
     home = Coordinates(mechanism, [name], node).home[name]
-    slides = name in POSE[:3] or (name in mechanism.joints and mechanism.slides(name))
+    slides = name in POSE[:3] or (name in mechanism.joints and mechanism.is_prismatic(name))
     reach = mechanism.length if slides else 0.5 * math.pi
     low, high = home - reach, home + reach
     if name in mechanism.actuated:

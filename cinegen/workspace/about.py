@@ -81,7 +81,7 @@ def _rounded(low: float, high: float) -> tuple[float, float]:
 def _of_motor(mechanism: Mechanism, name: str) -> tuple[float, float]:
     at = mechanism.q_index(name)
     home = float(mechanism.q_home[at])
-    reach = mechanism.length if mechanism.slides(name) else math.pi
+    reach = mechanism.length if mechanism.is_prismatic(name) else math.pi
     low, high, *_ = mechanism.limits[name]
     return (low if math.isfinite(low) else home - reach), (high if math.isfinite(high) else home + reach)
 

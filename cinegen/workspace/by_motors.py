@@ -30,7 +30,9 @@ class ByMotors:
     def __init__(self, spec: MapSpecification, sampler: Sampler) -> None:
         self.spec, self._sampler = spec, sampler
         mechanism = spec.mechanism
-        names = [name for name in mechanism.joints if name not in mechanism.actuated and not mechanism.slides(name)]
+        names = [
+            name for name in mechanism.joints if name not in mechanism.actuated and not mechanism.is_prismatic(name)
+        ]
         self._passive = np.array([mechanism.q_index(name) for name in names], dtype=np.intp)
 
     def settle(self, piece: tuple[slice, ...]) -> tuple[Settled, Evaluations]:

@@ -61,7 +61,7 @@ class ByPose:
         self._axis = self._seeker_of(2) if "solid_angle" in spec.quantities else None
         self._neutral = pin.neutral(self.mechanism.model)
         self._turning = np.zeros(self.mechanism.model.nv, dtype=bool)
-        turning = [name for name in self.mechanism.joints if not self.mechanism.slides(name)]
+        turning = [name for name in self.mechanism.joints if not self.mechanism.is_prismatic(name)]
         self._turning[[self.mechanism.v_index(name) for name in turning]] = True
 
     def _seeker_of(self, rotation: int) -> Seeker:

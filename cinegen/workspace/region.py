@@ -293,7 +293,7 @@ class Region:
 
     def unit(self, mechanism: Mechanism) -> str:
         """Of what a cell measures."""
-        long = [name in (*POSE[:3], ALONG, "radius") or (name in mechanism.joints and mechanism.slides(name))
+        long = [name in (*POSE[:3], ALONG, "radius") or (name in mechanism.joints and mechanism.is_prismatic(name))
                 for name in self.names]  # fmt: skip
         metres, radians = sum(long), len(long) - sum(long)
         if self._spherical:

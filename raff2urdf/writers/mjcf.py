@@ -22,8 +22,8 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.formats import Described
-from raff2urdf.loops import log
 from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.residual import log
 from raff2urdf.tree import BASE_JOINT, characteristic_length
 from raff2urdf.writers.bodies import FIXED, SLIDES, TURNS, WORLD, TreeAtHome, axis, greatest, limits, unlike
 from raff2urdf.writers.inertia import Inertia, Inertias, sum_of

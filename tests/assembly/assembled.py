@@ -68,7 +68,7 @@ def closings(modes: AssemblyModes, starts: int, seed: int = 0) -> list[np.ndarra
         q = asked.copy()
         for name in set(m.joints) - set(m.actuated):
             k = m.q_index(name)
-            q[k] = q[k] + m.length * rng.normal() if m.slides(name) else rng.uniform(-np.pi, np.pi)
+            q[k] = q[k] + m.length * rng.normal() if m.is_prismatic(name) else rng.uniform(-np.pi, np.pi)
         try:
             found.append(m.close(q, locked=m.actuated))
         except cinegen.ClosureError:

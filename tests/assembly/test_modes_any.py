@@ -105,7 +105,7 @@ def test_joints_below_and_above_don_t_count(built):
     wrist = [hinge([0, 0, 1.2], Z, True), hinge([0, 0, 1.3], [1, 0, 0.2], True)]
     plain = built(tripod(rng(1)))
     more = built(tripod(rng(1), wrist=wrist, below=[hinge([0.1, 0, -0.5], [0.1, 0.2, 1], True)]))
-    asked = home(more) + np.array([0.4 * (not more.slides(name)) for name in more.actuated])
+    asked = home(more) + np.array([0.4 * (not more.is_prismatic(name)) for name in more.actuated])
     one, two = assembly_modes(plain), assembly_modes(more, asked)
     sound(two, count=len(one))
     traced(one)

@@ -133,7 +133,7 @@ def test_a_slider_crank_is_a_circle_and_a_line(built, driven):
         traced(modes)
     nothing_beside(modes, ["tool"], 20)
     if driven == "crank":
-        slider = next(f"link{j[5:]}" for j in m.joints if m.slides(j))
+        slider = next(f"link{j[5:]}" for j in m.joints if m.is_prismatic(j))
         alike([places(m, q, [slider])[0, :2, 3] for q in modes], expected, 1e-9)
 
 

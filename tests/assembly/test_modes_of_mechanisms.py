@@ -54,7 +54,7 @@ def from_many_starts(mechanism, count, seed=0) -> list[np.ndarray]:
     for _ in range(count):
         values = {
             joint: home[mechanism.q_index(joint)]
-            + (rng.normal() * mechanism.length if mechanism.slides(joint) else rng.uniform(-np.pi, np.pi))
+            + (rng.normal() * mechanism.length if mechanism.is_prismatic(joint) else rng.uniform(-np.pi, np.pi))
             for joint in free
         }
         try:

@@ -26,7 +26,7 @@ from cinegen.ik.thresholds import FULL, NEAR, REST
 from cinegen.jit import compiled, null_space, svd
 from cinegen.loops._kernels import closing
 from cinegen.loops.thresholds import HEALTHY
-from raff2urdf.loops import gap
+from raff2urdf.residual import loop_residual
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 EVERY = [
@@ -80,7 +80,7 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
             for loop in mechanism.loops:
                 first = mechanism.placement(there, loop.first) * loop.first_placement
                 second = mechanism.placement(there, loop.second) * loop.second_placement
-                by_hand.append(gap(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
+                by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
             assert arrays["c"] == pytest.approx(np.concatenate(by_hand), abs=1e-13)
 
 

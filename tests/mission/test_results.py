@@ -71,7 +71,7 @@ def test_a_base_that_can_move_and_joints_without_a_limit_are_slow(raff):
     if np.isfinite(mechanism.model.upperVelocityLimit).any():
         pytest.fail("a limit was made up")
     turned = passes(mechanism, np.array([[0.0, 0.0], [0.5, 0.0], [0.5, 0.5]]))
-    slides = [mechanism.slides(name) for name in mechanism.joints]
+    slides = [mechanism.is_prismatic(name) for name in mechanism.joints]
     speeds = [PRISMATIC if slide else REVOLUTE for slide in slides]
     assert turned == pytest.approx(np.cumsum([0.0, *(0.5 / speed for speed in speeds)]))
 

@@ -39,7 +39,7 @@ robot bent {
 
 
 def test_a_raff_file_and_its_conversion_are_the_same_mechanism_bit_for_bit(root, tmp_path):
-    for name in ("delta4", "four_bar", "hybrid", "arm7"):
+    for name in ("delta4", "delta4_linear", "four_bar", "five_bar", "gough", "hybrid", "sr400", "tssm", "arm7"):
         raff2urdf.convert(root / "robots" / f"{name}.raff", tmp_path)
         one = cinegen.load(root / "robots" / f"{name}.raff")
         other = cinegen.load(tmp_path / f"{name}.urdf")
@@ -48,6 +48,8 @@ def test_a_raff_file_and_its_conversion_are_the_same_mechanism_bit_for_bit(root,
         assert (one.mobility, one.loop_rank, one.length) == (other.mobility, other.loop_rank, other.length)
         assert np.array_equal(one.model.lowerPositionLimit, other.model.lowerPositionLimit)
         assert np.array_equal(one.model.upperVelocityLimit, other.model.upperVelocityLimit)
+        assert one.gap_as_written == other.gap_as_written
+        assert one.source.constraints == other.source.constraints
 
 
 def test_a_urdf_without_constraints_is_a_tree_whose_joints_all_have_motors(root, tmp_path):
@@ -176,7 +178,7 @@ def test_a_joint_whose_limits_are_left_out_has_none_and_one_warning_says_so(kind
     assert len(seen) == 1
     assert mechanism.model.lowerPositionLimit[0] == -np.inf
     assert mechanism.model.upperPositionLimit[0] == np.inf
-    assert mechanism.slides("turn") == (kind == "prismatic")
+    assert mechanism.is_prismatic("turn") == (kind == "prismatic")
 
 
 def test_where_one_limit_is_given_the_other_is_0(tmp_path):
@@ -221,8 +223,8 @@ def test_limits_and_speeds_are_those_of_the_file(raff):
         link 1 { parameters { r 5 } type 1 pred 0 limits { -10 30 } velocity 250 }
         link 2 { parameters { theta 5 } type 2 pred 1 limits { -90 180 } velocity 90 } }""")
     slide, hinge = mechanism.q_index("joint1"), mechanism.q_index("joint2")
-    assert mechanism.slides("joint1")
-    assert not mechanism.slides("joint2")
+    assert mechanism.is_prismatic("joint1")
+    assert not mechanism.is_prismatic("joint2")
     assert mechanism.model.lowerPositionLimit[slide] == -0.01
     assert mechanism.model.upperPositionLimit[slide] == 0.03
     assert mechanism.model.upperPositionLimit[hinge] == np.pi
@@ -314,7 +316,7 @@ def test_more_joints_than_pinocchio_has_memory_for_are_refused(tmp_path):
         for i in range(1, 600)
     )
     path.write_text(f'<robot name="r">{links}{turns}</robot>')
-    with pytest.raises(cinegen.CinegenError, match="599 joints move, 400 may: Pinocchio would want 12 GB of memory"):
+    with pytest.raises(cinegen.CinegenError, match="599 joints move, 400 may: Pinocchio would need 12 GB of memory"):
         cinegen.load(path)
     path.write_text(path.read_text().replace("continuous", "fixed"))
     assert cinegen.load(path).mobility == 0

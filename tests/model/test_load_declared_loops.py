@@ -154,7 +154,7 @@ def test_a_robot_without_loops_is_loaded_without_a_word(root, recwarn):
 
 
 def test_loops_are_either_closed_otherwise_or_opened(root):
-    with pytest.raises(cinegen.CinegenError, match="a kind is asked for loop 'link5-tool', but all are to be ignored"):
+    with pytest.raises(cinegen.CinegenError, match="a kind is given for loop 'link5-tool', but all are to be ignored"):
         cinegen.load(root / "robots" / "five_bar.raff", loops={"link5-tool": "ball"}, ignore_loops=True)
 
 

@@ -169,7 +169,7 @@ def test_a_prismatic_joint_of_any_axis_is_one_translation_and_the_next_joint_is_
       <joint name="r" type="revolute"><origin xyz="0.3 0.1 0.2"/><parent link="b"/><child link="c"/>
         <axis xyz="0 0 1"/>{limit}</joint></robot>""")
     mechanism = cinegen.load(path)
-    assert (mechanism.slides("p"), mechanism.slides("r")) == (True, False)
+    assert (mechanism.is_prismatic("p"), mechanism.is_prismatic("r")) == (True, False)
     assert mechanism.length != 1.0
     assert mechanism.scale == pytest.approx([mechanism.length, 1.0])
 
@@ -184,3 +184,25 @@ def test_differences_of_configurations_are_in_rad_and_m_scaled_ones_in_character
     assert mechanism.distance(here, there) == np.abs((there - here) / mechanism.scale).max() > 0.0
     assert mechanism.integrate(here, step) == pytest.approx(there)
     assert mechanism.interpolate(here, there, 0.25) == pytest.approx(0.75 * here + 0.25 * there)
+
+
+def test_a_mechanism_never_changes(robot):
+    delta = robot("delta4")
+    for name in ("actuated", "q_home", "loop_rank", "limits", "anything"):
+        with pytest.raises(AttributeError):
+            setattr(delta, name, None)
+    with pytest.raises(ValueError, match="read-only"):
+        delta.q_home[0] = 0.0
+
+
+def test_mechanisms_and_jacobians_are_shown_in_one_line_and_as_tables(robot):
+    delta = robot("delta4")
+    assert repr(delta) == "<Mechanism r1: 19 nodes, 15 joints (3 actuated), 2 loops, mobility 3>"
+    html = delta._repr_html_()
+    assert html.count("<tr>") == 1 + len(delta.joints) + 1 + len(delta.loops)
+    assert all(f"<td>{name}</td>" in html for name in (*delta.joints, delta.loops[0].name))
+    matrix = delta.extended_jacobian(delta.q_home, "platform")
+    assert repr(matrix) == "<ExtendedJacobian 18 x 15: platform, link5-link11, link5-link17>"
+    assert matrix._repr_html_().count("<td>.</td>") == int((matrix.matrix == 0.0).sum())
+    long = cinegen.model.ExtendedJacobian(np.zeros((99, 1)), tuple((f"node{k}", "x") for k in range(99)), ("joint1",))
+    assert len(repr(long)) <= 100

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from yourdfpy import Box, Geometry, Visual
 
 from raff2urdf import RaffError, convert
-from raff2urdf.loops import gap
+from raff2urdf.residual import loop_residual
 from raff2urdf.writers.bodies import TreeAtHome
 from raff2urdf.writers.inertia import inertias
 from raff2urdf.writers.sdf import NAMESPACE, sdf
@@ -142,7 +142,7 @@ def test_loops_are_joints_between_two_links_and_closed_where_it_begins(robot: Ex
         assert {own.get("first"), own.get("second")} == {loop["first"]["node"], loop["second"]["node"]}
         ends = [model.place(own.get(which)) for which in ("first", "second")]
         np.testing.assert_allclose(model.place(name), ends[1], atol=EXACT)
-        residual, _ = gap(kind, np.linalg.inv(ends[0]) @ model.place(name), robot.length)
+        residual, _ = loop_residual(kind, np.linalg.inv(ends[0]) @ model.place(name), robot.length)
         assert np.abs(residual).max() < EXACT
         assert joint.findtext("parent") == model.bearer(own.get("first"))
         assert joint.findtext("child") == model.bearer(own.get("second"))

@@ -18,7 +18,7 @@ def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
 
 def around_home(mechanism: cinegen.Mechanism, count: int, seed: int, size: float = 0.3) -> np.ndarray:
     """(count, motors) values around home."""
-    scale = np.array([mechanism.length if mechanism.slides(joint) else 1.0 for joint in mechanism.actuated])
+    scale = np.array([mechanism.length if mechanism.is_prismatic(joint) else 1.0 for joint in mechanism.actuated])
     rng = np.random.default_rng(seed)
     return motors(mechanism, mechanism.q_home) + rng.uniform(-size, size, (count, len(scale))) * scale
 
@@ -58,7 +58,7 @@ def test_with_loops_it_is_what_closing_and_differences_say(name: str) -> None:
         if len(mechanism.actuated) != mechanism.mobility:
             continue
         for c, joint in enumerate(mechanism.actuated):
-            unit = mechanism.length if mechanism.slides(joint) else 1.0
+            unit = mechanism.length if mechanism.is_prismatic(joint) else 1.0
             ways = []
             for sign in (-1.0, 1.0):
                 moved = q.copy()

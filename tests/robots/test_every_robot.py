@@ -66,7 +66,9 @@ def test_home_is_what_the_file_says_but_for_its_rounding(name, which):
     mechanism, text = load(name, which), document(name)
     for link in text.robot(which).links:
         if link.joint in mechanism.joints:
-            written = link.parameters.r / 1e3 if mechanism.slides(link.joint) else np.radians(link.parameters.theta)
+            written = (
+                link.parameters.r / 1e3 if mechanism.is_prismatic(link.joint) else np.radians(link.parameters.theta)
+            )
             assert mechanism.q_home[mechanism.q_index(link.joint)] == pytest.approx(written, abs=2e-5)
 
 

@@ -59,7 +59,7 @@ def configurations(mechanism: cinegen.Mechanism, count: int, seed: int) -> list[
         q = mechanism.q_home.copy()
         for joint in mechanism.actuated:
             i = mechanism.q_index(joint)
-            reach = mechanism.length if mechanism.slides(joint) else math.pi
+            reach = mechanism.length if mechanism.is_prismatic(joint) else math.pi
             q[i] = rng.uniform(max(low[i], q[i] - reach), min(high[i], q[i] + reach))
         try:
             q = mechanism.close(q, locked=mechanism.actuated)

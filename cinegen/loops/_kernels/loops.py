@@ -30,7 +30,7 @@ def loop_equations(
     rows: Array,
     w: Array,
 ) -> None:
-    """Residual of a loop and its exact derivative, closed or open, as `raff2urdf.loops.gap`; without unit.
+    """Residual of a loop and its exact derivative, closed or open, as `raff2urdf.residual.loop_residual`; without unit.
 
     Args:
         kind: RIGID, PRISMATIC, REVOLUTE or BALL.

@@ -26,7 +26,7 @@ def write(trajectory: Trajectory, joints: tuple[str, ...]) -> bytes:
         MissionError: the joints are not six actuated revolute joints.
     """
     mechanism = trajectory.mechanism
-    revolute = [joint for joint in joints if joint in mechanism.actuated and not mechanism.slides(joint)]
+    revolute = [joint for joint in joints if joint in mechanism.actuated and not mechanism.is_prismatic(joint)]
     if len(joints) != 6 or len(revolute) != 6:
         more = f", and {len(joints) - len(revolute)} other joints" if len(joints) > len(revolute) else ""
         raise MissionError(f"URScript needs six actuated revolute joints: {trajectory.name} has {len(revolute)}{more}")

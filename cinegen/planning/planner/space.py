@@ -43,7 +43,7 @@ class Space:
         for name in mechanism.joints:
             i, k = mechanism.q_index(name), mechanism.v_index(name)
             low[k], high[k] = np.array(mechanism.limits[name][:2]) - scene.start[i]
-            if not mechanism.slides(name):
+            if not mechanism.is_prismatic(name):
                 begin[k], end[k] = -_TURN, _TURN
                 self._endless[k] = np.isinf(low[k]) and np.isinf(high[k])
         if mechanism.floating:  # moved by its first three numbers, turned by the other three

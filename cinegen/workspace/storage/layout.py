@@ -140,5 +140,5 @@ def _numbers(spec: MapSpecification) -> list[str]:
 
 def _unit(spec: MapSpecification, name: str) -> str:
     mechanism = spec.mechanism
-    long = mechanism.slides(name) if name in mechanism.joints else name in ("x", "y", "z", "radius", "way")
+    long = mechanism.is_prismatic(name) if name in mechanism.joints else name in ("x", "y", "z", "radius", "way")
     return "m" if long else "rad"

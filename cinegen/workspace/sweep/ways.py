@@ -36,7 +36,7 @@ class Ways:
         mechanism = self._mechanism = spec.mechanism
         self._turning = np.zeros(mechanism.model.nv, dtype=bool)
         for name in mechanism.joints:
-            if not mechanism.slides(name):
+            if not mechanism.is_prismatic(name):
                 limited = spec.limits and np.isfinite(mechanism.limits[name].lower)
                 self._turning[mechanism.v_index(name)] = not limited
         self._rounding = ROUNDING if spec.limits else np.inf

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.loops import skew
 from raff2urdf.placement import inverse, rotation
 from raff2urdf.readers import visuals
 from raff2urdf.readers.sdf.model import COUPLING, LOOPS, ONE, TWO, SdfJoint, SdfModel
 from raff2urdf.readers.sdf.poses import WORLD, pose
 from raff2urdf.readers.urdf import UNLIMITED, numbers
+from raff2urdf.residual import skew
 from raff2urdf.tree import BASE_JOINT
 from raff2urdf.writers.urdf import dumps
 

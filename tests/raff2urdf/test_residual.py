@@ -13,7 +13,7 @@ from mechanisms import Matrix, shift, turn
 from strategies import examples
 
 from raff2urdf.document import LoopKind
-from raff2urdf.loops import ROWS, gap, log, log_derivative, skew
+from raff2urdf.residual import ROWS, log, log_derivative, loop_residual, skew
 
 STEP = 1e-6
 NUMERIC = 2e-9  # error of a central difference with STEP: 1e-16 / STEP, and third derivatives times STEP^2
@@ -144,7 +144,7 @@ def numeric(kind: LoopKind, placement: Matrix, length: float) -> np.ndarray:
         twist = np.zeros(6)
         twist[i] = STEP
         ahead, behind = (pin.exp6(sign * twist).homogeneous @ placement for sign in (1.0, -1.0))
-        columns.append((gap(kind, ahead, length)[0] - gap(kind, behind, length)[0]) / (2.0 * STEP))
+        columns.append((loop_residual(kind, ahead, length)[0] - loop_residual(kind, behind, length)[0]) / (2.0 * STEP))
     return np.column_stack(columns)
 
 
@@ -155,7 +155,7 @@ def test_the_derivative_of_a_gap_is_that_of_finite_differences(
 ) -> None:
     """However far open the loop; only beside a half turn, where the rotation vector jumps, is there none."""
     assume(kind is not LoopKind.REVOLUTE or placement[2, 2] > -0.95)
-    found = gap(kind, placement, length)[1]
+    found = loop_residual(kind, placement, length)[1]
     error = np.abs(found - numeric(kind, placement, length)).max()
     assert error <= NUMERIC * max(1.0, np.abs(found).max()) ** 3
 
@@ -164,12 +164,12 @@ def test_the_derivative_of_a_gap_is_that_of_finite_differences(
 @pytest.mark.parametrize("kind", LoopKind)
 def test_the_derivative_is_smooth_where_its_formula_changes(kind: LoopKind, angle: float) -> None:
     placement = placement_of(pin.exp3(angle * np.array([0.6, 0.64, 0.48])), np.array([0.1, -0.2, 0.3]))
-    assert np.abs(gap(kind, placement, 0.7)[1] - numeric(kind, placement, 0.7)).max() <= NUMERIC
+    assert np.abs(loop_residual(kind, placement, 0.7)[1] - numeric(kind, placement, 0.7)).max() <= NUMERIC
 
 
 @pytest.mark.parametrize("kind", LoopKind)
 def test_every_kind_has_its_number_of_rows(kind: LoopKind) -> None:
-    residual, derivative = gap(kind, turn("x", 0.5), 1.0)
+    residual, derivative = loop_residual(kind, turn("x", 0.5), 1.0)
     rows = {"RIGID": 6, "PRISMATIC": 5, "REVOLUTE": 5, "BALL": 3}[kind.name]
     assert residual.shape == (rows,)
     assert derivative.shape == (rows, 6)
@@ -203,7 +203,7 @@ FORBIDDEN = {
 @given(st.data(), kinds)
 @examples(150)
 def test_a_gap_is_zero_wherever_the_joint_lets_its_ends_be(data: st.DataObject, kind: LoopKind) -> None:
-    assert np.abs(gap(kind, data.draw(freedoms(kind)), 1.0)[0]).max() <= 1e-15
+    assert np.abs(loop_residual(kind, data.draw(freedoms(kind)), 1.0)[0]).max() <= 1e-15
 
 
 @given(st.data(), kinds, st.floats(1e-6, 1.0), st.sampled_from([0.5, 1.0, 2.0]))
@@ -216,7 +216,7 @@ def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
     direction = data.draw(st.sampled_from(FORBIDDEN[kind]))
     twist = np.zeros(6)
     twist[direction] = size
-    residual = gap(kind, pin.exp6(twist).homogeneous @ allowed, length)[0]
+    residual = loop_residual(kind, pin.exp6(twist).homogeneous @ allowed, length)[0]
     assert np.linalg.norm(residual) >= 0.999 * size * (1.0 / length if direction < 3 else 1.0)
 
 
@@ -224,7 +224,7 @@ def test_a_gap_is_as_large_as_the_ends_are_off_what_the_joint_allows(
 @examples(100)
 def test_a_closed_joint_moves_freely_as_it_may_and_not_at_all_else(data: st.DataObject, kind: LoopKind) -> None:
     """The derivative's null space, at a closed loop, is the joint's freedom: in the first end's axes."""
-    derivative = gap(kind, data.draw(freedoms(kind)), 1.0)[1]
+    derivative = loop_residual(kind, data.draw(freedoms(kind)), 1.0)[1]
     free = [i for i in range(6) if i not in FORBIDDEN[kind]]
     assert np.linalg.matrix_rank(derivative, tol=1e-8) == ROWS[kind]
     assert np.abs(derivative[:, free]).max(initial=0.0) <= 1e-14 or kind is LoopKind.PRISMATIC
@@ -234,7 +234,7 @@ def test_a_closed_joint_moves_freely_as_it_may_and_not_at_all_else(data: st.Data
 
 @pytest.mark.parametrize("flip", [turn("x", math.pi), turn("y", math.pi), turn("z", 1.0) @ turn("x", math.pi)])
 def test_a_hinge_with_opposite_axes_is_not_closed(flip: Matrix) -> None:
-    residual, derivative = gap(LoopKind.REVOLUTE, flip, 1.0)
+    residual, derivative = loop_residual(LoopKind.REVOLUTE, flip, 1.0)
     assert np.linalg.norm(residual) == pytest.approx(math.pi)
     assert np.isfinite(derivative).all()
 
@@ -245,7 +245,7 @@ def test_a_hinges_gap_is_the_angle_between_its_axes_whatever_the_turn_about_them
     before: float, angle: float, after: float
 ) -> None:
     swung = turn("z", before) @ turn("x", angle) @ turn("z", after)
-    assert np.linalg.norm(gap(LoopKind.REVOLUTE, swung, 1.0)[0]) == pytest.approx(angle, abs=1e-14)
+    assert np.linalg.norm(loop_residual(LoopKind.REVOLUTE, swung, 1.0)[0]) == pytest.approx(angle, abs=1e-14)
 
 
 # --- units -------------------------------------------------------------------------------------------------------
@@ -257,7 +257,10 @@ def test_a_gap_has_no_unit(kind: LoopKind, placement: Matrix, length: float, sca
     """A mechanism `scale` times as large has the same residual; only the velocities' columns know their unit."""
     scaled = placement.copy()
     scaled[:3, 3] *= scale
-    (one, by_one), (other, by_other) = gap(kind, placement, length), gap(kind, scaled, length * scale)
+    (one, by_one), (other, by_other) = (
+        loop_residual(kind, placement, length),
+        loop_residual(kind, scaled, length * scale),
+    )
     assert np.allclose(one, other, rtol=0, atol=1e-12 / length)
     per_unit = np.diag([1 / scale, 1 / scale, 1 / scale, 1, 1, 1])
     assert np.allclose(by_one @ per_unit, by_other, rtol=1e-11, atol=1e-13)
