@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.check import check_sizes
-from raff2urdf.closure import close, close_from_afar, generic_rank, passive, why_open
+from raff2urdf.closure import close_from_afar, close_within, generic_rank, passive, why_open
 from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
@@ -72,6 +72,14 @@ def loop_kind(name: str) -> LoopKind:
     return LoopKind[name.upper()]
 
 
+def declared_actuated(robot: RaffRobot) -> dict[str, bool | None]:
+    """Return whether each joint that moves is actuated, as the file declares; None where it leaves that open. If the
+    file names actuated joints, all others are passive."""
+    declared = {link.joint: link.actuated for link in robot.links if link.type is not JointType.FIXED}
+    named = any(declared.values())
+    return {joint: bool(actuated) if named else actuated for joint, actuated in declared.items()}
+
+
 def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | None = None) -> Analysis:
     """Close the robot's loops, beginning at the configuration as written, and count its degrees of freedom.
 
@@ -102,7 +110,8 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
                 why = why_open(names, cluster.kinds, cluster.gaps, cluster.relaxed, cluster.home, closing)
                 problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
                 continue
-            inside = _within_limits(document, cluster, closing.q)
+            bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
+            inside = close_within(cluster, closing.q, *bounds.T)
             values.update(zip((joint.joint for joint in cluster.joints), inside.tolist(), strict=True))
             count, q = generic_rank(cluster, closing.q)
             jacobian = cluster.evaluate(q)[1]
@@ -111,28 +120,10 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
             determined |= {cluster.joints[i].joint for i in passive(jacobian, order)}
     if problems:
         raise RaffClosureError(problems)
-    if any(joint.actuated for joint in joints):
-        actuated = [joint.joint for joint in joints if joint.actuated]
-    else:
-        actuated = [joint.joint for joint in joints if joint.actuated is None and joint.joint not in determined]
+    declared = declared_actuated(robot)
+    actuated = [joint for joint, has in declared.items() if has or (has is None and joint not in determined)]
     mobility = len(joints) + (6 if robot.movable else 0) - rank
     return Analysis(mobility, rows, rank, tuple(actuated), gap, tuple(kinds.values()), values)
-
-
-def _within_limits(document: Document, cluster: Cluster, closed: Array) -> Array:
-    """Return a closed configuration with all joints within their limits; the given one if none is found."""
-    low, high = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2).T
-    q, free = closed, np.ones(len(closed), dtype=bool)
-    for _ in range(3):
-        outside = (q < low) | (q > high)
-        if not outside.any():
-            return q
-        free &= ~outside
-        closing = close(cluster, np.clip(q, low, high), free)
-        if not closing.closed:
-            break
-        q = closing.q
-    return closed
 
 
 def _outermost_first(cluster: Cluster) -> Sequence[int]:

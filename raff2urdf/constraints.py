@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from raff2urdf.analysis import Analysis, loop_kinds
+from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
 from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.json_lines import line_of, repeated_key
@@ -46,16 +46,13 @@ def constraints(
         RaffError: `loops` names a loop or a kind that does not exist.
     """
     kinds = loop_kinds(robot, loops)
-    moving = [link for link in robot.links if link.type is not JointType.FIXED]
-    actuated: dict[str, bool | None] = {link.joint: link.actuated for link in moving}
-    if True in actuated.values():  # then all others are passive
-        actuated = {joint: bool(has) for joint, has in actuated.items()}
+    actuated = declared_actuated(robot)
     mobility = rows = rank = None
     if analysis is not None:
         mobility, rows, rank = analysis.mobility, analysis.rows, analysis.rank
         actuated = {joint: joint in analysis.actuated for joint in actuated}
     joints = []
-    for link in moving:
+    for link in (link for link in robot.links if link.type is not JointType.FIXED):
         low, high = limits(document, link)
         speed = velocity(document, link)
         joints.append(
