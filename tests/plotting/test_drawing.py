@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
-from cinegen.plotting import DrawingError, Skeleton, View, draw_modes, views
+from cinegen.plotting import DrawingError, Skeleton, Projection, draw_modes, views
 from cinegen.plotting.stick import outline
 
 PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
@@ -301,5 +301,5 @@ def test_the_nearer_limit_is_said(robot):
 def test_a_view_is_told_by_its_name():
     assert [view.name for view in views(np.eye(3))] == ["perspective", "top", "side"]
     (flat,) = views(np.eye(3), np.array([0.0, 0.0, 1.0]))
-    assert isinstance(flat, View)
+    assert isinstance(flat, Projection)
     np.testing.assert_allclose(flat.axes, np.eye(3), atol=1e-12)
