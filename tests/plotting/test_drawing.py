@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
-from cinegen.plotting import DrawingError, Skeleton, Projection, draw_modes, views
+from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
 from cinegen.plotting.stick import outline
 
 PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
