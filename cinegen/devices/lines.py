@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from cinegen.errors import CinegenError
 from cinegen.model import ForwardKinematics, Mechanism
-from raff2urdf.closure import CLOSED
+from cinegen.tolerances import CLOSURE
 
 _CHUNK = 1 << 16  # bytes read at once
 
@@ -98,6 +98,6 @@ def start_from(mechanism: Mechanism, text: str) -> ForwardKinematics:
         raise CinegenError(str(error)) from None
     except (TypeError, ValueError) as error:
         raise CinegenError(f"a joint's value is not a number: {error}") from None
-    if mechanism.closure(q) > CLOSED:  # for instance written with fewer digits
+    if mechanism.closure(q) > CLOSURE:  # for instance written with fewer digits
         q = mechanism.close(q, mechanism.actuated)
     return ForwardKinematics(mechanism, q)

@@ -17,8 +17,8 @@ from cinegen.ik._kernels.seek import nearest_start
 from cinegen.ik.seeker import Seeker
 from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
-from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 

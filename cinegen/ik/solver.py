@@ -34,8 +34,8 @@ from cinegen.ik.thresholds import (
     STEP_CAP,
 )
 from cinegen.joints import other_joints, supporting_columns
-from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 

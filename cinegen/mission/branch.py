@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cinegen.errors import ClosureError
 from cinegen.mission.file_format import MissionError
 from cinegen.model import ForwardKinematics, Mechanism
-from raff2urdf.closure import CLOSED
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 
@@ -49,7 +49,7 @@ class Branch:
             ClosureError: the recorded loops are open.
         """
         mechanism = self.mechanism
-        if mechanism.closure(q) <= CLOSED:
+        if mechanism.closure(q) <= CLOSURE:
             return q
         try:
             closed = mechanism.close(q, mechanism.actuated)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from cinegen.ik.singular import NEAR_PASSIVE, gained
 from cinegen.ik.thresholds import NEAR, NEAR_TYPE_2
-from cinegen.loops.thresholds import CLOSURE
 from cinegen.mission.recording import between
 from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism
 from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

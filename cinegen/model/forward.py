@@ -17,7 +17,7 @@ from cinegen.loops._kernels import memory as m
 from cinegen.loops._kernels.walk import ARRIVED, ONWARD, prepare_walk, walk
 from cinegen.loops.arrays import memory_of, put_motors
 from cinegen.model.mechanism import Mechanism
-from raff2urdf.closure import CLOSED
+from cinegen.tolerances import CLOSED, CLOSURE
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ class ForwardKinematics:
     def q(self, q: ArrayLike) -> None:
         full = self.mechanism.checked(q)
         gap = self.mechanism.closure(full)
-        if gap > CLOSED:
+        if gap > CLOSURE:
             raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {gap:.2g}: close it")
         self._stand(full.copy())
 

@@ -10,12 +10,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.joints import translations
+from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
-
-ROUNDING = 1e-9
-"""rad or m by which a joint at its limit may be beyond it."""
 
 
 class JointLimits(NamedTuple):
@@ -74,7 +72,7 @@ class Limits(Mapping[str, JointLimits]):
     def __repr__(self) -> str:
         return f"<Limits of {len(self)} joint{'s' * (len(self) != 1)}>"
 
-    def within(self, q: Array, rounding: float = ROUNDING) -> NDArray[np.bool_]:
+    def within(self, q: Array, rounding: float = AT_LIMIT) -> NDArray[np.bool_]:
         """Return whether no joint of q (..., nq) is beyond its limits by more than `rounding` (rad, m); shape (...)."""
         return np.asarray(((q >= self.lower - rounding) & (q <= self.upper + rounding)).all(axis=-1))
 
@@ -93,7 +91,7 @@ class Limits(Mapping[str, JointLimits]):
 
     def outside(self, q: Array) -> dict[str, float]:
         """Return the joints of q (nq,) that no whole revolutions bring within their limits, as `exceeded` does."""
-        return self.exceeded(self.unwound(q), ROUNDING)
+        return self.exceeded(self.unwound(q), AT_LIMIT)
 
 
 def _fixed(values: Array) -> Array:

@@ -14,11 +14,11 @@ from cinegen.collision.clearance import Clearance
 from cinegen.ik import FrameTask, Solver, Step
 from cinegen.ik.objectives import Objective, State
 from cinegen.ik.seeker import Seeker
-from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
 from cinegen.planning.keep import Keep, part_in
 from cinegen.planning.shadow import Shadow
 from cinegen.planning.vortices import Turning, Vortices
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 

@@ -10,9 +10,9 @@ from cinegen.errors import CinegenError
 from cinegen.ik import Solver
 from cinegen.ik.blend import eased
 from cinegen.ik.objectives import Posture
-from cinegen.loops.thresholds import CLOSURE
 from cinegen.model import Mechanism
 from cinegen.session.motion import Way
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 

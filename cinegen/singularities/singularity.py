@@ -22,6 +22,7 @@ from cinegen.model import Mechanism
 from cinegen.singularities.counted import Counted, counted
 from cinegen.singularities.legs import leg_lines
 from cinegen.singularities.lines import Dependence, Frame, Line, Screw, Variety, classify, near
+from cinegen.tolerances import CLOSURE
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
@@ -33,7 +34,6 @@ NEAR = 0.02
 """... and up to this it is near."""
 
 _EVER = 1e-6  # a direction in which the end moves less than this part of the best is none
-_OPEN = 1e-9  # rad or characteristic lengths
 
 
 class Kind(Enum):
@@ -141,7 +141,7 @@ def singularity(
     """
     here, name = mechanism.checked(q), mechanism.end if node is None else node
     gap = mechanism.closure(here)
-    if gap > _OPEN:
+    if gap > CLOSURE:
         raise ClosureError(f"{mechanism.name}: loops stand open by {gap:.2g} (rad or lengths): close(q) first")
     frame = Frame(mechanism.placement(here, name).translation, mechanism.length)
     matrices = counted(mechanism, here, name)

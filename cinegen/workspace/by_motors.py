@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import Evaluations, Sampler
-from cinegen.model.limits import ROUNDING
+from cinegen.tolerances import AT_LIMIT
 from cinegen.workspace.neighbours import neighbours, to_and_fro
 from cinegen.workspace.settled import How, Settled
 from cinegen.workspace.specification import MapSpecification
@@ -100,9 +100,9 @@ class ByMotors:
         about_home = home + (angles - home + np.pi) % (2.0 * np.pi) - np.pi
         low, high = limits.lower[self._passive], limits.upper[self._passive]
         with np.errstate(invalid="ignore"):
-            within = np.where(np.isfinite(low), low + (angles - low + ROUNDING) % (2.0 * np.pi) - ROUNDING, about_home)
-        allowed = (about_home >= low - ROUNDING) & (about_home <= high + ROUNDING)
-        return np.where(allowed | (within > high + ROUNDING), about_home, within)
+            within = np.where(np.isfinite(low), low + (angles - low + AT_LIMIT) % (2.0 * np.pi) - AT_LIMIT, about_home)
+        allowed = (about_home >= low - AT_LIMIT) & (about_home <= high + AT_LIMIT)
+        return np.where(allowed | (within > high + AT_LIMIT), about_home, within)
 
     def _modes(self, values: Array) -> NDArray[np.int32]:
         """(n,) how many assembly modes there are, as `assembly_modes` counts them: joint limits make no difference."""

@@ -13,7 +13,7 @@ from cinegen.collision.scene.place import placement, said
 from cinegen.collision.scene.table import Table
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
-from cinegen.model.limits import ROUNDING
+from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -87,14 +87,14 @@ def _closed(mechanism: Mechanism, home: Array, q: Array, guessed: bool) -> Array
 def _unwind(mechanism: Mechanism, q: Array) -> None:
     """Takes whole turns from joints without motors: a guess far away may have added some."""
     unwound = mechanism.limits.unwound(q)
-    for name in mechanism.limits.exceeded(q, ROUNDING):
+    for name in mechanism.limits.exceeded(q, AT_LIMIT):
         if name not in mechanism.actuated:
             q[mechanism.q_index(name)] = unwound[mechanism.q_index(name)]
 
 
 def _check_limits(table: Table, mechanism: Mechanism, name: str, value: float, said: bool) -> None:
     low, high, *_ = mechanism.limits[name]
-    if low - ROUNDING <= value <= high + ROUNDING:
+    if low - AT_LIMIT <= value <= high + AT_LIMIT:
         return
     why = f"'{name}' is at {value:.6g}, its limits are {low:.6g} and {high:.6g}"
     raise table.wrong("joints", why if said else f"{why}: say where it starts, or other motors")

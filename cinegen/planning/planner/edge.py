@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from cinegen.collision.clearance import Clearance
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 
 _FINEST = 1e-4  # rad or lengths: half a piece; what such short ones don't show to be clear, is not
 _BEND = 5e-4  # rad or lengths: so far may closing the loops lead from the middle of a piece
-_ROUNDING = 1e-9  # rad or characteristic lengths, of loops
 
 
 def edge(clearance: Clearance, begin: Array, end: Array, safety: float) -> Array | None:
@@ -98,4 +98,4 @@ def _held(mechanism: Mechanism) -> tuple[str, ...]:
 
 def _stands(mechanism: Mechanism, q: Array) -> bool:
     """Whether a configuration is within all limits, loops closed."""
-    return bool(mechanism.limits.within(q)) and mechanism.closure(q) <= _ROUNDING
+    return bool(mechanism.limits.within(q)) and mechanism.closure(q) <= CLOSURE

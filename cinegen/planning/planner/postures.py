@@ -11,7 +11,7 @@ from cinegen.collision.clearance import Clearance
 from cinegen.collision.scene import Scene
 from cinegen.ik.seeker import Seeker
 from cinegen.ik.task import FrameTask
-from cinegen.loops.thresholds import CLOSURE
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 

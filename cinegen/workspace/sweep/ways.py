@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cinegen.errors import ClosureError
 from cinegen.ik.seeker import Seeker
 from cinegen.ik.task import FrameTask
-from cinegen.model.limits import ROUNDING
+from cinegen.tolerances import AT_LIMIT
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
@@ -39,7 +39,7 @@ class Ways:
             if not mechanism.is_prismatic(name):
                 limited = spec.limits and np.isfinite(mechanism.limits[name].lower)
                 self._turning[mechanism.v_index(name)] = not limited
-        self._rounding = ROUNDING if spec.limits else np.inf
+        self._rounding = AT_LIMIT if spec.limits else np.inf
         if spec.of_motors:
             self._motors = spec.region.motors_at(mechanism, values)
             self._at = self._closed

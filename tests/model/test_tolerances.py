@@ -1,0 +1,63 @@
+"""One meaning for each tolerance: what one part of the package returns as closed, every other part accepts."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import cinegen
+from cinegen.devices.lines import start_from
+from cinegen.mission.branch import Branch
+from cinegen.model import ForwardKinematics
+from cinegen.planning.planner.edge import _stands
+from cinegen.session.visit import Visit
+from cinegen.tolerances import CLOSED, CLOSURE
+
+CLOSED_ROBOTS = ("delta4", "five_bar", "gough", "sr400", "tssm")
+
+
+def barely_closed(mechanism: cinegen.Mechanism) -> np.ndarray:
+    """As open as a solver may leave its loops: just below `CLOSURE`, and above `CLOSED`."""
+    q = mechanism.random_closed(1, seed=3)[0]
+    _, sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
+    step = 0.5 * CLOSURE * vt[0] * mechanism.scale / sigma[0]
+    while mechanism.closure(mechanism.integrate(q, step)) < 0.8 * CLOSURE:
+        step *= 1.1
+    return mechanism.integrate(q, step)
+
+
+@pytest.mark.parametrize("name", CLOSED_ROBOTS)
+def test_a_configuration_as_open_as_the_solver_may_leave_it_is_accepted_everywhere(robot, name):
+    mechanism = robot(name)
+    q = barely_closed(mechanism)
+    assert CLOSED < mechanism.closure(q) <= CLOSURE
+    motion = ForwardKinematics(mechanism, q)
+    joint = mechanism.actuated[0]
+    moved = motion.move({joint: q[mechanism.q_index(joint)]})
+    assert mechanism.closure(moved) <= CLOSED
+    solver = cinegen.Solver(mechanism, 0.01, q=q)
+    assert mechanism.closure(solver.step().q) <= CLOSURE
+    cinegen.singularity(mechanism, q)
+    Visit(mechanism, mechanism.q_home, q, mechanism.end, 0.01)
+    Branch(mechanism).closed(q)
+    values = {name: float(q[mechanism.q_index(name)]) for name in mechanism.joints}
+    start_from(mechanism, json.dumps(values))
+    assert _stands(mechanism, np.clip(q, mechanism.limits.lower, mechanism.limits.upper)) == mechanism.limits.within(q)
+
+
+@pytest.mark.parametrize("name", CLOSED_ROBOTS)
+def test_what_the_solver_returns_is_accepted_by_forward_kinematics(robot, name):
+    mechanism, rng = robot(name), np.random.default_rng(2)
+    solver = cinegen.Solver(mechanism, 0.01)
+    task = solver.add_task(mechanism.end, rotation=0)
+    task.target = target_near_home(mechanism, rng)
+    for _ in range(40):
+        ForwardKinematics(mechanism, solver.step().q)
+
+
+def target_near_home(mechanism: cinegen.Mechanism, rng: np.random.Generator):
+    target = mechanism.placement(mechanism.q_home, mechanism.end)
+    target.translation = target.translation + 0.3 * mechanism.length * rng.normal(size=3)
+    return target
