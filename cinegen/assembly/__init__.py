@@ -1,6 +1,7 @@
-"""Assembly modes: all ways in which a closed mechanism can be assembled with its motors where they are."""
+"""Assembly modes: all configurations in which a closed mechanism can be assembled with given actuated joints."""
 
 from cinegen.assembly.linkage import ModesError
-from cinegen.assembly.modes import Approach, AssemblyModes, Paths, assembly_modes
+from cinegen.assembly.modes import assembly_modes
+from cinegen.assembly.results import AssemblyModes, NearestConfiguration
 
-__all__ = ["Approach", "AssemblyModes", "ModesError", "Paths", "assembly_modes"]
+__all__ = ["AssemblyModes", "ModesError", "NearestConfiguration", "assembly_modes"]

@@ -1,4 +1,4 @@
-"""`python -m cinegen.assembly` compiles its kernels, so that nobody has to wait for that later."""
+"""`python -m cinegen.assembly` compiles its kernels ahead of time."""
 
 from pathlib import Path
 
@@ -24,12 +24,11 @@ robot linkage {
 
 
 def compile_all() -> None:
-    """Has every kernel used once."""
+    """Use every kernel once."""
     document = loads(FOUR_BAR)
     made = translate(document, document.robot(), Path())
     assembly_modes(build(made.urdf, made.constraints))
-    rng = np.random.default_rng(0)
-    base, platform = rng.normal(size=(6, 3)), rng.normal(size=(6, 3))
+    base, platform = np.random.default_rng(0).normal(size=(2, 6, 3))
     Hexapod(base, platform).modes(np.full(6, 4.0))
     TSSM(base, platform[:3]).modes(np.full(6, 4.0))
 

@@ -1,17 +1,18 @@
-"""Loops of a linkage in complex numbers: their equations, Newton's method and the tracking of paths, compiled.
+"""Loops of a linkage in complex numbers: their equations, Newton's method and path tracking, compiled.
 
-Joint values may be complex: angles enter through sine and cosine, which are analytic, so that a solution can be led
-around branch points and through all of its companions. The unknowns are the passive joints' values and one more, t: a
-motor's value is A + B t, and a last row, the slice, says where on this line the solution lies,
+Joint values may be complex: angles enter through sine and cosine, which are analytic, so that a solution can be
+continued around branch points and through all of its companions. The unknowns are the values of the passive joints and
+one more, t: a locked joint's value is A + B t, and a last equation, the slice, says where on this line the solution is,
 
     alpha . F(x) + beta t - gamma = 0                                                                              (1)
 
 with F the linkage's features (points and directions of its bodies). With alpha = 0, beta = 1 and gamma = 0 it is t = 0:
-motors are at A. A path leads A, B, alpha, beta, gamma from what they are to what they shall be, along straight lines.
+locked joints are at A. A path changes A, B, alpha, beta, gamma along straight lines.
 
-Rows of a loop: difference of the ends' points (3; for a slide 2, across it) and of their axes (z: 3; all: 9). There
-are more rows than are independent, and may be more unknowns too (a rod may turn about itself): least squares by
-Householder reflections with column pivoting, cut off at the known rank (Golub and Van Loan, Matrix Computations, 5.4).
+Equations of the loops are differences of vectors attached to two bodies (points, axes), and products of an axis with
+such a difference, for prismatic joints. There are more equations than are independent, and may be more unknowns too (a
+rod may rotate about itself): least squares by Householder reflections with column pivoting, cut off at the known rank
+(Golub and Van Loan, Matrix Computations, 5.4).
 """
 
 from __future__ import annotations
@@ -25,46 +26,61 @@ from numpy.typing import NDArray
 from cinegen.jit.compiled import Array, Table, compiled, entry
 
 Complex = NDArray[np.complex128]
+Vector = tuple[complex, complex, complex]
 
-# columns of the tables of joints, loops and features
-PARENT, SLIDES, MOTOR, COLUMN = range(4)
-FIRST, SECOND, KIND = range(3)
+PARENT, IS_PRISMATIC, COLUMN = range(3)
+"""Columns of `LinkageTables.joints`."""
+
 BODY, IS_DIRECTION = range(2)
-RIGID, PRISMATIC, REVOLUTE, BALL = range(4)
+"""Columns of `LinkageTables.vectors`."""
+
+ARRIVED, SINGULAR, INFINITE, LOST = 1, 2, 3, 4
+"""How a path ends."""
+
+_FAR = 6.0  # imaginary part of an angle (radians), logarithm of a length: beyond it a path ends at infinity
+_SMALLEST = 1e-9  # step along a path
+_MAX_STEPS = 3000
+_CLOSE = 1e-6  # Newton's last step along a path: what is left then is of its square's size
+_SINGULAR = 1e-8  # smallest pivot over the largest
+_CLOSED = 1e-11  # residual
+_ROUNDED = 1e-9  # ... which can't get smaller for rounding
 
 
-class Tables(NamedTuple):
-    """A linkage, without unit: lengths divided by the characteristic length. n joints, l loops, f features.
+class LinkageTables(NamedTuple):
+    """A linkage, dimensionless: lengths are divided by the characteristic length. n joints, c attached vectors.
 
     Attributes:
-        joints: (n, 4) parent body, whether it slides, number of its motor or -1, number of its unknown or -1.
+        joints: (n, 3) parent body, whether it is prismatic, column: that of a passive joint among the k unknowns, or
+            k + 1 plus the number of a locked joint.
         constants: (n, 15) placement in the parent (rotation row by row, translation), axis.
-        above: (n + 1, n) whether a joint moves a body; body 0 is the base, body k + 1 is moved by joint k.
-        loops: (l, 3) bodies of both ends, kind.
-        anchors: (l, 2, 12) both ends in their bodies: three axes, then the point.
-        wanted: (f, 2) of each feature the body, and whether it is a direction.
-        local: (f, 3) the feature in its body's axes.
+        above: (n + 1, n) whether a joint moves a body; body 0 is the base, body i + 1 is moved by joint i.
+        vectors: (c, 2) body, and whether the vector is a direction (else a point); the features first.
+        local: (c, 3) the vectors in their bodies' axes.
+        differences: (d, 2) vectors that coincide: 3 equations each.
+        products: (p, 3) a direction, and two points whose difference is normal to it: 1 equation each.
+        features: number of features.
         rank: of all equations by all unknowns, the slice and t included.
     """
 
     joints: Table
     constants: Array
     above: Table
-    loops: Table
-    anchors: Array
-    wanted: Table
+    vectors: Table
     local: Array
+    differences: Table
+    products: Table
+    features: int
     rank: int
 
 
-class Path(NamedTuple):
-    """What is led from its first value to its second.
+class ParameterPath(NamedTuple):
+    """What changes from a first value to a second.
 
     Attributes:
-        lines: (2, motors, 2) A and B.
+        lines: (2, locked, 2) A and B.
         slices: (2, 3 f + 2) alpha, beta, gamma.
-        algebraic: whether A + B t is tan(theta / 2) of a turning motor, not theta.
-        accuracy: error of a prediction that is aimed at (radians, characteristic lengths).
+        algebraic: whether A + B t is tan(theta / 2) of a locked revolute joint, not theta.
+        accuracy: target error of a prediction (radians, characteristic lengths).
     """
 
     lines: Complex
@@ -73,36 +89,36 @@ class Path(NamedTuple):
     accuracy: float
 
 
-class Scratch(NamedTuple):
-    """Memory that is written to; for k passive joints and so many rows."""
+class LinkageScratch(NamedTuple):
+    """Working memory for one thread, k passive joints.
 
-    line: Complex  # (motors, 2)
-    slice: Complex  # (3 f + 2,)
-    bodies: Complex  # (n + 1, 5, 3)
-    found: Complex  # (f, 3)
-    vectors: Complex  # (6, 3)
-    matrix: Complex  # (rows, k + 1)
-    motors: Complex  # (rows, motors)
-    residual: Complex  # (rows,)
-    order: Table  # (k + 1,)
-    stages: Complex  # (6, k + 1)
+    Attributes:
+        line: (locked, 2).
+        slice: (3 f + 2,).
+        bodies: (n + 1, 5, 3) rotation, position, joint axis.
+        vectors: (c, 3).
+        matrix: (k + 1 + locked, rows) derivatives by the passive joints, t, and the locked joints' A + B t.
+        residual: (rows,).
+        order: (k + 1,).
+        stages: (6, k + 1).
+    """
+
+    line: Complex
+    slice: Complex
+    bodies: Complex
+    vectors: Complex
+    matrix: Complex
+    residual: Complex
+    order: Table
+    stages: Complex
 
 
-# how a path ended
-ARRIVED, SINGULAR, INFINITE, LOST = 1, 2, 3, 4
-
-_FAR = 6.0  # imaginary part of an angle (radians), logarithm of a length: what ends beyond is at infinity
-_SMALLEST = 1e-9  # step along a path
-_MOST_STEPS = 3000
-_CLOSE = 1e-6  # Newton's last step on the way: what is left then is of its square's size
-_SINGULAR = 1e-8  # smallest pivot over the largest
-_CLOSED = 1e-11  # residual
-_ROUNDED = 1e-9  # ... and what can't get smaller for rounding
+# --- equations --------------------------------------------------------------------------------------------------------
 
 
 @compiled
-def _turn(axis: Array, c: complex, s: complex, placement: Array, parent: Complex, out: Complex) -> None:
-    """out (3, 3) = parent times the constant rotation placement (12,) times a rotation about axis."""
+def _rotate(axis: Array, c: complex, s: complex, placement: Array, parent: Complex, out: Complex) -> None:
+    """Write out (3, 3) = parent times the constant rotation placement (12,) times a rotation about axis."""
     for i in range(3):
         for j in range(3):
             out[i, j] = parent[i, 0] * placement[j] + parent[i, 1] * placement[3 + j] + parent[i, 2] * placement[6 + j]
@@ -117,193 +133,145 @@ def _turn(axis: Array, c: complex, s: complex, placement: Array, parent: Complex
 
 @compiled
 def _half(tangent: complex) -> complex:
-    """cos(theta / 2) squared, from tan(theta / 2)."""
+    """Return cos(theta / 2) squared, from tan(theta / 2)."""
     below = 1.0 + tangent * tangent
     return 1.0 / below if abs(below) > 1e-200 else 1e200 + 0.0j
 
 
 @compiled
-def _place(tables: Tables, x: Complex, algebraic: bool, scratch: Scratch) -> None:
-    """Writes where all bodies and the features are, for x (k + 1,): the passive joints' values, and t."""
+def _place(tables: LinkageTables, x: Complex, algebraic: bool, scratch: LinkageScratch) -> None:
+    """Write the placements of all bodies and the attached vectors, for x (k + 1,)."""
     joints, constants, line, bodies = tables.joints, tables.constants, scratch.line, scratch.bodies
     last = len(x) - 1
     bodies[0] = 0.0
     bodies[0, 0, 0] = bodies[0, 1, 1] = bodies[0, 2, 2] = 1.0
     for k in range(len(joints)):
-        parent, here = bodies[joints[k, PARENT]], bodies[k + 1]
-        motor = joints[k, MOTOR]
-        value = line[motor, 0] + line[motor, 1] * x[last] if motor >= 0 else x[joints[k, COLUMN]]
-        slides = joints[k, SLIDES] == 1
-        if slides:
+        parent, here, column = bodies[joints[k, PARENT]], bodies[k + 1], joints[k, COLUMN]
+        locked = column - last - 1
+        value = line[locked, 0] + line[locked, 1] * x[last] if locked >= 0 else x[column]
+        prismatic = joints[k, IS_PRISMATIC] == 1
+        if prismatic:
             c, s = 1.0 + 0.0j, 0.0j
-        elif motor >= 0 and algebraic:
+        elif locked >= 0 and algebraic:
             half = _half(value)
             c, s = half * (1.0 - value * value), half * 2.0 * value
         else:
             c, s = np.cos(value), np.sin(value)
-        _turn(constants[k, 12:15], c, s, constants[k, :9], parent[:3], here[:3])
+        _rotate(constants[k, 12:15], c, s, constants[k, :9], parent[:3], here[:3])
         for i in range(3):
-            here[3, i] = (
-                parent[3, i]
-                + parent[i, 0] * constants[k, 9]
-                + parent[i, 1] * constants[k, 10]
-                + parent[i, 2] * constants[k, 11]
-            )
+            x0, x1, x2 = constants[k, 9], constants[k, 10], constants[k, 11]
+            here[3, i] = parent[3, i] + parent[i, 0] * x0 + parent[i, 1] * x1 + parent[i, 2] * x2
             here[4, i] = here[i, 0] * constants[k, 12] + here[i, 1] * constants[k, 13] + here[i, 2] * constants[k, 14]
-        if slides:
+        if prismatic:
             for i in range(3):
                 here[3, i] += value * here[4, i]
-    for f in range(len(tables.wanted)):
-        body, direction = tables.wanted[f, BODY], tables.wanted[f, IS_DIRECTION] == 1
-        _attach(bodies[body], tables.local[f], direction, scratch.found[f])
-
-
-@compiled
-def _attach(body: Complex, local: Array, direction: bool, out: Complex) -> None:
-    """A point or a direction of a body in the base's axes."""
-    for i in range(3):
-        out[i] = body[i, 0] * local[0] + body[i, 1] * local[1] + body[i, 2] * local[2]
-        if not direction:
-            out[i] += body[3, i]
-
-
-@compiled
-def _moves(bodies: Complex, joints: Table, k: int, at: Complex, direction: bool, out: Complex) -> None:
-    """Velocity of a point, or of a direction, when joint k moves."""
-    axis, origin = bodies[k + 1, 4], bodies[k + 1, 3]
-    if joints[k, SLIDES] == 1:
+    for v in range(len(tables.vectors)):
+        body, local = bodies[tables.vectors[v, BODY]], tables.local[v]
         for i in range(3):
-            out[i] = 0.0 if direction else axis[i]
-        return
-    if direction:
-        a, b, d = at[0], at[1], at[2]
-    else:
-        a, b, d = at[0] - origin[0], at[1] - origin[1], at[2] - origin[2]
-    out[0] = axis[1] * d - axis[2] * b
-    out[1] = axis[2] * a - axis[0] * d
-    out[2] = axis[0] * b - axis[1] * a
+            vector = body[i, 0] * local[0] + body[i, 1] * local[1] + body[i, 2] * local[2]
+            scratch.vectors[v, i] = vector if tables.vectors[v, IS_DIRECTION] == 1 else vector + body[3, i]
 
 
 @compiled
-def _equations(tables: Tables, x: Complex, algebraic: bool, scratch: Scratch) -> None:
-    """Writes the residual of all loops and of the slice, its derivative by the unknowns (matrix) and by the motors'
-    A + B t (motors), at x and at the line and the slice in scratch."""
-    _place(tables, x, algebraic, scratch)
-    joints, above, loops, anchors = tables.joints, tables.above, tables.loops, tables.anchors
-    wanted, slice_, bodies, found, vectors = (
-        tables.wanted,
-        scratch.slice,
-        scratch.bodies,
-        scratch.found,
-        scratch.vectors,
-    )
-    matrix, motors, residual = scratch.matrix, scratch.motors, scratch.residual
-    matrix[:] = 0.0
-    motors[:] = 0.0
-    row, last = 0, len(x) - 1
-    one, two, vel, there, axis, across = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4], vectors[5]
-    for at in range(len(loops)):
-        first, second, kind = loops[at, FIRST], loops[at, SECOND], loops[at, KIND]
-        _attach(bodies[first], anchors[at, 0, 9:12], False, one)
-        _attach(bodies[second], anchors[at, 1, 9:12], False, two)
-        if kind == PRISMATIC:
-            for part in range(2):  # (two - one) . axis
-                _attach(bodies[first], anchors[at, 0, 3 * part : 3 * part + 3], True, axis)
-                residual[row] = 0.0
-                for i in range(3):
-                    residual[row] += (two[i] - one[i]) * axis[i]
-                for k in range(len(joints)):
-                    total = 0.0j
-                    if above[second, k]:
-                        _moves(bodies, joints, k, two, False, vel)
-                        for i in range(3):
-                            total += vel[i] * axis[i]
-                    if above[first, k]:
-                        _moves(bodies, joints, k, one, False, vel)
-                        _moves(bodies, joints, k, axis, True, across)
-                        for i in range(3):
-                            total += (two[i] - one[i]) * across[i] - vel[i] * axis[i]
-                    _put(joints, k, total, row, matrix, motors)
-                row += 1
-        else:
-            row = _difference(tables, first, second, one, two, False, row, scratch)
-        axes = 0 if kind == BALL else (1 if kind == REVOLUTE else 3)
-        for part in range(3 - axes, 3):
-            _attach(bodies[first], anchors[at, 0, 3 * part : 3 * part + 3], True, axis)
-            _attach(bodies[second], anchors[at, 1, 3 * part : 3 * part + 3], True, there)
-            row = _difference(tables, first, second, axis, there, True, row, scratch)
-    count = len(wanted)
-    residual[row] = slice_[3 * count] * x[last] - slice_[3 * count + 1]
-    for f in range(count):
-        for i in range(3):
-            residual[row] += slice_[3 * f + i] * found[f, i]
-        if slice_[3 * f] == 0.0 and slice_[3 * f + 1] == 0.0:
-            continue
-        for k in range(len(joints)):
-            if above[wanted[f, BODY], k]:
-                _moves(bodies, joints, k, found[f], wanted[f, IS_DIRECTION] == 1, vel)
-                total = 0.0j
-                for i in range(3):
-                    total += slice_[3 * f + i] * vel[i]
-                _put(joints, k, total, row, matrix, motors)
-    _along_the_line(joints, x[last], scratch.line, algebraic, row + 1, matrix, motors)
-    matrix[row, last] += slice_[3 * count]
+def _rate(body: Complex, prismatic: bool, at: Complex, direction: bool) -> Vector:
+    """Return the velocity of an attached vector when the joint of a body moves."""
+    axis, origin = body[4], body[3]
+    if prismatic:
+        return (0.0j, 0.0j, 0.0j) if direction else (axis[0], axis[1], axis[2])
+    a, b, d = at[0], at[1], at[2]
+    if not direction:
+        a, b, d = a - origin[0], b - origin[1], d - origin[2]
+    return axis[1] * d - axis[2] * b, axis[2] * a - axis[0] * d, axis[0] * b - axis[1] * a
 
 
 @compiled
-def _put(joints: Table, k: int, value: complex, row: int, matrix: Complex, motors: Complex) -> None:
-    if joints[k, MOTOR] >= 0:
-        motors[row, joints[k, MOTOR]] += value
-    else:
-        matrix[row, joints[k, COLUMN]] += value
-
-
-@compiled
-def _difference(
-    tables: Tables, first: int, second: int, one: Complex, two: Complex, direction: bool, row: int, scratch: Scratch
-) -> int:
-    """Three rows: what belongs to the second body less what belongs to the first. The next row's number."""
-    joints, above, vel = tables.joints, tables.above, scratch.vectors[2]
-    for i in range(3):
-        scratch.residual[row + i] = two[i] - one[i]
-    for k in range(len(joints)):
-        if above[second, k]:
-            _moves(scratch.bodies, joints, k, two, direction, vel)
-            for i in range(3):
-                _put(joints, k, vel[i], row + i, scratch.matrix, scratch.motors)
-        if above[first, k]:
-            _moves(scratch.bodies, joints, k, one, direction, vel)
-            for i in range(3):
-                _put(joints, k, -vel[i], row + i, scratch.matrix, scratch.motors)
-    return row + 3
-
-
-@compiled
-def _along_the_line(
-    joints: Table, t: complex, line: Complex, algebraic: bool, rows: int, matrix: Complex, motors: Complex
+def _add_vector(
+    joints: Table, above: Table, bodies: Complex, at: Complex, direction: bool, sign: float, row: int, matrix: Complex
 ) -> None:
-    """Columns of the motors become derivatives by A + B t, and that of t what they are together."""
-    last = matrix.shape[1] - 1
+    """Add the derivatives of a vector, times a sign, to three rows from `row` on; `above` are the joints that move its
+    body."""
     for k in range(len(joints)):
-        motor = joints[k, MOTOR]
-        if motor < 0:
-            continue
-        if algebraic and joints[k, SLIDES] == 0:
-            value = line[motor, 0] + line[motor, 1] * t
-            for row in range(rows):
-                motors[row, motor] *= 2.0 * _half(value)
-        for row in range(rows):
-            matrix[row, last] += motors[row, motor] * line[motor, 1]
+        if above[k]:
+            rate = _rate(bodies[k + 1], joints[k, IS_PRISMATIC] == 1, at, direction)
+            for i in range(3):
+                matrix[joints[k, COLUMN], row + i] += sign * rate[i]
 
 
 @compiled
-def solve(matrix: Complex, right: Complex, rank: int, order: Table, step: Complex) -> float:
-    """step (k,) with matrix (rows, k) step = right in least squares; both are overwritten.
+def _add_product(
+    joints: Table, above: Table, bodies: Complex, at: Complex, direction: bool, weight: Vector, row: int,
+    matrix: Complex,
+) -> None:  # fmt: skip
+    """Add the derivatives of a vector's scalar product with a constant weight to a row."""
+    for k in range(len(joints)):
+        if above[k]:
+            rate = _rate(bodies[k + 1], joints[k, IS_PRISMATIC] == 1, at, direction)
+            matrix[joints[k, COLUMN], row] += weight[0] * rate[0] + weight[1] * rate[1] + weight[2] * rate[2]
 
-    Householder reflections, columns pivoted; what lies beyond the rank stays 0. Returns the smallest over the largest
-    pivot: 0 where the matrix is singular.
+
+@compiled
+def _equations(tables: LinkageTables, x: Complex, algebraic: bool, scratch: LinkageScratch) -> None:
+    """Write the residual of all loops and of the slice, and its derivatives, at x and at the line and the slice in
+    scratch."""
+    _place(tables, x, algebraic, scratch)
+    joints, above, vectors = tables.joints, tables.above, tables.vectors
+    bodies, at, matrix, residual, cut = scratch.bodies, scratch.vectors, scratch.matrix, scratch.residual, scratch.slice
+    row, last = 0, len(x) - 1
+    matrix[:] = 0.0
+    for d in range(len(tables.differences)):
+        for side in range(2):
+            v, sign = tables.differences[d, side], 1.0 - 2.0 * side
+            for i in range(3):
+                residual[row + i] = at[v, i] if side == 0 else residual[row + i] - at[v, i]
+            direction = vectors[v, IS_DIRECTION] == 1
+            _add_vector(joints, above[vectors[v, BODY]], bodies, at[v], direction, sign, row, matrix)
+        row += 3
+    for p in range(len(tables.products)):
+        axis, one, two = tables.products[p, 0], tables.products[p, 1], tables.products[p, 2]
+        normal = (at[axis, 0], at[axis, 1], at[axis, 2])
+        gap = (at[one, 0] - at[two, 0], at[one, 1] - at[two, 1], at[one, 2] - at[two, 2])
+        residual[row] = normal[0] * gap[0] + normal[1] * gap[1] + normal[2] * gap[2]
+        _add_product(joints, above[vectors[axis, BODY]], bodies, at[axis], True, gap, row, matrix)
+        _add_product(joints, above[vectors[one, BODY]], bodies, at[one], False, normal, row, matrix)
+        normal = (-normal[0], -normal[1], -normal[2])
+        _add_product(joints, above[vectors[two, BODY]], bodies, at[two], False, normal, row, matrix)
+        row += 1
+    count = 3 * tables.features
+    residual[row] = cut[count] * x[last] - cut[count + 1]
+    for f in range(tables.features):
+        weight = (cut[3 * f], cut[3 * f + 1], cut[3 * f + 2])
+        if weight[0] != 0.0 or weight[1] != 0.0:
+            residual[row] += weight[0] * at[f, 0] + weight[1] * at[f, 1] + weight[2] * at[f, 2]
+            direction = vectors[f, IS_DIRECTION] == 1
+            _add_product(joints, above[vectors[f, BODY]], bodies, at[f], direction, weight, row, matrix)
+    for k in range(len(joints)):  # derivatives by locked joints become those by A + B t, and contribute to that by t
+        column = joints[k, COLUMN]
+        locked = column - last - 1
+        if locked >= 0:
+            a, b = scratch.line[locked, 0], scratch.line[locked, 1]
+            scale = 2.0 * _half(a + b * x[last]) if algebraic and joints[k, IS_PRISMATIC] == 0 else 1.0 + 0.0j
+            for i in range(row + 1):
+                matrix[column, i] *= scale
+                matrix[last, i] += matrix[column, i] * b
+    matrix[last, row] += cut[count]
+
+
+@compiled
+def solve(matrix: Complex, columns: int, right: Complex, rank: int, order: Table, step: Complex) -> float:
+    """Write step (columns,) with sum(matrix[c] * step[c]) = right in least squares; both are overwritten.
+
+    Householder reflections, columns pivoted; unknowns beyond the rank stay 0. Return the smallest over the largest
+    pivot: 0 if the matrix is singular.
+
+    Args:
+        matrix: (., rows) the columns, one after the other, of which the first count.
+        columns: number of unknowns.
+        right: (rows,).
+        rank: of the matrix.
+        order: (columns,) scratch.
+        step: the result.
     """
-    rows, columns = matrix.shape
+    rows = len(right)
     for j in range(columns):
         order[j] = j
         step[j] = 0.0
@@ -313,86 +281,92 @@ def solve(matrix: Complex, right: Complex, rank: int, order: Table, step: Comple
         for c in range(j, columns):
             square = 0.0
             for i in range(j, rows):
-                square += matrix[i, c].real ** 2 + matrix[i, c].imag ** 2
+                square += matrix[c, i].real ** 2 + matrix[c, i].imag ** 2
             if square > best:
                 best, chosen = square, c
         if chosen != j:
             for i in range(rows):
-                matrix[i, j], matrix[i, chosen] = matrix[i, chosen], matrix[i, j]
+                matrix[j, i], matrix[chosen, i] = matrix[chosen, i], matrix[j, i]
             order[j], order[chosen] = order[chosen], order[j]
-        norm = math.sqrt(best)
+        smallest = math.sqrt(best)
         if j == 0:
-            largest = norm
-        smallest = norm
-        if not norm > 1e-15 * largest:
+            largest = smallest
+        if not smallest > 1e-15 * largest:
             return 0.0
         pivot = matrix[j, j]
         size = abs(pivot)
-        alpha = -norm * (pivot / size if size > 0.0 else 1.0 + 0.0j)
-        matrix[j, j] = pivot - alpha  # the reflection's vector stands in the column now
-        square = 2.0 * norm * (norm + size)  # its squared length
+        alpha = -smallest * (pivot / size if size > 0.0 else 1.0 + 0.0j)
+        matrix[j, j] = pivot - alpha  # the reflection's vector is in the column now
+        factor = 1.0 / (smallest * (smallest + size))  # 2 over its squared length
         for c in range(j + 1, columns):
-            total = 0.0j
-            for i in range(j, rows):
-                total += matrix[i, j].conjugate() * matrix[i, c]
-            total *= 2.0 / square
-            for i in range(j, rows):
-                matrix[i, c] -= total * matrix[i, j]
-        total = 0.0j
-        for i in range(j, rows):
-            total += matrix[i, j].conjugate() * right[i]
-        total *= 2.0 / square
-        for i in range(j, rows):
-            right[i] -= total * matrix[i, j]
+            _reflect(matrix[j], matrix[c], j, factor)
+        _reflect(matrix[j], right, j, factor)
         matrix[j, j] = alpha
     for j in range(rank - 1, -1, -1):
         value = right[j]
         for c in range(j + 1, rank):
-            value -= matrix[j, c] * step[order[c]]
+            value -= matrix[c, j] * step[order[c]]
         step[order[j]] = value / matrix[j, j]
     return smallest / largest if largest > 0.0 else 0.0
 
 
 @compiled
-def _size(joints: Table, step: Complex, x: Complex) -> float:
-    """The largest part of a step (k + 1,) from x: of angles in radians, of lengths and of t against their own size."""
+def _reflect(normal: Complex, column: Complex, first: int, factor: float) -> None:
+    """Reflect a column at the plane normal to a vector, from a row on."""
+    total = 0.0j
+    for i in range(first, len(column)):
+        total += normal[i].conjugate() * column[i]
+    total *= factor
+    for i in range(first, len(column)):
+        column[i] -= total * normal[i]
+
+
+# --- Newton's method and tracking -------------------------------------------------------------------------------------
+
+
+@compiled
+def _size(tables: LinkageTables, step: Complex, x: Complex) -> float:
+    """Return the largest part of a step (k + 1,) from x: of angles in radians, of lengths and t relative to their own
+    size."""
     last = len(x) - 1
     size: float = abs(step[last]) / (1.0 + abs(x[last]))
-    for k in range(len(joints)):
-        column = joints[k, COLUMN]
-        if column >= 0:
-            size = max(size, abs(step[column]) / (1.0 + abs(x[column]) if joints[k, SLIDES] == 1 else 1.0))
+    for k in range(len(tables.joints)):
+        column = tables.joints[k, COLUMN]
+        if column < last:
+            scale = 1.0 + abs(x[column]) if tables.joints[k, IS_PRISMATIC] == 1 else 1.0
+            size = max(size, abs(step[column]) / scale)
     return size
 
 
 @compiled
-def _newton(tables: Tables, algebraic: bool, most: int, enough: float, x: Complex, scratch: Scratch) -> float:
-    """Newton's method from x, in place, until a step is shorter than `enough`. Size of the first step, or infinity
-    where it does not converge; the smallest pivot over the largest is left in residual[0]."""
-    step = scratch.stages[5]
+def _newton(
+    tables: LinkageTables, algebraic: bool, max_steps: int, enough: float, x: Complex, scratch: LinkageScratch
+) -> tuple[float, float]:
+    """Apply Newton's method from x, in place, until a step is shorter than `enough`. Return the size of the first step,
+    infinite if it does not converge, and the smallest pivot over the largest."""
+    step, pivot = scratch.stages[5], 0.0
     first = before = np.inf
-    for k in range(most):
+    for k in range(max_steps):
         _equations(tables, x, algebraic, scratch)
-        pivot = solve(scratch.matrix, scratch.residual, tables.rank, scratch.order, step)
-        size = _size(tables.joints, step, x)
+        pivot = solve(scratch.matrix, len(x), scratch.residual, tables.rank, scratch.order, step)
+        size = _size(tables, step, x)
         for i in range(len(x)):
             x[i] -= step[i]
-        scratch.residual[0] = pivot
         if k == 0:
             first = size
         if not size < 1e6 or pivot == 0.0:
-            return np.inf
+            return np.inf, pivot
         if size < enough:
-            return first
+            return first, pivot
         if k > 0 and size > 0.5 * before:
-            return first if size < _ROUNDED else np.inf
+            return (first if size < _ROUNDED else np.inf), pivot
         before = size
-    return first if before < 100.0 * enough else np.inf
+    return (first if before < 100.0 * enough else np.inf), pivot
 
 
 @compiled
-def _go_to(path: Path, s: float, scratch: Scratch) -> None:
-    """The line and the slice at a place of the path."""
+def _go_to(path: ParameterPath, s: float, scratch: LinkageScratch) -> None:
+    """Write the line and the slice at a parameter of the path."""
     for k in range(scratch.line.shape[0]):
         for i in range(2):
             scratch.line[k, i] = path.lines[0, k, i] + s * (path.lines[1, k, i] - path.lines[0, k, i])
@@ -401,41 +375,47 @@ def _go_to(path: Path, s: float, scratch: Scratch) -> None:
 
 
 @compiled
-def _tangent(tables: Tables, path: Path, s: float, x: Complex, scratch: Scratch, out: Complex) -> None:
-    """out = dx/ds at x and s."""
+def _tangent(
+    tables: LinkageTables, path: ParameterPath, s: float, x: Complex, scratch: LinkageScratch, out: Complex
+) -> None:
+    """Write out = dx/ds at x and s."""
     _go_to(path, s, scratch)
     _equations(tables, x, path.algebraic, scratch)
-    residual, found = scratch.residual, scratch.found
-    row, t, count = len(residual) - 1, x[len(x) - 1], len(found)
+    residual, columns, count = scratch.residual, len(x), 3 * tables.features
+    row, t = len(residual) - 1, x[columns - 1]
     for i in range(row + 1):
         residual[i] = 0.0
-        for k in range(scratch.line.shape[0]):
+        for k in range(len(scratch.line)):
             a, b = path.lines[1, k, 0] - path.lines[0, k, 0], path.lines[1, k, 1] - path.lines[0, k, 1]
-            residual[i] -= scratch.motors[i, k] * (a + b * t)
-    for f in range(count):
+            residual[i] -= scratch.matrix[columns + k, i] * (a + b * t)
+    for f in range(tables.features):
         for i in range(3):
-            residual[row] -= (path.slices[1, 3 * f + i] - path.slices[0, 3 * f + i]) * found[f, i]
-    residual[row] -= (path.slices[1, 3 * count] - path.slices[0, 3 * count]) * t
-    residual[row] += path.slices[1, 3 * count + 1] - path.slices[0, 3 * count + 1]
-    solve(scratch.matrix, residual, tables.rank, scratch.order, out)
+            residual[row] -= (path.slices[1, 3 * f + i] - path.slices[0, 3 * f + i]) * scratch.vectors[f, i]
+    residual[row] -= (path.slices[1, count] - path.slices[0, count]) * t
+    residual[row] += path.slices[1, count + 1] - path.slices[0, count + 1]
+    solve(scratch.matrix, columns, residual, tables.rank, scratch.order, out)
 
 
 @compiled
-def _is_far(joints: Table, x: Complex) -> bool:
-    """Whether a solution is on its way to infinity."""
-    far = math.log(1.0 + abs(x[len(x) - 1]))
-    for k in range(len(joints)):
-        column = joints[k, COLUMN]
-        if column >= 0:
-            value = x[column]
-            far = max(far, math.log(1.0 + abs(value)) if joints[k, SLIDES] == 1 else abs(value.imag))
+def _is_far(tables: LinkageTables, x: Complex) -> bool:
+    """Return whether a solution is on its way to infinity."""
+    last = len(x) - 1
+    far = math.log(1.0 + abs(x[last]))
+    for k in range(len(tables.joints)):
+        column = tables.joints[k, COLUMN]
+        if column < last:
+            prismatic = tables.joints[k, IS_PRISMATIC] == 1
+            far = max(far, math.log(1.0 + abs(x[column])) if prismatic else abs(x[column].imag))
     return far > _FAR
 
 
 @compiled
-def _track(tables: Tables, path: Path, x: Complex, scratch: Scratch, record: Array) -> int:
-    """Leads one solution x along the whole path, in place: how that ended. Runge and Kutta's fourth order, and Newton's
-    method after each step, whose first correction is the error that the next step's length is chosen by."""
+def _track(tables: LinkageTables, path: ParameterPath, x: Complex, scratch: LinkageScratch, record: Array) -> int:
+    """Continue one solution x along the whole path, in place; return how that ends.
+
+    Runge and Kutta's fourth order, then Newton's method, whose first correction is the error by which the next step's
+    length is chosen.
+    """
     stages = scratch.stages
     slope, other, total, there = stages[0], stages[1], stages[2], stages[3]
     s, h, n, steps, fresh = 0.0, 0.05, len(x), 0, False
@@ -456,37 +436,45 @@ def _track(tables: Tables, path: Path, x: Complex, scratch: Scratch, record: Arr
         for i in range(n):
             total[i] *= h / 6.0
             there[i] = x[i] + total[i]
-        error, reached = np.inf, 1.0 if h >= 1.0 - s else s + h
-        if _size(tables.joints, total, x) < 1.0:
-            error = _newton(tables, path.algebraic, 5, _CLOSE if reached < 1.0 else 1e-2 * _ROUNDED, there, scratch)
+        error, pivot, reached = np.inf, 0.0, 1.0 if h >= 1.0 - s else s + h
+        if _size(tables, total, x) < 1.0:
+            enough = _CLOSE if reached < 1.0 else 1e-2 * _ROUNDED
+            error, pivot = _newton(tables, path.algebraic, 5, enough, there, scratch)
         better = min(max(0.9 * (path.accuracy / max(error, 1e-14)) ** 0.2, 0.3), 2.0) if error < 1e3 else 0.3
         if error <= 10.0 * path.accuracy:
             s = reached
             for i in range(n):
                 x[i] = there[i]
-            record[0] = scratch.residual[0].real
+            record[0] = pivot
             fresh = False
         else:
             better = min(better, 0.5)
         h *= better
         record[1] = steps
-        if s < 1.0 and (h < _SMALLEST * (1.0 - s) + 1e-14 or steps > _MOST_STEPS or 1.0 - s < _SMALLEST):
-            return INFINITE if _is_far(tables.joints, x) else (SINGULAR if s > 0.99 else LOST)
+        if s < 1.0 and (h < _SMALLEST * (1.0 - s) + 1e-14 or steps > _MAX_STEPS or 1.0 - s < _SMALLEST):
+            return INFINITE if _is_far(tables, x) else (SINGULAR if s > 0.99 else LOST)
     return ARRIVED
 
 
 @entry
-def track(tables: Tables, path: Path, solutions: Complex, ends: Table, records: Array, scratch: Scratch) -> None:
-    """Leads many solutions (count, k + 1) along a path, in place; writes how each ended (count,), and records (count,
+def track(
+    tables: LinkageTables, path: ParameterPath, solutions: Complex, ends: Table, records: Array,
+    scratch: LinkageScratch,
+) -> None:  # fmt: skip
+    """Continue many solutions (count, k + 1) along a path, in place; write how each ends (count,), and records (count,
     2): the smallest pivot at the end over the largest, and the number of steps."""
     for k in range(len(solutions)):
         ends[k] = _track(tables, path, solutions[k], scratch, records[k])
 
 
 @entry
-def settle(tables: Tables, path: Path, solutions: Complex, ends: Table, scratch: Scratch) -> None:
-    """Newton's method at the beginning of a path from many guesses (count, k + 1), in place, its steps capped. `ends`
-    is ARRIVED where it converged, SINGULAR where it did to a singular solution, else LOST."""
+def solve_from(
+    tables: LinkageTables, path: ParameterPath, solutions: Complex, ends: Table, scratch: LinkageScratch
+) -> None:
+    """Apply Newton's method at the beginning of a path to many guesses (count, k + 1), in place, with limited steps.
+
+    ends: ARRIVED if it converges, SINGULAR if it does to a singular solution, else LOST.
+    """
     step = scratch.stages[5]
     for k in range(len(solutions)):
         x = solutions[k]
@@ -497,14 +485,14 @@ def settle(tables: Tables, path: Path, solutions: Complex, ends: Table, scratch:
             gap = size = 0.0
             for i in range(len(scratch.residual)):
                 gap = max(gap, abs(scratch.residual[i]))
-            pivot = solve(scratch.matrix, scratch.residual, tables.rank, scratch.order, step)
+            pivot = solve(scratch.matrix, len(x), scratch.residual, tables.rank, scratch.order, step)
             for i in range(len(x)):
                 size = max(size, abs(step[i]))
             if pivot == 0.0 or not size < 1e9:
                 break
-            cap = min(1.0, 0.7 / max(size, 1e-300))
+            part = min(1.0, 0.7 / max(size, 1e-300))
             for i in range(len(x)):
-                x[i] -= cap * step[i]
+                x[i] -= part * step[i]
             if size < 1e-11:
                 if gap < _CLOSED:
                     ends[k] = ARRIVED if pivot > _SINGULAR else SINGULAR
@@ -512,18 +500,20 @@ def settle(tables: Tables, path: Path, solutions: Complex, ends: Table, scratch:
 
 
 @entry
-def measure(tables: Tables, path: Path, solutions: Complex, out: Complex, scratch: Scratch) -> None:
-    """Writes the features (count, f, 3) of many solutions at the path's beginning."""
+def write_features(
+    tables: LinkageTables, path: ParameterPath, solutions: Complex, out: Complex, scratch: LinkageScratch
+) -> None:
+    """Write the features (count, f, 3) of many solutions at the path's beginning."""
     _go_to(path, 0.0, scratch)
     for k in range(len(solutions)):
         _place(tables, solutions[k], path.algebraic, scratch)
-        for f in range(len(scratch.found)):
+        for f in range(tables.features):
             for i in range(3):
-                out[k, f, i] = scratch.found[f, i]
+                out[k, f, i] = scratch.vectors[f, i]
 
 
 @entry
-def residuals(tables: Tables, path: Path, x: Complex, scratch: Scratch) -> None:
-    """Residual and derivatives at the beginning of a path: they stand in scratch then."""
+def evaluate(tables: LinkageTables, path: ParameterPath, x: Complex, scratch: LinkageScratch) -> None:
+    """Write residual and derivatives at the beginning of a path to scratch."""
     _go_to(path, 0.0, scratch)
     _equations(tables, x, path.algebraic, scratch)

@@ -1,10 +1,10 @@
-"""`Linkage`: a mechanism whose motors are held, as tables of numbers, and what tells its assembly modes apart."""
+"""`Linkage`: the loops of a mechanism with its actuated joints locked, in complex numbers."""
 
 from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import NamedTuple
@@ -14,62 +14,45 @@ from numba import complex128, float64, int64, typeof
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from cinegen.assembly._kernels import (
-    ARRIVED,
-    BALL,
-    KIND,
-    LOST,
-    PRISMATIC,
-    REVOLUTE,
-    RIGID,
-    SINGULAR,
-    Complex,
-    Path,
-    Scratch,
-    Tables,
-    measure,
-    residuals,
-    settle,
-    track,
-)
-from cinegen.assembly.bodies import Bodies
-from cinegen.errors import CinegenError
-from cinegen.jit.compiled import prepare, together
+from cinegen.assembly import _kernels as kernel
+from cinegen.assembly._kernels import Complex, LinkageScratch, LinkageTables, ParameterPath
+from cinegen.assembly.bodies import CutJoint, Feature, LinkageBodies
+from cinegen.assembly.results import NearestConfiguration
+from cinegen.errors import CinegenError, ClosureError
+from cinegen.jit.compiled import Table, prepare, together
 from cinegen.joints import axis
 from cinegen.model import Mechanism
+from raff2urdf import closure
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
 
-KINDS = {
-    LoopKind.RIGID: RIGID,
-    LoopKind.PRISMATIC: PRISMATIC,
-    LoopKind.REVOLUTE: REVOLUTE,
-    LoopKind.BALL: BALL,
-}
 ACCURACY = 3e-4
-"""Error of a prediction along a path that is aimed at, radians and characteristic lengths."""
+"""Target error of a prediction along a path, radians and characteristic lengths."""
+
+SAME = 1e-6
+"""Features (characteristic lengths, relative to their size where that is larger) closer than this are the same."""
 
 _STILL = 1e-9  # a joint that loops move less is in none
 _SINGULAR = 1e-3  # part of the largest singular value: a direction in which a solution near a singular one may move
 _STEP = 0.05  # rad, characteristic lengths
-_SETTLING = 3.0  # steps along a path that Newton's method from a random start is worth
+_NEWTON_WORK = 3.0  # steps along a path that Newton's method from a random start costs
 _MANY, _SHARE = 24, 6  # paths that are shared among threads, and how many each takes
 _CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-_IDLE = 1e-6  # a motion that moves points that matter by less moves none of them
+_IDLE = 1e-6  # a motion that moves features by less moves none of them
 
 
 class ModesError(CinegenError):
-    """Assembly modes that can't be asked for: says of which joints, and what to do."""
+    """Assembly modes that can't be computed; the message names the joints, and what to do."""
 
 
-class Led(NamedTuple):
-    """Solutions that were led along a path.
+class Tracked(NamedTuple):
+    """Solutions at the end of a path.
 
     Attributes:
-        solutions: (count, k + 1) the unknowns at the end.
-        ends: (count,) how each ended: ARRIVED, SINGULAR, INFINITE or LOST.
-        pivots: (count,) smallest pivot over the largest at the end: 0 where solutions meet.
+        solutions: (count, k + 1) the unknowns.
+        ends: (count,) how each path ends: ARRIVED, SINGULAR, INFINITE or LOST.
+        pivots: (count,) smallest pivot over the largest: 0 where solutions coincide.
     """
 
     solutions: Complex
@@ -78,338 +61,404 @@ class Led(NamedTuple):
 
     @property
     def arrived(self) -> Complex:
-        """Those that came to the end."""
-        return np.asarray(self.solutions[self.ends == ARRIVED])
+        """The solutions whose paths arrived."""
+        return np.asarray(self.solutions[self.ends == kernel.ARRIVED])
 
 
 class Linkage:
-    """The loops of a mechanism in complex numbers, for given values of its motors.
+    """The loops of a mechanism in complex numbers, for given values of its actuated joints.
 
-    Unknown are the passive joints that loops move, and of motors that are more than the mechanism has freedoms those
-    that the others determine; all other joints are motors here. Without unit: lengths are divided by the characteristic
-    length. Not for two threads at once.
+    Unknown are the passive joints in loops, and of redundant actuated joints those that the others determine; all other
+    joints are locked. Dimensionless: lengths are divided by the characteristic length. Not for two threads at once.
 
     Args:
-        mechanism: with loops; its joints turn or slide. It is not kept alive.
-        as_built: whether motors are taken as they are, even if some are too many or don't determine the rest: to see
-            what it is; nothing can be solved so.
+        mechanism: with loops; its joints are revolute or prismatic. It is not kept alive.
+        as_built: whether actuated joints are taken as they are, even if some are redundant or don't determine the
+            others: to examine its structure; nothing can be solved so.
 
     Attributes:
-        motors: names of the joints that are held, in q's order.
+        locked: names of the locked joints, in q's order.
         passive: names of those that the loops determine, in q's order.
-        surplus: names of those among them that have a motor.
-        leading: (motors,) those that move loops, as a wrist does not.
+        redundant: names of those among them that are actuated.
+        driving: (locked,) whether a locked joint moves loops, as those of a wrist do not.
         end: the body that the mechanism's end belongs to.
-        idle: how many motions are left that move no point that matters, as a rod that turns about itself.
-        work: what has been done along paths, in multiplications, about: what may be done is told by it, and not by a
-            clock, so that it is always the same.
+        idle: number of motions that move no feature, as of a rod about itself.
+        work: multiplications done along paths, about: what `effort` limits is counted by it, not by a clock, so that
+            results are reproducible.
 
     Raises:
-        ModesError: no loops, joints of other kinds, or motors that don't determine the rest.
+        ModesError: no loops, joints of other kinds, or actuated joints that don't determine the others.
     """
 
     def __init__(self, mechanism: Mechanism, as_built: bool = False) -> None:
         self._mechanism = weakref.ref(mechanism)
         self.work = 0.0
-        if not mechanism.loops:
-            raise ModesError(
-                f"{mechanism.name} has no loops: it can be assembled in one way for each configuration of its joints"
-            )
+        _check_joints(mechanism)
         model = mechanism.model
-        for name, joint in zip(model.names, model.joints, strict=True):
-            if joint.nv > 1 and joint.idx_v >= 0 and not (mechanism.floating and joint.nv == 6):
-                raise ModesError(
-                    f"{mechanism.name}: joint '{name}' has {joint.nv} freedoms; assembly modes are found for joints "
-                    "that turn or slide: write a ball joint as three joints that turn"
-                )
-        self.root = 1 if mechanism.floating else 0  # a base that could move stands still
+        self.root = 1 if mechanism.floating else 0  # a base that could move is fixed
         self._joints = range(1 + self.root, model.njoints)
-        names = [model.names[j] for j in self._joints]
+        names = self.joint_names = [model.names[j] for j in self._joints]
         columns = {name: mechanism.v_index(name) for name in names}
-        moved = [mechanism.system.evaluate(q)[1] for q in mechanism.samples]
-        inside = {name for name in names if max(np.abs(rows[:, columns[name]]).max() for rows in moved) > _STILL}
+        rows = [mechanism.system.evaluate(q)[1] for q in mechanism.samples]
+        inside = {name for name in names if max(np.abs(row[:, columns[name]]).max() for row in rows) > _STILL}
         loose = [name for name in names if name not in inside and name not in mechanism.actuated]
         if loose:
             raise ModesError(
-                f"{mechanism.name}: {_listed(loose)} {'is' if len(loose) == 1 else 'are'} held by no motor and no "
+                f"{mechanism.name}: {_listed(loose)} {'is' if len(loose) == 1 else 'are'} neither actuated nor in a "
                 "loop: there is a curve of configurations, not a number of them"
             )
         driven = [name for name in names if name in inside and name in mechanism.actuated]
-        self.surplus = () if as_built else _surplus(mechanism, moved, [columns[name] for name in driven], driven)
-        self.passive = tuple(
-            name for name in names if name in inside and (name not in mechanism.actuated or name in self.surplus)
-        )
-        self.motors = tuple(name for name in names if name not in self.passive)
-        self.leading = np.array([name in inside for name in self.motors], dtype=bool)
-        self._rank = mechanism.loop_rank if self.surplus else mechanism.passive_rank
-        self.joint_names = names
-        self._slides = np.array([mechanism.is_prismatic(name) for name in names])
-        self._at = np.array([mechanism.q_index(name) for name in names])
-        self._unit = np.where(self._slides, mechanism.length, 1.0)
-        self.tables = self._tables()
-        self.scratch = scratch_of(self.tables, len(self.passive), len(self.motors))
-        self._compile()
+        self.redundant = () if as_built else _redundant(mechanism, rows, [columns[name] for name in driven], driven)
+        passive = {name for name in inside if name not in mechanism.actuated or name in self.redundant}
+        self.passive = tuple(name for name in names if name in passive)
+        self.locked = tuple(name for name in names if name not in passive)
+        self.driving = np.array([name in inside for name in self.locked], dtype=bool)
+        self._rank = mechanism.loop_rank if self.redundant else mechanism.passive_rank
         self.idle = len(self.passive) - self._rank
+        self._prismatic = np.array([mechanism.is_prismatic(name) for name in names])
+        self._index = np.array([mechanism.q_index(name) for name in names])
+        self._unit = np.where(self._prismatic, mechanism.length, 1.0)
+        self._passive, self._locked, self._redundant = (
+            np.array([names.index(name) for name in some], dtype=np.intp)
+            for some in (self.passive, self.locked, self.redundant)
+        )
+        self.revolute = np.asarray(~self._prismatic[self._locked])  # (locked,)
+        frame = model.frames[mechanism.frame_id(mechanism.end)]
+        self.end = max(int(frame.parentJoint) - self.root, 0)
+        self.cuts = self._cuts()
+        self.tables = self._tables()
+        self.scratch = scratch_of(self.tables, len(self.passive))
+        self._prepare()
         if not as_built:
-            self.check()
+            self._check_idle()
 
     @property
     def mechanism(self) -> Mechanism:
-        """Whose loops these are."""
+        """The mechanism whose loops these are."""
         found = self._mechanism()
         if found is None:
             raise ReferenceError("the mechanism is gone")
         return found
 
-    # --- tables --------------------------------------------------------------------------------------------------
+    # --- tables -------------------------------------------------------------------------------------------------------
 
-    def _tables(self) -> Tables:
-        mechanism, model = self.mechanism, self.mechanism.model
-        length, count = mechanism.length, len(self.joint_names)
-        joints, constants = np.zeros((count, 4), dtype=np.int64), np.zeros((count, 15))
-        above = np.zeros((count + 1, count), dtype=np.int64)
+    def _cuts(self) -> list[CutJoint]:
+        mechanism, found = self.mechanism, []
+        for loop, (first, one, second, two) in zip(mechanism.loops, mechanism.system.anchors, strict=True):
+            anchors = [np.vstack([end.rotation.T, end.translation / mechanism.length]) for end in (one, two)]
+            bodies = max(first - self.root, 0), max(second - self.root, 0)
+            found.append(CutJoint(loop.kind, bodies, np.array(anchors)))
+        return found
+
+    def _tables(self) -> LinkageTables:
+        mechanism, model, count = self.mechanism, self.mechanism.model, len(self.joint_names)
+        joints, self._axes = np.zeros((count, 3), dtype=np.int64), np.zeros((count, 3))
+        constants, above = np.zeros((count, 15)), np.zeros((count + 1, count), dtype=np.int64)
+        column = {int(k): i for i, k in enumerate([*self._passive, -1, *self._locked])}
         for k, j in enumerate(self._joints):
-            name = self.joint_names[k]
-            parent = model.parents[j] - self.root
-            joints[k] = (
-                parent,
-                self._slides[k],
-                self.motors.index(name) if name in self.motors else -1,
-                self.passive.index(name) if name in self.passive else -1,
-            )
-            placement = model.jointPlacements[j]
-            constants[k, :9], constants[k, 9:12] = placement.rotation.ravel(), placement.translation / length
-            constants[k, 12:] = axis(model.joints[j])
+            parent, placement = model.parents[j] - self.root, model.jointPlacements[j]
+            joints[k] = parent, self._prismatic[k], column[k]
+            self._axes[k] = axis(model.joints[j])
+            constants[k] = *placement.rotation.ravel(), *(placement.translation / mechanism.length), *self._axes[k]
             above[k + 1] = above[parent]
             above[k + 1, k] = 1
-        loops, anchors = np.zeros((len(mechanism.loops), 3), dtype=np.int64), np.zeros((len(mechanism.loops), 2, 12))
-        for at, (loop, anchor) in enumerate(zip(mechanism.loops, mechanism.system.anchors, strict=True)):
-            first, first_placement, second, second_placement = anchor
-            loops[at] = max(first - self.root, 0), max(second - self.root, 0), KINDS[loop.kind]
-            for end, placement in enumerate((first_placement, second_placement)):
-                anchors[at, end, :9] = placement.rotation.T.ravel()
-                anchors[at, end, 9:] = placement.translation / length
-        partial = Tables(joints, constants, above, loops, anchors, np.zeros((0, 2), np.int64), np.zeros((0, 3)), 0)
-        self.end = self._body_of_end()
-        self._partial = partial
+        self._joint_table = joints
         self.bodies = self.bodies_at(mechanism.q_home)
-        found = self.bodies.features
-        return partial._replace(
-            wanted=np.array([(feature.body, feature.direction) for feature in found], dtype=np.int64).reshape(-1, 2),
-            local=np.array([feature.local for feature in found]).reshape(-1, 3),
-            rank=self._rank + 1,
+        features = self.bodies.features
+        return LinkageTables(
+            joints, constants, above, *attached(self.cuts, features), features=len(features), rank=self._rank + 1
         )
 
-    def bodies_at(self, q: Array) -> Bodies:
-        """The bodies, with points and axes where they are at q (nq,)."""
+    def bodies_at(self, q: Array) -> LinkageBodies:
+        """Return the bodies with points and axes as they are at q (nq,)."""
         mechanism = self.mechanism
         mechanism.system.evaluate(q)
         found = [mechanism.system.data.oMi[j] for j in (self.root, *self._joints)]
         placements = np.array([np.c_[at.rotation, at.translation / mechanism.length] for at in found])
-        return Bodies(self._partial, placements, self.end)
+        return LinkageBodies(self._joint_table, self._axes, len(self.passive), self.cuts, placements, self.end)
 
-    def _body_of_end(self) -> int:
-        frame = self.mechanism.model.frames[self.mechanism.frame_id(self.mechanism.end)]
-        return max(int(frame.parentJoint) - self.root, 0)
-
-    def _compile(self) -> None:
-        """Compiles what is not yet compiled, and says so."""
-        tables, path, scratch = typeof(self.tables), typeof(self.at(self._home)), typeof(self.scratch)
-        given, numbers = complex128[:, ::1], int64[::1]
+    def _prepare(self) -> None:
+        """Compile what is not yet compiled."""
+        path = typeof(self.fixed(self.locked_values(self.mechanism.q_home)))
+        tables, scratch, given = typeof(self.tables), typeof(self.scratch), complex128[:, ::1]
         with together():
-            prepare(track, tables, path, given, numbers, float64[:, ::1], scratch)
-            prepare(settle, tables, path, given, numbers, scratch)
-            prepare(measure, tables, path, given, complex128[:, :, ::1], scratch)
-            prepare(residuals, tables, path, complex128[::1], scratch)
+            prepare(kernel.track, tables, path, given, int64[::1], float64[:, ::1], scratch)
+            prepare(kernel.solve_from, tables, path, given, int64[::1], scratch)
+            prepare(kernel.write_features, tables, path, given, complex128[:, :, ::1], scratch)
+            prepare(kernel.evaluate, tables, path, complex128[::1], scratch)
 
-    @property
-    def _home(self) -> Array:
-        return self.motor_values(self.mechanism.q_home)
-
-    def check(self) -> None:
-        """Whether the motors determine all that matters.
-
-        Raises:
-            ModesError: they don't.
-        """
-        free = self.idle
-        if free == 0:
-            return
-        for q in self.mechanism.samples:
+    def _check_idle(self) -> None:
+        """Refuse a mechanism whose locked joints don't determine its features."""
+        for q in self.mechanism.samples if self.idle else ():
             matrix, moved = self._derivatives(q)
             motions = np.linalg.svd(matrix)[2][self._rank :].T
             if np.abs(moved @ motions).max(initial=0.0) > _IDLE:
                 raise ModesError(
-                    f"{self.mechanism.name}: with its motors held it still moves, by {free} "
-                    f"motion{'s' * (free != 1)} more than its loops take away: there is a curve of configurations, not "
-                    "a number of them. Say 'actuated 1' for more of its joints"
+                    f"{self.mechanism.name}: with its actuated joints locked it still moves, with {self.idle} DoF that "
+                    "its loops don't remove: there is a curve of configurations, not a number of them. Say 'actuated "
+                    "1' for more of its joints"
                 )
 
     def _derivatives(self, q: Array) -> tuple[Array, Array]:
-        """Of loops and of features by the passive joints, at q (nq,), by central differences for the features."""
-        solution, motors = self.unknowns(q), self.motor_values(q)
-        residuals(self.tables, self.at(motors), solution, self.scratch)
-        matrix = self.scratch.matrix[:-1, :-1].real.copy()
+        """Return the derivatives of loops and of features by the passive joints, at q (nq,), by central differences for
+        the features."""
+        solution, locked = self.unknowns(q), self.locked_values(q)
+        matrix = self.jacobian(solution, locked).real
         step, columns = 1e-6, []
         for k in range(len(self.passive)):
             away = np.zeros(len(solution))
             away[k] = step
-            there = self.features(np.array([solution + away, solution - away]), motors).real
+            there = self.features(np.array([solution + away, solution - away]), locked).real
             columns.append((there[0] - there[1]).ravel() / (2.0 * step))
         return matrix, np.array(columns).T
 
-    # --- values --------------------------------------------------------------------------------------------------
+    def jacobian(self, solution: Complex, locked: Complex | Array) -> Complex:
+        """Return the derivatives (rows, k) of all loops by the passive joints, at a solution (k + 1,)."""
+        kernel.evaluate(self.tables, self.fixed(locked), solution, self.scratch)
+        return np.asarray(self.scratch.matrix[: len(self.passive), :-1].T.copy())
 
-    @cached_property
-    def _passive_at(self) -> NDArray[np.intp]:
-        return np.array([self.joint_names.index(name) for name in self.passive], dtype=np.intp)
+    # --- values -------------------------------------------------------------------------------------------------------
 
-    @cached_property
-    def _motors_at(self) -> NDArray[np.intp]:
-        return np.array([self.joint_names.index(name) for name in self.motors], dtype=np.intp)
+    def redundancy_error(self, q: Array, asked: Array) -> Array:
+        """Return how far redundant joints (redundant,) are from their values in q (nq,) `asked`, rad and characteristic
+        lengths."""
+        at = self._redundant
+        gaps = (q[self._index[at]] - asked[self._index[at]]) / self._unit[at]
+        return np.asarray(np.where(self._prismatic[at], gaps, (gaps + np.pi) % (2.0 * np.pi) - np.pi))
 
-    @cached_property
-    def _surplus_at(self) -> list[int]:
-        return [self.joint_names.index(name) for name in self.surplus]
+    def locked_values(self, q: Array) -> Array:
+        """Return the values (locked,) of the locked joints in q (nq,), dimensionless."""
+        return np.asarray(q[self._index[self._locked]] / self._unit[self._locked])
 
-    def off(self, q: Array, asked: Array) -> Array:
-        """(surplus,) how far surplus motors are from where q (nq,) `asked` has them, rad and characteristic lengths."""
-        at = self._surplus_at
-        gaps = (q[self._at[at]] - asked[self._at[at]]) / self._unit[at]
-        return np.asarray(np.where(self._slides[at], gaps, (gaps + np.pi) % (2.0 * np.pi) - np.pi))
-
-    @cached_property
-    def turning(self) -> NDArray[np.bool_]:
-        """(motors,) those that turn."""
-        return np.asarray(~self._slides[self._motors_at])
-
-    def motor_values(self, q: Array) -> Array:
-        """(motors,) without unit, of q (nq,)."""
-        at = self._motors_at
-        return np.asarray(q[self._at[at]] / self._unit[at])
+    def actuated_values(self, q: Array) -> Array:
+        """Return the values (actuated,) of all actuated joints in q (nq,), rad and m, in the mechanism's order."""
+        return np.asarray(q[[self.mechanism.q_index(name) for name in self.mechanism.actuated]])
 
     def unknowns(self, q: Array) -> Complex:
-        """(k + 1,) the passive joints' values without unit, and t = 0, of q (nq,)."""
-        at = self._passive_at
-        return np.append(q[self._at[at]] / self._unit[at], 0.0).astype(complex)
+        """Return (k + 1,) the passive joints' values in q (nq,), dimensionless, and t = 0."""
+        return np.append(q[self._index[self._passive]] / self._unit[self._passive], 0.0).astype(complex)
 
-    def configuration(self, solution: Complex, motors: Array) -> Array:
-        """q (nq,) of a solution's real part; angles within half a turn of home's."""
-        q = self.mechanism.q_home.copy()
-        q[self._at[self._motors_at]] = motors * self._unit[self._motors_at]
-        for k, at in enumerate(self._passive_at):
-            value, where = solution[k].real, self._at[at]
-            if not self._slides[at]:
-                home = self.mechanism.q_home[where]
-                value = home + (value - home + np.pi) % (2.0 * np.pi) - np.pi
-            q[where] = value * self._unit[at]
+    def configuration(self, solution: Complex, locked: Array) -> Array:
+        """Return q (nq,) of a solution's real part; angles within half a revolution of home's."""
+        home = self.mechanism.q_home
+        q, at, index = home.copy(), self._passive, self._index[self._passive]
+        q[self._index[self._locked]] = locked * self._unit[self._locked]
+        values = solution[:-1].real * self._unit[at]
+        about_home = home[index] + (values - home[index] + np.pi) % (2.0 * np.pi) - np.pi
+        q[index] = np.where(self._prismatic[at], values, about_home)
         return q
 
-    # --- paths ---------------------------------------------------------------------------------------------------
+    def closed(self, q: Array) -> Array | None:
+        """Return the closed configuration (nq,) that Newton's method reaches from q with locked joints fixed; None if
+        it doesn't converge."""
+        try:
+            return self.mechanism.close(q, self.locked)
+        except ClosureError:
+            return None
 
-    def at(self, motors: Complex | Array) -> Path:
-        """Motors (motors,) that stay where they are."""
-        return self.way(motors, motors)
+    def nearest(self, starts: list[Array], message: str = "") -> NearestConfiguration:
+        """Return the configuration with the smallest gap that least squares reaches from starts (nq,), at which locked
+        joints have the values asked for; with a message of the open loops unless one is given."""
+        mechanism = self.mechanism
+        free = np.ones(mechanism.model.nv, dtype=bool)
+        free[[mechanism.v_index(name) for name in self.locked]] = False
+        found = (closure.close(mechanism.system, start, free) for start in starts)
+        best = min(found, key=lambda closing: closing.gap)
+        gaps = zip(mechanism.loops, mechanism.system.gaps(best.q), strict=True)
+        listed = ", ".join(f"'{loop.name}' by {gap:.3g}" for loop, gap in gaps if gap > closure.CLOSED)
+        unit = f"(rad, or lengths of {mechanism.length:.4g} m)"
+        return NearestConfiguration(best.q, best.gap, message or f"open stay {listed} {unit}")
 
-    def way(self, start: Complex | Array, goal: Complex | Array) -> Path:
-        """Motors (motors,) that are led from some values to others, straight."""
-        lines = np.zeros((2, len(self.motors), 2), dtype=complex)
+    # --- paths --------------------------------------------------------------------------------------------------------
+
+    def fixed(self, locked: Complex | Array) -> ParameterPath:
+        """Return the path on which locked joints stay at values (locked,)."""
+        return self.straight(locked, locked)
+
+    def straight(self, start: Complex | Array, goal: Complex | Array) -> ParameterPath:
+        """Return the straight path of locked joints from values (locked,) to others."""
+        lines = np.zeros((2, len(self.locked), 2), dtype=complex)
         lines[0, :, 0], lines[1, :, 0] = start, goal
-        return Path(lines, np.array([self.fibre, self.fibre]), False, ACCURACY)
+        return ParameterPath(lines, np.array([self.zero_slice, self.zero_slice]), False, ACCURACY)
 
     @cached_property
-    def fibre(self) -> Complex:
+    def zero_slice(self) -> Complex:
         """(3 f + 2,) the slice t = 0."""
-        plain = np.zeros(3 * len(self.tables.wanted) + 2, dtype=complex)
+        plain = np.zeros(3 * self.tables.features + 2, dtype=complex)
         plain[-2] = 1.0
         return plain
 
     @cached_property
     def _step_work(self) -> float:
-        """What a step along a path costs: least squares, derivatives, and places."""
-        rows, columns = self.scratch.matrix.shape
+        """Cost of a step along a path: least squares, derivatives, and placements."""
+        rows, columns = len(self.scratch.residual), len(self.passive) + 1
         return float(rows * columns * (columns + 20) + 3000)
 
-    def lead(self, solutions: Complex, path: Path) -> Led:
-        """Leads solutions (count, k + 1) along a path."""
-        led = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
-        ends, records = np.zeros(len(led), dtype=np.int64), np.zeros((len(led), 2))
-        if len(led) < _MANY or _CORES == 1:
-            track(self.tables, path, led, ends, records, self.scratch)
+    def track(self, solutions: Complex, path: ParameterPath) -> Tracked:
+        """Continue solutions (count, k + 1) along a path."""
+        found = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
+        ends, records = np.zeros(len(found), dtype=np.int64), np.zeros((len(found), 2))
+        if len(found) < _MANY or _CORES == 1:
+            kernel.track(self.tables, path, found, ends, records, self.scratch)
         else:
-            shares = [slice(k, k + _SHARE) for k in range(0, len(led), _SHARE)]
+            shares = [slice(k, k + _SHARE) for k in range(0, len(found), _SHARE)]
 
             def follow(share: slice) -> None:
-                scratch = scratch_of(self.tables, len(self.passive), len(self.motors))
-                track(self.tables, path, led[share], ends[share], records[share], scratch)
+                scratch = scratch_of(self.tables, len(self.passive))
+                kernel.track(self.tables, path, found[share], ends[share], records[share], scratch)
 
             with ThreadPoolExecutor(_CORES) as threads:  # the kernel does without Python's lock
                 list(threads.map(follow, shares))
         self.work += float(records[:, 1].sum()) * self._step_work
-        return Led(led, ends, records[:, 0])
+        return Tracked(found, ends, records[:, 0])
 
     def random(self, rng: np.random.Generator, count: int) -> Complex:
-        """(count, k + 1) unknowns to start from; t = 0."""
+        """Return random unknowns (count, k + 1) to start from; t = 0."""
         shape = count, len(self.passive) + 1
         drawn = np.pi * rng.uniform(-1.0, 1.0, size=shape) + 0.5j * rng.normal(size=shape)
         drawn[:, -1] = 0.0
         return np.asarray(drawn)
 
-    def settled(self, guesses: Complex, path: Path) -> tuple[Complex, int]:
-        """Regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from guesses (count, k + 1);
-        and how many guesses led to others, of which there is a curve."""
+    def solve_from(self, guesses: Complex, path: ParameterPath) -> tuple[Complex, int]:
+        """Return the regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from guesses
+        (count, k + 1); and how many guesses led to others, of which there is a curve."""
         there = np.array(guesses, dtype=complex, order="C")
         ends = np.zeros(len(there), dtype=np.int64)
-        settle(self.tables, path, there, ends, self.scratch)
-        self.work += _SETTLING * len(there) * self._step_work
-        return there[ends == ARRIVED], int((ends == SINGULAR).sum())
+        kernel.solve_from(self.tables, path, there, ends, self.scratch)
+        self.work += _NEWTON_WORK * len(there) * self._step_work
+        return there[ends == kernel.ARRIVED], int((ends == kernel.SINGULAR).sum())
 
-    def can_move(self, solution: Complex, motors: Array) -> bool:
-        """Whether a singular solution (k + 1,) lies on a curve of solutions, on which features move: motors held, it
+    def can_move(self, solution: Complex, locked: Array) -> bool:
+        """Return whether a singular solution (k + 1,) lies on a curve of solutions on which features move: whether it
         can move farther than infinitesimally."""
-        path = self.at(motors)
-        residuals(self.tables, path, solution, self.scratch)
-        _, sigma, vh = np.linalg.svd(self.scratch.matrix[:-1, :-1])
+        _, sigma, vh = np.linalg.svd(self.jacobian(solution, locked))
         own = int((sigma > _SINGULAR * sigma[0]).sum())
-        fewer = self.tables._replace(rank=own + 1)
+        fewer, path = self.tables._replace(rank=own + 1), self.fixed(locked)
         for direction in vh[own:].conj():
             ahead = solution.copy()
             ahead[:-1] += _STEP * direction / np.abs(direction).max()
             there, ends = ahead[None].copy(), np.zeros(1, dtype=np.int64)
-            settle(fewer, path, there, ends, self.scratch)
-            here, meant, moved = self.features(np.array([solution, ahead, there[0]]), motors)
+            kernel.solve_from(fewer, path, there, ends, self.scratch)
+            here, meant, moved = self.features(np.array([solution, ahead, there[0]]), locked)
             far = float(np.abs(meant - here).max(initial=0.0))
-            if ends[0] != LOST and far > _IDLE and np.abs(moved - here).max(initial=0.0) > 0.5 * far:
+            if ends[0] != kernel.LOST and far > _IDLE and np.abs(moved - here).max(initial=0.0) > 0.5 * far:
                 return True
         return False
 
-    def features(self, solutions: Complex, where: Complex | Array | Path) -> Complex:
-        """(count, 3 f) points and directions that tell solutions apart, at motors (motors,) or a path's beginning."""
-        path = where if isinstance(where, Path) else self.at(where)
+    def features(self, solutions: Complex, where: Complex | Array | ParameterPath) -> Complex:
+        """Return points and directions (count, 3 f) that tell solutions (count, k + 1) apart, at values (locked,) or at
+        a path's beginning."""
+        path = where if isinstance(where, ParameterPath) else self.fixed(where)
         given = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
-        out = np.zeros((len(given), len(self.tables.wanted), 3), dtype=complex)
-        measure(self.tables, path, given, out, self.scratch)
-        return out.reshape(len(given), 3 * len(self.tables.wanted))
+        out = np.zeros((len(given), self.tables.features, 3), dtype=complex)
+        kernel.write_features(self.tables, path, given, out, self.scratch)
+        return out.reshape(len(given), 3 * self.tables.features)
 
 
-def scratch_of(tables: Tables, passive: int, motors: int) -> Scratch:
-    """Memory for a linkage of so many unknowns and motors."""
-    sizes = {BALL: 3, REVOLUTE: 6, PRISMATIC: 11, RIGID: 12}
-    rows = sum(sizes[int(kind)] for kind in tables.loops[:, KIND]) + 1
-    features, unknowns = len(tables.wanted), passive + 1
+class DistinctSolutions:
+    """Solutions that differ in their features, in the order in which they were found.
+
+    Args:
+        features: returns the features (count, f) of solutions (count, k + 1).
+
+    Attributes:
+        array: (count, k + 1) the solutions.
+    """
+
+    def __init__(self, features: Callable[[Complex], Complex]) -> None:
+        self._features = features
+        self._known: Complex | None = None
+        self.array: Complex = np.zeros((0, 0), dtype=complex)
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def add(self, solutions: Complex) -> int:
+        """Add those of solutions (count, k + 1) that are new; return how many."""
+        before = len(self)
+        self.indices(solutions)
+        return len(self) - before
+
+    def indices(self, solutions: Complex) -> list[int]:
+        """Add those of solutions (count, k + 1) that are new; return where in `array` each is, -1 if it isn't
+        finite."""
+        if not len(solutions):
+            return []
+        features = self._features(solutions)
+        if self._known is None:
+            self._known = np.zeros((0, features.shape[1]), dtype=complex)
+            self.array = np.zeros((0, solutions.shape[1]), dtype=complex)
+        found = []
+        for solution, its in zip(solutions, features, strict=True):
+            if not np.isfinite(its).all():
+                found.append(-1)
+                continue
+            size = np.maximum(1.0, np.abs(np.vstack([self._known, its])).max(axis=1, initial=0.0))
+            apart = np.abs(self._known - its).max(axis=1, initial=0.0)
+            known = np.flatnonzero(apart < SAME * np.maximum(size[:-1], size[-1]))
+            found.append(int(known[0]) if len(known) else len(self))
+            if not len(known):
+                self._known = np.vstack([self._known, its])
+                self.array = np.vstack([self.array, solution])
+        return found
+
+
+def attached(cuts: Sequence[CutJoint], features: Sequence[Feature] = ()) -> tuple[Table, Array, Table, Table]:
+    """Return the vectors (c, 2), their coordinates (c, 3), differences (d, 2) and products (p, 3) of `LinkageTables`
+    for cut joints: of each first the second end's origin, the first end's, then likewise x, y, z axes as needed."""
+    vectors: list[tuple[int, bool]] = [(feature.body, feature.is_direction) for feature in features]
+    local: list[Array] = [feature.local for feature in features]
+    differences, products = list[tuple[int, int]](), list[tuple[int, int, int]]()
+
+    def pair(cut: CutJoint, row: int) -> tuple[int, int]:
+        vectors.extend((body, row < 3) for body in cut.bodies[::-1])
+        local.extend(cut.anchors[::-1, row])
+        return len(vectors) - 2, len(vectors) - 1
+
+    for cut in cuts:
+        points = pair(cut, 3)
+        axes = {LoopKind.BALL: (), LoopKind.REVOLUTE: (2,)}.get(cut.kind, (0, 1, 2))
+        ends = [pair(cut, row) for row in axes]
+        if cut.kind is LoopKind.PRISMATIC:
+            products += [(end[1], *points) for end in ends[:2]]
+            differences += ends
+        else:
+            differences += [points, *ends]
+    return (
+        np.array(vectors, dtype=np.int64).reshape(-1, 2), np.array(local).reshape(-1, 3),
+        np.array(differences, dtype=np.int64).reshape(-1, 2), np.array(products, dtype=np.int64).reshape(-1, 3),
+    )  # fmt: skip
+
+
+def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
+    """Allocate working memory for a linkage with so many passive joints."""
+    rows, features = 3 * len(tables.differences) + len(tables.products) + 1, tables.features
+    joints, unknowns = len(tables.joints), passive + 1
 
     def zeros(*shape: int) -> Complex:
         return np.zeros(shape, dtype=np.complex128)
 
-    return Scratch(
-        line=zeros(motors, 2), slice=zeros(3 * features + 2), bodies=zeros(len(tables.joints) + 1, 5, 3),
-        found=zeros(features, 3), vectors=zeros(6, 3), matrix=zeros(rows, unknowns), motors=zeros(rows, motors),
-        residual=zeros(rows), order=np.zeros(unknowns, dtype=np.int64), stages=zeros(6, unknowns),
+    return LinkageScratch(
+        line=zeros(joints - passive, 2), slice=zeros(3 * features + 2), bodies=zeros(joints + 1, 5, 3),
+        vectors=zeros(len(tables.vectors), 3), matrix=zeros(joints + 1, rows), residual=zeros(rows),
+        order=np.zeros(unknowns, dtype=np.int64), stages=zeros(6, unknowns),
     )  # fmt: skip
 
 
-def _surplus(mechanism: Mechanism, rows: list[Array], columns: list[int], names: list[str]) -> tuple[str, ...]:
-    """Motors that are one too many: what they do is determined by the others."""
+def _check_joints(mechanism: Mechanism) -> None:
+    if not mechanism.loops:
+        raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
+    model = mechanism.model
+    for name, joint in zip(model.names, model.joints, strict=True):
+        if joint.nv > 1 and joint.idx_v >= 0 and not (mechanism.floating and joint.nv == 6):
+            raise ModesError(
+                f"{mechanism.name}: joint '{name}' has {joint.nv} DoF; assembly modes are computed for revolute and "
+                "prismatic joints: write a ball joint as three revolute joints"
+            )
+
+
+def _redundant(mechanism: Mechanism, rows: list[Array], columns: list[int], names: list[str]) -> tuple[str, ...]:
+    """Return the actuated joints whose values follow from those of the others."""
     count = mechanism.loop_rank - mechanism.passive_rank
     if count == 0:
         return ()

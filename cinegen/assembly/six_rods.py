@@ -7,97 +7,97 @@ from typing import Protocol
 
 import numpy as np
 
-from cinegen.assembly.assembly import Assembly
-from cinegen.assembly.families import Family, Groups, Legs
-from cinegen.assembly.found import Approach, Found, Paths, closed, nearest
+from cinegen.assembly.families import Family, RigidGroups, SixLegs
+from cinegen.assembly.leg_assembly import LegAssembly, is_out_of_reach
 from cinegen.assembly.linkage import Array, Linkage, ModesError
-from cinegen.assembly.reach import is_out_of_reach
-from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes
+from cinegen.assembly.results import AssemblyModes, NearestConfiguration
+from cinegen.hexapod import TSSM, Hexapod, HexapodError, NearestPlacement, PlatformModes, SolutionCounts
 from raff2urdf.closure import CLOSED
 
-_ONE = 1e-9  # characteristic lengths: points that are one
-_SMALL = 1e-9  # ... and what a rod may miss
+_SAME = 1e-9  # characteristic lengths: points that coincide
+_SMALL = 1e-9  # ... and a length error of no importance
 _STARTS = 8
 
 
 class _Solver(Protocol):
-    """What knows all modes of six rods."""
+    """Computes all modes of six rods."""
 
     def modes(self, lengths: Array) -> PlatformModes: ...
 
 
 class SixRods:
-    """Solves a linkage for one set of values of its motors after another.
+    """Solves a linkage for one set of values of its locked joints after another.
 
-    By J.-P. Merlet's polynomial where the rods' ends meet in pairs on the platform or on the base, else by homotopy
-    from a platform whose 40 modes are known.
+    By J.-P. Merlet's elimination if the rods' ends meet in pairs on the platform or on the base, else by homotopy from
+    a platform whose 40 modes are known.
 
     Args:
-        linkage: whose.
+        linkage: to solve.
         family: with six rods.
     """
 
     def __init__(self, linkage: Linkage, family: Family) -> None:
-        self._linkage, self._family, self._groups = linkage, family, Groups(linkage)
-        self._platform: tuple[Legs, _Solver] | None = None
-        self._assembly: Assembly | None = None
+        self._linkage, self._family, self._groups = linkage, family, RigidGroups(linkage)
+        self._platform: tuple[SixLegs, _Solver] | None = None
+        self._assembly: LegAssembly | None = None
 
-    def check(self, motors: Array) -> None:
-        """Whether rods can determine where the platform is.
+    def check(self, locked: Array) -> None:
+        """Check that rods can determine the platform's placement.
 
         Raises:
             ModesError: they are too special for that; says how.
         """
-        self._solver(self._family.legs(self._groups, motors))
+        self._solver(self._family.legs(self._groups, locked))
 
-    def modes(self, motors: Array) -> Found:
-        """All modes with the motors at (motors,), without unit.
+    def modes(self, asked: Array) -> AssemblyModes:
+        """Return all modes with the locked joints as in q (nq,) `asked`.
 
         Raises:
-            ModesError: the rods don't determine where the platform is, or are none.
+            ModesError: the rods don't determine the platform's placement.
         """
-        legs = self._family.legs(self._groups, motors)
-        solver = self._solver(legs)
+        linkage, mechanism, locked = self._linkage, self._linkage.mechanism, self._linkage.locked_values(asked)
+        legs = self._family.legs(self._groups, locked)
         try:
-            found = solver.modes(legs.lengths * self._linkage.mechanism.length)
+            found = self._solver(legs).modes(legs.lengths * mechanism.length)
         except HexapodError as error:
-            raise ModesError(f"{self._linkage.mechanism.name}: {error}") from None
-        words = found.method
+            raise ModesError(f"{mechanism.name}: {error}") from None
         placements = found.placements.copy()
-        placements[:, :3, 3] /= self._linkage.mechanism.length
+        placements[:, :3, 3] /= mechanism.length
         if self._assembly is None:
-            self._assembly = Assembly(self._linkage, legs.member)
+            self._assembly = LegAssembly(linkage, legs.member)
         configurations, coincident, lost, beyond = list[Array](), list[int](), 0, 0
-        platform = self._family.platform
-        for placement, count in zip(placements, found.coincident, strict=True):
-            solution = self._assembly.unknowns(placement, motors)
-            q = None if solution is None else closed(self._linkage, self._linkage.configuration(solution, motors))
-            if q is None:
-                out = any(is_out_of_reach(self._groups, rod, platform, placement, motors) for rod in self._family.rods)
-                beyond, lost = beyond + out, lost + (not out)
-                continue
-            configurations.append(q)
-            coincident.append(max(int(count), 1))
+        for placement, count in zip(placements, found.coincident.tolist(), strict=True):
+            solution = self._assembly.unknowns(placement, locked)
+            q = None if solution is None else linkage.closed(linkage.configuration(solution, locked))
+            if q is not None:
+                configurations.append(q)
+                coincident.append(max(count, 1))
+            elif self._is_out_of_reach(placement, locked):
+                beyond += 1
+            else:
+                lost += 1
+        method = found.method
         if beyond:
-            words += f"; {beyond} of them out of reach of a universal joint"
+            method += f"; {beyond} of them out of reach of a universal joint"
         if lost:
-            words += f"; the legs of {lost} were not assembled"
-        closest = None if configurations else self._closest(found.closest, motors)
-        counts, real = found.counts, sum(coincident)
-        missing = counts.lost + lost
-        paths = Paths(
-            real=real,
-            complex=counts.total - real - counts.infinite - missing,
-            infinite=counts.infinite,
-            multiple=counts.multiple,
-            lost=missing,
-        )
-        complete = found.complete and lost == 0
-        if closest is not None and closest.gap <= CLOSED:  # on a curve of configurations, of which no root tells
-            return Found((closest.q,), (1,), False, f"{words}; one was found by descent", paths)
-        return Found(tuple(configurations), tuple(coincident), complete, words, paths, closest)
+            method += f"; the legs of {lost} were not assembled"
+        closest, complete = None, found.complete and lost == 0
+        counts, real, missing = found.counts, sum(coincident), found.counts.lost + lost
+        complex_ = counts.total - real - counts.infinite - missing
+        counts = SolutionCounts(real, complex_, counts.infinite, counts.multiple, missing)
+        if not configurations:
+            closest = self._closest(found.closest, locked)
+            if closest.gap <= CLOSED:  # on a curve of configurations, which no root shows
+                method += "; one was found by descent"
+                configurations, coincident, complete, closest = [closest.q], [1], False, None
+        values, modes = linkage.actuated_values(asked), tuple(configurations)
+        return AssemblyModes(mechanism, values, modes, tuple(coincident), complete, method, counts, closest)
 
-    def _solver(self, legs: Legs) -> _Solver:
+    def _is_out_of_reach(self, placement: Array, locked: Array) -> bool:
+        platform = self._family.platform
+        return any(is_out_of_reach(self._groups, rod, platform, placement, locked) for rod in self._family.rods)
+
+    def _solver(self, legs: SixLegs) -> _Solver:
         if self._platform is not None:
             known, solver = self._platform
             if np.array_equal(known.base, legs.base) and np.array_equal(known.platform, legs.platform):
@@ -109,30 +109,28 @@ class SixRods:
         self._platform = legs, solver
         return solver
 
-    def _closest(self, approach: NearestPlacement | None, motors: Array) -> Approach:
-        """What least squares come to, and which rods miss their lengths by how much where that is least of all."""
+    def _closest(self, nearest: NearestPlacement | None, locked: Array) -> NearestConfiguration:
+        """Return what least squares reach, with the length errors of rods where these are least."""
         linkage, length = self._linkage, self._linkage.mechanism.length
         home, rng = linkage.unknowns(linkage.mechanism.q_home), np.random.default_rng(0)
         away = rng.uniform(-np.pi, np.pi, size=(_STARTS, len(home)))
-        starts = [linkage.configuration(home + way, motors) for way in np.vstack([0.0 * home.real, away])]
-        if approach is None:
-            return nearest(linkage, starts)
+        starts = [linkage.configuration(home + step, locked) for step in np.vstack([0.0 * home.real, away])]
+        if nearest is None:
+            return linkage.nearest(starts)
         missing = [
-            f"{name} is {abs(miss):.3g} m too {'long' if miss < 0.0 else 'short'}"
-            for name, miss in zip(self._family.names, approach.errors, strict=True)
-            if abs(miss) > _SMALL * length
+            f"{name} is {abs(error):.3g} m too {'long' if error < 0.0 else 'short'}"
+            for name, error in zip(self._family.names, nearest.errors, strict=True)
+            if abs(error) > _SMALL * length
         ]
-        return nearest(linkage, starts, f"where they miss least, {', '.join(missing)}")
+        return linkage.nearest(starts, f"at the smallest length errors, {', '.join(missing)}")
 
 
-def _solver_of(legs: Legs, length: float) -> _Solver:
-    """In metres, so that what it says is in metres."""
+def _solver_of(legs: SixLegs, length: float) -> _Solver:
+    """Return the solver, in metres, so that its messages are in metres."""
     for points, others in ((legs.platform, legs.base), (legs.base, legs.platform)):
-        apart = np.linalg.norm(points[:, None] - points[None], axis=2) < _ONE
-        groups = [tuple(np.flatnonzero(row)) for row in apart]
-        if sorted(map(len, groups)) == [2] * 6:
-            first = sorted({group[0] for group in groups})
-            which = np.array([first.index(group[0]) for group in groups])
+        apart = np.linalg.norm(points[:, None] - points[None], axis=2) < _SAME
+        first, which = np.unique(apart.argmax(axis=1), return_inverse=True)
+        if sorted(apart.sum(axis=1)) == [2] * 6 and len(first) == 3:
             try:
                 solver = TSSM(length * others, length * points[first], which)
             except HexapodError:
@@ -148,7 +146,7 @@ class _Inverted:
         self._solver = solver
 
     def modes(self, lengths: Array) -> PlatformModes:
-        """All modes for lengths (6,)."""
+        """Return all modes for lengths (6,)."""
         found = self._solver.modes(lengths)
         closest = found.closest
         if closest is not None:

@@ -76,7 +76,7 @@ def run(
         asked = None if at is None else _pose(mechanism, at, node or mechanism.end)
         given = _solved(mechanism, asked) if asked else None if lengths is None else _values(mechanism, lengths)
         with Progress() as progress:
-            modes = assembly_modes(mechanism, given, method, say=progress.text)
+            modes = assembly_modes(mechanism, given, method, report=progress.text)
         if not json:
             print(("\n" if reports else "") + "\n".join(_lines(name, modes, node, asked)))
         reports.append(modes.as_dict())
@@ -192,7 +192,7 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
     lines = [heading, *(line.replace(_JOINED, " ") for line in wrapped), ""]
     lines += [*_table(modes, node, asked), ""] if len(modes) else []
     if modes.closest is not None:
-        lines += textwrap.wrap(f"The closest configuration: {modes.closest.words}.", _WIDTH - 2)
+        lines += textwrap.wrap(f"The closest configuration: {modes.closest.message}.", _WIDTH - 2)
     proof = {
         (True, True): "These are all.", (True, False): "There is none.",
         (False, True): "There may be more.", (False, False): "None was found.",

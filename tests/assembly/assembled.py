@@ -39,7 +39,7 @@ def sound(modes: AssemblyModes, nodes: Sequence[str] | None = None, count: int |
         seen.append(there)
     assert count is None or len(modes) == count, modes
     assert len(modes.coincident) == len(modes)
-    assert modes.paths.real == sum(modes.coincident)
+    assert modes.counts.real == sum(modes.coincident)
     return seen
 
 

@@ -28,11 +28,12 @@ from linkages import (
 from numpy.random import default_rng as rng
 
 import cinegen
-from cinegen.assembly import ModesError, Paths, assembly_modes
+from cinegen.assembly import ModesError, assembly_modes
 from cinegen.assembly.families import recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage
 from cinegen.assembly.monodromy import Monodromy
+from cinegen.hexapod import SolutionCounts
 from raff2urdf.closure import passive
 
 # --- any mechanism ------------------------------------------------------------------------------------------------
@@ -42,11 +43,11 @@ def test_what_is_known_is_found_without_knowing_it_too(robot):
     """40 by M. Raghavan, which monodromy is not told; the trace test says that none of these is missing."""
     said = []
     m = robot("gough")
-    one, two = assembly_modes(m), assembly_modes(m, method="monodromy", say=said.append)
+    one, two = assembly_modes(m), assembly_modes(m, method="monodromy", report=said.append)
     assert one.complete
     assert one.trace_test is None
     traced(two)
-    assert two.paths.real + two.paths.complex == 40
+    assert two.counts.real + two.counts.complex == 40
     alike(sound(one, [m.end]), sound(two, [m.end]))
     assert any("trace test" in sentence for sentence in said)
 
@@ -67,7 +68,7 @@ def test_a_symmetric_tripod_has_two_modes_of_operation_of_eight(robot):
     m = robot("hybrid")
     modes = assembly_modes(m, home(m) * 1.01)
     sound(modes, [m.end])
-    assert modes.paths.real + modes.paths.complex == 16
+    assert modes.counts.real + modes.counts.complex == 16
     assert "2 sets that no closed path has joined" in modes.method
     traced(modes)
     nothing_beside(modes, [m.end])
@@ -79,7 +80,7 @@ def test_a_general_6r_chain_reaches_a_place_in_sixteen_ways(built):
     m = built(ring([hinge(r.uniform(-1, 1, 3), making.direction(r), k == 0) for k in range(7)], 3))
     modes = assembly_modes(m, home(m) + 0.1)
     sound(modes)
-    assert modes.paths.real + modes.paths.complex == 16
+    assert modes.counts.real + modes.counts.complex == 16
     traced(modes)
     nothing_beside(modes, ["tool"])
 
@@ -110,7 +111,7 @@ def test_joints_below_and_above_don_t_count(built):
     sound(two, count=len(one))
     traced(one)
     traced(two)
-    assert one.paths == two.paths
+    assert one.counts == two.counts
 
 
 @pytest.mark.parametrize(("seed", "words"), [(23, "PPS RPS"), (27, "PPS RRR"), (34, "UPS RUS")])
@@ -150,7 +151,7 @@ def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built
         assert np.abs(coupler[0] @ np.linalg.inv(coupler[1]) - moved).max() < 1e-6
     none = assembly_modes(two, home(two) + np.array([0.2, 0.5]))
     assert (len(none), none.complete) == (0, True)
-    assert "contradict" in none.closest.words
+    assert "contradict" in none.closest.message
 
 
 # --- singular values ----------------------------------------------------------------------------------------------
@@ -175,7 +176,7 @@ def test_two_modes_that_meet_are_said_to_coincide(symmetric, past, method):
     modes = assembly_modes(symmetric, home(symmetric) + np.array([turn, -turn]), method)
     sound(modes, count=1)
     assert modes.coincident == (2,)
-    assert modes.paths.multiple == 2
+    assert modes.counts.multiple == 2
     if method == "monodromy":
         traced(modes)
     else:
@@ -191,7 +192,7 @@ def test_two_modes_that_almost_meet_are_two_and_what_just_fails_is_said(symmetri
     assert (modes.closest is None) == bool(count)
     if not count:
         assert 0.1 * past < modes.closest.gap < 10.0 * past
-        assert "open stay" in modes.closest.words
+        assert "open stay" in modes.closest.message
 
 
 def test_where_knees_meet_there_is_a_curve_of_configurations(symmetric):
@@ -251,9 +252,10 @@ def test_no_claim_is_made_where_solutions_went_to_infinity_or_random_starts_met_
     linkage = Linkage(m)
     family = recognise(linkage)
     homotopy, fibre = Homotopy(linkage, family), Monodromy(linkage, family.bound).fibre()
-    assert homotopy._status(fibre, Paths(real=2, complex=4), False)[0]
-    for paths, there in ((Paths(real=2, complex=3, infinite=1), fibre), (Paths(real=6), replace(fibre, loose=1))):
-        complete, trace_test, words = homotopy._status(there, paths, False)
+    assert homotopy._status(fibre, SolutionCounts(real=2, complex=4), False)[0]
+    infinite = SolutionCounts(real=2, complex=3, infinite=1)
+    for counts, there in ((infinite, fibre), (SolutionCounts(real=6), replace(fibre, loose=1))):
+        complete, trace_test, words = homotopy._status(there, counts, False)
         assert (complete, trace_test) == (False, None)
         assert "curves of configurations are not excluded" in words or "don't determine it" in words
 
@@ -263,7 +265,7 @@ def test_a_ball_joint_whose_axes_are_in_line_loses_no_mode(built):
     plain, locked = built(tripod(rng(0))), built(tripod(rng(0), locked=(0,)))
     one, two = assembly_modes(plain), assembly_modes(locked)
     sound(two, ["tool"], len(one))
-    assert two.paths.multiple == 1
+    assert two.counts.multiple == 1
     traced(two)
     start = [np.linalg.inv(places(m, m.q_home, ["tool"])[0]) for m in (plain, locked)]
     alike(
@@ -276,7 +278,7 @@ def test_what_no_rods_reach_is_said_of_each(robot):
     m = robot("gough")
     modes = assembly_modes(m, home(m) * [1.8, 1, 1, 1, 0.6, 1])
     assert (len(modes), modes.complete) == (0, True)
-    assert sum(f"the rod of '{name}'" in modes.closest.words for name in m.actuated) == 6
+    assert sum(f"the rod of '{name}'" in modes.closest.message for name in m.actuated) == 6
     assert np.allclose([modes.closest.q[m.q_index(n)] for n in m.actuated], modes.actuated)
 
 
@@ -308,7 +310,7 @@ def test_rods_that_are_too_special_are_named(built, special, words):
 def test_values_that_are_none_are_refused(robot):
     m = robot("five_bar")
     for wrong, words in (
-        ([0.1], "2 motors"),
+        ([0.1], "2 actuated joints"),
         ([0.1, np.nan], "not finite"),
         (["a", "b"], "no numbers"),
         ([0.1] * 3, "3 values"),
@@ -343,7 +345,7 @@ def test_modes_are_a_sequence_that_travels(robot):
     assert copy.method == modes.method
     assert (modes[0] == m.close(m.q_home)).all() or np.abs(modes[0] - m.q_home).max() < 1e-9  # nearest to home first
     assert len(modes[:1]) == 1
-    assert set(modes.as_dict()) >= {"actuated", "complete", "trace_test", "method", "paths", "modes", "closest"}
+    assert set(modes.as_dict()) >= {"actuated", "complete", "trace_test", "method", "counts", "modes", "closest"}
     assert "2 assembly modes" in repr(modes)
 
 

@@ -196,7 +196,7 @@ def test_a_deltas_modes_are_where_three_spheres_meet(built, seed, linear):
     alike([s[0, :3, 3] - start[:3, 3] + heads[0] for s in seen], expected, 1e-9)
     assert all(np.abs(s[0, :3, :3] - start[:3, :3]).max() < 1e-9 for s in seen)
     assert not modes.complete
-    assert "2 modes, proved; modes in which it has turned are not among them" in modes.method
+    assert "2 modes, proved; modes in which it has rotated are not among them" in modes.method
 
 
 # --- three legs in a plane, or about a point ----------------------------------------------------------------------
@@ -254,7 +254,7 @@ def test_three_legs_in_a_plane_are_a_sextic(built, word, seed):
         found = [s[0] @ start for s in seen]
         alike([np.array([f[0, 0], f[1, 0], f[0, 3], f[1, 3]]) for f in found], expected)
         assert modes.complete
-        assert count == modes.paths.real + modes.paths.complex == 6
+        assert count == modes.counts.real + modes.counts.complex == 6
 
 
 def spherical_poses(on_base, on_platform, cosines):
@@ -301,7 +301,7 @@ def test_three_legs_about_a_point_are_an_octic(built, seed):
     expected = spherical_poses(on_base, [leg[2] for leg in legs], [leg[1] @ leg[2] for leg in legs])
     seen = sound(modes, ["tool"], len(expected))
     alike([s[0, :3, :3] @ start.T for s in seen], expected, 1e-6)
-    assert modes.paths.real + modes.paths.complex == 8
+    assert modes.counts.real + modes.counts.complex == 8
     assert modes.complete
 
 
@@ -339,7 +339,7 @@ def test_six_rods_have_forty_modes_of_which_an_even_number_is_real(built, word):
     lengths, asked = rods_of(m, modes, word)
     sound(modes, ["tool"])
     assert len(modes) % 2 == 0 < len(modes)
-    assert modes.paths.real + modes.paths.complex == 40
+    assert modes.counts.real + modes.counts.complex == 40
     assert modes.complete
     assert np.abs(lengths - asked - (shift if word in ("UpS", "SpS", "SpU") else 0.0)).max() < 1e-9
     nothing_beside(modes, ["tool"], 10)
@@ -408,5 +408,5 @@ def test_a_tripod_is_a_platform_on_three_pairs_of_rods(built):
     start = places(m, m.q_home, ["tool"])[0]
     seen = sound(modes, ["tool"])
     alike([s[0] @ np.linalg.inv(start) for s in seen], list(TSSM(base, heads).modes(lengths).placements))
-    assert modes.paths.real + modes.paths.complex == 16
+    assert modes.counts.real + modes.counts.complex == 16
     traced(modes)

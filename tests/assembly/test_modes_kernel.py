@@ -10,12 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.assembly._kernels import ARRIVED, SINGULAR, Path, residuals, solve
-from cinegen.assembly.distinct import Distinct
-from cinegen.assembly.endgame import ends
-from cinegen.assembly.linkage import ACCURACY, Linkage
+from cinegen.assembly._kernels import ARRIVED, SINGULAR, ParameterPath, evaluate, solve
+from cinegen.assembly.endgame import path_ends
+from cinegen.assembly.linkage import ACCURACY, DistinctSolutions, Linkage
 from cinegen.assembly.monodromy import Monodromy
-from cinegen.assembly.trace import Trace
+from cinegen.assembly.trace_test import TraceTest
 
 ROBOTS = ("five_bar", "hybrid", "gough", "delta4", "delta4_linear", "sr400")
 
@@ -33,16 +32,14 @@ def test_loops_close_and_features_are_where_the_model_has_them(robot, name):
     m = robot(name)
     linkage = Linkage(m)
     for q in m.samples:
-        motors, x = linkage.motor_values(q), linkage.unknowns(q)
-        residuals(linkage.tables, linkage.at(motors), x, linkage.scratch)
+        motors, x = linkage.locked_values(q), linkage.unknowns(q)
+        evaluate(linkage.tables, linkage.fixed(motors), x, linkage.scratch)
         assert np.abs(linkage.scratch.residual).max() < 1e-11
         assert np.abs(linkage.configuration(x, motors) - q)[_turns(m, q)].max(initial=0.0) < 1e-12
         m.system.evaluate(q)
+        features = linkage.features(x[None], motors)[0].reshape(-1, 3)
         for (body, direction), local, found in zip(
-            linkage.tables.wanted,
-            linkage.tables.local,
-            linkage.features(x[None], motors)[0].reshape(-1, 3),
-            strict=True,
+            linkage.tables.vectors, linkage.tables.local, features, strict=False
         ):
             placement = m.system.data.oMi[int(body) + linkage.root]
             there = placement.rotation @ local if direction else placement.act(local * m.length) / m.length
@@ -59,14 +56,14 @@ def _turns(m, q):
 def test_derivatives_are_those_of_the_equations_in_complex_numbers(robot, name, algebraic):
     m, rng = robot(name), np.random.default_rng(0)
     linkage = Linkage(m)
-    count = len(linkage.motors)
+    count = len(linkage.locked)
     line = 0.5 * (rng.normal(size=(count, 2)) + 1j * rng.normal(size=(count, 2)))
-    cut = rng.normal(size=len(linkage.fibre)) + 1j * rng.normal(size=len(linkage.fibre))
-    path = Path(np.array([line, line]), np.array([cut, cut]), algebraic, ACCURACY)
+    cut = rng.normal(size=len(linkage.zero_slice)) + 1j * rng.normal(size=len(linkage.zero_slice))
+    path = ParameterPath(np.array([line, line]), np.array([cut, cut]), algebraic, ACCURACY)
     x = 0.7 * (rng.normal(size=len(linkage.passive) + 1) + 1j * rng.normal(size=len(linkage.passive) + 1))
 
     def at(x):
-        residuals(linkage.tables, path, x, linkage.scratch)
+        evaluate(linkage.tables, path, x, linkage.scratch)
         return linkage.scratch.residual.copy()
 
     at(x)
@@ -75,7 +72,7 @@ def test_derivatives_are_those_of_the_equations_in_complex_numbers(robot, name, 
         away = np.zeros(len(x))
         away[k] = step
         difference = (at(x + away) - at(x - away)) / (2.0 * step)
-        assert np.abs(difference - matrix[:, k]).max() < 1e-7 * (1.0 + np.abs(matrix[:, k]).max())
+        assert np.abs(difference - matrix[k]).max() < 1e-7 * (1.0 + np.abs(matrix[k]).max())
 
 
 @settings(max_examples=15)
@@ -89,7 +86,7 @@ def test_least_squares_are_numpys(seed, columns, more, fewer):
 
     matrix, right = general(rows, rank) @ general(rank, columns), general(rows)
     step = np.zeros(columns, dtype=complex)
-    pivot = solve(matrix.copy(), right.copy(), rank, np.zeros(columns, dtype=np.int64), step)
+    pivot = solve(matrix.T.copy(), columns, right.copy(), rank, np.zeros(columns, dtype=np.int64), step)
     expected, _, _, sigma = np.linalg.lstsq(matrix, right, rcond=1e-10)
     assert np.abs(matrix @ (step - expected)).max() < 1e-9 * np.abs(right).max() / (sigma[rank - 1] / sigma[0])
     assert pivot > 0.0
@@ -98,13 +95,13 @@ def test_least_squares_are_numpys(seed, columns, more, fewer):
 
 def test_a_path_and_back_is_where_it_began(hybrid):
     _, linkage, fibre = hybrid
-    away = fibre.motors + 0.7 - 0.4j
-    there = linkage.lead(fibre.solutions, linkage.way(fibre.motors, away))
-    back = linkage.lead(there.solutions, linkage.way(away, fibre.motors))
+    away = fibre.locked + 0.7 - 0.4j
+    there = linkage.track(fibre.solutions, linkage.straight(fibre.locked, away))
+    back = linkage.track(there.solutions, linkage.straight(away, fibre.locked))
     assert (there.ends == ARRIVED).all()
     assert (back.ends == ARRIVED).all()
     assert np.abs(back.solutions - fibre.solutions).max() < 1e-8
-    residuals(linkage.tables, linkage.at(away), there.solutions[0], linkage.scratch)
+    evaluate(linkage.tables, linkage.fixed(away), there.solutions[0], linkage.scratch)
     assert np.abs(linkage.scratch.residual).max() < 1e-11
 
 
@@ -115,8 +112,8 @@ def test_fibres_are_the_same_whatever_the_seed(hybrid):
     assert other.degree == fibre.degree
     assert other.complete
     assert fibre.complete
-    led = linkage.lead(other.solutions, linkage.way(other.motors, fibre.motors))
-    both = Distinct(lambda solutions: linkage.features(solutions, fibre.motors))
+    led = linkage.track(other.solutions, linkage.straight(other.locked, fibre.locked))
+    both = DistinctSolutions(lambda solutions: linkage.features(solutions, fibre.locked))
     both.add(fibre.solutions)
     assert both.add(led.arrived) == 0
     assert home(mechanism).shape == (len(mechanism.actuated),)
@@ -125,13 +122,13 @@ def test_fibres_are_the_same_whatever_the_seed(hybrid):
 def test_the_trace_test_finds_what_is_missing(hybrid):
     """Of either of the two sets."""
     mechanism, linkage, fibre = hybrid
-    home, rng = linkage.motor_values(mechanism.q_home), np.random.default_rng(3)
-    trace = Trace(linkage, home, rng, lambda: False, lambda _: None)
-    led = linkage.lead(fibre.solutions, linkage.way(fibre.motors, trace.motors)).arrived
-    traced = trace.test(led[:14])
+    home, rng = linkage.locked_values(mechanism.q_home), np.random.default_rng(3)
+    trace = TraceTest(linkage, home, rng, lambda: False, lambda _: None)
+    led = linkage.track(fibre.solutions, linkage.straight(fibre.locked, trace.locked)).arrived
+    traced = trace.run(led[:14])
     assert traced.complete
     assert traced.degree == fibre.degree
-    found = Distinct(lambda solutions: linkage.features(solutions, trace.motors))
+    found = DistinctSolutions(lambda solutions: linkage.features(solutions, trace.locked))
     assert found.add(traced.solutions) == 16
     assert found.add(led) == 0
 
@@ -139,11 +136,11 @@ def test_the_trace_test_finds_what_is_missing(hybrid):
 def test_what_ends_in_a_double_point_is_found_there(hybrid):
     """Two solutions that meet, from values of the motors between those where they are real and complex."""
     mechanism, linkage, fibre = hybrid
-    start, goal = linkage.motor_values(mechanism.q_home), 1.6 * linkage.motor_values(mechanism.q_home)
-    goal[~linkage.leading] = start[~linkage.leading]
+    start, goal = linkage.locked_values(mechanism.q_home), 1.6 * linkage.locked_values(mechanism.q_home)
+    goal[~linkage.driving] = start[~linkage.driving]
 
     def real(s):
-        found = ends(linkage, fibre.solutions, fibre.motors, start + s * (goal - start))
+        found = path_ends(linkage, fibre.solutions, fibre.locked, start + s * (goal - start))
         return int((np.abs(found.features.imag).max(axis=1) < 1e-6).sum())
 
     low, high, many = 0.0, 1.0, real(0.0)
@@ -152,14 +149,14 @@ def test_what_ends_in_a_double_point_is_found_there(hybrid):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if real(middle) == many else (low, middle)
     for s in (low, high):
-        found = ends(linkage, fibre.solutions, fibre.motors, start + s * (goal - start))
+        found = path_ends(linkage, fibre.solutions, fibre.locked, start + s * (goal - start))
         assert found.count(ARRIVED) + found.count(SINGULAR) == 16
         between = np.abs(found.features[:, None] - found.features[None]).max(axis=2) + np.eye(16)
         assert (between.min(axis=1) < 1e-4).sum() >= 2
 
 
 def test_distinct_solutions_are_kept_once():
-    found = Distinct(lambda solutions: solutions[:, :1])
+    found = DistinctSolutions(lambda solutions: solutions[:, :1])
     assert found.add(np.array([[1.0, 5.0], [2.0, 5.0], [1.0 + 1e-9, 7.0]], dtype=complex)) == 2
-    assert found.places(np.array([[2.0, 0.0], [np.nan, 0.0], [3.0, 0.0]], dtype=complex)) == [1, -1, 2]
+    assert found.indices(np.array([[2.0, 0.0], [np.nan, 0.0], [3.0, 0.0]], dtype=complex)) == [1, -1, 2]
     assert len(found) == 3

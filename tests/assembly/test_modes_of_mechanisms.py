@@ -41,7 +41,7 @@ def check(modes) -> None:
         assert mechanism.closure(q) <= 1e-12
         for motor, value in zip(mechanism.actuated, modes.actuated, strict=True):
             assert q[mechanism.q_index(motor)] == pytest.approx(value, abs=1e-12)
-    assert modes.paths.lost == 0
+    assert modes.counts.lost == 0
     words = ("as many as there can be", "of 40 distinct", "degree 16")
     assert not modes.complete or any(part in modes.method for part in words)
 
@@ -131,7 +131,7 @@ def test_a_planar_platform_has_the_roots_of_a_sextic(seed, word, cut):
     modes = cinegen.assembly_modes(mechanism)
     check(modes)
     assert modes.complete
-    assert modes.paths.real + modes.paths.complex + modes.paths.infinite == 6
+    assert modes.counts.real + modes.counts.complex + modes.counts.infinite == 6
     ends = platform_and_bars(mechanism, word, cut)
     wanted = sextic(*ends)
     assert len(modes) == len(wanted) > 0
@@ -188,7 +188,7 @@ def test_a_platform_on_six_rods_is_recognised_however_they_are_driven(word):
     modes = cinegen.assembly_modes(mechanism)
     check(modes)
     assert modes.complete
-    assert modes.paths.real + modes.paths.complex == 40
+    assert modes.counts.real + modes.counts.complex == 40
     assert len(modes) % 2 == 0
     home = mechanism.placement(mechanism.q_home, mechanism.end).homogeneous
     assert min(np.abs(home - pose).max() for pose in poses(modes)) < 1e-7
@@ -217,7 +217,7 @@ def test_rods_that_meet_in_pairs_have_sixteen_solutions_on_platform_or_base():
     check(inverted)
     assert "polynomial of degree 16" in inverted.method
     for modes in (first, inverted):
-        assert modes.paths.real + modes.paths.complex + modes.paths.infinite == 16
+        assert modes.counts.real + modes.counts.complex + modes.counts.infinite == 16
         home = modes.mechanism.placement(modes.mechanism.q_home, modes.mechanism.end).homogeneous
         assert min(np.abs(home - pose).max() for pose in poses(modes)) < 1e-7
 
@@ -228,7 +228,7 @@ def test_a_delta_has_the_two_intersections_of_its_spheres(linear):
     mechanism = load(made)
     modes = cinegen.assembly_modes(mechanism)
     check(modes)
-    assert "2 modes, proved; modes in which it has turned are not among them" in modes.method
+    assert "2 modes, proved; modes in which it has rotated are not among them" in modes.method
     assert not modes.complete
     home = mechanism.placement(mechanism.q_home, mechanism.end)
     centres, radii = knees - heads, np.linalg.norm(heads - knees, axis=1)  # of the platform's translation
@@ -248,7 +248,7 @@ def test_a_spherical_platform_has_at_most_eight_modes_and_all_that_newton_finds(
     modes = cinegen.assembly_modes(mechanism)
     check(modes)
     assert modes.complete
-    assert modes.paths.real + modes.paths.complex == 8
+    assert modes.counts.real + modes.counts.complex == 8
     assert same(from_many_starts(mechanism, 150), poses(modes), 1e-6)
 
 
@@ -258,7 +258,7 @@ def test_a_tripod_has_sixteen_solutions_in_two_modes_of_operation():
     modes = cinegen.assembly_modes(mechanism)
     check(modes)
     traced(modes)
-    assert modes.paths.real + modes.paths.complex == 16
+    assert modes.counts.real + modes.counts.complex == 16
     known = poses(modes)
     for pose in from_many_starts(mechanism, 60):
         assert min(np.abs(pose - other).max() for other in known) < 1e-6
@@ -281,12 +281,12 @@ def test_values_that_leave_nothing_say_what_comes_nearest(robot):
     assert len(modes) == 0
     assert modes.complete
     assert modes.closest is not None
-    assert modes.closest.words
+    assert modes.closest.message
     bar = load(linkages.five_bar(np.random.default_rng(0)))
     apart = cinegen.assembly_modes(bar, [math.pi, 0.0])
     assert (len(apart), apart.complete) == (0, True)
     assert apart.closest.gap > 0.0
-    assert "open stay" in apart.closest.words
+    assert "open stay" in apart.closest.message
 
 
 def test_modes_that_meet_are_said_to():
@@ -309,7 +309,7 @@ def test_modes_that_meet_are_said_to():
     ("name", "values", "words"),
     [
         ("planar_3r", None, "has no loops"),
-        ("five_bar", [1.0], r"has 2 motors \(joint1, joint3\): 1 values? w"),
+        ("five_bar", [1.0], r"has 2 actuated joints \(joint1, joint3\): 1 values? w"),
         ("five_bar", [1.0, math.nan], "not finite"),
         ("five_bar", ["a", "b"], "no numbers"),
     ],
