@@ -27,5 +27,5 @@ for finding in check(resampled(Recording.load(path))):
     if finding.sigma is not None:
         there = cinegen.singularity(robot, finding.q)
         turned = np.degrees(pin.rpy.matrixToRpy(robot.placement(finding.q, "platform").rotation)[2])
-        print(f"at {turned:.2f} degrees, after {finding.recorded:.2f} s, {finding.words}")
+        print(f"at {turned:.2f} degrees, after {finding.recorded:.2f} s, {finding.message}")
         print("as", there.dependence.words(unit="m"))
