@@ -40,7 +40,9 @@ def _main(arguments: Sequence[str] | None) -> int:
             return run_app(app, "cinegen", arguments)
         except (RaffError, CinegenError) as error:
             print(f"cinegen: {error}", file=sys.stderr)
-            return 1
+        except UnicodeEncodeError as error:  # bytes of a file's name
+            print(f"cinegen: '{error.object}' is not valid UTF-8: rename the file", file=sys.stderr)
+        return 1
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:

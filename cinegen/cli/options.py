@@ -72,7 +72,8 @@ class RobotOptions:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
                 mechanism = load(file, robot, loops, self.ignore_loops)
-                name = file.stem if len(wanted) == 1 else f"{file.stem}.{mechanism.name}"
+                stem = file.stem.encode(errors="replace").decode()  # a file's name need not be UTF-8
+                name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:
                     name += "'"
                 found[name] = mechanism, file

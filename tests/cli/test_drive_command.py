@@ -94,6 +94,20 @@ def test_a_port_that_is_not_there_is_a_warning_with_what_to_do(run):
     assert err.count("warning") == 1
 
 
+def test_the_name_of_a_file_need_not_be_utf8(run, root, tmp_path):
+    """A robot is called as its file; bytes that are not UTF-8 can't be sent to a page."""
+    name = os.fsdecode(b"ar\xffm")
+    (tmp_path / f"{name}.raff").write_bytes((root / "robots/planar_3r.raff").read_bytes())
+    code, out, _ = run("drive", f"{name}.raff", "--snapshot", "page.html")
+    assert (code, out.startswith("ar?m: 3 joints")) == (0, True)
+    (tmp_path / f"{name}.toml").write_bytes(
+        f"robot = '{root}/robots/planar_3r.raff'\n[goal]\npoint = [0.5, 0]".encode()
+    )
+    code, _, err = run("plan", f"{name}.toml")
+    assert code in (0, 1)
+    assert "Traceback" not in err
+
+
 def test_other_machines_need_the_token_that_is_printed(run):
     code, out, _ = run(
         "drive", "robots/planar_3r.raff", "--no-browser", "--port", "8420", "--seconds", "0.2", "--host", "0.0.0.0"
