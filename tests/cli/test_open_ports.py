@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import socket
 import subprocess
 import sys
@@ -37,22 +39,40 @@ def sockets(pid):
     return found
 
 
+# Commands one after the other in one process: each is announced on standard output before it begins.
+PROGRAM = """
+import json, os, sys
+from cinegen.cli import main
+codes = []
+for words in json.loads(sys.argv[1]):
+    os.write(1, b"#")
+    codes.append(main(words))
+os._exit(any(codes))
+"""
+
+
 @pytest.fixture
 def watched(root, tmp_path):
-    """`watched("drive", "robots/delta4.raff", ...)`: all sockets that a command, which must succeed, listened on."""
+    """`watched(("drive", "robots/delta4.raff"), ...)`: for each of several commands, which must succeed, all sockets
+    that it listened on."""
 
-    def run(*arguments):
-        words = [str(root / word) if word.startswith("robots/") else word for word in arguments]
-        log, found, end = tmp_path / "log", set(), time.monotonic() + PATIENCE
+    def run(*commands):
+        calls = [
+            [str(root / word) if word.startswith("robots/") else word for word in arguments] for arguments in commands
+        ]
+        log, found, end = tmp_path / "log", [set() for _ in calls], time.monotonic() + PATIENCE * len(calls)
         with log.open("wb") as out:
             process = subprocess.Popen(
-                [sys.executable, "-m", "cinegen", *words], cwd=tmp_path, stdin=subprocess.DEVNULL, stdout=out,
-                stderr=out,
+                [sys.executable, "-c", PROGRAM, json.dumps(calls)], cwd=tmp_path, stdin=subprocess.DEVNULL,
+                stdout=out, stderr=subprocess.STDOUT, env=os.environ | {"PYTHONPATH": str(root)},
             )  # fmt: skip
         try:
             while process.poll() is None:
                 assert time.monotonic() < end, log.read_text()
-                found |= sockets(process.pid)
+                begun = log.read_bytes().count(b"#")
+                there = sockets(process.pid)
+                if begun and begun == log.read_bytes().count(b"#"):
+                    found[begun - 1] |= there
                 time.sleep(0.02)
         finally:
             process.kill()
@@ -67,47 +87,34 @@ def beyond(found):
     return {(address, port) for _, address, port in found if not address.startswith(LOOPBACK)}
 
 
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", *PAGE),
+def test_pages_and_sensors_listen_on_this_machine_only(watched):
+    commands = (
+        ("drive", "robots/five_bar.raff", "--sensor", "tool=tcp://127.0.0.1:0", "--record", "run.jsonl", *PAGE),
         ("drive", "--scene", "robots/scenes/disc.toml", *PAGE),
         ("modes", "robots/four_bar.raff", "--view", *PAGE),
         ("plan", "robots/scenes/disc.toml", "--view", *PAGE),
         ("map", "robots/planar_3r.raff", "--over", "xy", "--grid", "10", "--view", *PAGE),
-        ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "1"),
-    ],
-    ids=lambda words: " ".join(words[:2]),
-)
-def test_pages_and_sensors_listen_on_this_machine_only(watched, arguments):
-    found = watched(*arguments)
-    assert found
-    assert not beyond(found)
+        ("replay", "run.jsonl", *PAGE),
+        ("sensors", "--monitor", "tcp://127.0.0.1:0", "--seconds", "0.5"),
+        ("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE),
+    )
+    *found, elsewhere = watched(*commands)
+    for command, listened in zip(commands, found, strict=False):
+        assert listened, command
+        assert not beyond(listened), command
+    assert beyond(elsewhere)  # a page for other machines is seen here
 
 
-def test_a_replay_listens_on_this_machine_only(watched):
-    driven = watched("drive", "robots/five_bar.raff", "--record", "run.jsonl", *PAGE)
-    found = watched("replay", "run.jsonl", *PAGE)
-    assert driven
-    assert found
-    assert not beyond(driven | found)
-
-
-def test_a_page_for_other_machines_is_seen_here(watched):
-    assert beyond(watched("drive", "robots/five_bar.raff", "--host", "0.0.0.0", *PAGE))
-
-
-@pytest.mark.parametrize("arguments", [MAP, VARY], ids=["map", "vary"])
-def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched, arguments):
-    found = watched("map", *arguments, "--workers", "2")
-    assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
-    assert len(found) == 3  # one socket each: another one would be an HTTP server's
-    assert not beyond(found)
+def test_processes_that_share_a_map_listen_on_this_machine_only_and_serve_no_http(watched):
+    for found in watched(("map", *MAP, "--workers", "2"), ("map", *VARY, "--workers", "2")):
+        assert len({pid for pid, *_ in found}) == 3  # the scheduler and both workers
+        assert len(found) == 3  # one socket each: another one would be an HTTP server's
+        assert not beyond(found)
 
 
 def test_who_makes_a_map_on_a_cluster_listens_nowhere(watched):
     with Cluster() as address:
-        assert not watched("map", *MAP, "--scheduler", address)
+        assert watched(("map", *MAP, "--scheduler", address)) == [set()]
 
 
 class Cluster:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib
 import io
 import json
 import os
@@ -95,9 +96,27 @@ def inputs(robot, tmp_path_factory):
     return folder
 
 
+RESULTS: dict[str, object] = {}
+
+
+def once(function: str) -> Callable[..., object]:
+    """A function that is called only once: what is written is the same each time, where it goes differs."""
+    module, _, name = function.rpartition(".")
+    compute = getattr(importlib.import_module(module), name)
+
+    def remembered(*arguments, **options):
+        if function not in RESULTS:
+            RESULTS[function] = compute(*arguments, **options)
+        return RESULTS[function]
+
+    return remembered
+
+
 @pytest.fixture
 def command(root, inputs, tmp_path, monkeypatch):
     """`command("plan -o", target)`: its exit code."""
+    for name in ("cinegen.assembly.assembly_modes", "cinegen.planning.plan", "cinegen.singularities.scan.scan"):
+        monkeypatch.setattr(name, once(name))
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
 
@@ -238,22 +257,25 @@ def test_recordings_follow_links_and_write_through_fifos(what, robot, fifo, tmp_
     assert stat.S_ISFIFO(path.lstat().st_mode)
 
 
-@pytest.mark.parametrize("what", WRITERS)
-def test_recordings_to_standard_output(what, root, tmp_path):
-    """A link as /dev/stdout is one; its end is a pipe, whose real path is no file."""
-    (tmp_path / "stdout").symlink_to("/proc/self/fd/1")
+def test_recordings_to_standard_output_and_error(root, tmp_path):
+    """Links as /dev/stdout is one; their ends are pipes, whose real paths are no files."""
+    streams = {"mission": tmp_path / "stdout", "readings": tmp_path / "stderr"}
+    for number, link in enumerate(streams.values(), 1):
+        link.symlink_to(f"/proc/self/fd/{number}")
     program = f"""
 import sys
 sys.path[:0] = [{str(root / "tests/cli")!r}]
 import cinegen
 from test_outputs import WRITERS
 arm = cinegen.load({str(root / "robots/planar_3r.raff")!r})
-WRITERS[{what!r}][0]({str(tmp_path / "stdout")!r}, lambda name: arm)
+for what, path in {dict(zip(streams, map(str, streams.values()), strict=True))!r}.items():
+    WRITERS[what][0](path, lambda name: arm)
 """
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, timeout=120)
     assert done.returncode == 0, done.stderr.decode()
-    (tmp_path / "copy").write_bytes(done.stdout)
-    assert len(WRITERS[what][1](tmp_path / "copy")) == 20
+    for what, written in {"mission": done.stdout, "readings": done.stderr}.items():
+        (tmp_path / "copy").write_bytes(written)
+        assert len(WRITERS[what][1](tmp_path / "copy")) == 20
 
 
 def test_readings_that_are_there_are_lost_only_where_others_can_be_written(tmp_path, monkeypatch):

@@ -25,14 +25,14 @@ def _entry(module):
 COMMANDS = {
     "cinegen info": [*_entry("cinegen.cli"), "info", "ROBOTS/four_bar.raff"],
     "cinegen --help": [*_entry("cinegen.cli"), "--help"],
-    "python -m cinegen": ["-m", "cinegen", "singular", "ROBOTS/planar_3r.raff", "--json"],
-    "python -m cinegen.cli": ["-m", "cinegen.cli", "sensors", "--json"],
+    "python -m cinegen": ["-m", "cinegen", "--version"],
+    "python -m cinegen.cli": ["-m", "cinegen.cli", "map", "--help"],
     "cinegen close": [*_entry("cinegen.cli"), "close", "ROBOTS/planar_3r.raff"],
     "raff2urdf": [*_entry("raff2urdf.cli"), "ROBOTS/four_bar.raff"],
     "raff2urdf --help": [*_entry("raff2urdf.cli"), "--help"],
     "python -m raff2urdf": ["-m", "raff2urdf", "ROBOTS/four_bar.raff", "--check", "--json"],
     "urdf2raff": [*_entry("raff2urdf.urdf2raff.cli"), "arm.urdf", "-o", "arm.raff"],
-    "python -m raff2urdf.urdf2raff": ["-m", "raff2urdf.urdf2raff", "arm.urdf", "-o", "arm.raff", "--json"],
+    "python -m raff2urdf.urdf2raff": ["-m", "raff2urdf.urdf2raff", "--help"],
 }
 
 
@@ -84,13 +84,14 @@ def test_standard_output_that_is_closed(start, name):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("name", ["cinegen info", "cinegen --help", "raff2urdf", "urdf2raff"])
+@pytest.mark.parametrize("name", ["cinegen --help", "urdf2raff"])
 def test_all_streams_closed(start, name):
     assert start(name, "<&- >&- 2>&-").returncode == 0
 
 
-@pytest.mark.parametrize("name", ["cinegen info", "raff2urdf"])
-@pytest.mark.parametrize("how", ["closed", "full", "no reader"])
+@pytest.mark.parametrize(
+    ("name", "how"), [("cinegen info", "closed"), ("raff2urdf", "full"), ("raff2urdf", "no reader")]
+)
 def test_standard_error_that_is_lost_changes_nothing(start, device, no_reader, name, how):
     closing = "2>&-" if how == "closed" else ""
     with device("full").open("wb") as full:
@@ -108,13 +109,13 @@ def test_closed_standard_input_is_empty(start):
 
 
 def test_files_are_written_though_nobody_reads_what_is_said(root, no_reader, tmp_path):
-    for name in "abcdef":
+    for name in "abc":
         (tmp_path / f"{name}.raff").write_text((root / "robots/four_bar.raff").read_text())
-    command = [sys.executable, "-u", "-m", "raff2urdf", *(f"{name}.raff" for name in "abcdef"), "-o", "out"]
+    command = [sys.executable, "-u", "-m", "raff2urdf", *(f"{name}.raff" for name in "abc"), "-o", "out"]
     environment = os.environ | {"PYTHONPATH": str(root)}
     done = subprocess.run(command, cwd=tmp_path, env=environment, stdout=no_reader, stderr=subprocess.PIPE, timeout=120)
     assert (done.returncode, done.stderr) == (NO_READER, b"")
-    assert sorted(path.name for path in (tmp_path / "out").glob("*.urdf")) == [f"{name}.urdf" for name in "abcdef"]
+    assert sorted(path.name for path in (tmp_path / "out").glob("*.urdf")) == [f"{name}.urdf" for name in "abc"]
 
 
 def test_a_recording_is_written_though_nobody_reads_what_is_said(root, no_reader, tmp_path):
