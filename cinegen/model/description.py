@@ -1,4 +1,4 @@
-"""What a mechanism is, as values that can be printed or written."""
+"""A mechanism described by values that can be printed or written."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from cinegen.model.mechanism import Mechanism
 
 
 def describe(mechanism: Mechanism) -> dict[str, Any]:
-    """Joints, loops, mobility, actuated joints, closure and singular values at home; SI units and radians.
+    """Return joints, loops, mobility, actuated joints, closure and singular values at home; SI units and radians.
 
-    Singular values are without unit: lengths are divided by the characteristic length. Those of the loops are as many
-    as their generic rank (a type 2 singularity where one vanishes); those of the end (`Mechanism.end`) are of its six
-    directions on the motions that the loops leave.
+    Singular values are dimensionless: lengths are divided by the characteristic length. Those of the loops are as many
+    as their generic rank. Those of the end (`Mechanism.end`) are of its Jacobian in the loops' null space.
     """
     model, q = mechanism.model, mechanism.q_home
     motions, loop_sigma = np.eye(model.nv), np.zeros(0)
@@ -45,12 +44,12 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def describe_loop(loop: LoopConstraint) -> dict[str, str]:
-    """A loop's name, how it is closed, and the nodes that it ties."""
+    """Return a loop's name, its kind, and the two nodes that it joins."""
     return {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
 
 
 def describe_joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
-    """A joint's name, type, home, limits (None where there are none; rad, m, s) and whether it has a motor."""
+    """Return a joint's name, type, home, limits (None where there are none; rad, m, s), and whether it is actuated."""
     limits = mechanism.limits[joint]
     bounds = {"low": limits.lower, "high": limits.upper, "velocity": limits.velocity}
     return {

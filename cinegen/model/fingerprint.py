@@ -1,4 +1,4 @@
-"""`fingerprint`: by which it is told whether two descriptions are of the same robot."""
+"""Fingerprints: two descriptions with the same one are of the same robot."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ from typing import Any
 
 
 def fingerprint(urdf: str, constraints: Mapping[str, Any] | None) -> str:
-    """SHA-256 over a URDF's text and its constraints."""
-    beside = json.dumps(constraints, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(f"{urdf}\0{beside}".encode()).hexdigest()
+    """Return the SHA-256 over a URDF's text and its constraints."""
+    values = json.dumps(constraints, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(f"{urdf}\0{values}".encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""`ForwardKinematics`: where all joints go when the actuated ones are told where to be."""
+"""Forward kinematics of mechanisms with loops: the positions of all joints, given those of the actuated ones."""
 
 from __future__ import annotations
 
@@ -22,24 +22,24 @@ from cinegen.tolerances import CLOSED, CLOSURE
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-13  # rad or lengths: loops are closed to this, or to rounding
-_STRIDE = 0.1  # rad or lengths: a longer way of a joint is gone in parts, so that no branch is left
+_STRIDE = 0.1  # rad or lengths: a longer motion of a joint is divided into steps, to stay on the branch
 _ASTRAY = 0.25  # part of a step that closing the loops may add
-_FURTHEST = 1000.0  # rad or lengths: a joint that is sent further at once was not meant to
+_FURTHEST = 1000.0  # rad or lengths: a joint that should move further at once is an error
 
 
 class ForwardKinematics:
-    """Follows the actuated joints of a mechanism on one branch: its assembly mode stays what it is.
+    """Forward kinematics on one branch: the mechanism stays in its assembly mode.
 
-    The actuated joints are led straight to where they should be, in steps, and the loops are closed after each. A step
-    counts only if closing them added little to what was foreseen; else half of it is tried. So a jump, however far,
-    ends where a slow motion would. `Mechanism.close` finds a way to close the loops that is near instead, which after a
-    jump may be on another branch.
+    The actuated joints move straight to their values, in steps, and the loops are closed after each step. A step is
+    accepted only if closing the loops added little to its prediction; else half of it is tried. So a jump of any length
+    ends where a slow motion would. `Mechanism.close` instead returns a closed configuration near the given one, which
+    after a jump may be on another branch.
 
-    One thread at a time; the mechanism may serve others meanwhile. Joint limits apart.
+    For one thread at a time; the mechanism may serve others meanwhile. Joint limits are not considered.
 
     Args:
-        mechanism: which.
-        q: (nq,) where to begin, loops closed; home unless given. A base that can move stays there.
+        mechanism: the mechanism.
+        q: (nq,) where to begin, closed (`cinegen.tolerances.CLOSURE`); home unless given. A free base stays there.
 
     Raises:
         ConfigurationError: q is no configuration.
@@ -53,7 +53,7 @@ class ForwardKinematics:
         names = mechanism.actuated
         for name in names:
             if self._model.joints[self._model.getJointId(name)].nq != 1:
-                raise CinegenError(f"joint '{name}' of {mechanism.name} is more than one number: it can't be led")
+                raise CinegenError(f"joint '{name}' of {mechanism.name} is more than one number: it can't be actuated")
         self._places = [mechanism.q_index(name) for name in names]
         columns = [mechanism.v_index(name) for name in names]
         self._motors = {
@@ -76,11 +76,11 @@ class ForwardKinematics:
 
     @property
     def q(self) -> Array:
-        """(nq,) where the mechanism is. May be set: then it is there at once, on the branch that this is on.
+        """(nq,) the present configuration. Setting it moves the mechanism there at once, and to that branch.
 
         Raises:
-            ConfigurationError: set to what is no configuration.
-            CinegenError: set to where loops are open.
+            ConfigurationError: it is no configuration.
+            CinegenError: it leaves loops open.
         """
         return self._q.copy()
 
@@ -89,7 +89,7 @@ class ForwardKinematics:
         full = self.mechanism.checked(q)
         gap = self.mechanism.closure(full)
         if gap > CLOSURE:
-            raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {gap:.2g}: close it")
+            raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {gap:.2g}: call close(q) first")
         self._stand(full.copy())
 
     def _stand(self, q: Array) -> None:
@@ -101,19 +101,19 @@ class ForwardKinematics:
             pin.computeJointJacobians(self._model, self._data, self._trial)
 
     def move(self, values: Mapping[str, float]) -> Array:
-        """Moves actuated joints; those that are not named stay. Where that fails, all do.
+        """Move actuated joints; those that are not named stay. If that fails, nothing moves.
 
         Args:
             values: joint name -> value, rad or m.
 
         Returns:
-            (nq,) where all joints are then: those named exactly where they should be, loops closed to 1e-12.
+            (nq,) the positions of all joints: those named have exactly their values, and loops are closed to 1e-12.
 
         Raises:
             UnknownNameError: no such joint.
-            ConfigurationError: a value that is no finite number, or further away than any joint is sent at once.
-            CinegenError: a joint that is not actuated.
-            ClosureError: the loops can't follow on this branch; says how far they could.
+            ConfigurationError: a value is not a finite number, or too far away.
+            CinegenError: a joint is not actuated.
+            ClosureError: the loops can't be closed along that motion on this branch; says where it ended.
         """
         goal, motors = self._goal, self._motors
         try:
@@ -126,7 +126,7 @@ class ForwardKinematics:
                 goal[motor] = value
         except (KeyError, CinegenError) as error:
             goal[:] = self._q[self._places]
-            raise (self._no_motor(name) if isinstance(error, KeyError) else error) from None
+            raise (self._not_actuated(name) if isinstance(error, KeyError) else error) from None
         if not self.mechanism.loops:
             self._q = self._q.copy()
             self._q[self._places] = goal
@@ -135,7 +135,7 @@ class ForwardKinematics:
         return self._q.copy()
 
     def _follow(self) -> None:
-        """Leads the actuated joints to their goal."""
+        """Move the actuated joints to their goal."""
         table, model, data, trial = self._table, self._model, self._data, self._trial
         request = walk(table)
         while request == ONWARD:
@@ -151,24 +151,25 @@ class ForwardKinematics:
         reached = ", ".join(f"{name} {self._here[i]:.5g}" for name, i in zip(self._motors, self._places, strict=True))
         self._stand(self._q)
         raise ClosureError(
-            f"the motors of {self.mechanism.name} can't go there on this branch: the way ends at {reached}"
+            f"the actuated joints of {self.mechanism.name} can't reach these values on this branch: "
+            f"the motion ends at {reached}"
         )
 
-    def _no_motor(self, name: str) -> CinegenError:
+    def _not_actuated(self, name: str) -> CinegenError:
         joints, actuated = self.mechanism.joints, self.mechanism.actuated
         if name not in joints:
             return UnknownNameError("joint", name, actuated)
-        return CinegenError(f"joint '{name}' is not actuated, it follows (actuated: {', '.join(actuated)})")
+        return CinegenError(f"joint '{name}' is passive (actuated: {', '.join(actuated)})")
 
 
 def _number(name: str, value: object) -> float:
     if not isinstance(value, bool) and isinstance(value, Real):
         with contextlib.suppress(OverflowError):
             return float(value)
-    raise ConfigurationError(f"the value of joint '{name}' is no finite number: {value!r:.40}")
+    raise ConfigurationError(f"the value of joint '{name}' is not a finite number: {value!r:.40}")
 
 
 def _too_far(name: str, value: float, now: float) -> str:
     if not math.isfinite(value):
-        return f"the value of joint '{name}' is no finite number: {value}"
-    return f"joint '{name}' is sent from {now:.5g} to {value:.5g} at once: that is too far"
+        return f"the value of joint '{name}' is not a finite number: {value}"
+    return f"joint '{name}' would move from {now:.5g} to {value:.5g} at once: that is too far"

@@ -28,7 +28,7 @@ _MOST_MASKS = 64  # sets of locked joints whose columns are kept
 
 
 class MechanismSource(NamedTuple):
-    """What a mechanism was built from, as `cinegen.model.load.build` takes it.
+    """The input that a mechanism was built from, see `cinegen.model.load.build`.
 
     Attributes:
         urdf: its text.
@@ -216,7 +216,7 @@ class Mechanism:
 
     @cached_property
     def scalar_joints(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Where in q and in v the joints are that are one number each: all but a free base."""
+        """Indices in q and in v of the joints that are one number each: all but a free base."""
         return scalar_joints(self.model)
 
     @cached_property

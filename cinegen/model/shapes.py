@@ -1,4 +1,4 @@
-"""The shapes of a mechanism: what is seen of it, and what it can collide with."""
+"""The visual and collision shapes of a mechanism."""
 
 from __future__ import annotations
 
@@ -20,35 +20,34 @@ from raff2urdf.readers.xml_file import parse_xml
 
 
 def shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.GeometryModel:
-    """The visual shapes that a URDF gives its links, as Pinocchio reads them; a stick figure where it gives none.
+    """Return the visual shapes of a URDF's links; a stick figure if there are none.
 
     Args:
         model: of the same URDF.
         urdf: its text.
-        folder: where its meshes are looked for (`raff2urdf.graphics.names`); None where it names them absolutely.
-        name: what errors call it.
+        folder: where its meshes are searched (`raff2urdf.graphics.names`); None where it names them absolutely.
+        name: the file's, for errors.
 
     Raises:
-        LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
+        LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
     """
     found = _read(parse_xml(urdf, name), model, folder, name)
     return found if found.geometryObjects else stick_figure(model)
 
 
 def collision_shapes(model: pin.Model, urdf: str, folder: str | None, name: str) -> pin.GeometryModel:
-    """The shapes with which the links of a URDF collide; the bars of a stick figure where it has no shapes at all.
+    """Return the collision shapes of a URDF's links; the bars of a stick figure if there are no shapes at all.
 
-    A link has those that the URDF gives it for collisions. One that has none can still be seen, and so be hit: its
-    visual shapes count.
+    A link without collision shapes collides by its visual shapes.
 
     Args:
         model: of the same URDF.
         urdf: its text.
-        folder: where its meshes are looked for (`raff2urdf.graphics.names`); None where it names them absolutely.
-        name: what errors call it.
+        folder: where its meshes are searched (`raff2urdf.graphics.names`); None where it names them absolutely.
+        name: the file's, for errors.
 
     Raises:
-        LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
+        LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
     """
     tree = parse_xml(urdf, name)
     for link in tree.iterchildren("link"):
@@ -62,24 +61,24 @@ def collision_shapes(model: pin.Model, urdf: str, folder: str | None, name: str)
 
 
 def _read(tree: Any, model: pin.Model, folder: str | None, name: str) -> pin.GeometryModel:
-    """What stands as <visual> in the tree of a URDF, which is changed.
+    """Return the <visual> elements of a URDF's tree, which is changed, as shapes.
 
     Raises:
-        LoadError: a mesh is not there, can't be read, or lies where it must not: with the line that names it.
+        LoadError: a mesh is missing, can't be read, or is where it is not allowed; with the line that names it.
     """
-    _leave_shapes(tree)
+    _keep_shapes(tree)
     meshes: list[tuple[str, str]] = []  # files that Pinocchio reads, and where they are named
     for visual in list(tree.iter("visual")):
         for mesh in visual.iter("mesh"):
-            said = mesh.get("filename", "")
+            filename = mesh.get("filename", "")
             try:
-                path = Path(said) if folder is None else find(said, Path(folder))
+                path = Path(filename) if folder is None else find(filename, Path(folder))
                 mesh.set("filename", str(path))
                 if path.suffix.lower() not in SHOWN:
                     _replace(visual, _converted(path))
             except RaffError as error:
-                raise LoadError(f"{_where(name, said)}: {error}") from None
-            meshes.append((str(path), _where(name, said)))
+                raise LoadError(f"{_where(name, filename)}: {error}") from None
+            meshes.append((str(path), _where(name, filename)))
     text = etree.tostring(tree, encoding="unicode")
     try:
         return pin.buildGeomFromUrdfString(model, text, pin.GeometryType.VISUAL)
@@ -90,10 +89,7 @@ def _read(tree: Any, model: pin.Model, folder: str | None, name: str) -> pin.Geo
 
 
 def _bars(figure: pin.GeometryModel) -> pin.GeometryModel:
-    """A stick figure without the drums on its joints, which stick out beside the links and only tell where axes are.
-
-    A link that has no bar keeps its drum: it would be nowhere else.
-    """
+    """Return a stick figure without the drums that mark its joints' axes, except those of links without bars."""
     kept, barred = pin.GeometryModel(), {s.parentJoint for s in figure.geometryObjects if s.name.startswith("bar ")}
     for solid in figure.geometryObjects:
         if solid.name.startswith("bar ") or solid.parentJoint not in barred:
@@ -102,7 +98,7 @@ def _bars(figure: pin.GeometryModel) -> pin.GeometryModel:
 
 
 def _converted(path: Path) -> list[Drawing]:
-    """A file that Pinocchio does not read, or hangs on, as files that it reads.
+    """Return a file that Pinocchio does not read, or hangs on, as files that it reads.
 
     Raises:
         RaffError: it can't be read here either.
@@ -112,12 +108,12 @@ def _converted(path: Path) -> list[Drawing]:
     try:
         return converted(path)
     except Exception as error:  # every reader has errors of its own
-        said = " ".join(str(error).split()) or type(error).__name__
-        raise RaffError(f"the mesh '{path}' can't be read: {said[:200]}") from None
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RaffError(f"the mesh '{path}' can't be read: {reason[:200]}") from None
 
 
 def _replace(visual: Any, drawings: Sequence[Drawing]) -> None:
-    """One visual for each drawing in the place of another."""
+    """Replace a visual by one for each drawing."""
     for drawing in drawings:
         copied = copy.deepcopy(visual)
         copied.find("geometry/mesh").set("filename", str(drawing.path))
@@ -129,10 +125,10 @@ def _replace(visual: Any, drawings: Sequence[Drawing]) -> None:
     visual.getparent().remove(visual)
 
 
-def _leave_shapes(tree: Any) -> None:
-    """Takes out what has no part in a picture, or is said twice: Pinocchio refuses some of it.
+def _keep_shapes(tree: Any) -> None:
+    """Remove elements that shapes do not need, or that are repeated: Pinocchio refuses some of them.
 
-    Where the links stand, it knows from the model.
+    The placements of the links come from the model.
     """
     tree.set("name", tree.get("name") or "robot")
     known: set[str | None] = set()
@@ -150,7 +146,7 @@ def _leave_shapes(tree: Any) -> None:
 
 
 def _check(path: str, where: str) -> None:
-    """Raises LoadError where a mesh can't be read."""
+    """Raise LoadError if a mesh can't be read."""
     try:
         coal.MeshLoader().load(path)
     except (ValueError, RuntimeError) as error:
@@ -159,7 +155,7 @@ def _check(path: str, where: str) -> None:
 
 
 def _where(name: str, mesh: str) -> str:
-    """The file and the line that names a mesh: the URDF may have been made from an SDF or an MJCF."""
+    """Return the file and the line that names a mesh; the URDF may have been made from an SDF or an MJCF."""
     try:
         lines = Path(name).read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):

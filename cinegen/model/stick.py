@@ -1,4 +1,4 @@
-"""A stick figure of a mechanism without shapes: bars from joint to joint, a drum on each axis that turns."""
+"""A stick figure of a mechanism without shapes: bars from joint to joint, a drum on each revolute axis."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _BAR, _JOINT = (0.0, 0.45, 0.7, 1.0), (0.2, 0.22, 0.25, 1.0)  # Okabe and Ito's 
 
 
 def stick_figure(model: pin.Model) -> pin.GeometryModel:
-    """Shapes for every body of a model: from its joint to those that stand on it, and to its frames."""
+    """Return bars for every body of a model, from its joint to the joints and frames that it carries."""
     figure = pin.GeometryModel()
     bodies = {frame.parentJoint: i for i, frame in reversed(list(enumerate(model.frames))) if _is_body(frame)}
     ends: dict[int, list[Array]] = {j: [] for j in range(model.njoints)}
@@ -56,7 +56,7 @@ def _is_body(frame: pin.Frame) -> bool:
 
 
 def _apart(points: list[Array], radius: float) -> list[Array]:
-    """The points that are neither at the origin nor met before."""
+    """Return the points that are neither at the origin nor repeated."""
     found: list[Array] = []
     for point in points:
         if np.linalg.norm(point) > radius and all(np.linalg.norm(point - other) > 0.1 * radius for other in found):

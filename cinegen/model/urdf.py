@@ -1,4 +1,4 @@
-"""A URDF as Pinocchio should see it, and all that is said of it, in the URDF or beside it, in one place."""
+"""A URDF as Pinocchio needs it, and everything that the URDF and its sidecar file declare, in one place."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from raff2urdf.readers.urdf import (
 
 
 def simple(tree: Any, name: str) -> Constraints:
-    """Makes every joint of a URDF one number, a base that can move apart, and says what its joints and nodes are.
+    """Make every joint of a URDF one number, except a free base, and return what the URDF declares.
 
-    Joints of several freedoms become successive ones (`raff2urdf.readers.successive`); Pinocchio would take the cosine
-    and the sine of an angle without limits, so all are given some. One warning tells of joints whose limits are left
-    out, and one of joints that should mimic others.
+    Joints of several degrees of freedom become successive ones (`raff2urdf.readers.successive`). All joints are given
+    limits, since Pinocchio would represent an angle without limits by its cosine and sine. One warning lists joints
+    whose limits are left out, and one joints that should mimic others.
 
     Args:
-        tree: its root; changed.
-        name: what errors call it.
+        tree: root of the URDF; changed.
+        name: the file's, for errors.
 
     Returns:
-        what `raff2urdf.constraints` would say of it: nodes, joints, floating, and no loops.
+        constraints as `raff2urdf.constraints` describes: nodes, joints, floating, and no loops.
     """
     nodes = root_first(tree)
     successive.replace_compound(tree, name, keep_root=True)
-    _tell(tree, name)
+    _warn_of_assumptions(tree, name)
     floating, entries = None, []
     for joint in joints(tree):
         kind = joint.get("type")
@@ -73,20 +73,25 @@ def simple(tree: Any, name: str) -> Constraints:
 
 
 def kinematics_of(urdf: str, name: str) -> str:
-    """A URDF's text (`name` is what errors call it) without all that no motion depends on, shapes above all.
+    """Return a URDF's text without everything that motion does not depend on, such as shapes.
+
+    Args:
+        urdf: its text.
+        name: the file's, for errors.
 
     Raises:
         RaffError: no URDF.
     """
     tree = parse(urdf, name)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # whoever loads it is told
+        warnings.simplefilter("ignore")  # `load` warns
         simple(tree, name)
     return kinematics(tree)
 
 
 def kinematics(tree: Any) -> str:
-    """The text of a URDF, its root from `simple`, without what Pinocchio may refuse though no motion depends on it."""
+    """Return the text of a URDF changed by `simple`, without elements that motion does not depend on: Pinocchio may
+    refuse them."""
     robot = etree.Element("robot", name=tree.get("name") or "robot")
     for link in links(tree):
         kept = etree.SubElement(robot, "link", name=link.get("name"))
@@ -101,45 +106,45 @@ def kinematics(tree: Any) -> str:
     return text
 
 
-def completed(said: Constraints, beside: Mapping[str, Any] | None, name: str) -> Constraints:
-    """What a URDF says of itself, and what a file beside it adds or says otherwise.
+def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: str) -> Constraints:
+    """Return what a URDF declares, completed and overridden by its sidecar file.
 
     Args:
-        said: by the URDF, see `simple`.
-        beside: likewise, by the other file. Its list of joints, if it has one, orders them.
-        name: what errors call the URDF.
+        declared: by the URDF, see `simple`.
+        sidecar: likewise, by the sidecar file. Its list of joints, if it has one, orders them.
+        name: the URDF's, for errors.
 
     Raises:
         LoadError: the other file names a joint or a link that the URDF lacks.
     """
-    if beside is None:
-        for entry in said["joints"]:  # without loops, 0 is as good as anything else
+    if sidecar is None:
+        for entry in declared["joints"]:  # without loops, 0 is as good as anything else
             entry["home"] = middle(entry["limits"])
-        return said
-    known = {entry["name"]: entry for entry in said["joints"]}
-    for entry in beside.get("joints", []):
+        return declared
+    known = {entry["name"]: entry for entry in declared["joints"]}
+    for entry in sidecar.get("joints", []):
         if entry["name"] not in known:
             near = did_you_mean(entry["name"], list(known))
             raise LoadError(f"{name}: the constraints name joint '{entry['name']}', which the URDF lacks{near}")
-    named = {entry["name"] for entry in beside.get("joints", [])}
-    for joint in known if "joints" in beside else ():
+    named = {entry["name"] for entry in sidecar.get("joints", [])}
+    for joint in known if "joints" in sidecar else ():
         if joint not in named:
             raise LoadError(f"{name}: the constraints don't name joint '{joint}', which moves")
-    if beside.get("floating", said["floating"]) != said["floating"]:
+    if sidecar.get("floating", declared["floating"]) != declared["floating"]:
         raise LoadError(
-            f"{name}: the constraints say that '{beside['floating']}' lets the base move, the URDF does not"
+            f"{name}: the constraints declare that '{sidecar['floating']}' lets the base move, the URDF does not"
         )
-    for node in beside.get("nodes", []):
-        if node not in said["nodes"]:
+    for node in sidecar.get("nodes", []):
+        if node not in declared["nodes"]:
             raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
-    whole = {**said, **beside}
-    if "joints" in beside:
-        whole["joints"] = [{**known[entry["name"]], **entry} for entry in beside["joints"]]
+    whole = {**declared, **sidecar}
+    if "joints" in sidecar:
+        whole["joints"] = [{**known[entry["name"]], **entry} for entry in sidecar["joints"]]
     return whole
 
 
-def _tell(tree: Any, name: str) -> None:
-    """One warning of joints that leave their limits out, and one of joints that should follow others."""
+def _warn_of_assumptions(tree: Any, name: str) -> None:
+    """Warn of joints whose limits are left out, and of joints that should mimic others."""
     left_out = [joint for joint in joints(tree) if silent(joint)]
     if left_out:
         _warn(name, left_out, "no lower and upper limit are given; taken as unlimited")
@@ -153,7 +158,7 @@ def _warn(name: str, found: list[Any], what: str) -> None:
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:
-    """Writes all that Pinocchio wants of limits, and limits that mean nothing where a joint has none."""
+    """Write the limits that Pinocchio requires; placeholders where a joint has none."""
     joint.set("type", "prismatic" if joint.get("type") == "prismatic" else "revolute")
     limit = joint.find("limit")
     if limit is None:

@@ -87,27 +87,30 @@ def test_whoever_writes_a_line_and_waits_is_answered(robot, start):
 
 
 WRONG = (
-    ("nonsense", "no JSON: expecting value in column 1"),
-    ('{"joint1": 0.1', "no JSON: "),
-    ('{"joint1": 0.1} {}', "no JSON: extra data in column 17"),
+    ("nonsense", "invalid JSON: expecting value in column 1"),
+    ('{"joint1": 0.1', "invalid JSON: "),
+    ('{"joint1": 0.1} {}', "invalid JSON: extra data in column 17"),
     ("[0.1]", "not an object"),
     ("0.1", "not an object"),
     ("null", "not an object"),
-    ("[" * 100000, "no JSON"),
-    ('{"joint1": ' + "9" * 5000 + "}", "no JSON that makes sense"),
-    ('{"joint1": 1e999}', "'joint1' is no finite number: inf"),
-    ('{"joint1": NaN}', "'joint1' is no finite number: nan"),
-    ('{"joint1": "0.1"}', "'joint1' is no finite number: '0.1'"),
-    ('{"joint1": [0.1]}', "'joint1' is no finite number: [0.1]"),
-    ('{"joint1": null}', "'joint1' is no finite number: None"),
-    ('{"joint1": true}', "'joint1' is no finite number: True"),
+    ("[" * 100000, "invalid JSON"),
+    ('{"joint1": ' + "9" * 5000 + "}", "invalid JSON: "),
+    ('{"joint1": 1e999}', "'joint1' is not a finite number: inf"),
+    ('{"joint1": NaN}', "'joint1' is not a finite number: nan"),
+    ('{"joint1": "0.1"}', "'joint1' is not a finite number: '0.1'"),
+    ('{"joint1": [0.1]}', "'joint1' is not a finite number: [0.1]"),
+    ('{"joint1": null}', "'joint1' is not a finite number: None"),
+    ('{"joint1": true}', "'joint1' is not a finite number: True"),
     ('{"jont1": 0.1}', "no joint 'jont1': did you mean 'joint1'?"),
     (
         '{"joint1": 0.7, "joint2": 0.1}',
-        "joint 'joint2' is not actuated, it follows (actuated: joint1, joint6, joint12)",
+        "joint 'joint2' is passive (actuated: joint1, joint6, joint12)",
     ),
-    ('{"joint1": 1e9}', "joint 'joint1' is sent from 0.1 to 1e+09 at once: that is too far"),
-    ('{"joint1": 3.1}', "the motors of r1 can't go there on this branch: the way ends at joint1 "),
+    ('{"joint1": 1e9}', "joint 'joint1' would move from 0.1 to 1e+09 at once: that is too far"),
+    (
+        '{"joint1": 3.1}',
+        "the actuated joints of r1 can't reach these values on this branch: the motion ends at joint1 ",
+    ),
 )
 
 
@@ -187,9 +190,9 @@ def test_which_robot_and_which_loops(start):
         (["two_arms.raff"], "holds several robots: name one by --robot (left, right)"),
         (["two_arms.raff", "--robot", "middle"], "no robot 'middle'"),
         (["four_bar.raff", "--start", "none.json"], "none.json: can't be read"),
-        (["four_bar.raff", "--start", "words.json"], "no JSON"),
+        (["four_bar.raff", "--start", "words.json"], "invalid JSON"),
         (["four_bar.raff", "--start", "other.json"], "no joint 'joint9'"),
-        (["four_bar.raff", "--start", "text.json"], "a joint's value is no number"),
+        (["four_bar.raff", "--start", "text.json"], "a joint's value is not a number"),
         (["gough.raff", "--start", "open.json"], "can't be closed from there with 6 joints locked"),
     ],
 )
