@@ -1,5 +1,5 @@
 """What the cockpit keeps up with: a Gough platform at 1 kHz while four browsers take 60 states a second, and how long a
-hand waits for the robot.
+user waits for the robot.
 
     python benchmarks/cockpit.py [--seconds 10] [--robot robots/gough.raff] [--browser]
 
@@ -35,9 +35,9 @@ async def look(url: str, seconds: float) -> int:
     count, begin = 0, time.perf_counter()
     while time.perf_counter() < begin + seconds:
         said = json.loads(await socket.read_message())
-        if said["kind"] == "state":
+        if said["type"] == "state":
             count += 1
-            await socket.write_message(json.dumps({"ack": said["frame"]}))
+            await socket.write_message(json.dumps({"type": "ack", "frame": said["frame"]}))
     return count
 
 
@@ -50,7 +50,7 @@ def watchers(url: str, seconds: float, answers: Any) -> None:
     answers.send(asyncio.run(run()))
 
 
-async def hand(url: str, robot: str, node: str, count: int) -> list[float]:
+async def drag(url: str, robot: str, node: str, count: int) -> list[float]:
     """Drags a node to and fro; s from each message to the first state in which the target is there."""
     socket = await tornado.websocket.websocket_connect(url.replace("http:", "ws:") + "session")
     socket.protocol.set_nodelay(True)  # as browsers do
@@ -58,22 +58,22 @@ async def hand(url: str, robot: str, node: str, count: int) -> list[float]:
     async def state() -> dict[str, Any]:
         while True:
             said: dict[str, Any] = json.loads(await socket.read_message())
-            if said["kind"] == "state":
-                await socket.write_message(json.dumps({"ack": said["frame"]}))
+            if said["type"] == "state":
+                await socket.write_message(json.dumps({"type": "ack", "frame": said["frame"]}))
                 return said
 
-    await socket.write_message(json.dumps({"take": {"robot": robot, "node": node, "point": [0, 0, 0]}}))
+    await socket.write_message(json.dumps({"type": "start_drag", "robot": robot, "node": node, "point": [0, 0, 0]}))
     while not (tasks := (await state())["tasks"]):
         pass
     home, waited = tasks[0]["target"][:3], []
     for number in range(count):
         to = [home[0], home[1], home[2] - 0.001 * (number % 7)]
         begin = time.perf_counter()
-        await socket.write_message(json.dumps({"lead": to}))
+        await socket.write_message(json.dumps({"type": "move_drag", "position": to}))
         while abs((await state())["tasks"][0]["target"][2] - to[2]) > 1e-9:
             pass
         waited.append(time.perf_counter() - begin)
-    await socket.write_message(json.dumps({"hand": False}))
+    await socket.write_message(json.dumps({"type": "request_control", "on": False}))
     socket.close()
     await asyncio.sleep(0.2)
     return waited
@@ -92,7 +92,7 @@ def in_a_browser(url: str, count: int) -> list[float]:
         tab.mouse.move(x, y)
         tab.mouse.down()
         tab.mouse.move(x + 8, y)
-        tab.wait_for_function("cockpit.state.tasks.some((task) => task.who === 'hand')")
+        tab.wait_for_function("cockpit.state.tasks.some((task) => task.source === 'pointer')")
         tab.evaluate(TIME)
         for number in range(count):
             tab.mouse.move(x + 8 + 4 * (number % 5), y + 3 * (number % 4))
@@ -106,7 +106,7 @@ TOUCH = """() => {
   const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
   for (let y = 10; y < box.height; y += 5) for (let x = 10; x < box.width; x += 5) {
     const at = { clientX: box.left + x, clientY: box.top + y };
-    if (cockpit.hand.touched(at) !== null) return [at.clientX, at.clientY];
+    if (cockpit.pick.touched(at) !== null) return [at.clientX, at.clientY];
   }
 }"""
 """Where on the screen a robot can be touched."""
@@ -114,7 +114,7 @@ TOUCH = """() => {
 TIME = """() => {
   window.waited = [];
   let begun = null;
-  const target = () => JSON.stringify(cockpit.state.tasks.find((task) => task.who === "hand")?.target);
+  const target = () => JSON.stringify(cockpit.state.tasks.find((task) => task.source === "pointer")?.target);
   window.addEventListener("pointerrawupdate", () => { begun ??= { at: performance.now(), target: target() }; }, true);
   new MutationObserver(() => {  // of the number of the last state applied
     if (begun !== null && target() !== begun.target) {
@@ -149,8 +149,8 @@ def main() -> None:
         counts = receiver.recv()
         process.join()
         print(f"{CLIENTS} browsers: {', '.join(f'{count / options.seconds:.1f}' for count in counts)} states a second")
-        print(f"the solver meanwhile:\n{cockpit.loop.report()}")
-        print(f"a hand waits: {told(asyncio.run(hand(cockpit.url, 'robot', mechanism.end, 200)))}")
+        print(f"the solver meanwhile:\n{cockpit.runner.report()}")
+        print(f"a user waits: {told(asyncio.run(drag(cockpit.url, 'robot', mechanism.end, 200)))}")
         if options.browser:
             waited = in_a_browser(cockpit.url, 30)
             print(f"in a browser, from the pointer's event to the state applied: {told(waited)}")

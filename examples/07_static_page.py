@@ -4,10 +4,10 @@ import tempfile
 from pathlib import Path
 
 import cinegen
-from cinegen.cockpit import page_of
+from cinegen.cockpit import make_page
 
 gough = cinegen.load("robots/gough.raff")
-page, scene = page_of({"gough": gough})
+page, scene = make_page({"gough": gough})
 
 solver = cinegen.Solver(gough, dt=1 / 60)
 hand = solver.add_task("platform")

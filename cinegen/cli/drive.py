@@ -47,7 +47,7 @@ def run(
         setup = arrange(
             {name: mechanism for name, (mechanism, _) in loaded.items()},
             files={name: str(file) for name, (_, file) in loaded.items()},
-            sensors=sensor, follow=_shape(follow or "circle"), node=node, stands=base, rate=rate,
+            sensors=sensor, follow=_shape(follow or "circle"), node=node, bases=base, rate=rate,
             record=record,
         )  # fmt: skip
     else:
@@ -56,10 +56,10 @@ def run(
         for name, value in {"robot": robots.robot, "loop": robots.loop, "base": base}.items():
             exclude(**{"scene": scene, name: value})
         from cinegen.collision import load_scene
-        from cinegen.session import in_scene
+        from cinegen.session import scene_setup
 
         loaded_scene = load_scene(scene, robots.ignore_loops)
-        setup = in_scene(loaded_scene, sensor, _shape(follow or "still"), node, rate, record)
+        setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, record)
     _describe(setup)
     if snapshot and page.seconds is None and not page.video:
         from cinegen.cockpit import Page, draw, title_of
@@ -84,6 +84,6 @@ def _describe(setup: Setup) -> None:
         line = f"{name}: {count(mechanism.joints, 'joint')}, {count(mechanism.loops, 'loop')}"
         line += f", mobility {mechanism.mobility}"
         print(f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else line)
-    around = setup.surroundings
+    around = setup.avoidance
     if around is not None:
         print(f"keeps {1e3 * around.scene.safety:.3g} mm clear of {count(around.obstacles, 'obstacle')}")

@@ -113,9 +113,9 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
         if not options.json:
             print(f"picture: {options.plot}", flush=True)
     if options.view:
-        from cinegen.session import on_map
+        from cinegen.session import map_setup
 
-        return page.show(on_map(path, options.show, mechanism), name)
+        return page.show(map_setup(path, options.show, mechanism), name)
     return 0
 
 

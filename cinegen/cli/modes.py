@@ -250,10 +250,10 @@ def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
 def _show(name: str, modes: AssemblyModes, page: PageOptions) -> int:
     """Show the modes in the page, one after the other."""
     from cinegen.mission.results import record_modes
-    from cinegen.session import replayed
+    from cinegen.session import replay_setup
 
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         recording = Path(folder) / f"{name}-modes.jsonl"
         record_modes(modes, recording, name)
         stops = [(float(k + 1) if k else 0.0, f"mode {k + 1} of {len(modes)}") for k in range(len(modes))]
-        return page.show(replayed(recording, _SPEED, stops), f"{name}-modes")
+        return page.show(replay_setup(recording, _SPEED, stops), f"{name}-modes")

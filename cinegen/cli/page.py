@@ -85,11 +85,11 @@ class PageOptions:
     def _announce(self, cockpit: Cockpit, seconds: float | None) -> None:
         scripts = {one.name: one.robot for one in cockpit.setup.devices if one.robot is not None}
         for sensor in cockpit.state.sensors:
-            if sensor.name in scripts:
-                print(f"{scripts[sensor.name]}: {sensor.status.message}")
+            if sensor.id in scripts:
+                print(f"{scripts[sensor.id]}: {sensor.message}")
         print(f"page: {cockpit.url}", "- Ctrl-C ends" if seconds is None else f"- for {seconds:g} s", flush=True)
         if self.realtime:
-            _report_scheduling(cockpit.loop.report().scheduling)
+            _report_scheduling(cockpit.runner.report().scheduling)
         if cockpit.server.token is not None and not self.token:
             print("      whoever has this address can drive; the line is not encrypted", flush=True)
         if not self.no_browser and _has_screen():
@@ -122,7 +122,7 @@ def _wait(cockpit: Cockpit, seconds: float | None) -> None:
         left -= 1.0
         state = cockpit.state
         states = ((name, state.robots[name]) for name in robots)
-        text = ", ".join(f"{name}: {robot.status[1]}, closure {robot.closure:.0e}" for name, robot in states)
+        text = ", ".join(f"{name}: {robot.status.label}, closure {robot.closure:.0e}" for name, robot in states)
         print(f"\r{state.time:5.0f} s  {text[:110]:<110}", end="", file=sys.stderr, flush=True)
 
 

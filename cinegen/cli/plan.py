@@ -292,9 +292,9 @@ def _finite(number: float) -> float | None:
 def _record(found: Plan, path: Path) -> str:
     """Record the robot alone, as exports expect; return a message."""
     from cinegen.mission.results import record_plan
-    from cinegen.session import in_scene
+    from cinegen.session import scene_setup
 
-    setup = in_scene(found.scene)
+    setup = scene_setup(found.scene)
     name = next(iter(setup.robots))
     times = record_plan(found, path, name, {name: setup.robots[name]})
     return f"recorded: {path}, {times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
@@ -302,13 +302,11 @@ def _record(found: Plan, path: Path) -> str:
 
 def _view(found: Plan, page: PageOptions) -> None:
     """Show the path in the page, among its obstacles."""
-    from cinegen.mission import BasePose
     from cinegen.mission.results import record_plan
-    from cinegen.session import in_scene, replayed
+    from cinegen.session import replay_setup, scene_setup
 
-    setup = in_scene(found.scene)
-    bases = {name: BasePose(None, None, stand.placement) for name, stand in setup.stands.items()}
+    setup = scene_setup(found.scene)
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         recording = Path(folder) / f"{found.scene.name}.jsonl"
-        times = record_plan(found, recording, next(iter(setup.robots)), setup.robots, bases)
-        page.show(replayed(recording, min(1.0, max(0.01, float(times[-1]) / _SHOWN))), found.scene.name)
+        times = record_plan(found, recording, next(iter(setup.robots)), setup.robots, setup.bases)
+        page.show(replay_setup(recording, min(1.0, max(0.01, float(times[-1]) / _SHOWN))), found.scene.name)

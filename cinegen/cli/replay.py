@@ -10,6 +10,6 @@ from cinegen.cli.page import PageOptions
 
 def run(page: PageOptions, recording: Path = RECORDING, speed: float = SPEED) -> int:
     """Show a recorded mission in the page."""
-    from cinegen.session import replayed
+    from cinegen.session import replay_setup
 
-    return page.show(replayed(recording, speed), recording.stem)
+    return page.show(replay_setup(recording, speed), recording.stem)

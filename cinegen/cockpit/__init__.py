@@ -1,9 +1,21 @@
-"""What one sees: robots in a page, and the cockpit that they are driven from."""
+"""The cockpit: robots in a page, and the server from which they are driven."""
 
-from cinegen.cockpit.cockpit import Cockpit, draw, standing, title_of
+from cinegen.cockpit.cockpit import Cockpit, base_poses_at_home, draw, title_of
 from cinegen.cockpit.film import film
-from cinegen.cockpit.notebook import Shown, show, show_map
+from cinegen.cockpit.notebook import LivePage, show, show_map
 from cinegen.cockpit.page import Page
-from cinegen.cockpit.scene import Scene, page_of
+from cinegen.cockpit.scene import RobotScene, make_page
 
-__all__ = ["Cockpit", "Page", "Scene", "Shown", "draw", "film", "page_of", "show", "show_map", "standing", "title_of"]
+__all__ = [
+    "Cockpit",
+    "LivePage",
+    "Page",
+    "RobotScene",
+    "base_poses_at_home",
+    "draw",
+    "film",
+    "make_page",
+    "show",
+    "show_map",
+    "title_of",
+]

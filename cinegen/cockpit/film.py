@@ -16,13 +16,14 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from cinegen.cockpit import frames
+from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
 from cinegen.cockpit.cockpit import draw, title_of
 from cinegen.cockpit.hub import Hub
+from cinegen.cockpit.messages import ReportMessage, StateMessage
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import Loop, Reporter, Setup, State, Vocabulary, is_obstacle
+from cinegen.session import KnownNames, Reporter, SessionRunner, SessionState, Setup, is_obstacle
 from raff2urdf.files import write_all
 
 FPS = 30
@@ -78,7 +79,7 @@ def film(
     states = list(_played(setup, seconds, tell))
     page = Page(title_of(setup))
     draw(page, setup)
-    hub = Hub(Vocabulary.of(setup), lambda command: None, lambda client: frames.hello(setup, page.title, client))
+    hub = Hub(KnownNames.of(setup), lambda command: None, lambda client: hello_message(setup, page.title, client))
     server = Server(page, hub, page.html)
     server.start(7600)
     try:
@@ -91,7 +92,7 @@ def film(
             tab = chromium.new_page(viewport=view, bypass_csp=True)  # what waits in the page is not the page's own
             tab.goto(f"{server.url}?camera=1{'&aids=1' if aids else ''}")
             with _output(path, ffmpeg) as put:
-                for number, (frame, report) in enumerate(_frames(setup, states, aids), 1):
+                for number, (frame, report) in enumerate(_messages(setup, states, aids), 1):
                     server.call(hub.show, frame, report)
                     tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
                     if number == 1:
@@ -105,33 +106,33 @@ def film(
     return path
 
 
-def _played(setup: Setup, seconds: float, tell: Callable[[float], None]) -> Iterator[State]:
+def _played(setup: Setup, seconds: float, tell: Callable[[float], None]) -> Iterator[SessionState]:
     """The session's states, so many a second, as it runs."""
-    with Loop(setup) as loop:
-        while loop.state is None:
+    with SessionRunner(setup) as runner:
+        while runner.state is None:
             time.sleep(0.01)
         begin = time.monotonic()
         count = max(1, math.ceil(seconds * FPS))
         for number in range(count):
             time.sleep(max(0.0, begin + number / FPS - time.monotonic()))
-            state = loop.state
+            state = runner.state
             if state is not None:
                 yield state
             tell(0.2 * number / count)
 
 
-def _frames(
-    setup: Setup, states: list[State], aids: bool
-) -> Iterator[tuple[dict[str, Any], dict[str, Any] | None]]:  # fmt: skip
-    """What the page is told for each picture."""
-    poses = frames.Poses(setup.robots)
+def _messages(
+    setup: Setup, states: list[SessionState], aids: bool
+) -> Iterator[tuple[StateMessage, ReportMessage | None]]:
+    """Yield the state of each picture, and the report of some."""
+    poses = NodePoses(setup.robots)
     reporters = {name: Reporter(one) for name, one in setup.robots.items() if not is_obstacle(one)}
     for number, state in enumerate(states):
         report = None
         if aids and number % _REPORTED == 0:
             found = {name: one.report(state.robots[name], state.time) for name, one in reporters.items()}
-            report = frames.report(setup, state, found, (setup.rate, 0.0), 1)
-        yield frames.frame(state, poses), report
+            report = report_message(state, found, (setup.rate, 0.0), 1)
+        yield state_message(state, poses), report
 
 
 @contextlib.contextmanager

@@ -1,205 +1,209 @@
-"""The browsers on one session: each gets the newest state as fast as it takes it, and one at a time holds the hand."""
+"""`Hub`: the clients of a session. Each gets the newest state as fast as it accepts it; one at a time has control."""
 
 from __future__ import annotations
 
-import json
 import time
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Protocol
 
-from cinegen.session import Command, CommandError, Vocabulary, parse, read
-from cinegen.session.commands import EndJoint, LetGo, Play, View
+from cinegen.cockpit.build_messages import numbered
+from cinegen.cockpit.messages import (
+    CLIENT_MESSAGES,
+    Ack,
+    HelloMessage,
+    NoticeMessage,
+    ReportMessage,
+    RequestControl,
+    StateMessage,
+)
+from cinegen.session import Command, CommandError, KnownNames
+from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, decode
+from cinegen.typed_json import encode
 
 MOST = 100
-"""Browsers on one session."""
+"""Clients of a session."""
 
 FASTEST = 400
-"""Messages a second that a browser may send."""
+"""Messages per second that a client may send."""
 
 PATIENCE = 30.0
-"""s that a browser may take for one state before it is given up."""
+"""Time that a client has to acknowledge a state, s."""
 
-_POLITE = 1008  # close codes of websockets: it broke a rule
-_CROWDED = 1013  # try again later
+_POLICY_VIOLATION = 1008  # close codes of websockets
+_TRY_AGAIN_LATER = 1013
 
 
-class Line(Protocol):
-    """A connection to a browser; neither of its methods waits or raises."""
+class Connection(Protocol):
+    """A connection to a client. Its methods neither wait nor raise."""
 
     def send(self, text: str) -> None:
-        """Sends a message."""
+        """Send a message."""
 
     def close(self, code: int, reason: str) -> None:
-        """Ends the connection."""
+        """Close the connection."""
 
 
 class Client:
-    """A browser.
+    """A client: a page, or a program.
 
     Args:
-        number: its own in the session.
-        line: to it.
+        number: its number in the session.
+        connection: connection to it.
     """
 
-    def __init__(self, number: int, line: Line) -> None:
-        self.number, self.line = number, line
-        self.waiting: tuple[int, float] | None = None  # for the acknowledgement of this frame, since then
-        self.sent = 0  # the last frame
-        self.reported = 0  # the last report
-        self.frames = 0  # that it has acknowledged
-        self._allowed, self._heard = float(FASTEST), time.monotonic()
+    def __init__(self, number: int, connection: Connection) -> None:
+        self.number, self.connection = number, connection
+        self.unacknowledged: tuple[int, float] | None = None  # number of a state, and when it was sent
+        self.sent = 0  # number of the last state
+        self.reported = 0  # number of the last report
+        self.frames = 0  # number of acknowledged states
+        self._allowed, self._last = float(FASTEST), time.monotonic()
 
-    def too_fast(self) -> bool:
-        """Whether it says more than anybody could mean; called for each message."""
+    def __repr__(self) -> str:
+        return f"<Client {self.number}: {self.frames} states>"
+
+    def exceeds_rate(self) -> bool:
+        """Return whether it sends too many messages; called for each of them."""
         now = time.monotonic()
-        self._allowed = min(FASTEST, self._allowed + (now - self._heard) * FASTEST)
-        self._heard = now
+        self._allowed = min(FASTEST, self._allowed + (now - self._last) * FASTEST)
+        self._last = now
         self._allowed -= 1.0
         return self._allowed < 0.0
 
 
 class Hub:
-    """Who is there, and who may do what. One thread at a time; nothing here waits or raises.
+    """The clients of a session, and which one has control. For one thread at a time; nothing here waits or raises.
 
     Args:
         known: names that commands may use.
-        send: takes the commands that are obeyed.
-        hello: what a new browser is told first, by its number.
+        send: takes commands.
+        hello: returns the first message to a client, by its number.
     """
 
     def __init__(
-        self, known: Vocabulary, send: Callable[[Command], None], hello: Callable[[int], dict[str, Any]]
+        self, known: KnownNames, send: Callable[[Command], None], hello: Callable[[int], HelloMessage]
     ) -> None:
         self.clients: dict[int, Client] = {}
-        self.hand: int | None = None
-        self._known, self._obey, self._hello = known, send, hello
+        self.controller: int | None = None
+        self._known, self._send, self._hello = known, send, hello
         self._count = 0
-        self._frame: tuple[int, dict[str, Any]] = (0, {})
-        self._report: tuple[int, dict[str, Any]] = (0, {})
-        self._texts: dict[bool, str] = {}  # of the newest frame, with the report and without
+        self._state: tuple[int, StateMessage | None] = (0, None)
+        self._report: tuple[int, ReportMessage | None] = (0, None)
+        self._texts: dict[bool, str] = {}  # of the newest state, with the report and without
 
-    # --- coming and going ----------------------------------------------------------------------------------------
+    # --- connections ---------------------------------------------------------------------------------------------
 
-    def join(self, line: Line) -> Client | None:
-        """A browser comes; None if there is no room."""
+    def join(self, connection: Connection) -> Client | None:
+        """Add a client; None if there is no room."""
         if len(self.clients) >= MOST:
-            line.close(_CROWDED, f"{MOST} browsers look at this session already")
+            connection.close(_TRY_AGAIN_LATER, f"this session has {MOST} clients already")
             return None
         self._count += 1
-        client = Client(self._count, line)
+        client = Client(self._count, connection)
         self.clients[client.number] = client
-        line.send(json.dumps(self._hello(client.number)))
+        connection.send(encode(self._hello(client.number)).decode())
         self._feed(client)
         return client
 
     def leave(self, client: Client) -> None:
-        """A browser is gone: what it held is let go."""
-        if self.clients.pop(client.number, None) is not None and self.hand == client.number:
-            self._let_go()
+        """Remove a client that has gone; its control ends."""
+        if self.clients.pop(client.number, None) is not None and self.controller == client.number:
+            self._end_control()
 
     def drop(self, client: Client, reason: str) -> None:
-        """A browser is listened to no more, and told why."""
+        """Disconnect a client, with a reason."""
         self.leave(client)
-        client.line.close(_POLITE, reason)
+        client.connection.close(_POLICY_VIOLATION, reason)
 
-    # --- what they say -------------------------------------------------------------------------------------------
+    # --- messages from clients -----------------------------------------------------------------------------------
 
-    def heard(self, client: Client, message: str | bytes) -> None:
-        """A browser says something."""
-        if client.number not in self.clients:  # it was dropped
+    def receive(self, client: Client, text: str | bytes) -> None:
+        """Handle a message of a client; one that is not valid disconnects it."""
+        if client.number not in self.clients:  # it was disconnected
             return
-        if client.too_fast():
-            self.drop(client, f"more than {FASTEST} messages a second")
+        if client.exceeds_rate():
+            self.drop(client, f"more than {FASTEST} messages per second")
             return
         try:
-            said = read(message)
-            ((kind, value),) = said.items()
-            if kind == "ack":
-                self._acknowledged(client, value)
-            elif kind == "hand":
-                self._wants_hand(client, value)
+            message = decode(text, CLIENT_MESSAGES)
+            if isinstance(message, Ack):
+                self._acknowledged(client, message.frame)
+            elif isinstance(message, RequestControl):
+                self._request_control(client, message.on)
             else:
-                self._command(client, parse(said, self._known))
+                self._known.check(message)
+                self._command(client, message)
         except CommandError as error:
             self.drop(client, str(error))
 
-    def _acknowledged(self, client: Client, frame: Any) -> None:
-        if type(frame) is not int:
-            raise CommandError("a frame is a whole number")
-        if client.waiting is not None and client.waiting[0] == frame:
-            client.waiting = None
+    def _acknowledged(self, client: Client, frame: int) -> None:
+        if client.unacknowledged is not None and client.unacknowledged[0] == frame:
+            client.unacknowledged = None
             client.frames += 1
             self._feed(client)
 
-    def _wants_hand(self, client: Client, wanted: Any) -> None:
-        if not isinstance(wanted, bool):
-            raise CommandError("hand is true or false")
-        if wanted and self.hand != client.number:
-            before = self.clients.get(self.hand or 0)
-            self._let_go()
-            self.hand = client.number
+    def _request_control(self, client: Client, on: bool) -> None:
+        if on and self.controller != client.number:
+            before = self.clients.get(self.controller or 0)
+            self._end_control()
+            self.controller = client.number
             if before is not None:
-                self.tell(before, "another browser has taken the hand")
-        elif not wanted and self.hand == client.number:
-            self._let_go()
+                self.notify(before, "another browser has taken control")
+        elif not on and self.controller == client.number:
+            self._end_control()
 
     def _command(self, client: Client, command: Command) -> None:
-        if isinstance(command, View):
-            if self.hand in (None, client.number):
-                self._obey(command)
+        if isinstance(command, SetView):
+            if self.controller in (None, client.number):
+                self._send(command)
             return
-        if self.hand is None and not isinstance(command, LetGo | EndJoint):
-            self.hand = client.number
-        if self.hand == client.number:
-            self._obey(command)
-        elif not isinstance(command, LetGo | EndJoint | Play):
-            self.tell(client, "another browser holds the hand: take it first", warning=True)
+        if self.controller is None and not isinstance(command, EndDrag | EndJointMotion):
+            self.controller = client.number
+        if self.controller == client.number:
+            self._send(command)
+        elif not isinstance(command, EndDrag | EndJointMotion | ControlPlayback):
+            self.notify(client, "another browser has control: take it first", warning=True)
 
-    def _let_go(self) -> None:
-        if self.hand is not None:
-            self.hand = None
-            self._obey(LetGo(False))
-            self._obey(EndJoint())
+    def _end_control(self) -> None:
+        if self.controller is not None:
+            self.controller = None
+            self._send(EndDrag())
+            self._send(EndJointMotion())
 
-    # --- what they are told --------------------------------------------------------------------------------------
+    # --- messages to clients -------------------------------------------------------------------------------------
 
-    def show(self, frame: dict[str, Any], report: dict[str, Any] | None = None) -> None:
-        """There is a new frame, and maybe a new report: all who wait for one get it.
-
-        Args:
-            frame: as `cinegen.cockpit.frames.frame` makes it, without its number and hand.
-            report: as `cinegen.cockpit.frames.report` makes it.
-        """
-        number = self._frame[0] + 1
-        self._frame = number, {**frame, "frame": number, "hand": self.hand}
+    def show(self, state: StateMessage, report: ReportMessage | None = None) -> None:
+        """Send a new state, and maybe a new report, to all clients that wait for one."""
+        self._state = self._state[0] + 1, state
         self._texts = {}
         if report is not None:
             self._report = self._report[0] + 1, report
         now = time.monotonic()
         for client in tuple(self.clients.values()):
-            if client.waiting is None:
+            if client.unacknowledged is None:
                 self._feed(client)
-            elif now - client.waiting[1] > PATIENCE:
+            elif now - client.unacknowledged[1] > PATIENCE:
                 self.leave(client)
-                client.line.close(1001, f"nothing was heard for {PATIENCE:g} s")
+                client.connection.close(1001, f"no state was acknowledged for {PATIENCE:g} s")
 
-    def tell(self, client: Client, words: str, warning: bool = False) -> None:
-        """One browser is told something."""
-        client.line.send(json.dumps({"kind": "notice", "words": words, "level": "warning" if warning else "info"}))
+    def notify(self, client: Client, text: str, warning: bool = False) -> None:
+        """Send a notice to a client."""
+        client.connection.send(encode(NoticeMessage(text, "warning" if warning else "info")).decode())
 
-    def tell_all(self, words: str, warning: bool = False) -> None:
-        """All are."""
+    def notify_all(self, text: str, warning: bool = False) -> None:
+        """Send a notice to all clients."""
         for client in tuple(self.clients.values()):
-            self.tell(client, words, warning)
+            self.notify(client, text, warning)
 
     def _feed(self, client: Client) -> None:
-        """The newest frame, unless it has that."""
-        number, frame = self._frame
-        if number <= client.sent or client.waiting is not None:
+        """Send the newest state, unless the client has it."""
+        number, state = self._state
+        if state is None or number <= client.sent or client.unacknowledged is not None:
             return
         new = self._report[0] > client.reported
         if new not in self._texts:
-            self._texts[new] = json.dumps({**frame, "report": self._report[1]} if new else frame, allow_nan=False)
+            report = self._report[1] if new else None
+            self._texts[new] = encode(numbered(state, number, self.controller, report)).decode()
         client.sent, client.reported = number, self._report[0]
-        client.waiting = number, time.monotonic()
-        client.line.send(self._texts[new])
+        client.unacknowledged = number, time.monotonic()
+        client.connection.send(self._texts[new])

@@ -13,18 +13,18 @@ from numpy.typing import NDArray
 from cinegen.cockpit.cockpit import Cockpit
 from cinegen.errors import CinegenWarning
 from cinegen.model import Mechanism
-from cinegen.session import Setup, arrange, on_map
+from cinegen.session import Setup, arrange, map_setup
 
 
-class Shown:
-    """Robots in a live page. In a notebook, the value of a cell: the page stands below it.
+class LivePage:
+    """Robots in a live page; as the value of a notebook's cell, the page is shown below it.
 
     Args:
-        cockpit: that shows them.
-        height: of the page in a cell, pixels.
+        cockpit: cockpit that shows them.
+        height: height of the page in a cell, pixels.
 
     Attributes:
-        cockpit: that shows them.
+        cockpit: cockpit that shows them.
     """
 
     def __init__(self, cockpit: Cockpit, height: int = 600) -> None:
@@ -40,20 +40,20 @@ class Shown:
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """Address of the page."""
         return self.cockpit.url
 
     @property
     def q(self) -> dict[str, NDArray[Any]]:
-        """(nq,) where each robot is now, by name."""
+        """Configuration (nq,) of each robot, by name."""
         return {name: robot.q for name, robot in self.cockpit.state.robots.items()}
 
     def wait(self, seconds: float | None = None) -> None:
-        """Waits until the time is over (at Ctrl-C): a program that ends takes its page with it."""
+        """Wait until the time (s) is over, or until Ctrl-C: the page ends with the program."""
         self.cockpit.wait(seconds)
 
     def close(self) -> None:
-        """Ends it."""
+        """End the session and its page."""
         self.cockpit.close()
 
 
@@ -62,7 +62,7 @@ def show(
     follow: str | None = None,
     port: int = 7000,
     height: int = 600,
-) -> Shown:
+) -> LivePage:
     """Shows robots in a live page, in which any part can be taken and moved. Returns at once.
 
     Args:
@@ -90,7 +90,7 @@ def show(
         with warnings.catch_warnings():  # of ports: who shows a robot has not asked for its sensors
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange(robots, follow=follow)
-    return Shown(Cockpit(setup, port=port, own_process=False, framed=True), height)
+    return LivePage(Cockpit(setup, port=port, own_process=False, framed=True), height)
 
 
 def show_map(
@@ -99,13 +99,13 @@ def show_map(
     mechanism: Mechanism | None = None,
     port: int = 7000,
     height: int = 600,
-) -> Shown:
+) -> LivePage:
     """Shows a map in a live page, beside its robot: a click on a cell brings the robot there. Returns at once.
 
     Args:
         path: of the map, .zarr; it may be growing still.
         quantity: that the cells are coloured by at first; the map's first unless given.
-        mechanism: the map's robot as it was loaded, with its meshes; see `cinegen.session.on_map`.
+        mechanism: the map's robot as it was loaded, with its meshes; see `cinegen.session.map_setup`.
         port: the first to try.
         height: of the page in a notebook's cell, pixels.
 
@@ -113,4 +113,4 @@ def show_map(
         MapError: there is no map.
         CinegenError: it has no such quantity, or is of another robot; or the page can't be served.
     """
-    return show(on_map(path, quantity, mechanism), port=port, height=height)
+    return show(map_setup(path, quantity, mechanism), port=port, height=height)

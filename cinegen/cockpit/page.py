@@ -1,4 +1,4 @@
-"""What is drawn: meshcat's messages, kept for browsers that come late, and written as one file.
+"""`Page`: meshcat's messages, kept for browsers that connect later, and written as one file.
 
 A `Page` stands where meshcat's ViewerWindow stands: `meshcat.Visualizer(window=page)` draws into it. It keeps the
 newest of everything drawn, so that a browser that comes late sees the whole scene. meshcat's stock server is not
@@ -40,28 +40,28 @@ Key = tuple[str, str, str]
 """Path, kind and property of a message."""
 
 
-class Feed:
-    """What one browser was not sent yet, newest only."""
+class PageFeed:
+    """Messages that one browser was not sent yet, the newest only."""
 
     def __init__(self, page: Page, waiting: dict[Key, bytes]) -> None:
         self._page, self.waiting = page, waiting
 
     def take(self) -> list[bytes]:
-        """All of it."""
+        """Return all of them."""
         with self._page.lock:
             messages, self.waiting = self.waiting, {}
         return list(messages.values())
 
 
 class Page:
-    """A scene, and who follows it.
+    """A scene, and the browsers that show it.
 
     Args:
-        title: of the page.
+        title: title of the page.
 
     Attributes:
-        wake: called whenever there is something new, from whichever thread draws.
-        lock: held while messages are taken.
+        wake: called when something is drawn, in the thread that draws.
+        lock: lock of the messages.
     """
 
     def __init__(self, title: str = "cinegen") -> None:
@@ -69,16 +69,16 @@ class Page:
         self.lock = threading.Lock()
         self.wake: Callable[[], None] | None = None
         self._kept: dict[Key, bytes] = {}
-        self._feeds: set[Feed] = set()
+        self._feeds: set[PageFeed] = set()
 
     def send(self, command: Any) -> None:
-        """Takes one meshcat command; called by meshcat's Visualizer."""
+        """Take one meshcat command; called by meshcat's Visualizer."""
         values = command.lower()
         kind, path = values["type"], values["path"]
         key = (path, kind, values.get("property", ""))
         message = umsgpack.packb(values)
         with self.lock:
-            if kind in ("set_object", "delete"):  # what was drawn below is gone
+            if kind in ("set_object", "delete"):  # removes what was drawn below
                 below = [k for k in self._kept if k[0] == path or (kind == "delete" and k[0].startswith(path + "/"))]
                 for old in below:
                     del self._kept[old]
@@ -89,25 +89,25 @@ class Page:
         if self.wake is not None and self._feeds:
             self.wake()
 
-    def feed(self) -> Feed:
-        """Somebody follows from now on: everything that is drawn waits."""
+    def feed(self) -> PageFeed:
+        """Return a feed that starts with everything that is drawn."""
         with self.lock:
-            feed = Feed(self, self._in_order())
+            feed = PageFeed(self, self._in_order())
             self._feeds.add(feed)
         return feed
 
-    def forget(self, feed: Feed) -> None:
-        """Somebody follows no more."""
+    def forget(self, feed: PageFeed) -> None:
+        """Remove a feed."""
         with self.lock:
             self._feeds.discard(feed)
 
     def html(self) -> str:
-        """The scene as it stands, as a page that needs no server."""
+        """Return the present scene as an HTML page that needs no server."""
         blobs = ",\n".join(f'"{base64.b64encode(message).decode()}"' for message in self.scene().values())
         return _PAGE.format(title=html.escape(self.title), viewer=viewer(), blobs=blobs)
 
     def scene(self) -> dict[Key, bytes]:
-        """Everything that is drawn, objects before what is said of them."""
+        """Return all messages, objects before their properties."""
         with self.lock:
             return self._in_order()
 
@@ -116,5 +116,5 @@ class Page:
 
 
 def viewer() -> str:
-    """meshcat's viewer, from the installed package."""
+    """Return meshcat's viewer, from the installed package."""
     return files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8")

@@ -36,7 +36,7 @@ _WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of what stands fixed: it must not 
 _DISC = np.array([0.34, 0.71, 0.91, 1.0])  # Okabe and Ito's sky blue: a mobile robot
 
 
-class Scene:
+class RobotScene:
     """Mechanisms in a page, at a scale that fits them into the view.
 
     Args:
@@ -256,7 +256,7 @@ def _lathed(capsule: coal.Capsule) -> Any:
     return shape.TriangularMeshGeometry(points.reshape(-1, 3), triangles)
 
 
-def page_of(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, Scene]:
+def make_page(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, RobotScene]:
     """A page that shows mechanisms at home, by the names they have in it."""
     page = Page(", ".join(mechanisms))
-    return page, Scene(page, mechanisms)
+    return page, RobotScene(page, mechanisms)

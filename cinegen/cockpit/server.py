@@ -8,6 +8,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import contextlib
+import errno
 import hashlib
 import hmac
 import html
@@ -22,13 +23,12 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import tornado.httpserver
-import tornado.netutil
 import tornado.web
 import tornado.websocket
 
-from cinegen.cockpit.chart import Chart
 from cinegen.cockpit.hub import Client, Hub
 from cinegen.cockpit.page import Page, viewer
+from cinegen.cockpit.served_map import ServedMap
 from cinegen.errors import CinegenError
 
 LARGEST = 8192
@@ -45,20 +45,20 @@ _POLICY = (
 
 
 class ServerError(CinegenError):
-    """A page that can't be served."""
+    """A page can't be served."""
 
 
 class Server:
     """Serves a page and its session, in a thread of its own.
 
     Args:
-        page: what is drawn.
-        hub: the browsers' session.
-        snapshot: makes the page that needs no server.
-        host: the address to listen on; others than this machine's own need a token.
-        token: that browsers must know; made up where one is needed.
-        framed: whether any other page may show this one in a frame, as notebooks do; else only those of this machine.
-        chart: a map that is shown; None: none is.
+        page: scene that is drawn.
+        hub: clients of the session.
+        snapshot: returns the page as one file that needs no server.
+        host: address to listen on; one that other machines reach needs a token.
+        token: token that browsers need then; generated unless given.
+        framed: let any other page show this one in a frame, as notebooks do; otherwise only pages of this machine.
+        served_map: map that is drawn; None: none.
     """
 
     def __init__(
@@ -69,10 +69,10 @@ class Server:
         host: str = "127.0.0.1",
         token: str | None = None,
         framed: bool = False,
-        chart: Chart | None = None,
+        served_map: ServedMap | None = None,
     ) -> None:
         self.page, self.hub, self.snapshot, self.host, self.framed = page, hub, snapshot, host, framed
-        self.chart = chart
+        self.map = served_map
         self.token = token or (None if is_local(host) else secrets.token_urlsafe(16))
         self.port = 0
         self.scenes: set[_Scene] = set()
@@ -81,12 +81,12 @@ class Server:
 
     @property
     def url(self) -> str:
-        """Where the page is; for other machines, where those can reach it."""
+        """Address of the page; for other machines if they can reach it."""
         return self._url(socket.gethostname() if self.host in _ALL else self.host)
 
     @property
     def local_url(self) -> str:
-        """Where the page is on this machine."""
+        """Address of the page on this machine."""
         return self._url("127.0.0.1" if self.host in _ALL else self.host)
 
     def _url(self, host: str) -> str:
@@ -94,19 +94,19 @@ class Server:
         return f"http://{host}:{self.port}/" + (f"?token={self.token}" if self.token else "")
 
     def start(self, port: int = 7000, tries: int = 100) -> None:
-        """Begins.
+        """Start to serve.
 
         Args:
-            port: the first to try.
-            tries: how many to try.
+            port: first port to try.
+            tries: number of ports to try.
 
         Raises:
-            ServerError: none of them is free, or there is no such address here.
+            ServerError: none of them is free, or this machine has no such address.
         """
         reason: OSError | None = None
         for candidate in range(port, min(port + tries, 65536)):
             try:
-                sockets = tornado.netutil.bind_sockets(candidate, self.host)
+                sockets = _listening_sockets(candidate, self.host)
                 break
             except OSError as error:
                 reason = error
@@ -120,20 +120,20 @@ class Server:
         ready.wait()
 
     def call(self, function: Callable[..., object], *arguments: object) -> None:
-        """Calls a function in the server's thread, soon; whoever uses the hub does it so."""
+        """Call a function in the thread of the server; the hub is only used there."""
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # it has ended
                 self._loop.call_soon_threadsafe(function, *arguments)
 
     def stop(self) -> None:
-        """Ends; browsers are told."""
+        """Stop, and close all connections."""
         if self._loop is not None and self._thread is not None:
             self.call(self._end)
             self._thread.join(3.0)
 
     def _end(self) -> None:
         for client in tuple(self.hub.clients.values()):
-            client.line.close(1001, "the session has ended")
+            client.connection.close(1001, "the session has ended")
         self._over.set()
 
     def _run(self, sockets: list[Any], ready: threading.Event) -> None:
@@ -161,18 +161,40 @@ class Server:
             ready.set()
             await self._over.wait()
             server.stop()
-            await asyncio.sleep(0.1)  # for the last words
+            await asyncio.sleep(0.1)  # to send the last messages
 
         asyncio.run(run())
 
     def _wake(self) -> None:
-        """Something was drawn."""
+        """Wake all connections that draw."""
         for scene in tuple(self.scenes):
             self.call(scene.wake.set)
 
 
+def _listening_sockets(port: int, host: str) -> list[socket.socket]:
+    """Return sockets that listen at all addresses of a host. (tornado's function leaves one open if a port is in use.)
+
+    Raises:
+        OSError: the port is in use, or the host has no address on this machine.
+    """
+    found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    with contextlib.ExitStack() as opened:
+        sockets: list[socket.socket] = []
+        for family, address in dict.fromkeys((one[0], one[4][:2]) for one in found):
+            try:
+                listening = socket.create_server(address, family=family, backlog=128)
+            except OSError as error:
+                if error.errno == errno.EADDRNOTAVAIL and sockets:  # "localhost" without IPv6
+                    continue
+                raise
+            listening.setblocking(False)
+            sockets.append(opened.enter_context(listening))
+        opened.pop_all()
+        return sockets
+
+
 def is_local(host: str) -> bool:
-    """Whether only this machine can reach an address."""
+    """Return whether only this machine can reach an address."""
     if host == "localhost":
         return True
     try:
@@ -182,7 +204,7 @@ def is_local(host: str) -> bool:
 
 
 def _hostname(host: str) -> str:
-    """The name in a request's header Host; empty where that is malformed."""
+    """Return the name in a request's Host header; empty if that is malformed."""
     try:
         return (urlsplit(f"//{host}").hostname or "").lower()
     except ValueError:
@@ -190,12 +212,12 @@ def _hostname(host: str) -> str:
 
 
 def _no_log(handler: tornado.web.RequestHandler) -> None:
-    """Requests are no news."""
+    """Disable request logging."""
 
 
 class _Guarded(tornado.web.RequestHandler):
-    """Answers only who asks for this machine by name (a foreign page can't rebind its own name to it), or who knows the
-    token."""
+    """Answers requests to a name of this machine (so that a foreign page can't rebind its own name to it), or requests
+    with the token."""
 
     def initialize(self, server: Server) -> None:
         self.server = server
@@ -243,7 +265,7 @@ class _Viewer(_Guarded):
 
 
 class _Snapshot(_Guarded):
-    """The page as one file, as everything is now."""
+    """The present scene as one file."""
 
     async def get(self) -> None:
         text = await asyncio.get_running_loop().run_in_executor(None, self.server.snapshot)
@@ -274,20 +296,20 @@ class _Static(_Guarded):
 
 
 class _OfMap(_Guarded):
-    """What there is to know of the map that is shown: read beside the server's own work."""
+    """A part of the map, read in another thread."""
 
-    async def found(self, ask: Callable[[Chart], Any]) -> Any:
-        """What a chart says.
+    async def found(self, ask: Callable[[ServedMap], bytes | None]) -> bytes:
+        """Return a part of the map.
 
         Raises:
-            HTTPError: no map is shown; or it says nothing of that.
+            HTTPError: there is no map, or no such part.
         """
-        chart = self.server.chart
-        if chart is None:
+        served = self.server.map
+        if served is None:
             raise tornado.web.HTTPError(404)
         try:
-            answer = await asyncio.get_running_loop().run_in_executor(None, ask, chart)
-        except (CinegenError, OSError, ValueError) as error:  # it was taken away
+            answer = await asyncio.get_running_loop().run_in_executor(None, ask, served)
+        except (CinegenError, OSError, ValueError) as error:  # it was removed
             raise tornado.web.HTTPError(404, reason="The map can't be read any more") from error
         if answer is None:
             raise tornado.web.HTTPError(404)
@@ -295,25 +317,27 @@ class _OfMap(_Guarded):
 
 
 class _Map(_OfMap):
-    """What is said of it."""
+    """Description of the map."""
 
     async def get(self) -> None:
-        self.write(await self.found(lambda chart: chart.told()))
+        self.set_header("Content-Type", "application/json; charset=UTF-8")
+        self.write(await self.found(lambda served: served.about()))
 
 
 class _MapCells(_OfMap):
-    """Its cells."""
+    """Cells of the map."""
 
     async def get(self) -> None:
         self.set_header("Content-Type", "application/octet-stream")
-        self.write(await self.found(lambda chart: chart.block()))
+        self.write(await self.found(lambda served: served.block()))
 
 
 class _MapCell(_OfMap):
-    """How a cell is reached."""
+    """Configuration of a cell."""
 
     async def get(self, number: str) -> None:
-        self.write(await self.found(lambda chart: chart.cell(int(number))))
+        self.set_header("Content-Type", "application/json; charset=UTF-8")
+        self.write(await self.found(lambda served: served.cell(int(number))))
 
 
 class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own check_origin refuses foreign pages
@@ -334,7 +358,7 @@ class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own ch
 
 
 class _Scene(_Socket):
-    """What is drawn, newest only: each browser as fast as it takes it."""
+    """Drawing commands, the newest only: each browser gets them as fast as it accepts them."""
 
     def open(self, *_: str, **__: str) -> None:
         self.wake = asyncio.Event()
@@ -352,7 +376,7 @@ class _Scene(_Socket):
                     await self.write_message(message, binary=True)
 
     def on_message(self, message: str | bytes) -> None:
-        self.close(1008, "nothing is to be said here")
+        self.close(1008, "this connection takes no messages")
 
     def on_close(self) -> None:
         if hasattr(self, "task"):
@@ -362,7 +386,7 @@ class _Scene(_Socket):
 
 
 class _Session(_Socket):
-    """States out, commands in."""
+    """Messages to and from a client."""
 
     client: Client | None = None
 
@@ -371,13 +395,13 @@ class _Session(_Socket):
         self.client = self.server.hub.join(self)
 
     def send(self, text: str) -> None:
-        """See `Line`."""
+        """See `Connection`."""
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
             self.write_message(text).add_done_callback(_sent)
 
     def on_message(self, message: str | bytes) -> None:
         if self.client is not None:
-            self.server.hub.heard(self.client, message)
+            self.server.hub.receive(self.client, message)
 
     def on_close(self) -> None:
         if self.client is not None:
@@ -385,7 +409,7 @@ class _Session(_Socket):
 
 
 def _sent(message: asyncio.Future[None]) -> None:
-    """Retrieve how sending went, for asyncio logs what nobody retrieves: a browser that has gone is no error."""
+    """Retrieve the result of sending, which asyncio logs otherwise. A browser that has gone is not an error."""
     error = None if message.cancelled() else message.exception()
     if error is not None and not isinstance(error, tornado.websocket.WebSocketClosedError):
         raise error

@@ -1,63 +1,54 @@
-"""Robots that people and sensors move together: commands in, states out, at a fixed rate."""
+"""Sessions: robots that users and sensors drive together; commands in, states out, at a fixed rate."""
 
+from cinegen.mission import BasePose
 from cinegen.session.cloud import Cloud, ShownMap
-from cinegen.session.commands import FRAMES as FRAMES_OF_COMMAND
-from cinegen.session.commands import Command, Vocabulary, parse, read
-from cinegen.session.errors import CommandError, SessionError
-from cinegen.session.loop import Loop
+from cinegen.session.commands import Command, CommandError, CommandFrame, KnownNames, decode_command
+from cinegen.session.map_setup import map_setup
 from cinegen.session.obstacle import is_obstacle
-from cinegen.session.on_map import on_map
-from cinegen.session.report import Report, Reporter, Singularity
+from cinegen.session.report import Reporter, RobotReport
+from cinegen.session.runner import SessionError, SessionRunner
+from cinegen.session.scene_setup import scene_setup
 from cinegen.session.session import Session
 from cinegen.session.setup import (
+    Avoidance,
     Device,
-    MapBeside,
+    MapOverlay,
+    SensorSwitch,
     Setup,
     SetupError,
-    Stand,
-    Surroundings,
-    Switch,
     arrange,
-    replayed,
-    stand_of,
+    parse_base_pose,
+    replay_setup,
 )
 from cinegen.session.solids import solids_of
-from cinegen.session.state import Notice, Replayed, RobotState, SensorState, State, TaskState
-from cinegen.session.surroundings import in_scene
+from cinegen.session.state import SessionState
 
 __all__ = [
-    "FRAMES_OF_COMMAND",
+    "Avoidance",
+    "BasePose",
     "Cloud",
     "Command",
     "CommandError",
+    "CommandFrame",
     "Device",
-    "Loop",
-    "MapBeside",
-    "Notice",
-    "Replayed",
-    "Report",
+    "KnownNames",
+    "MapOverlay",
     "Reporter",
-    "RobotState",
-    "SensorState",
+    "RobotReport",
+    "SensorSwitch",
     "Session",
     "SessionError",
+    "SessionRunner",
+    "SessionState",
     "Setup",
     "SetupError",
     "ShownMap",
-    "Singularity",
-    "Stand",
-    "State",
-    "Surroundings",
-    "Switch",
-    "TaskState",
-    "Vocabulary",
     "arrange",
-    "in_scene",
+    "decode_command",
     "is_obstacle",
-    "on_map",
-    "parse",
-    "read",
-    "replayed",
+    "map_setup",
+    "parse_base_pose",
+    "replay_setup",
+    "scene_setup",
     "solids_of",
-    "stand_of",
 ]

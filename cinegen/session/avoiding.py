@@ -13,14 +13,15 @@ from cinegen.collision.body import Body
 from cinegen.collision.scene import Scene
 from cinegen.planning.hand import AvoidingSolver
 from cinegen.planning.keep import is_clear
-from cinegen.session.driven import Driven
+from cinegen.session.robot import DrivenRobot
+from cinegen.session.state import RobotStatus
 
 Array = NDArray[np.float64]
 
 _NAMED = 2  # in a status, at most
 
 
-class AvoidingRobot(Driven):
+class AvoidingRobot(DrivenRobot):
     """That of a scene. Tasks lead it round obstacles or up to them; obstacles that come near push it away; other
     motions stop before they hit anything.
 
@@ -57,31 +58,32 @@ class AvoidingRobot(Driven):
         for body in self.bodies:
             yield self.base * self._data.oMi[body.joint] * body.placement
 
-    def hit(self, q: Array) -> str:
-        """See `Driven`."""
+    def collision(self, q: Array) -> str:
+        """See `DrivenRobot`."""
         here = self.q
         if np.array_equal(q, here) or is_clear(self._clearance, here, q, self.safety):
             return ""
         pair = int(self._clearance.distances(q).argmin())
         return f"'{self._link(pair)}' would hit {self._what(pair)}"
 
-    def status(self) -> tuple[str, str]:
-        """See `Driven`; with the names of what is in the way."""
-        name, words = super().status()
+    def status(self) -> RobotStatus:
+        """See `DrivenRobot`; with the names of obstacles."""
+        status = super().status()
         distances = self._clearance.distances(self.q)
         pair = int(distances.argmin()) if len(distances) else -1
         if pair >= 0 and distances[pair] <= 0.0:
-            return "TOUCHING", f"'{self._link(pair)}' touches {self._what(pair)}"
+            label = f"'{self._link(pair)}' touches {self._what(pair)}"
+            return RobotStatus("TOUCHING", label, "a link touches an obstacle or another link")
         if self.motion is not None:
-            return name, words
-        if name == "BARRED":
-            return name, f"held off by {self._listed(self._barring())}"
-        if name == "IDLE" and self.step.active_barriers:
-            return "PUSHED", f"pushed by {self._listed(self._barring())}"
-        round_what = [self._obstacles[i] for i in self._avoiding.vortices.awake if i < len(self._obstacles)]
-        if name == "DETOUR" and round_what:
-            return name, f"going round {self._listed(map(repr, round_what))}"
-        return name, words
+            return status
+        if status.name == "BARRED":
+            return RobotStatus(status.name, f"barred by {self._listed(self._barring())}", status.description)
+        if status.name == "IDLE" and self.step.active_barriers:
+            return RobotStatus("PUSHED", f"pushed by {self._listed(self._barring())}", "an obstacle moves the robot")
+        around = [self._obstacles[i] for i in self._avoiding.vortices.awake if i < len(self._obstacles)]
+        if status.name == "DETOUR" and around:
+            return RobotStatus(status.name, f"detour around {self._listed(map(repr, around))}", status.description)
+        return status
 
     # --- names ---------------------------------------------------------------------------------------------------
 

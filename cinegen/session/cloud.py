@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
+from msgspec import Struct
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -29,18 +30,17 @@ _MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)])  # no two points of a grid 
 _SAMPLE = 2000  # cells, that the distance to the next one is taken from
 
 
-@dataclass(frozen=True)
-class AxisShown:
-    """A coordinate of the map, as it is shown.
+class AxisShown(Struct, frozen=True):
+    """A coordinate of the map, as it is drawn.
 
     Attributes:
-        name: of the coordinate.
+        name: name of the coordinate.
         unit: m or rad.
-        low: the middle of the first cell that is shown, m or rad.
-        step: from there to the next one.
-        count: how many are shown.
-        every: cells of the map from one that is shown to the next.
-        places: whether it moves the cell; else it turns the node there.
+        low: center of the first cell, m or rad.
+        step: distance of two cells, m or rad.
+        count: number of cells.
+        every: cells of the map per cell that is drawn.
+        translates: whether the coordinate moves the node; otherwise it rotates it.
     """
 
     name: str
@@ -49,26 +49,25 @@ class AxisShown:
     step: float
     count: int
     every: int
-    places: bool
+    translates: bool
 
 
-@dataclass(frozen=True)
-class QuantityShown:
+class QuantityShown(Struct, frozen=True):
     """A quantity of the map.
 
     Attributes:
-        name: short.
-        unit: "1" where it has none.
-        words: what it is.
-        low: where the colours begin; values may be below.
-        high: where they end.
-        least: of the cells that are shown; None where no cell has a value.
-        most: of them.
+        name: name of the quantity.
+        unit: unit; "1" if it is dimensionless.
+        text: description for people.
+        low: value at the start of the colours; there may be smaller ones.
+        high: value at their end.
+        least: smallest value that is drawn; None if no cell has a value.
+        most: largest value that is drawn.
     """
 
     name: str
     unit: str
-    words: str
+    text: str
     low: float
     high: float
     least: float | None

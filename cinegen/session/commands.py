@@ -1,472 +1,368 @@
-"""What people and programs may ask of a session: each a value, read from JSON and checked before it is obeyed.
+"""Commands that the page and programs send to a session, as typed messages: this module is the schema.
 
-A message is one JSON object with one of the names in `KINDS`, at most `LONGEST` characters:
+A command is a JSON object with a `type`, at most `LONGEST` characters long:
 
-    {"take": {"robot": "delta4", "node": "link5", "point": [x, y, z]}}   the point as seen from the node, m
-    {"lead": [x, y, z]}                                                  where that should be in the world, m
+    {"type": "start_drag", "robot": "delta4", "node": "link5", "point": [0, 0, 0.1]}
+    {"type": "move_drag", "position": [0, 0, -1.8]}
 
-`docs/cockpit.md` lists them all.
+Unknown fields, missing fields, values of another type and values out of range are refused with a message that names the
+field. The table in `docs/cockpit.md` is generated from the classes here by `docs/protocols.py`.
 """
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Collection, Mapping
+import re
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, NoReturn
+from typing import Annotated, Any, Literal, TypeVar
 
-from cinegen.session.errors import CommandError
+import msgspec
+from msgspec import Meta, Struct
+
+from cinegen.errors import CinegenError
 from cinegen.session.setup import Setup
+from cinegen.typed_json import Button, DoF, Vector4, Vector6
 
 LONGEST = 2000
 """Characters of a message."""
 
-FURTHEST = 1e6
-"""m or rad: nothing is further away."""
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
+Position = tuple[Coordinate, Coordinate, Coordinate]
+Quaternion = Vector4
+TaskId = Annotated[int, Meta(ge=0, lt=1 << 53)]
 
-FRAMES = ("world", "base", "tool", "view")
-"""Frames of command: in whose axes a sensor's deflection moves what it holds."""
+CommandFrame = Literal["world", "base", "tool", "view"]
+"""Frame in whose axes a sensor's deflection moves a node."""
 
-Point = tuple[float, float, float]
-Numbers = tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Take:
-    """The hand takes a node: a point of it (m, as seen from it), or the node itself, with its turns or without."""
-
-    robot: str
-    node: str
-    point: Point | None
-    turn: bool
+_Message = TypeVar("_Message")
 
 
-@dataclass(frozen=True, slots=True)
-class Lead:
-    """Where what the hand holds should be, in the world: a point (m), or a pose (m and a quaternion x y z w)."""
-
-    to: Numbers
+class CommandError(CinegenError):
+    """A command is malformed or refers to something that does not exist. The sender is disconnected."""
 
 
-@dataclass(frozen=True, slots=True)
-class LetGo:
-    """The hand lets go; what it held stays pinned where it should be, or is free."""
-
-    pin: bool
+def snake_case(name: str) -> str:
+    """Return the `type` of a message of a class: "start_drag" of `StartDrag`, "state" of `StateMessage`."""
+    return re.sub(r"(?<!^)(?=[A-Z])", "_", name.removesuffix("Message")).lower()
 
 
-@dataclass(frozen=True, slots=True)
-class Pin:
-    """A node is held where it is."""
+class TypedMessage(Struct, frozen=True, forbid_unknown_fields=True, tag_field="type", tag=snake_case):
+    """A message with a `type`, which accepts no other fields than its own."""
+
+
+class StartDrag(TypedMessage, frozen=True):
+    """Start to drag a node; only one node is dragged at a time.
+
+    Attributes:
+        robot: robot or obstacle.
+        node: node of it.
+        point: point to drag, in the node's frame (m); the node rotates freely about it. Null: the node's origin.
+        rotation: whether the drag commands the node's orientation too; for `point` null.
+    """
 
     robot: str
     node: str
+    point: Position | None = None
+    rotation: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Release:
-    """A task ends."""
+class MoveDrag(TypedMessage, frozen=True):
+    """Set the target of what is dragged.
 
-    task: int
+    Attributes:
+        position: in the world (m).
+        quaternion: orientation in the world, x y z w; null: the orientation at the start.
+    """
 
+    position: Position
+    quaternion: Quaternion | None = None
 
-@dataclass(frozen=True, slots=True)
-class Weigh:
-    """A task's weight."""
-
-    task: int
-    weight: float
-
-
-@dataclass(frozen=True, slots=True)
-class Holds:
-    """How many translations and rotations a task holds, 0 to 3."""
-
-    task: int
-    translation: int
-    rotation: int
+    def __post_init__(self) -> None:
+        if self.quaternion is not None:
+            _normalize(self, self.quaternion)
 
 
-@dataclass(frozen=True, slots=True)
-class MoveJoint:
-    """A motor goes to a value, rad or m; all that no task could hold follows."""
+class EndDrag(TypedMessage, frozen=True):
+    """End the drag.
+
+    Attributes:
+        pin: whether a pin keeps the node at the target.
+    """
+
+    pin: bool = False
+
+
+class Pin(TypedMessage, frozen=True):
+    """Add a task that keeps a node at its present pose.
+
+    Attributes:
+        robot: robot or obstacle.
+        node: node of it.
+    """
+
+    robot: str
+    node: str
+
+
+class RemoveTask(TypedMessage, frozen=True):
+    """Remove a task: end the drag, remove the pin, or disconnect the sensor.
+
+    Attributes:
+        task: its id.
+    """
+
+    task: TaskId
+
+
+class ChangeTask(TypedMessage, frozen=True):
+    """Change a task; what is null stays.
+
+    Attributes:
+        task: its id.
+        translation: number of translations that it constrains.
+        rotation: number of rotations that it constrains.
+        weight: of its equations.
+    """
+
+    task: TaskId
+    translation: DoF | None = None
+    rotation: DoF | None = None
+    weight: Annotated[float, Meta(ge=0.01, le=100.0)] | None = None
+
+
+class MoveJoint(TypedMessage, frozen=True):
+    """Move an actuated joint; the others keep their values, passive joints follow.
+
+    Attributes:
+        robot: robot or obstacle.
+        joint: actuated joint of it.
+        value: position to move to, rad or m.
+    """
 
     robot: str
     joint: str
-    value: float
+    value: Coordinate
 
 
-@dataclass(frozen=True, slots=True)
-class EndJoint:
-    """Whoever moved motors has let go of them."""
+class EndJointMotion(TypedMessage, frozen=True):
+    """End the motion of joints: the slider was released."""
 
 
-@dataclass(frozen=True, slots=True)
-class Home:
-    """A robot goes home; all if None."""
+class MoveHome(TypedMessage, frozen=True):
+    """Move a robot to where it began.
 
-    robot: str | None
+    Attributes:
+        robot: robot or obstacle; null: all robots.
+    """
+
+    robot: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Visit:
-    """A robot goes to a configuration (nq,), loops closed, its node straight ahead."""
+class MoveTo(TypedMessage, frozen=True):
+    """Move a robot to a configuration, a node along a straight line.
+
+    Attributes:
+        robot: robot or obstacle.
+        node: node that moves along a straight line.
+        q: (nq,) configuration with closed loops, rad and m.
+    """
 
     robot: str
     node: str
-    q: Numbers
+    q: tuple[Coordinate, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Undo:
-    """The last gesture is undone."""
+class Undo(TypedMessage, frozen=True):
+    """Undo the last undo step."""
 
 
-@dataclass(frozen=True, slots=True)
-class Redo:
-    """What was undone last is done again."""
+class Redo(TypedMessage, frozen=True):
+    """Redo what was undone last."""
 
 
-@dataclass(frozen=True, slots=True)
-class Pause:
-    """Everything stands still, or goes on."""
+class Pause(TypedMessage, frozen=True):
+    """Pause or resume all motion.
+
+    Attributes:
+        on: whether to pause.
+    """
 
     on: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Choose:
-    """A sensor holds a node; None: it is free."""
+class SelectSensor(TypedMessage, frozen=True):
+    """Let a node follow a sensor.
+
+    Attributes:
+        robot: robot of the node.
+        node: node that may follow sensors.
+        sensor: one of those that it may follow, where null is among them: no sensor.
+    """
 
     robot: str
     node: str
     sensor: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Frame:
-    """The frame of command: one of `FRAMES`."""
+class ChangeSettings(TypedMessage, frozen=True):
+    """Change settings; what is null stays.
 
-    name: str
+    Attributes:
+        gain: part of an error that is corrected per second, 1/s.
+        damping: singular value (dimensionless) below which motion is damped.
+        linear_speed: of a sensor at full deflection, m/s.
+        angular_speed: of a sensor at full deflection, rad/s.
+        frame: command frame of the sensors.
+    """
 
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """How the view is turned in the world: a quaternion x y z w of axes to the right, up and towards the viewer."""
-
-    quaternion: Numbers
-
-
-@dataclass(frozen=True, slots=True)
-class Set:
-    """A setting: gain (1/s), damping (a singular value), speed (m/s) or turning (rad/s)."""
-
-    name: str
-    value: float
+    gain: Annotated[float, Meta(ge=1.0, le=1000.0)] | None = None
+    damping: Annotated[float, Meta(ge=1e-3, le=0.3)] | None = None
+    linear_speed: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    angular_speed: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    frame: CommandFrame | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Record:
-    """A recording begins, or ends."""
+class SetView(TypedMessage, frozen=True):
+    """Set the axes of the command frame `view`.
 
-    on: bool
+    Attributes:
+        quaternion: orientation of the camera in the world, x y z w: x to the right, y up, z towards the viewer.
+    """
 
+    quaternion: Quaternion
 
-@dataclass(frozen=True, slots=True)
-class Gamepad:
-    """What a browser's gamepad says."""
-
-    twist: Numbers
-    buttons: frozenset[int]
+    def __post_init__(self) -> None:
+        _normalize(self, self.quaternion)
 
 
-@dataclass(frozen=True, slots=True)
-class Play:
-    """The replay goes on, or stops."""
+class SetRecording(TypedMessage, frozen=True):
+    """Start or stop a recording.
+
+    Attributes:
+        on: whether to record.
+    """
 
     on: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Seek:
-    """The replay goes to a time, s."""
+class GamepadInput(TypedMessage, frozen=True):
+    """Report the state of a browser's gamepad; at least ten times a second while it is deflected.
 
-    time: float
+    Attributes:
+        twist: deflection, three translations and three rotations; each is clipped to -1 to 1.
+        buttons: those that are pressed.
+    """
+
+    twist: Vector6
+    buttons: frozenset[Button] = frozenset()
+
+    def __post_init__(self) -> None:
+        _set(self, "twist", tuple(min(1.0, max(-1.0, value)) for value in self.twist))
 
 
-@dataclass(frozen=True, slots=True)
-class Tempo:
-    """How fast the replay runs; 1 is as it was."""
+class ControlPlayback(TypedMessage, frozen=True):
+    """Control the playback of a recording; what is null stays.
 
-    factor: float
+    Attributes:
+        playing: whether it plays.
+        time: position to jump to, s.
+        speed: playback speed; 1 is real time.
+    """
+
+    playing: bool | None = None
+    time: Annotated[float, Meta(ge=0.0, le=1e9)] | None = None
+    speed: Annotated[float, Meta(ge=0.01, le=100.0)] | None = None
 
 
 Command = (
-    Take | Lead | LetGo | Pin | Release | Weigh | Holds | MoveJoint | EndJoint | Home | Visit | Undo | Redo | Pause
-    | Choose | Frame | View | Set | Record | Gamepad | Play | Seek | Tempo
+    StartDrag | MoveDrag | EndDrag | Pin | RemoveTask | ChangeTask | MoveJoint | EndJointMotion | MoveHome | MoveTo
+    | Undo | Redo | Pause | SelectSensor | ChangeSettings | SetView | SetRecording | GamepadInput | ControlPlayback
 )  # fmt: skip
-
-SETTINGS: Mapping[str, tuple[float, float]] = {
-    "gain": (1.0, 1000.0),
-    "damping": (1e-3, 0.3),
-    "speed": (0.0, 100.0),
-    "turning": (0.0, 100.0),
-}
-"""What may be set, and from where to where."""
 
 
 @dataclass(frozen=True)
-class Vocabulary:
-    """The names that commands may use.
+class KnownNames:
+    """Names that commands may refer to.
 
     Attributes:
-        nodes: of each robot.
-        motors: of each robot.
-        choices: sensors by robot and node; None stands for none of them.
+        nodes: nodes of each robot.
+        actuated: actuated joints of each robot.
+        sensors: sensors that a node may follow, by robot and node; None: no sensor.
     """
 
     nodes: Mapping[str, Collection[str]]
-    motors: Mapping[str, Collection[str]] = field(default_factory=dict)
-    choices: Mapping[tuple[str, str], Collection[str | None]] = field(default_factory=dict)
+    actuated: Mapping[str, Collection[str]] = field(default_factory=dict)
+    sensors: Mapping[tuple[str, str], Collection[str | None]] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, setup: Setup) -> Vocabulary:
-        """That of a session."""
+    def of(cls, setup: Setup) -> KnownNames:
+        """Return the names of a session."""
         return cls(
             {name: frozenset(mechanism.nodes) for name, mechanism in setup.robots.items()},
             {name: frozenset(mechanism.actuated) for name, mechanism in setup.robots.items()},
             {(switch.robot, switch.node): frozenset(switch.choices) for switch in setup.switches},
         )
 
+    def check(self, command: Command) -> None:
+        """Check the names in a command.
 
-def read(message: str | bytes) -> dict[str, Any]:
-    """A message as an object with one name.
+        Raises:
+            CommandError: one of them does not exist; the message names the field.
+        """
+        robot = getattr(command, "robot", None)
+        if robot is None:
+            return
+        node = getattr(command, "node", "")
+        known: dict[str, Collection[str | None]] = {
+            "robot": self.nodes,
+            "node": self.nodes.get(robot, ()),
+            "joint": self.actuated.get(robot, ()),
+            "sensor": self.sensors.get((robot, node), ()),
+        }
+        for name in command.__struct_fields__:
+            value = getattr(command, name)
+            if name in known and value not in known[name]:
+                raise CommandError(f"Unknown {name} {value!r:.80} - at `$.{name}`")
+
+
+def decode(message: str | bytes, decoder: msgspec.json.Decoder[_Message]) -> _Message:
+    """Decode a message from a browser or a program.
 
     Raises:
-        CommandError: it is none.
+        CommandError: it is no text, too long, no JSON, or doesn't match the schema; the message names the field.
     """
     if not isinstance(message, str):
-        raise CommandError("a message is text")
+        raise CommandError("a message must be text, not binary")
     if len(message) > LONGEST:
-        raise CommandError(f"a message has {LONGEST} characters at most")
+        raise CommandError(f"a message must not be longer than {LONGEST} characters")
     try:
-        said = json.loads(message, parse_constant=_no_number)
-    except (ValueError, RecursionError):
-        raise CommandError("a message is JSON") from None
-    if not isinstance(said, dict) or len(said) != 1:
-        raise CommandError("a message is an object with one name")
-    return said
+        return decoder.decode(message)
+    except (msgspec.MsgspecError, RecursionError, UnicodeError) as error:
+        raise CommandError(str(error)) from None
 
 
-def parse(said: Mapping[str, Any], known: Vocabulary) -> Command:
-    """The command that an object says.
+_COMMANDS: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Command)
+
+
+def decode_command(message: str | bytes, known: KnownNames) -> Command:
+    """Decode a command and check the names in it.
 
     Raises:
-        CommandError: it says none, or one that makes no sense here.
+        CommandError: see `decode` and `KnownNames.check`.
     """
-    ((kind, value),) = said.items()
-    reader = KINDS.get(kind)
-    if reader is None:
-        raise CommandError(f"nothing is called '{kind[:40]}'")
-    return reader(value, known)
+    command = decode(message, _COMMANDS)
+    known.check(command)
+    return command
 
 
-# --- what each says ----------------------------------------------------------------------------------------------
+def _set(message: Struct, name: str, value: Any) -> None:
+    """Set a field of a frozen message while it is constructed."""
+    msgspec.structs.force_setattr(message, name, value)
 
 
-def _take(value: Any, known: Vocabulary) -> Take:
-    entry = _object(value, {"robot", "node", "point", "turn"})
-    robot, node = _node(entry, known)
-    if "point" in entry:
-        x, y, z = _numbers(entry["point"], 3, "a point")
-        return Take(robot, node, (x, y, z), False)
-    return Take(robot, node, None, _flag(entry.get("turn"), "turn"))
-
-
-def _lead(value: Any, known: Vocabulary) -> Lead:
-    if isinstance(value, list) and len(value) == 7:
-        return Lead((*_numbers(value[:3], 3, "a point"), *_quaternion(value[3:])))
-    return Lead(_numbers(value, 3, "where to lead"))
-
-
-def _let_go(value: Any, known: Vocabulary) -> LetGo:
-    if value is not True and value != "pin":
-        raise CommandError("'let go' is true, or 'pin'")
-    return LetGo(value == "pin")
-
-
-def _pin(value: Any, known: Vocabulary) -> Pin:
-    return Pin(*_node(_object(value, {"robot", "node"}), known))
-
-
-def _release(value: Any, known: Vocabulary) -> Release:
-    return Release(_count(value, "a task"))
-
-
-def _weigh(value: Any, known: Vocabulary) -> Weigh:
-    task, weight = _pair(value, 2)
-    return Weigh(_count(task, "a task"), _within(weight, 0.01, 100.0, "a weight"))
-
-
-def _holds(value: Any, known: Vocabulary) -> Holds:
-    task, translation, rotation = _pair(value, 3)
-    counts = [_count(count, "a number of freedoms") for count in (translation, rotation)]
-    if max(counts) > 3:
-        raise CommandError("a task holds 0 to 3 translations and rotations")
-    return Holds(_count(task, "a task"), *counts)
-
-
-def _joint(value: Any, known: Vocabulary) -> MoveJoint | EndJoint:
-    if value is None:
-        return EndJoint()
-    entry = _object(value, {"robot", "joint", "value"})
-    robot, joint = entry.get("robot"), entry.get("joint")
-    if not isinstance(robot, str) or robot not in known.motors:
-        raise CommandError("there is no such robot")
-    if not isinstance(joint, str) or joint not in known.motors[robot]:
-        raise CommandError("there is no such motor")
-    return MoveJoint(robot, joint, _within(entry.get("value"), -FURTHEST, FURTHEST, "a joint's value"))
-
-
-def _home(value: Any, known: Vocabulary) -> Home:
-    if value is not None and (not isinstance(value, str) or value not in known.nodes):
-        raise CommandError("there is no such robot")
-    return Home(value)
-
-
-def _visit(value: Any, known: Vocabulary) -> Visit:
-    entry = _object(value, {"robot", "node", "q"})
-    robot, node = _node(entry, known)
-    q = entry.get("q")
-    return Visit(robot, node, _numbers(q, len(q) if isinstance(q, list) else 1, "a configuration"))
-
-
-def _choose(value: Any, known: Vocabulary) -> Choose:
-    entry = _object(value, {"robot", "node", "sensor"})
-    robot, node = _node(entry, known)
-    sensor = entry.get("sensor")
-    if not isinstance(sensor, str | None) or sensor not in known.choices.get((robot, node), ()):
-        raise CommandError("no such sensor may hold this node")
-    return Choose(robot, node, sensor)
-
-
-def _frame(value: Any, known: Vocabulary) -> Frame:
-    if value not in FRAMES:
-        raise CommandError(f"a frame of command is one of {', '.join(FRAMES)}")
-    return Frame(value)
-
-
-def _view(value: Any, known: Vocabulary) -> View:
-    return View(_quaternion(value))
-
-
-def _setting(name: str) -> Callable[[Any, Vocabulary], Set]:
-    low, high = SETTINGS[name]
-    return lambda value, known: Set(name, _within(value, low, high, name))
-
-
-def _gamepad(value: Any, known: Vocabulary) -> Gamepad:
-    entry = _object(value, {"twist", "buttons"})
-    twist = tuple(min(1.0, max(-1.0, number)) for number in _numbers(entry.get("twist"), 6, "a twist"))
-    buttons = entry.get("buttons", [])
-    if not isinstance(buttons, list) or not all(type(one) is int and 0 <= one < 64 for one in buttons):
-        raise CommandError("buttons are whole numbers from 0 to 63")
-    return Gamepad(twist, frozenset(buttons))
-
-
-def _true(command: Command) -> Callable[[Any, Vocabulary], Command]:
-    def reader(value: Any, known: Vocabulary) -> Command:
-        if value is not True:
-            raise CommandError("write true")
-        return command
-
-    return reader
-
-
-KINDS: Mapping[str, Callable[[Any, Vocabulary], Command]] = {
-    "take": _take,
-    "lead": _lead,
-    "let go": _let_go,
-    "pin": _pin,
-    "release": _release,
-    "weight": _weigh,
-    "holds": _holds,
-    "joint": _joint,
-    "home": _home,
-    "visit": _visit,
-    "undo": _true(Undo()),
-    "redo": _true(Redo()),
-    "pause": lambda value, known: Pause(_flag(value, "pause")),
-    "switch": _choose,
-    "frame": _frame,
-    "view": _view,
-    **{name: _setting(name) for name in SETTINGS},
-    "record": lambda value, known: Record(_flag(value, "record")),
-    "gamepad": _gamepad,
-    "play": lambda value, known: Play(_flag(value, "play")),
-    "seek": lambda value, known: Seek(_within(value, 0.0, 1e9, "a time")),
-    "tempo": lambda value, known: Tempo(_within(value, 0.01, 100.0, "a tempo")),
-}
-"""How each command is read, by the name of its object."""
-
-
-# --- values ------------------------------------------------------------------------------------------------------
-
-
-def _no_number(text: str) -> NoReturn:
-    raise ValueError(text)
-
-
-def _object(value: Any, names: Collection[str]) -> dict[str, Any]:
-    if not isinstance(value, dict) or not value.keys() <= set(names):
-        raise CommandError(f"this is an object of {', '.join(sorted(names))}")
-    return value
-
-
-def _node(entry: Mapping[str, Any], known: Vocabulary) -> tuple[str, str]:
-    robot, node = entry.get("robot"), entry.get("node")
-    if not isinstance(robot, str) or robot not in known.nodes:
-        raise CommandError("there is no such robot")
-    if not isinstance(node, str) or node not in known.nodes[robot]:
-        raise CommandError("there is no such part")
-    return robot, node
-
-
-def _pair(value: Any, count: int) -> list[Any]:
-    if not isinstance(value, list) or len(value) != count:
-        raise CommandError(f"this is a list of {count}")
-    return value
-
-
-def _flag(value: Any, name: str) -> bool:
-    if not isinstance(value, bool):
-        raise CommandError(f"{name} is true or false")
-    return value
-
-
-def _count(value: Any, name: str) -> int:
-    if type(value) is not int or not 0 <= value < 1 << 53:
-        raise CommandError(f"{name} is a whole number")
-    return value
-
-
-def _within(value: Any, low: float, high: float, name: str) -> float:
-    if type(value) not in (int, float) or not low <= value <= high:
-        raise CommandError(f"{name} is a number from {low:g} to {high:g}")
-    return float(value)
-
-
-def _numbers(value: Any, count: int, name: str) -> Numbers:
-    good = isinstance(value, list) and len(value) == count and all(type(x) in (int, float) for x in value)
-    if not good or not all(-FURTHEST <= x <= FURTHEST for x in value):
-        raise CommandError(f"{name} is {count} numbers, not beyond {FURTHEST:g}")
-    return tuple(map(float, value))
-
-
-def _quaternion(value: Any) -> Numbers:
-    numbers = _numbers(value, 4, "a quaternion")
-    length = math.sqrt(sum(x * x for x in numbers))
+def _normalize(message: Struct, quaternion: Quaternion) -> None:
+    length = math.hypot(*quaternion)
     if not 0.9 < length < 1.1:
-        raise CommandError("a quaternion x y z w has length 1")
-    return tuple(x / length for x in numbers)
+        raise ValueError(f"Expected a quaternion x y z w of length 1, not {length:.3g} - at `$.quaternion`")
+    _set(message, "quaternion", tuple(value / length for value in quaternion))

@@ -14,14 +14,15 @@ from cinegen.ik import Solver
 from cinegen.model import Mechanism
 from cinegen.planning.keep import Keep, is_clear, part_in
 from cinegen.session.avoiding import AvoidingRobot
-from cinegen.session.driven import Driven, Held
+from cinegen.session.robot import DrivenRobot, UserTask
+from cinegen.session.state import RobotStatus
 
 Array = NDArray[np.float64]
 
 _NEARER = 0.5  # of the safety distance: nearer than that it does not come
 
 
-class DrivenObstacle(Driven):
+class DrivenObstacle(DrivenRobot):
     """Of the scene of a robot. It pushes the robot before it: the robot yields as it comes nearer than the safety
     distance, and where the robot can't yield, the obstacle stops at half of that. It is taken without being turned.
 
@@ -48,62 +49,63 @@ class DrivenObstacle(Driven):
         self.solver.barriers = (self._keep,)
         self._first = len(own)
 
-    def take(
+    def add_task(
         self,
-        number: int,
+        id: int,
         node: str,
-        who: str,
+        source: str,
         label: str,
-        at: pin.SE3 | None = None,
-        freedoms: tuple[int, int] = (3, 3),
-    ) -> Held:
-        """See `Driven`: it is not turned by who holds it at a point."""
-        return super().take(number, node, who, label, at, (freedoms[0], 3))
+        offset: pin.SE3 | None = None,
+        dof: tuple[int, int] = (3, 3),
+    ) -> UserTask:
+        """See `DrivenRobot`: its orientation is always constrained."""
+        return super().add_task(id, node, source, label, offset, (dof[0], 3))
 
-    def aim(self, held: Held, target: pin.SE3) -> None:
-        """See `Driven`: what moves in the plane stays in it."""
-        super().aim(held, target)
+    def set_target(self, task: UserTask, target: pin.SE3) -> None:
+        """See `DrivenRobot`: an obstacle that moves in a plane stays in it."""
+        super().set_target(task, target)
         if not self.mechanism.floating:
-            here = self.mechanism.placement(self.q, held.task.node) * held.task.offset
-            aim = held.task.target.copy()
-            aim.translation[2] = here.translation[2]
-            held.task.target = aim
+            here = self.mechanism.placement(self.q, task.task.node) * task.task.offset
+            in_plane = task.task.target.copy()
+            in_plane.translation[2] = here.translation[2]
+            task.task.target = in_plane
 
-    def stand(self, base: pin.SE3) -> None:
-        """See `Driven`."""
-        super().stand(base)
+    def set_base(self, base: pin.SE3) -> None:
+        """See `DrivenRobot`."""
+        super().set_base(base)
         self._tell()
 
     def tick(self, dt: float) -> str:
-        """See `Driven`; nothing is done while nobody holds it."""
-        if not self.held and self.motion is None and self.step.status.name == "IDLE":
+        """See `DrivenRobot`; nothing is done while nobody holds it."""
+        if not self.tasks and self.motion is None and self.step.status.name == "IDLE":
             return ""
         self._look()
         trouble = super().tick(dt)
         self._tell()
         return trouble
 
-    def put(self, q: Array) -> None:
-        """See `Driven`."""
-        super().put(q)
+    def jump_to(self, q: Array) -> None:
+        """See `DrivenRobot`."""
+        super().jump_to(q)
         self._tell()
 
-    def hit(self, q: Array) -> str:
-        """See `Driven`."""
+    def collision(self, q: Array) -> str:
+        """See `DrivenRobot`."""
         self._look()
         if np.array_equal(q, self.q) or is_clear(self._clearance, self.q, q, self._keep.safety):
             return ""
         pair = int(self._clearance.distances(q).argmin())
         return f"it would hit '{self._clearance.names(pair)[1]}'"
 
-    def status(self) -> tuple[str, str]:
-        """See `Driven`."""
-        name, words = super().status()
-        if self.motion is None and name == "BARRED":
-            held = self._keep.held
-            links = [self._clearance.names(int(held[row]))[1] for row in self.step.active_barriers if row < len(held)]
-            return name, f"stopped by '{links[0]}'" if links else words
-        return name, words
+    def status(self) -> RobotStatus:
+        """See `DrivenRobot`."""
+        status = super().status()
+        if self.motion is None and status.name == "BARRED":
+            pairs = self._keep.held
+            links = [self._clearance.names(int(pairs[i]))[1] for i in self.step.active_barriers if i < len(pairs)]
+            if links:
+                return RobotStatus(status.name, f"barred by '{links[0]}'", status.description)
+        return status
 
     def _look(self) -> None:
         """Where the robot's bodies are now."""

@@ -1,6 +1,7 @@
-"""Motions of a robot that no task makes: motors led by hand, the way to a configuration, a way gone before.
+"""Motions of a robot that no task causes: of single joints, to a configuration, along a line, and of undo.
 
-Each has `advance(dt)`: the configuration after dt (s), loops closed, or None where it has ended. None of them raises.
+Each has `advance(dt)`: the configuration after dt (s), with closed loops, or None when it has ended. Once constructed,
+none of them raises.
 """
 
 from __future__ import annotations
@@ -10,211 +11,293 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.ik import Solver
 from cinegen.ik.blend import eased
+from cinegen.ik.objectives import Posture
 from cinegen.model import ForwardKinematics, Mechanism
+from cinegen.tolerances import CLOSURE
 
 Array = NDArray[np.float64]
 
-_FASTEST = 2.0  # rad/s, or characteristic lengths: of a motor without a limit
+_FASTEST = 2.0  # rad/s, or characteristic lengths per second: of a joint without a velocity limit
 _LIMIT = 1e-9  # rad or m: rounding at a limit
-_SHORTEST, _LONGEST = 0.3, 30.0  # s for a way
-_THERE = 1e-6  # rad or lengths: near enough to be there
-_BACK = 1.5  # s: the longest that undoing takes
-_PATIENCE = 0.5  # s: what is in the way may be going away itself
+_SHORTEST, _LONGEST = 0.3, 30.0  # s for a motion to a configuration
+_THERE = 1e-6  # rad or lengths: distance at which a configuration is reached
+_RETRACED = 1.5  # s: longest duration of an undo
+_PATIENCE = 0.5  # s that a motion waits for what is in its path
+
+_LINE_SPEED = 0.6  # characteristic lengths or rad per second, on average
+_LINE_SHORTEST, _LINE_LONGEST = 0.4, 10.0  # s
+_LAG = 0.01  # lengths or rad that the node may be behind its target; beyond, the target waits
+_LINE_PATIENCE = 0.4  # s that it waits in all
+_SPATIAL = 6  # DoF: with fewer, the node's orientation follows from its position
 
 
-class Motion(Protocol):
-    """What moves a robot.
+class RobotMotion(Protocol):
+    """A motion of a robot.
 
     Attributes:
-        name: of what it does, for people.
-        trouble: why it did not do all that it should; empty if it did.
+        name: name in the state, in lower case.
+        label: a few words for people.
+        problem: reason why it did not do all that it should; empty if it did.
     """
 
     name: str
-    trouble: str
+    label: str
+    problem: str
 
     def advance(self, dt: float) -> Array | None:
-        """(nq,) after dt (s); None where it has ended."""
+        """Return the configuration (nq,) after dt (s); None when the motion has ended."""
 
-    def halt(self, q: Array, trouble: str) -> None:
-        """It could not go where it led last: it is still at q (nq,), and why."""
+    def block(self, q: Array, problem: str) -> None:
+        """Take back the last advance: the robot is still at q (nq,), for this reason."""
 
 
-class Motors:
-    """Motors go where sliders say, as fast as they may; all other joints follow on this branch (`ForwardKinematics`).
+class JointMotion:
+    """Motion of single actuated joints, within their velocity limits. Passive joints follow on this branch.
 
-    Where the loops can't follow, or a joint that follows would pass its limit, all stay where they are.
+    If the loops can't follow, or a passive joint would pass its limit, all joints stay where they are.
 
     Args:
-        mechanism: whose.
-        q: (nq,) where it is, loops closed.
+        mechanism: mechanism to move.
+        q: (nq,) present configuration with closed loops.
     """
 
-    name = "motors"
+    name, label = "joints", "joint motion"
 
     def __init__(self, mechanism: Mechanism, q: Array) -> None:
-        self.trouble = ""
+        self.problem = ""
         self.goal: dict[str, float] = {}
         self._mechanism = mechanism
         self._forward = ForwardKinematics(mechanism, q)
         self._q = q.copy()
-        self._speed = speeds(mechanism)
+        self._speed = joint_speeds(mechanism)
         self._ends = False
 
-    def lead(self, joint: str, value: float) -> None:
-        """A motor should be at a value, as far as its limits allow."""
+    def move(self, joint: str, value: float) -> None:
+        """Set the goal of a joint (rad or m), clipped to its limits."""
         limits = self._mechanism.limits[joint]
         self.goal[joint] = min(max(value, limits.lower), limits.upper)
 
     def end(self) -> None:
-        """Ends when the motors have arrived."""
+        """End the motion when all joints have arrived."""
         self._ends = True
 
     def advance(self, dt: float) -> Array | None:
-        """One step of all motors."""
-        wanted = {}
+        """See `RobotMotion`."""
+        values = {}
         for joint, goal in self.goal.items():
             here, most = self._q[self._mechanism.q_index(joint)], self._speed[joint] * dt
             if here != goal:
-                wanted[joint] = float(here + min(max(goal - here, -most), most))
-        if not wanted:
+                values[joint] = float(here + min(max(goal - here, -most), most))
+        if not values:
             return None if self._ends else self._q
-        self.trouble = ""
+        self.problem = ""
         try:
-            q = self._forward.move(wanted)
-            passed = beyond(self._mechanism, q, self._q)
+            q = self._forward.move(values)
+            passed = _passed_limit(self._mechanism, q, self._q)
             if passed:
                 self._forward.q = self._q
-                self.trouble = f"at limit: {passed}"
+                self.problem = f"at limit: {passed}"
         except CinegenError as error:
-            self.trouble = str(error)
-        if self.trouble:
-            self.goal = {}  # a slider that moves on tries again
+            self.problem = str(error)
+        if self.problem:
+            self.goal = {}  # the next movement of a slider tries again
             return None if self._ends else self._q
         self._q = q
         return q
 
-    def halt(self, q: Array, trouble: str) -> None:
-        """The motors stay there; a slider that moves on tries again."""
+    def block(self, q: Array, problem: str) -> None:
+        """See `RobotMotion`; the next movement of a slider tries again."""
         self._forward.q = self._q = q
-        self.goal, self.trouble = {}, trouble
+        self.goal, self.problem = {}, problem
 
 
-class _Timed:
-    """Goes on with time; waits where something is in the way, and ends where that stays."""
+class _TimedMotion:
+    """A motion that advances with time, waits while it is blocked, and ends if it stays blocked."""
 
-    name: str
-    trouble = ""
+    problem = ""
     _seconds: float
     _time = 0.0
     _waited = 0.0
     _dt = 0.0
-    _halted = False
+    _blocked = False
 
-    def _go_on(self, dt: float) -> float | None:
-        """Which part of the way is to be gone after dt (s), 0 to 1; None where it has ended."""
+    def _fraction(self, dt: float) -> float | None:
+        """Return the fraction of the path after dt (s), 0 to 1; None when the motion has ended."""
         if self._time >= self._seconds:
             return None
-        if not self._halted:
+        if not self._blocked:
             self._waited = 0.0
-        self._halted = False
+        self._blocked = False
         self._dt = dt
         self._time += dt
         return eased(self._time / self._seconds) if self._time < self._seconds else 1.0
 
-    def halt(self, q: Array, trouble: str) -> None:
-        """It waits at q (nq,)."""
-        self._halted = True
+    def block(self, q: Array, problem: str) -> None:
+        """See `RobotMotion`."""
+        self._blocked = True
         self._waited += self._dt
         self._time -= self._dt
         if self._waited >= _PATIENCE or self._time == math.inf:
-            self._time, self.trouble = math.inf, trouble
+            self._time, self.problem = math.inf, problem
 
 
-class Way(_Timed):
-    """To a configuration, led by the motors; where they can't lead there on this branch, at once.
+class ConfigurationMotion(_TimedMotion):
+    """Motion to a configuration: actuated joints are interpolated, passive ones follow. A goal that can't be reached so
+    on this branch is set at once.
 
     Args:
-        mechanism: which goes.
-        q: (nq,) where it is, loops closed.
-        goal: (nq,) where it should be, loops closed.
-        name: of what it does.
+        mechanism: mechanism to move.
+        q: (nq,) present configuration with closed loops.
+        goal: (nq,) configuration with closed loops.
+        name: name in the state.
+        label: a few words for people.
     """
 
-    def __init__(self, mechanism: Mechanism, q: Array, goal: Array, name: str) -> None:
-        self.name = name
+    def __init__(self, mechanism: Mechanism, q: Array, goal: Array, name: str, label: str) -> None:
+        self.name, self.label = name, label
         self._mechanism, self._goal, self._start = mechanism, goal, q.copy()
         self._forward = ForwardKinematics(mechanism, q)
-        speed = speeds(mechanism)
-        places = [(joint, mechanism.q_index(joint)) for joint in mechanism.actuated]
-        longest = max((abs(goal[i] - q[i]) / speed[joint] for joint, i in places), default=0.0)
+        speed = joint_speeds(mechanism)
+        self._indices = [(joint, mechanism.q_index(joint)) for joint in mechanism.actuated]
+        longest = max((abs(goal[i] - q[i]) / speed[joint] for joint, i in self._indices), default=0.0)
         self._seconds = min(max(2.0 * longest, _SHORTEST), _LONGEST)
-        self._places = places
 
     def advance(self, dt: float) -> Array | None:
-        """One step on the way."""
-        part = self._go_on(dt)
-        if part is None:
+        """See `RobotMotion`."""
+        x = self._fraction(dt)
+        if x is None:
             return None
-        values = {joint: float((1.0 - part) * self._start[i] + part * self._goal[i]) for joint, i in self._places}
+        values = {joint: float((1.0 - x) * self._start[i] + x * self._goal[i]) for joint, i in self._indices}
         try:
             q = self._forward.move(values)
         except CinegenError:
             return self._jump()
         if self._mechanism.floating:
-            base = self._mechanism.interpolate(self._start, self._goal, part)[:7]
-            q[:7] = base
-        if part < 1.0:
+            q[:7] = self._mechanism.interpolate(self._start, self._goal, x)[:7]
+        if x < 1.0:
             return q
         return self._jump() if self._mechanism.distance(q, self._goal) > _THERE else self._goal
 
-    def halt(self, q: Array, trouble: str) -> None:
-        """See `Motion`."""
+    def block(self, q: Array, problem: str) -> None:
+        """See `RobotMotion`."""
         self._forward.q = q
-        super().halt(q, trouble)
+        super().block(q, problem)
 
     def _jump(self) -> Array:
         self._time = math.inf
-        self.trouble = "its motors don't lead there from this assembly mode: it was put there at once"
+        self.problem = "the goal is in another assembly mode: the robot was moved there without a path"
         return self._goal
 
 
-class Retrace(_Timed):
-    """A way gone before, backwards or again: every configuration on it was there.
+class Retrace(_TimedMotion):
+    """Motion through recorded configurations.
 
     Args:
-        trace: configurations (nq,), as they were passed.
-        period: s between two of them.
-        name: of what it does.
+        trace: configurations (nq,), in order.
+        period: time between two of them, s.
+        name: name in the state.
+        label: a few words for people.
     """
 
-    def __init__(self, trace: Sequence[Array], period: float, name: str) -> None:
-        self.name = name
+    def __init__(self, trace: Sequence[Array], period: float, name: str, label: str) -> None:
+        self.name, self.label = name, label
         self._trace = trace
-        self._seconds = min(period * (len(trace) - 1), _BACK)
+        self._seconds = min(period * (len(trace) - 1), _RETRACED)
 
     def advance(self, dt: float) -> Array | None:
-        """The next of them whose time has come."""
-        part = self._go_on(dt)
-        return None if part is None else self._trace[round(part * (len(self._trace) - 1))]
+        """See `RobotMotion`."""
+        x = self._fraction(dt)
+        return None if x is None else self._trace[round(x * (len(self._trace) - 1))]
 
 
-def speeds(mechanism: Mechanism) -> dict[str, float]:
-    """How fast each joint may be, rad/s or m/s."""
-    found = {}
+class LineMotion:
+    """Motion to a configuration: a node moves along a straight line at a limited speed, and a posture task moves the
+    remaining DoF. From where that ends (another branch, out of reach) a `ConfigurationMotion` leads to the goal.
+
+    Args:
+        mechanism: mechanism to move.
+        q: (nq,) present configuration with closed loops.
+        goal: (nq,) configuration with closed loops.
+        node: node that moves along the line.
+        dt: period of a tick, s.
+
+    Raises:
+        ConfigurationError: the goal is not a configuration.
+        CinegenError: its loops are open.
+    """
+
+    name, label = "move_to", "moving to a configuration"
+
+    def __init__(self, mechanism: Mechanism, q: Array, goal: Array, node: str, dt: float) -> None:
+        self.problem = ""
+        self._mechanism, self._goal, self._dt = mechanism, mechanism.checked(goal), dt
+        closure = mechanism.closure(self._goal)
+        if closure > CLOSURE:
+            raise CinegenError(f"the goal would open loops of {mechanism.name} by {closure:.2g}: it stays where it is")
+        self._solver = Solver(mechanism, dt, q)
+        self._task = self._solver.add_task(node, rotation=3 if mechanism.mobility >= _SPATIAL else 0)
+        self._from, self._to = mechanism.placement(q, node), mechanism.placement(self._goal, node)
+        self._rotation = pin.log3(self._from.rotation.T @ self._to.rotation)
+        far = float(np.linalg.norm(self._to.translation - self._from.translation)) / mechanism.length
+        if self._task.rotation:
+            far = max(far, float(np.linalg.norm(self._rotation)))
+        self._seconds = min(max(far / _LINE_SPEED, _LINE_SHORTEST), _LINE_LONGEST)
+        self._solver.objectives = (Posture(self._goal, rate=3.0 / self._seconds),)
+        self._time = self._waited = 0.0
+        self._rest: ConfigurationMotion | None = None
+
+    def advance(self, dt: float) -> Array | None:
+        """See `RobotMotion`."""
+        if self.problem:
+            return None
+        if self._rest is not None:
+            q = self._rest.advance(dt)
+            self.problem = self._rest.problem if q is None else ""
+            return q
+        self._task.target = self._target(eased(min(self._time / self._seconds, 1.0)))
+        metres, angle = self._solver.step().errors[0]
+        if max(metres / self._mechanism.length, angle) > _LAG:
+            self._waited += dt
+        else:
+            self._time += dt
+        if self._time > self._seconds or self._waited > _LINE_PATIENCE:
+            self._rest = ConfigurationMotion(self._mechanism, self._solver.q, self._goal, self.name, self.label)
+        return self._solver.q
+
+    def block(self, q: Array, problem: str) -> None:
+        """See `RobotMotion`."""
+        if self._rest is not None:
+            self._rest.block(q, problem)
+            return
+        self._solver.q = q
+        self._waited += self._dt
+        if self._waited > _LINE_PATIENCE:
+            self.problem = problem
+
+    def _target(self, x: float) -> pin.SE3:
+        """Return the placement of the node at a fraction of the line."""
+        rotation = self._from.rotation @ pin.exp3(x * self._rotation)
+        return pin.SE3(rotation, (1.0 - x) * self._from.translation + x * self._to.translation)
+
+
+def joint_speeds(mechanism: Mechanism) -> dict[str, float]:
+    """Return the velocity limit of each joint, or a default, rad/s or m/s."""
+    speeds = {}
     for joint in mechanism.joints:
         limit = mechanism.limits[joint].velocity
-        usual = _FASTEST * (mechanism.length if mechanism.is_prismatic(joint) else 1.0)
-        found[joint] = limit if math.isfinite(limit) else usual
-    return found
+        default = _FASTEST * (mechanism.length if mechanism.is_prismatic(joint) else 1.0)
+        speeds[joint] = limit if math.isfinite(limit) else default
+    return speeds
 
 
-def beyond(mechanism: Mechanism, q: Array, before: Array) -> str:
-    """The first joint that q (nq,) leads beyond a limit, or further beyond it than before; empty if there is none."""
+def _passed_limit(mechanism: Mechanism, q: Array, before: Array) -> str:
+    """Return the first joint that is beyond a limit at q (nq,), and further than before; empty if there is none."""
     for joint, limit in mechanism.limits.exceeded(q, _LIMIT).items():
         i = mechanism.q_index(joint)
         if (q[i] - before[i]) * (q[i] - limit) > 0.0:

@@ -1,12 +1,13 @@
-"""What people want to know of a robot that moves: how near singularities are, which way it is moved worst, what lies
-ahead. Computed beside the session's loop, a few times a second."""
+"""Reports on a moving robot: distances to singularities and limits, the manipulability ellipsoid, and a forecast.
+
+They are computed outside the session's loop, a few times per second.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from cinegen.ik import EventKind, Solver
@@ -17,109 +18,133 @@ from cinegen.session.state import RobotState
 
 Array = NDArray[np.float64]
 
-AHEAD = 1.5
-"""s that are foreseen."""
+HORIZON = 1.5
+"""Duration of the forecast, s."""
 
 NEAR = 0.05
-"""A singular value of the tasks (without unit) below this is near a singularity of type 1."""
+"""Singular value of the tasks (dimensionless) below which a type 1 singularity is near."""
 
-_DT = 1.0 / 60.0  # s: of the twin's ticks
-_REACH = 0.2  # rad or lengths of the joints that the ellipsoid is drawn for
-_ALONG = 0.9  # part of a unit vector that makes it "along" an axis
-_CLEAR = 0.08  # part of a joint's range that counts as near its limit
-_POINTS = 40  # of the path ahead
+_DT = 1.0 / 60.0  # s: period of the look-ahead solver
+_REACH = 0.2  # rad or lengths: motion of the joints for the ellipsoid
+_ALONG = 0.9  # component of a unit vector that is "along" an axis
+_CLEAR = 0.08  # fraction of a joint's range that is near its limit
+_POINTS = 40  # of the forecast
 
 
-@dataclass(frozen=True)
-class Singularity:
-    """How near a singularity is.
+class SingularityReport(Struct, frozen=True):
+    """Distance to a singularity.
 
     Attributes:
-        sigma: the singular value that vanishes there, without unit.
-        near: below which it is near.
-        words: which motion is lost, or gained.
-        node: that it is seen at.
-        at: (3,) where that is, in the session's world.
-        twist: (6,) the motion there: linear (characteristic lengths) above angular (rad), a unit vector.
+        sigma: singular value (dimensionless) that vanishes at the singularity.
+        threshold: value below which it is near.
+        text: the motion that is lost or uncontrolled, for people.
+        node: node at which the motion is seen.
+        position: of the node in the world (m).
+        twist: the motion in the world, of length 1: linear (characteristic lengths), then angular (rad).
     """
 
     sigma: float
-    near: float
-    words: str
+    threshold: float
+    text: str
     node: str
-    at: Array
+    position: Array
     twist: Array
 
 
-@dataclass(frozen=True)
-class Ahead:
-    """An event that lies ahead.
+class Ellipsoid(Struct, frozen=True):
+    """Manipulability ellipsoid: motion of a node if all joints together move by 0.2 rad or characteristic lengths.
 
     Attributes:
-        time: s from now.
-        kind: of `EventKind`, its name.
-        words: for people.
-        at: (3,) where the node is then, in the session's world.
+        center: position of the node in the world (m).
+        axes: half axes in the world as rows (m).
+    """
+
+    center: Array
+    axes: Array
+
+
+class ForecastEvent(Struct, frozen=True):
+    """An event in the forecast.
+
+    Attributes:
+        time: time from now, s.
+        kind: name of an `EventKind`.
+        text: the event, for people.
+        position: of the node at that time, in the world (m).
     """
 
     time: float
     kind: str
-    words: str
-    at: Array
+    text: str
+    position: Array
 
 
-@dataclass(frozen=True)
-class Report:
-    """A robot at a moment.
+class Forecast(Struct, frozen=True):
+    """Forecast of the next 1.5 s, if the targets move on as they do.
 
     Attributes:
-        near: joints near a limit.
-        type1: of what holds the robot, or of its end where nothing does; None where that can't move at all.
-        type2: of its passive joints; None without loops.
-        ellipsoid: (3,) centre and (3, 3) half axes as rows, m, in the session's world: how far the node goes when the
-            joints go by 0.2 rad or characteristic lengths together. None where it can't move.
-        path: (n, 3) where the node will be, in the session's world.
-        events: what lies ahead.
+        path: (n, 3) positions of the node in the world (m).
+        events: singularities and limits on it.
     """
 
-    near: tuple[str, ...]
-    type1: Singularity | None
-    type2: Singularity | None
-    ellipsoid: tuple[Array, Array] | None
     path: Array
-    events: tuple[Ahead, ...]
+    events: tuple[ForecastEvent, ...]
+
+
+class RobotReport(Struct, frozen=True):
+    """Report on a robot.
+
+    Attributes:
+        q: values of its joints, in the order of the description, rad and m.
+        saturated: joints whose limit restricts the motion.
+        near_limit: joints near a limit.
+        closure: largest loop residual, rad or characteristic lengths.
+        type1: of the tasks, or of the robot's end without tasks; None if that can't move.
+        type2: of the passive joints; None without loops.
+        ellipsoid: None if the robot can't move.
+        forecast: path and events ahead.
+    """
+
+    q: Array
+    saturated: tuple[str, ...]
+    near_limit: tuple[str, ...]
+    closure: float
+    type1: SingularityReport | None
+    type2: SingularityReport | None
+    ellipsoid: Ellipsoid | None
+    forecast: Forecast
 
 
 class Reporter:
-    """Looks at one robot. One thread at a time.
+    """Reports on one robot. For one thread at a time.
 
     Args:
-        mechanism: which.
+        mechanism: mechanism of the robot.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._twin = Solver(mechanism, _DT)
+        self._look_ahead = Solver(mechanism, _DT)
         self._kinds: list[tuple[object, ...]] = []
-        self._last: dict[int, tuple[float, pin.SE3]] = {}  # targets, and when they were so
+        self._last: dict[int, tuple[float, pin.SE3]] = {}  # last targets, with their times
 
-    def report(self, robot: RobotState, time: float) -> Report:
-        """What there is to know.
+    def report(self, robot: RobotState, time: float) -> RobotReport:
+        """Return the report.
 
         Args:
-            robot: its state.
-            time: s, of the session.
+            robot: state of the robot.
+            time: time of the session, s.
         """
         mechanism, q = self.mechanism, robot.q
-        self._hold(robot)
-        tasks = self._twin.tasks
+        self._set_tasks(robot)
+        tasks = self._look_ahead.tasks
         node, at = tasks[0].node, tasks[0].offset
         velocities = self._velocities(robot, time)
-        self._twin.q = q
+        self._look_ahead.q = q
         here = mechanism.placement(q, node) * at
         for task in tasks:
             task.target = mechanism.placement(q, task.node) * task.offset
-        step = self._twin.step()  # of no length: what it knows is of q
+        step = self._look_ahead.step()  # a step of length 0, whose numbers are those of q
         lost, gained = step.lost_dof, step.uncontrolled_dof
         type1 = type2 = None
         base = robot.base
@@ -130,46 +155,48 @@ class Reporter:
         if gained is not None:
             moving, twist = self._moved_most(q, gained.joints)
             type2 = self._singularity(gained.sigma, NEAR_PASSIVE, moving, pin.SE3.Identity(), twist, robot, "gained")
-        path, events = self._ahead(robot, velocities, node, at)
+        path, events = self._forecast(robot, velocities, node, at)
         ellipsoid = self._ellipsoid(q, node, at)
         if ellipsoid is not None:
             ellipsoid = ellipsoid @ base.rotation.T
-        return Report(
-            self._near(q),
+        return RobotReport(
+            q[[mechanism.q_index(joint) for joint in mechanism.joints]],
+            robot.saturated,
+            self._near_limit(q),
+            robot.closure,
             type1,
             type2,
-            None if ellipsoid is None else (base.act(here.translation), ellipsoid),
-            path @ base.rotation.T + base.translation,
-            events,
+            None if ellipsoid is None else Ellipsoid(base.act(here.translation), ellipsoid),
+            Forecast(path @ base.rotation.T + base.translation, events),
         )
 
-    # --- what holds it -------------------------------------------------------------------------------------------
+    # --- tasks ---------------------------------------------------------------------------------------------------
 
-    def _hold(self, robot: RobotState) -> None:
-        """The twin is held as the robot is; by its end where nothing holds it."""
+    def _set_tasks(self, robot: RobotState) -> None:
+        """Give the look-ahead solver the robot's tasks; one for its end if there are none."""
         kinds: list[tuple[object, ...]] = [
             (task.node, task.translation, task.rotation, task.offset.homogeneous.tobytes()) for task in robot.tasks
         ]
         if not kinds or kinds != self._kinds:
-            for task in self._twin.tasks:
-                self._twin.remove_task(task)
+            for task in self._look_ahead.tasks:
+                self._look_ahead.remove_task(task)
             for state in robot.tasks:
-                self._twin.add_task(
+                self._look_ahead.add_task(
                     state.node, translation=state.translation, rotation=state.rotation, offset=state.offset
                 ).weight = state.weight
             if not kinds:
-                self._twin.add_task(self.mechanism.end)
+                self._look_ahead.add_task(self.mechanism.end)
             self._kinds = kinds
 
     def _velocities(self, robot: RobotState, time: float) -> list[pin.Motion]:
-        """How fast the targets move, each in its own axes."""
+        """Return the velocity of each target, in its own axes."""
         found, now = [], {}
         for task in robot.tasks:
             velocity = pin.Motion.Zero()
-            before = self._last.get(task.number)
+            before = self._last.get(task.id)
             if before is not None and time > before[0] and not task.scripted:
                 velocity = pin.log6(before[1].actInv(task.target)) / (time - before[0])
-            now[task.number] = time, task.target
+            now[task.id] = time, task.target
             found.append(velocity)
         self._last = now
         return found
@@ -178,10 +205,10 @@ class Reporter:
 
     def _singularity(
         self, sigma: float, near: float, node: str, at: pin.SE3, twist: Array, robot: RobotState, what: str
-    ) -> Singularity:
+    ) -> SingularityReport:
         """
         Args:
-            twist: (6,) in the axes of the robot's world.
+            twist: (6,) in the axes of the robot's own world.
         """
         length = self.mechanism.length
         unit = np.concatenate([twist[:3] / length, twist[3:]])
@@ -193,14 +220,14 @@ class Reporter:
         if what == "lost":
             words = f"hardly any motion {direction}" if close else f"hardest to move {direction}"
         else:
-            words = f"the motors hardly hold it {direction}" if close else f"held least {direction}"
+            words = f"the actuated joints hardly control it {direction}" if close else f"controlled least {direction}"
         world = robot.base.rotation
         turned = np.concatenate([world @ unit[:3], world @ unit[3:]])
-        return Singularity(sigma, near, words, node, robot.base.act(place.translation), turned)
+        return SingularityReport(sigma, near, words, node, robot.base.act(place.translation), turned)
 
     @staticmethod
     def _direction(unit: Array, rotation: Array, node: str) -> str:
-        """A twist's direction, for people: `along x of platform`."""
+        """Return the direction of a twist for people: `along x of platform`."""
         linear, angular = np.linalg.norm(unit[:3]), np.linalg.norm(unit[3:])
         part, how = (unit[:3], "along") if linear >= angular else (unit[3:], "about")
         axis = part / np.linalg.norm(part) if part.any() else part
@@ -212,7 +239,7 @@ class Reporter:
         return f"{how} ({', '.join(f'{x:.1f}' for x in axis)}) of the base"
 
     def _moved_most(self, q: Array, joints: Array) -> tuple[str, Array]:
-        """The node that a motion of the joints moves most, the end before others; its twist in the world's axes."""
+        """Return the node that a joint motion moves most, preferably the end, and its twist in the world's axes."""
         best, most, found = self.mechanism.end, 0.0, np.zeros(6)
         for node in (self.mechanism.end, *self.mechanism.nodes):
             twist = self.mechanism.jacobian(q, node) @ joints
@@ -224,7 +251,7 @@ class Reporter:
         return best, found
 
     def _ellipsoid(self, q: Array, node: str, at: pin.SE3) -> Array | None:
-        """(3, 3) half axes as rows, m, in the axes of the robot's world."""
+        """Return the half axes as rows (3, 3), m, in the axes of the robot's own world."""
         mechanism = self.mechanism
         motions = np.eye(mechanism.model.nv)
         if mechanism.loops:
@@ -238,8 +265,8 @@ class Reporter:
         sizes[: len(sigma)] = sigma
         return np.asarray((u * sizes).T * _REACH)
 
-    def _near(self, q: Array) -> tuple[str, ...]:
-        """Joints near a limit."""
+    def _near_limit(self, q: Array) -> tuple[str, ...]:
+        """Return the joints near a limit."""
         found = []
         for joint, (low, high, *_) in self.mechanism.limits.items():
             value = q[self.mechanism.q_index(joint)]
@@ -247,26 +274,26 @@ class Reporter:
                 found.append(joint)
         return tuple(found)
 
-    # --- ahead ---------------------------------------------------------------------------------------------------
+    # --- forecast ---------------------------------------------------------------------------------------------------
 
-    def _ahead(
+    def _forecast(
         self, robot: RobotState, velocities: list[pin.Motion], node: str, at: pin.SE3
-    ) -> tuple[Array, tuple[Ahead, ...]]:
-        """Where the node will go when targets move on as they do, and what happens then."""
-        twin, mechanism = self._twin, self.mechanism
+    ) -> tuple[Array, tuple[ForecastEvent, ...]]:
+        """Return the path of the node if the targets move on as they do, and the events on it."""
+        solver, mechanism = self._look_ahead, self.mechanism
         if not robot.tasks:
             return np.zeros((0, 3)), ()
         for part in (-1.0, 0.0):
-            for own, task, velocity in zip(twin.tasks, robot.tasks, velocities, strict=True):
+            for own, task, velocity in zip(solver.tasks, robot.tasks, velocities, strict=True):
                 own.target = task.target * pin.exp6(velocity * (part * _DT))
-            twin.step()
-        forecast = twin.forecast(AHEAD, dt=_DT, threshold=NEAR, passive_threshold=NEAR_PASSIVE)
+            solver.step()
+        forecast = solver.forecast(HORIZON, dt=_DT, threshold=NEAR, passive_threshold=NEAR_PASSIVE)
         every = max(1, len(forecast.q) // _POINTS)
         path = np.array([(mechanism.placement(q, node) * at).translation for q in forecast.q[::every]])
         if np.ptp(path, axis=0).max() < 1e-4 * mechanism.length:
             path = np.zeros((0, 3))
         events = tuple(
-            Ahead(
+            ForecastEvent(
                 event.time,
                 event.kind.name,
                 str(event),

@@ -1,6 +1,6 @@
-"""`Session`: robots that people, sensors and recordings move; commands in, ticks, states out.
+"""`Session`: robots that users, sensors and recordings move; commands in, ticks, states out.
 
-It knows no screen and no socket. It runs wherever its ticks come from: see `cinegen.session.loop`.
+It has no screen and no socket; `cinegen.session.runner` runs its ticks.
 """
 
 from __future__ import annotations
@@ -8,44 +8,42 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 
 from cinegen.errors import CinegenError
-from cinegen.mission import BasePose, MissionRecorder, Player, RecordedTask, Recording, RobotSample
+from cinegen.mission import MissionRecorder, Player, RecordedTask, Recording
 from cinegen.session import commands as c
-from cinegen.session.devices import Devices
-from cinegen.session.driven import HAND, PIN, SENSOR, Driven, Held, Pinned
 from cinegen.session.driven_obstacle import DrivenObstacle
-from cinegen.session.gestures import Gestures
-from cinegen.session.motion import Motors, Way
+from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
+from cinegen.session.robot import PIN, POINTER, SENSOR, DrivenRobot, UserTask
+from cinegen.session.scene_setup import driven
+from cinegen.session.sensors import SessionSensors, default_speed
 from cinegen.session.setup import Setup
-from cinegen.session.state import Notice, Replayed, RobotState, State, TaskState
-from cinegen.session.state import Recording as RecordingState
-from cinegen.session.surroundings import driven
-from cinegen.session.visit import Visit
+from cinegen.session.state import Notice, PlaybackStatus, RecordingStatus, SessionState, Settings
+from cinegen.session.undo import UndoHistory
 
 SAMPLES = 100
-"""A second, that are recorded."""
+"""Samples per second that are recorded."""
 
 MOST_TASKS = 64
-"""Nodes that may be held at once."""
+"""Tasks up to which pins can be added."""
 
 _NOTICES = 8  # that are kept
 
 
 class Session:
-    """Robots that are driven. One thread at a time. Neither `obey` nor `tick` raises.
+    """Robots that are driven. For one thread at a time. Neither `obey` nor `tick` raises.
 
     Args:
-        setup: what it is made of.
+        setup: robots, sensors and recordings of the session.
 
     Raises:
-        CinegenError: a sensor, or a recording, that there can't be.
+        CinegenError: a sensor or a recording does not exist.
     """
 
     def __init__(self, setup: Setup) -> None:
@@ -53,46 +51,44 @@ class Session:
         self.dt = 1.0 / setup.rate
         self.robots = driven(setup)
         self._count = 0
-        self.devices = Devices(setup, self.robots, self._number)
+        self.sensors = SessionSensors(setup, self.robots, self._new_id)
         self.time, self.paused = 0.0, False
-        self._order = [name for name in setup.order() if setup.stand(name).robot is not None]
-        self._hand: tuple[Driven, Held] | None = None
-        self._was_pinned: Pinned | None = None  # what the hand took
-        self._gestures = Gestures(self.robots, self.devices, setup.rate, self._number)
+        self._carried = [name for name in setup.order() if setup.base(name).robot is not None]
+        self._drag: tuple[DrivenRobot, UserTask] | None = None
+        self._dragged_pin: RecordedTask | None = None  # pin of the node that is dragged
+        self._history = UndoHistory(self.robots, self.sensors, setup.rate, self._new_id)
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
-        self._noticed = 0
-        self._answered = 0
-        self._ticks = 0
-        self._settings = {"gain": 100.0, "damping": 0.05}
+        self._noticed = self._answered = self._ticks = 0
+        self.settings = Settings(100.0, 0.05, default_speed(self.robots), 0.5, "world")
         self._recorder: MissionRecorder | None = None
-        self._recorded_in = ""
         self._recorded: list[MissionRecorder] = []  # whose files may still be written
         self._player = Player(Recording.load(setup.replay)) if setup.replay is not None else None
         if self._player is not None:
-            self._player.set_speed(setup.tempo)
+            self._player.set_speed(setup.playback_speed)
             if not setup.stops:
                 self._player.play()
-        self._obeys: dict[type[c.Command], Callable[[Any], None]] = {
-            c.Take: self._take, c.Lead: self._lead, c.LetGo: self._let_go, c.Pin: self._pin, c.Release: self._release,
-            c.Weigh: self._weigh, c.Holds: self._holds, c.MoveJoint: self._move_joint, c.EndJoint: self._end_joint,
-            c.Home: self._home, c.Visit: self._visit, c.Undo: self._undo, c.Redo: self._redo, c.Pause: self._pause,
-            c.Choose: self._choose, c.Frame: self._frame, c.View: self._view, c.Set: self._set, c.Record: self._record,
-            c.Gamepad: self._gamepad, c.Play: self._replay, c.Seek: self._replay, c.Tempo: self._replay,
+        self._handlers: dict[type[c.Command], Callable[[Any], None]] = {
+            c.StartDrag: self._start_drag, c.MoveDrag: self._move_drag, c.EndDrag: self._end_drag, c.Pin: self._pin,
+            c.RemoveTask: self._remove_task, c.ChangeTask: self._change_task, c.MoveJoint: self._move_joint,
+            c.EndJointMotion: self._end_joint_motion, c.MoveHome: self._move_home, c.MoveTo: self._move_to,
+            c.Undo: self._undo, c.Redo: self._redo, c.Pause: self._pause, c.SelectSensor: self._select_sensor,
+            c.ChangeSettings: self._change_settings, c.SetView: self._set_view, c.SetRecording: self._set_recording,
+            c.GamepadInput: self._gamepad, c.ControlPlayback: self._control_playback,
         }  # fmt: skip
-        for name, one in self.robots.items():
-            one.stand(setup.stand(name).placement)
-        self._stand()
-        self._set(c.Set("gain", self._settings["gain"]))
+        for name, robot in self.robots.items():
+            robot.set_base(setup.base(name).placement)
+        self._carry()
+        self._change_settings(c.ChangeSettings(gain=self.settings.gain))
         if self._player is None:
             for switch in setup.switches:
                 if switch.first is not None:
-                    self.devices.choose(switch.robot, switch.node, switch.first)
+                    self.sensors.select(switch.robot, switch.node, switch.first)
         if setup.record is not None:
-            self._begin_recording(setup.record)
+            self._record(setup.record)
 
     def close(self) -> None:
-        """Ends: sensors and the recording are closed."""
-        self.devices.close()
+        """Close the sensors and the recording."""
+        self.sensors.close()
         for recorder in (*self._recorded, self._recorder):
             if recorder is not None:
                 recorder.close()
@@ -100,298 +96,261 @@ class Session:
     # --- in ------------------------------------------------------------------------------------------------------
 
     def obey(self, command: c.Command) -> None:
-        """Does what a command says, as far as it can be done; else says why, as a notice."""
+        """Carry out a command as far as possible; otherwise a notice gives the reason."""
         self._answered += 1
-        replays = isinstance(command, c.Play | c.Seek | c.Tempo)
-        if (self._player is not None) != replays and not isinstance(command, c.View):
+        if (self._player is not None) != isinstance(command, c.ControlPlayback) and not isinstance(command, c.SetView):
             if self._player is not None:
-                self._notice("a recording is being shown: it can't be driven", warning=True)
+                self._notice("a recording is being replayed: it can't be driven", warning=True)
             return
         try:
-            self._obeys[type(command)](command)
+            self._handlers[type(command)](command)
         except CinegenError as error:
             self._notice(str(error), warning=True)
 
     def tick(self) -> None:
-        """One tick of dt."""
+        """Advance by one tick of dt."""
         self._ticks += 1
         self.time += self.dt
         if self._player is not None:
             for name, q in self._player.advance(self.dt).items():
                 self._show(self.robots[name], q)
         else:
-            self.devices.advance(self.dt, not self.paused)
+            self.sensors.advance(self.dt, self.settings, not self.paused)
             if not self.paused:
-                for one in self.robots.values():
-                    self._move(one)
-        if self._order:
-            self._stand()
-        self._gestures.tick(self._hand is not None)
+                for robot in self.robots.values():
+                    self._move(robot)
+        if self._carried:
+            self._carry()
+        self._history.tick(self._drag is not None)
         if self._recorder is not None and self._ticks % max(1, round(self.setup.rate / SAMPLES)) == 0:
-            self._recorder.write(self.time, {name: _sample(one) for name, one in self.robots.items()})
+            self._recorder.write(self.time, {name: robot.sample() for name, robot in self.robots.items()})
 
-    def _move(self, one: Driven) -> None:
+    def _move(self, robot: DrivenRobot) -> None:
         try:
-            trouble = one.tick(self.dt)
-        except CinegenError as error:  # a motion that led astray ends, and the robot stays where it is
-            one.motion, trouble = None, str(error)
-        if trouble:
-            self._notice(trouble, warning=True)
+            problem = robot.tick(self.dt)
+        except CinegenError as error:  # a motion that diverged ends, and the robot stays where it is
+            robot.motion, problem = None, str(error)
+        if problem:
+            self._notice(problem, warning=True)
 
-    def _stand(self) -> None:
-        """Robots on others are where those have gone."""
-        for name in self._order:
-            stand = self.setup.stand(name)
-            if stand.robot is not None and stand.node is not None:
-                self.robots[name].stand(self.robots[stand.robot].placement(stand.node) * stand.placement)
+    def _carry(self) -> None:
+        """Set the base poses of robots that others carry."""
+        for name in self._carried:
+            base = self.setup.base(name)
+            if base.robot is not None and base.node is not None:
+                self.robots[name].set_base(self.robots[base.robot].placement(base.node) * base.placement)
 
     @staticmethod
-    def _show(one: Driven, q: np.ndarray) -> None:
+    def _show(robot: DrivenRobot, q: np.ndarray) -> None:
         try:
-            one.put(q)
-        except CinegenError:  # a recording of what was not closed
+            robot.jump_to(q)
+        except CinegenError:  # a recording with open loops
             return
 
-    # --- the hand ------------------------------------------------------------------------------------------------
+    # --- the pointer ---------------------------------------------------------------------------------------------
 
-    def _take(self, command: c.Take) -> None:
-        self._let_go(c.LetGo(False))
-        self._gestures.begin()
-        one = self.robots[command.robot]
-        one.motion = None
-        self.devices.set_aside(command.robot, command.node)
-        at, freedoms = pin.SE3.Identity(), (3, 3 if command.turn else 0)
-        if command.point is not None:
-            at = pin.SE3(np.eye(3), np.array(command.point))
-        self._was_pinned = None
-        for held in one.holding(PIN, command.node):  # the hand leads what is pinned, and it is pinned where it is left
-            self._was_pinned = next(pinned for pinned in one.pins if pinned.node == command.node)
-            one.release(held)
-        held = one.take(self._number(), command.node, HAND, "hand", at, freedoms)
-        self._hand = one, held
+    def _start_drag(self, command: c.StartDrag) -> None:
+        self._release_pointer()
+        self._history.begin()
+        robot = self.robots[command.robot]
+        robot.motion = None
+        self.sensors.suspend(command.robot, command.node)
+        point = command.point
+        offset = pin.SE3.Identity() if point is None else pin.SE3(np.eye(3), np.array(point))
+        self._dragged_pin = next((one for one in robot.recorded_tasks(PIN) if one.node == command.node), None)
+        for one in robot.tasks_of(PIN, command.node):  # a pin moves with its node, and is restored at the end
+            robot.remove_task(one)
+        dof = 3, 3 if command.rotation and point is None else 0
+        self._drag = robot, robot.add_task(self._new_id(), command.node, POINTER, POINTER, offset, dof)
 
-    def _lead(self, command: c.Lead) -> None:
-        if self._hand is None:  # it has let go meanwhile
+    def _move_drag(self, command: c.MoveDrag) -> None:
+        if self._drag is None:  # it has ended meanwhile
             return
-        one, held = self._hand
-        to = np.array(command.to)
-        if len(to) == 7:
-            one.aim(held, pin.XYZQUATToSE3(to))
+        robot, task = self._drag
+        position = np.array(command.position)
+        if command.quaternion is None:
+            robot.set_target(task, pin.SE3((robot.base * task.task.target).rotation, position))
         else:
-            one.aim(held, pin.SE3((one.base * held.task.target).rotation, to))
+            robot.set_target(task, pin.XYZQUATToSE3(np.array([*position, *command.quaternion])))
 
-    def _let_go(self, command: c.LetGo) -> None:
-        if self._hand is None:
+    def _end_drag(self, command: c.EndDrag) -> None:
+        self._release_pointer(command.pin)
+
+    def _release_pointer(self, as_pin: bool = False) -> None:
+        """End the drag, if there is one; its task is removed or becomes a pin."""
+        if self._drag is None:
             return
-        one, held = self._hand
-        self._hand = None
-        task = held.task
-        if command.pin:
-            held.who = held.label = PIN
-            self.devices.give_up(one.name, task.node)
+        (robot, task), self._drag = self._drag, None
+        node = task.task.node
+        if as_pin:
+            task.source = task.label = PIN
+            self.sensors.deselect_suspended(robot.name, node)
         else:
-            one.release(held)
-            if self._was_pinned is not None:
-                was = self._was_pinned
-                one.pin_again(self._number(), replace(was, target=one.placement(was.node) * was.at))
-            self.devices.take_up(one.name, task.node)
-        self._was_pinned = None
+            robot.remove_task(task)
+            was = self._dragged_pin
+            if was is not None:
+                here = robot.placement(was.node) * was.offset
+                robot.restore_pin(self._new_id(), msgspec.structs.replace(was, target=here))
+            self.sensors.resume(robot.name, node)
+        self._dragged_pin = None
 
     # --- tasks ---------------------------------------------------------------------------------------------------
 
     def _pin(self, command: c.Pin) -> None:
-        one = self.robots[command.robot]
-        if any(one.holding(PIN, command.node)):
+        robot = self.robots[command.robot]
+        if any(robot.tasks_of(PIN, command.node)):
             return
-        if sum(len(other.held) for other in self.robots.values()) >= MOST_TASKS:
-            self._notice(f"{MOST_TASKS} nodes are held: release some first", warning=True)
+        if sum(len(other.tasks) for other in self.robots.values()) >= MOST_TASKS:
+            self._notice(f"there are {MOST_TASKS} tasks: remove some first", warning=True)
         else:
-            self._gestures.begin()
-            one.take(self._number(), command.node, PIN, "pin")
+            self._history.begin()
+            robot.add_task(self._new_id(), command.node, PIN, PIN)
 
-    def _release(self, command: c.Release) -> None:
-        for one in self.robots.values():
-            for held in tuple(one.held):
-                if held.number != command.task:
-                    continue
-                if self._hand is not None and held is self._hand[1]:
-                    self._let_go(c.LetGo(False))
-                elif held.who == SENSOR:
-                    self.devices.choose(one.name, held.task.node, None)
-                else:
-                    self._gestures.begin()
-                    one.release(held)
+    def _remove_task(self, command: c.RemoveTask) -> None:
+        found = self._task(command.task)
+        if found is None:
+            return
+        robot, task = found
+        if self._drag is not None and task is self._drag[1]:
+            self._release_pointer()
+        elif task.source == SENSOR:
+            self.sensors.select(robot.name, task.task.node, None)
+        else:
+            self._history.begin()
+            robot.remove_task(task)
 
-    def _weigh(self, command: c.Weigh) -> None:
-        held = self._held(command.task)
-        if held is not None:
-            held.task.weight = command.weight
+    def _change_task(self, command: c.ChangeTask) -> None:
+        found = self._task(command.task)
+        if found is not None:
+            for name in ("translation", "rotation", "weight"):
+                if getattr(command, name) is not None:
+                    setattr(found[1].task, name, getattr(command, name))
 
-    def _holds(self, command: c.Holds) -> None:
-        held = self._held(command.task)
-        if held is not None:
-            held.task.translation, held.task.rotation = command.translation, command.rotation
+    def _task(self, id: int) -> tuple[DrivenRobot, UserTask] | None:
+        return next(((robot, one) for robot in self.robots.values() for one in robot.tasks if one.id == id), None)
 
-    def _held(self, number: int) -> Held | None:
-        return next((held for one in self.robots.values() for held in one.held if held.number == number), None)
-
-    # --- motors, home, there and back ----------------------------------------------------------------------------
+    # --- motions -------------------------------------------------------------------------------------------------
 
     def _move_joint(self, command: c.MoveJoint) -> None:
-        one = self.robots[command.robot]
-        if not isinstance(one.motion, Motors):
-            self._gestures.begin()
-            self.devices.give_up_scripts(command.robot)
-            one.motion = Motors(one.mechanism, one.q)
-        one.motion.lead(command.joint, command.value)
+        robot = self.robots[command.robot]
+        if not isinstance(robot.motion, JointMotion):
+            self._history.begin()
+            self.sensors.stop_scripts(command.robot)
+            robot.motion = JointMotion(robot.mechanism, robot.q)
+        robot.motion.move(command.joint, command.value)
 
-    def _end_joint(self, command: c.EndJoint) -> None:
-        for one in self.robots.values():
-            if isinstance(one.motion, Motors):
-                one.motion.end()
+    def _end_joint_motion(self, command: c.EndJointMotion) -> None:
+        for robot in self.robots.values():
+            if isinstance(robot.motion, JointMotion):
+                robot.motion.end()
 
-    def _home(self, command: c.Home) -> None:
-        self._let_go(c.LetGo(False))
-        self._gestures.begin()
-        for name, one in self.robots.items():
-            if command.robot == name or (command.robot is None and not isinstance(one, DrivenObstacle)):
-                self.devices.give_up_scripts(name)
-                for held in tuple(one.holding(PIN)):
-                    one.release(held)
-                one.motion = Way(one.mechanism, one.q, one.home, "home")
+    def _move_home(self, command: c.MoveHome) -> None:
+        self._release_pointer()
+        self._history.begin()
+        for name, robot in self.robots.items():
+            if command.robot == name or (command.robot is None and not isinstance(robot, DrivenObstacle)):
+                self._free(robot)
+                robot.motion = ConfigurationMotion(robot.mechanism, robot.q, robot.home, "home", "moving home")
 
-    def _visit(self, command: c.Visit) -> None:
-        one = self.robots[command.robot]
-        visit = Visit(one.mechanism, one.q, np.array(command.q), command.node, self.dt)
-        self._let_go(c.LetGo(False))
-        self._gestures.begin()
-        self.devices.give_up_scripts(command.robot)
-        for held in tuple(one.holding(PIN)):
-            one.release(held)
-        one.motion = visit
+    def _move_to(self, command: c.MoveTo) -> None:
+        robot = self.robots[command.robot]
+        motion = LineMotion(robot.mechanism, robot.q, np.array(command.q), command.node, self.dt)
+        self._release_pointer()
+        self._history.begin()
+        self._free(robot)
+        robot.motion = motion
+
+    def _free(self, robot: DrivenRobot) -> None:
+        """Stop the scripts of a robot and remove its pins."""
+        self.sensors.stop_scripts(robot.name)
+        for one in robot.tasks_of(PIN):
+            robot.remove_task(one)
 
     def _undo(self, command: c.Undo) -> None:
-        self._let_go(c.LetGo(False))
-        self._gestures.undo()
+        self._release_pointer()
+        self._history.undo()
 
     def _redo(self, command: c.Redo) -> None:
-        self._let_go(c.LetGo(False))
-        self._gestures.redo()
-
-    # --- sensors and settings ------------------------------------------------------------------------------------
-
-    def _choose(self, command: c.Choose) -> None:
-        self.devices.choose(command.robot, command.node, command.sensor)
-
-    def _frame(self, command: c.Frame) -> None:
-        self.devices.frame = command.name
-
-    def _view(self, command: c.View) -> None:
-        x, y, z = pin.Quaternion(np.array(command.quaternion)).matrix().T
-        self.devices.view = np.column_stack([x, -z, y])
-
-    def _set(self, command: c.Set) -> None:
-        if command.name in ("speed", "turning"):
-            setattr(self.devices, command.name, command.value)
-            return
-        self._settings[command.name] = command.value
-        for one in self.robots.values():
-            if command.name == "gain":
-                one.solver.gain = command.value
-            else:
-                one.solver.damping_threshold = command.value
-
-    def _gamepad(self, command: c.Gamepad) -> None:
-        self.devices.tell_gamepad(command.twist, command.buttons)
+        self._release_pointer()
+        self._history.redo()
 
     def _pause(self, command: c.Pause) -> None:
         self.paused = command.on
 
+    # --- sensors and settings ------------------------------------------------------------------------------------
+
+    def _select_sensor(self, command: c.SelectSensor) -> None:
+        self.sensors.select(command.robot, command.node, command.sensor)
+
+    def _set_view(self, command: c.SetView) -> None:
+        x, y, z = pin.Quaternion(np.array(command.quaternion)).matrix().T
+        self.sensors.view = np.column_stack([x, -z, y])
+
+    def _change_settings(self, command: c.ChangeSettings) -> None:
+        values = {name: value for name, value in msgspec.structs.asdict(command).items() if value is not None}
+        self.settings = msgspec.structs.replace(self.settings, **values)
+        for robot in self.robots.values():
+            if command.gain is not None:
+                robot.solver.gain = command.gain
+            if command.damping is not None:
+                robot.solver.damping_threshold = command.damping
+
+    def _gamepad(self, command: c.GamepadInput) -> None:
+        self.sensors.put_gamepad(command.twist, command.buttons)
+
     # --- recordings ----------------------------------------------------------------------------------------------
 
-    def _record(self, command: c.Record) -> None:
+    def _set_recording(self, command: c.SetRecording) -> None:
         if command.on and self._recorder is None:
-            self._begin_recording(time.strftime("mission-%Y%m%d-%H%M%S.jsonl"))
+            self._record(time.strftime("mission-%Y%m%d-%H%M%S.jsonl"))
         elif not command.on and self._recorder is not None:
             recorder, self._recorder = self._recorder, None
             recorder.close(wait=False)
             self._recorded.append(recorder)
-            self._notice(f"recorded {recorder.seconds:.1f} s in {self._recorded_in}")
+            self._notice(f"recorded {recorder.seconds:.1f} s in {recorder.path}")
 
-    def _begin_recording(self, path: str) -> None:
-        bases = {name: BasePose(stand.robot, stand.node, stand.placement) for name, stand in self.setup.stands.items()}
-        self._recorder = MissionRecorder(Path(path), self.setup.robots, bases)
-        self._recorded_in = path
+    def _record(self, path: str) -> None:
+        self._recorder = MissionRecorder(Path(path), self.setup.robots, self.setup.bases)
 
-    def _replay(self, command: c.Play | c.Seek | c.Tempo) -> None:
+    def _control_playback(self, command: c.ControlPlayback) -> None:
         if self._player is None:
             return
-        if isinstance(command, c.Seek):
+        if command.time is not None:
             self._player.seek(command.time)
-        elif isinstance(command, c.Tempo):
-            self._player.set_speed(command.factor)
-        elif command.on:
-            self._player.play()
-        else:
-            self._player.pause()
+        if command.speed is not None:
+            self._player.set_speed(command.speed)
+        if command.playing is not None:
+            (self._player.play if command.playing else self._player.pause)()
 
     # --- out -----------------------------------------------------------------------------------------------------
 
-    def state(self) -> State:
-        """How everything is."""
-        recording = replay = None
-        if self._recorder is not None:
-            recording = RecordingState(self._recorded_in, self._recorder.seconds, self._recorder.error)
-        if self._player is not None:
-            replay = Replayed(
-                str(self._player.recording.path),
-                self._player.seconds,
-                self._player.time,
-                self._player.playing,
-                self._player.speed,
-            )
-        moving = next((one.motion.name for one in self.robots.values() if one.motion is not None), None)
-        return State(
+    def state(self) -> SessionState:
+        """Return the present state."""
+        recorder, player = self._recorder, self._player
+        return SessionState(
             time=self.time,
-            robots={name: _robot(one) for name, one in self.robots.items()},
-            sensors=self.devices.states(),
-            switches=dict(self.devices.chosen),
-            frame=self.devices.frame,
-            settings={**self._settings, "speed": self.devices.speed, "turning": self.devices.turning},
-            undo=self._gestures.undo_count,
-            redo=self._gestures.redo_count,
+            robots={name: robot.state() for name, robot in self.robots.items()},
+            sensors=self.sensors.reports(),
+            switches=dict(self.sensors.selected),
+            settings=self.settings,
+            undo=self._history.undo_count,
+            redo=self._history.redo_count,
             paused=self.paused,
-            moving=moving,
-            recording=recording,
-            replay=replay,
+            moving=next((robot.motion.name for robot in self.robots.values() if robot.motion is not None), None),
+            recording=None
+            if recorder is None
+            else RecordingStatus(str(recorder.path), recorder.seconds, recorder.error),
+            playback=None
+            if player is None
+            else PlaybackStatus(str(player.recording.path), player.seconds, player.time, player.playing, player.speed),
             notices=tuple(self._notices),
             answered=self._answered,
         )
 
-    def _number(self) -> int:
+    def _new_id(self) -> int:
         self._count += 1
         return self._count
 
-    def _notice(self, words: str, warning: bool = False) -> None:
+    def _notice(self, text: str, warning: bool = False) -> None:
         self._noticed += 1
-        self._notices.append(Notice(self._noticed, words, warning))
-
-
-def _robot(one: Driven) -> RobotState:
-    errors = one.step.errors if len(one.step.errors) == len(one.held) else ((0.0, 0.0),) * len(one.held)
-    tasks = tuple(
-        TaskState(
-            held.number, task.node, held.who, held.label, held.scripted, task.offset.copy(), task.target.copy(),
-            task.translation, task.rotation, task.weight, error,
-        )
-        for held, task, error in zip(one.held, (held.task for held in one.held), errors, strict=True)
-    )  # fmt: skip
-    return RobotState(one.q, one.base.copy(), tasks, one.status(), one.step.saturated, one.step.closure)
-
-
-def _sample(one: Driven) -> RobotSample:
-    tasks = tuple(
-        RecordedTask(p.node, held.who, p.offset, one.base * p.target, p.translation, p.rotation, p.weight)
-        for held, p in ((held, held.task) for held in one.held)
-    )
-    return RobotSample(one.q, one.status()[0], tasks)
+        self._notices.append(Notice(self._noticed, text, warning))

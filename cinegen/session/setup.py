@@ -1,6 +1,6 @@
-"""What a session is made of: robots, where they stand, sensors, and which node each sensor may hold.
+"""`Setup`: the robots of a session, their base poses, its sensors, and the nodes that may follow them.
 
-A `Setup` is a value: it can be sent to the process that the session runs in.
+A `Setup` is a value: it can be sent to the process in which the session runs.
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import numpy as np
@@ -16,38 +17,23 @@ import pinocchio as pin
 from cinegen.collision.scene import Scene
 from cinegen.devices.kinds import listens_for_others, overrides, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
-from cinegen.mission import Recording
+from cinegen.mission import BasePose, Recording
 from cinegen.model import Mechanism
 
 RATE = 1000.0
-"""Ticks a second."""
+"""Ticks per second."""
 
 GAMEPAD = "gamepad"
-"""The name of the browser's gamepad among the sensors; it may hold any node that another sensor may hold."""
+"""Name of the browser's gamepad among the sensors; each node that may follow a sensor may follow it."""
 
-_ROOM = 0.3  # characteristic lengths, around robots that are set side by side
+_ROOM = 0.3  # characteristic lengths, around robots that are placed side by side
 
 PATH = "path"
-"""The name of the script that moves a robot until a person takes it."""
+"""Name of the script that moves a robot until a user drags it."""
 
 
 class SetupError(CinegenError):
-    """Robots or sensors that can't be put together as asked; says why."""
-
-
-@dataclass(frozen=True)
-class Stand:
-    """Where a robot stands.
-
-    Attributes:
-        robot: on a node of this one; None: in the world.
-        node: of that robot.
-        placement: of the robot's world there.
-    """
-
-    robot: str | None = None
-    node: str | None = None
-    placement: pin.SE3 = field(default_factory=pin.SE3.Identity)
+    """Robots or sensors can't be combined as requested."""
 
 
 @dataclass(frozen=True)
@@ -55,12 +41,12 @@ class Device:
     """A sensor of a session.
 
     Attributes:
-        name: of the sensor in this session: its number in the file, or a word.
-        url: where it is.
-        translation: how many translations it commands, 0 to 3.
-        rotation: how many rotations.
-        robot: that a script is fitted to; None for what moves any.
-        node: that it is fitted to.
+        name: name in the session: its number in the file, or a word.
+        url: address, see `cinegen.devices.open_sensor`.
+        translation: number of translations that it commands, 0 to 3.
+        rotation: number of rotations.
+        robot: robot that a script is made for; None: any.
+        node: node that a script is made for.
     """
 
     name: str
@@ -72,14 +58,14 @@ class Device:
 
 
 @dataclass(frozen=True)
-class Switch:
-    """A node that one of several sensors may hold, or none.
+class SensorSwitch:
+    """A node that may follow sensors.
 
     Attributes:
-        robot: whose.
-        node: which.
-        choices: names of sensors; None: left free.
-        first: the choice at the beginning.
+        robot: robot of the node.
+        node: node that follows.
+        choices: names of the sensors; None: no sensor.
+        first: initial choice.
     """
 
     robot: str
@@ -89,13 +75,13 @@ class Switch:
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """What a robot keeps clear of.
+class Avoidance:
+    """A robot that avoids obstacles.
 
     Attributes:
-        robot: which.
-        scene: what stands around it, and where it begins; the robot's world is the scene's.
-        obstacles: the session's name of each of the scene's obstacles, in its order.
+        robot: name of the robot.
+        scene: its obstacles, and its initial configuration; the robot's world is the scene's.
+        obstacles: names of the obstacles in the session, in the order of the scene.
     """
 
     robot: str
@@ -104,14 +90,14 @@ class Surroundings:
 
 
 @dataclass(frozen=True)
-class MapBeside:
-    """A map that is shown beside the robot that it is of.
+class MapOverlay:
+    """A map that is drawn with its robot.
 
     Attributes:
-        path: of the map.
-        robot: in whose world the map is.
-        node: whose poses it is of.
-        quantity: that its cells are coloured by at first; None: its first.
+        path: path of the map.
+        robot: robot in whose world the map is.
+        node: node whose poses it covers.
+        quantity: quantity that colours its cells initially; None: its first.
     """
 
     path: str
@@ -122,80 +108,77 @@ class MapBeside:
 
 @dataclass(frozen=True)
 class Setup:
-    """What a session is made of.
+    """Setup of a session.
 
     Attributes:
-        robots: by their name in the session; obstacles too.
-        stands: of those that don't stand in the world's origin.
-        devices: the sensors.
-        switches: what these may hold.
-        rate: ticks a second.
-        record: the file that the session is recorded in from its beginning.
-        replay: a recording that is shown instead of being driven.
-        tempo: how many times as fast as it was.
-        stops: moments of the recording (s) that one can go to, each with its name; it is held at the first.
-        surroundings: what one of the robots keeps clear of.
-        map: that is shown beside one of them.
-        priority: of the real-time class SCHED_FIFO that the session asks for, 1 to 99; 0: ordinary scheduling.
+        robots: robots and obstacles, by name.
+        bases: base poses of those that are not in the world's origin.
+        devices: sensors.
+        switches: nodes that may follow them.
+        rate: ticks per second.
+        record: file in which the session is recorded from its start.
+        replay: recording that is replayed; nothing can be driven then.
+        playback_speed: 1 is real time.
+        stops: times of the recording (s) to jump to, each with a name; it is paused at the first.
+        avoidance: robot that avoids obstacles.
+        map: map that is drawn with one of the robots.
+        priority: real-time priority (SCHED_FIFO) of the session, 1 to 99; 0: ordinary scheduling.
     """
 
     robots: Mapping[str, Mechanism]
-    stands: Mapping[str, Stand] = field(default_factory=dict)
+    bases: Mapping[str, BasePose] = field(default_factory=dict)
     devices: tuple[Device, ...] = ()
-    switches: tuple[Switch, ...] = ()
+    switches: tuple[SensorSwitch, ...] = ()
     rate: float = RATE
     record: str | None = None
     replay: str | None = None
-    tempo: float = 1.0
+    playback_speed: float = 1.0
     stops: tuple[tuple[float, str], ...] = ()
-    surroundings: Surroundings | None = None
-    map: MapBeside | None = None
+    avoidance: Avoidance | None = None
+    map: MapOverlay | None = None
     priority: int = 0
 
     def __post_init__(self) -> None:
         if not self.robots:
-            raise SetupError("a session has one robot at least")
+            raise SetupError("a session needs a robot")
         self.order()
         if not 1.0 <= self.rate <= 1e5:
-            raise SetupError(f"a session's rate is 1 to 100,000 ticks a second, not {self.rate}")
+            raise SetupError(f"a session's rate must be 1 to 100,000 ticks per second, not {self.rate}")
 
-    def stand(self, robot: str) -> Stand:
-        """Where a robot stands."""
-        return self.stands.get(robot, Stand())
+    def base(self, robot: str) -> BasePose:
+        """Return the base pose of a robot."""
+        return self.bases.get(robot, BasePose())
 
     def order(self) -> tuple[str, ...]:
-        """The robots, each behind the one that it stands on.
+        """Return the robots, each after the one that carries it.
 
         Raises:
-            SetupError: robots that stand on each other in a circle.
-            UnknownNameError: a robot or a node that there is not.
+            SetupError: robots carry each other in a cycle.
+            UnknownNameError: there is no such robot or node.
         """
-        placed: list[str] = []
-        for robot in self.stands:
+        for robot in self.bases:
             if robot not in self.robots:
                 raise UnknownNameError("robot", robot, tuple(self.robots))
-        waiting = list(self.robots)
-        while waiting:
-            ready = [name for name in waiting if self.stand(name).robot in (None, *placed)]
-            for name in waiting:
-                on, node = self.stand(name).robot, self.stand(name).node
-                if on is not None:
-                    if on not in self.robots:
-                        raise UnknownNameError("robot", on, tuple(self.robots))
-                    self.robots[on].frame_id(str(node))
-            if not ready:
-                raise SetupError(f"{', '.join(waiting)} stand on each other in a circle")
-            placed += ready
-            waiting = [name for name in waiting if name not in ready]
-        return tuple(placed)
+        carriers: dict[str, set[str]] = {}
+        for name in self.robots:
+            base = self.base(name)
+            carriers[name] = set() if base.robot is None else {base.robot}
+            if base.robot is not None:
+                if base.robot not in self.robots:
+                    raise UnknownNameError("robot", base.robot, tuple(self.robots))
+                self.robots[base.robot].frame_id(str(base.node))
+        try:
+            return tuple(TopologicalSorter(carriers).static_order())
+        except CycleError as error:
+            raise SetupError(f"{', '.join(sorted(set(error.args[1])))} carry each other") from None
 
 
-def stand_of(text: str) -> tuple[str, Stand]:
-    """Where a robot stands, from a text: `NAME=ROBOT.NODE`, `NAME=x,y,z`, `NAME=x,y,z,roll,pitch,yaw` (m, degrees), or
-    `NAME=ROBOT.NODE@x,y,z...` for a place seen from a node.
+def parse_base_pose(text: str) -> tuple[str, BasePose]:
+    """Parse the base pose of a robot: `NAME=ROBOT.NODE`, `NAME=x,y,z`, `NAME=x,y,z,roll,pitch,yaw` (m, degrees), or
+    `NAME=ROBOT.NODE@x,y,z...` for a placement in the frame of a node.
 
     Raises:
-        SetupError: it is not written so.
+        SetupError: the text has another form.
     """
     name, equals, place = text.partition("=")
     on, at, numbers = place.partition("@")
@@ -210,9 +193,9 @@ def stand_of(text: str) -> tuple[str, Stand]:
         )
     placement = pin.SE3.Identity()
     if values:
-        turn = np.radians([*values[3:], 0.0, 0.0, 0.0][:3])
-        placement = pin.SE3(pin.rpy.rpyToMatrix(turn), np.array(values[:3]))
-    return name, Stand(robot or None, node or None, placement)
+        angles = np.radians([*values[3:], 0.0, 0.0, 0.0][:3])
+        placement = pin.SE3(pin.rpy.rpyToMatrix(angles), np.array(values[:3]))
+    return name, BasePose(robot or None, node or None, placement)
 
 
 def _numbers(text: str) -> tuple[float, ...] | None:
@@ -229,41 +212,41 @@ def arrange(
     sensors: Sequence[str] = (),
     follow: str | None = None,
     node: str | None = None,
-    stands: Iterable[str] = (),
+    bases: Iterable[str] = (),
     rate: float = RATE,
     record: str | None = None,
 ) -> Setup:
-    """A session's robots with the sensors that their files name, and others.
+    """Return the setup of robots with the sensors that their files name, and others.
 
     Args:
-        robots: by their name in the session.
-        files: of each robot the file it is from: sensors are numbered by file, and robots of several files are set side
-            by side; all from one unless given.
-        sensors: texts such as `1=/dev/ttyUSB0`: another port for the files' sensor 1; or `NODE=URL`,
-            `ROBOT.NODE=URL`: a sensor that holds a node which the file ties to none.
-        follow: the shape of the path that each robot's end, or `node`, follows until a person takes the robot.
-        node: that follows it.
-        stands: texts as `stand_of` reads them.
-        rate: ticks a second.
-        record: a file to record in.
+        robots: robots by name.
+        files: file of each robot; all from one unless given. Sensors are numbered by file, and robots of several files
+            are placed side by side.
+        sensors: texts such as `1=/dev/ttyUSB0`, another port for the files' sensor 1; or `NODE=URL`, `ROBOT.NODE=URL`,
+            a sensor that a node follows.
+        follow: shape of the path that each robot's end, or `node`, follows until a user drags the robot.
+        node: node that follows it.
+        bases: texts as `parse_base_pose` reads them.
+        rate: ticks per second.
+        record: file in which the session is recorded.
 
     Raises:
-        SetupError: what is asked makes no sense.
-        UnknownNameError: a node or robot that there is not.
+        SetupError: the sensors or base poses are not valid for these robots.
+        UnknownNameError: there is no such node or robot.
     """
     files = files or dict.fromkeys(robots, "")
-    numbered, others = _told_apart(sensors)
+    numbered, others = _split(sensors)
     several = len(set(files.values())) > 1
     devices: dict[str, Device] = {}
-    switches: list[Switch] = []
+    switches: list[SensorSwitch] = []
     used: set[int] = set()
     for name, mechanism in robots.items():
         choices_of: dict[str, list[str | None]] = {}
         first: dict[str, str | None] = {}
-        for held, numbers in mechanism.sensor_constraints:
+        for follower, numbers in mechanism.sensor_constraints:
             for number in numbers:
                 if number == 0:
-                    choices_of.setdefault(held, []).append(None)
+                    choices_of.setdefault(follower, []).append(None)
                     continue
                 label = f"{files[name]} {number}" if several else str(number)
                 entry = mechanism.sensors.get(number)
@@ -277,9 +260,9 @@ def arrange(
                         f"If that is wanted, give --sensor {number}={url}; else --sensor {number}=tcp://127.0.0.1:7070"
                     )
                 devices.setdefault(label, _device(label, url, number, entry["translation"], entry["rotation"]))
-                choices_of.setdefault(held, []).append(label)
+                choices_of.setdefault(follower, []).append(label)
                 if number in numbered:
-                    first[held] = label
+                    first[follower] = label
         for text, url in others:
             of, _, own = text.rpartition(".") if text not in mechanism.nodes else ("", "", text)
             if of not in ("", name) or own not in mechanism.nodes:
@@ -289,52 +272,46 @@ def arrange(
             choices_of.setdefault(own, [None]).append(label)
             first[own] = label
         if follow is not None:
-            led = node or mechanism.end
-            mechanism.frame_id(led)
+            follower = node or mechanism.end
+            mechanism.frame_id(follower)
             label = f"{PATH} {name}" if len(robots) > 1 else PATH
-            devices[label] = _device(label, f"path:{follow}", None, 3, 3, name, led)
-            choices_of.setdefault(led, [None]).append(label)
-            if choices_of[led][0] is None:  # else the file says who holds it
-                first.setdefault(led, label)
+            devices[label] = _device(label, f"path:{follow}", None, 3, 3, name, follower)
+            choices_of.setdefault(follower, [None]).append(label)
+            if choices_of[follower][0] is None:  # otherwise the file says what it follows
+                first.setdefault(follower, label)
         choices_of.setdefault(mechanism.end, [None])
-        for held, choices in choices_of.items():
+        for follower, choices in choices_of.items():
             found = tuple(dict.fromkeys([*choices, GAMEPAD]))
-            switches.append(Switch(name, held, found, first.get(held, choices[0])))
+            switches.append(SensorSwitch(name, follower, found, first.get(follower, choices[0])))
     _all_used(robots, numbered, used, others)
     devices[GAMEPAD] = Device(GAMEPAD, "gamepad:")
     placed = _side_by_side(robots, files)
-    for text in stands:
-        name, stand = stand_of(text)
-        placed[name] = stand
+    placed |= dict(map(parse_base_pose, bases))
     return Setup(dict(robots), placed, tuple(devices.values()), tuple(switches), rate, record)
 
 
-def replayed(path: str | Path, tempo: float = 1.0, stops: Sequence[tuple[float, str]] = ()) -> Setup:
-    """A session that shows a recording.
+def replay_setup(path: str | Path, speed: float = 1.0, stops: Sequence[tuple[float, str]] = ()) -> Setup:
+    """Return the setup of a session that replays a recording.
 
     Args:
-        path: of it.
-        tempo: how many times as fast as it was.
-        stops: moments (s) that one can go to, each with its name.
+        path: path of the recording.
+        speed: playback speed; 1 is real time.
+        stops: times (s) to jump to, each with a name.
 
     Raises:
         MissionError: it can't be read, or its robots can't be built.
-        SetupError: a tempo that makes no sense.
+        SetupError: the speed is out of range.
     """
-    if not 0.01 <= tempo <= 100.0:
-        raise SetupError(f"a tempo is 0.01 to 100 times that of the recording, not {tempo}")
+    if not 0.01 <= speed <= 100.0:
+        raise SetupError(f"the playback speed must be 0.01 to 100, not {speed}")
     recording = Recording.load(path)
-    stands = {}
-    for name, base in recording.bases.items():
-        stands[name] = Stand(base.robot, base.node, base.placement)
     robots = {name: recording.mechanism(name) for name in recording.q}
-    return Setup(robots, stands, replay=str(path), tempo=tempo, stops=tuple(stops))
+    return Setup(robots, recording.bases, replay=str(path), playback_speed=speed, stops=tuple(stops))
 
 
-def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> dict[str, Stand]:
-    """Robots of one file stand as it says; those of the next file to the right of them, along x, where they would stand
-    in each other else."""
-    stands: dict[str, Stand] = {}
+def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> dict[str, BasePose]:
+    """Return base poses that move the robots of each file along x, to the right of those before, if they overlap."""
+    bases: dict[str, BasePose] = {}
     edge = -np.inf
     for file in dict.fromkeys(files[name] for name in robots):
         own = [name for name in robots if files[name] == file]
@@ -343,21 +320,21 @@ def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> 
         left, right = (pick(float(place.translation[0]) for place in places) for pick in (min, max))
         shift = max(0.0, edge + room - left) if edge > -np.inf else 0.0
         if shift > 0.0:
-            stands |= {name: Stand(placement=pin.SE3(np.eye(3), np.array([shift, 0.0, 0.0]))) for name in own}
+            bases |= {name: BasePose(placement=pin.SE3(np.eye(3), np.array([shift, 0.0, 0.0]))) for name in own}
         edge = right + shift + room
-    return stands
+    return bases
 
 
-def _told_apart(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]:
-    """What stands for a file's sensor, by number; and what holds a node, by its name."""
+def _split(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, str]]]:
+    """Return the URLs that replace those of the files' sensors, by number, and nodes with URLs of their own."""
     numbered = overrides(text for text in texts if text.partition("=")[0].isdecimal())
     others = []
     for text in texts:
         node, _, url = text.partition("=")
         if not (node and url):
             raise SetupError(
-                f"--sensor {text}: write NUMBER=URL for a sensor of the file, or NODE=URL to hold a node, for example "
-                "--sensor 1=/dev/ttyUSB0"
+                f"--sensor {text}: write NUMBER=URL for a sensor of the file, or NODE=URL for one that a node follows, "
+                "for example --sensor 1=/dev/ttyUSB0"
             )
         if not node.isdecimal():
             others.append((node, url))
@@ -367,7 +344,7 @@ def _told_apart(texts: Sequence[str]) -> tuple[dict[int, str], list[tuple[str, s
 def _device(
     name: str, url: str, number: int | None, translation: int, rotation: int, robot: str | None = None, node: str = ""
 ) -> Device:
-    """A sensor; warned of where its port is not there."""
+    """Return a sensor, with a warning if its port does not exist."""
     missing = why_missing(url, number)
     if missing:
         warnings.warn(missing, CinegenWarning, stacklevel=3)
@@ -383,13 +360,13 @@ def _free(label: str, taken: Mapping[str, object]) -> str:
 def _all_used(
     robots: Mapping[str, Mechanism], numbered: Mapping[int, str], used: set[int], others: Sequence[tuple[str, str]]
 ) -> None:
-    """Refuses what was asked for and is for nothing."""
+    """Refuse options that have no effect."""
     for number in numbered:
         if number not in used:
             known = ", ".join(map(str, sorted(used))) or "none"
             raise SetupError(
                 f"--sensor {number}=...: no node of these files may follow a sensor {number} (sensors there: {known}); "
-                "NODE=URL lets a sensor hold any node"
+                "NODE=URL lets any node follow a sensor"
             )
     for text, _ in others:
         robot, _, node = text.rpartition(".")

@@ -1,40 +1,39 @@
-"""What a session tells, as values that go to another process: where everything is, who holds what."""
+"""The state of a session, as values that are sent from its process to others."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
+from msgspec import Struct
 from numpy.typing import NDArray
 
-from cinegen.devices import SensorStatus
-from cinegen.sensor import Twist
+from cinegen.sensor import SensorState
+from cinegen.session.commands import CommandFrame
+from cinegen.typed_json import Vector6
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class TaskState:
+class TaskState(Struct, frozen=True):
     """A task.
 
     Attributes:
-        number: its own in the session.
-        node: that is held.
-        who: holds it: "hand", "pin" or "sensor".
-        label: what people call it.
-        scripted: whether a script leads it, which goes nowhere else.
-        offset: frame fixed on the node that is constrained, in the node's frame (m).
-        target: where that should be, as seen from where the robot stands.
-        translation: how many translations it holds.
-        rotation: how many rotations.
-        weight: of it.
-        error: what is left of the way, m and rad.
+        id: number of the task in the session.
+        node: node that it moves.
+        source: what commands it: "pointer", "pin" or "sensor".
+        label: name for people.
+        scripted: whether a script commands it, whose path is known.
+        offset: frame that is constrained, in the node's frame (m).
+        target: of that frame, in the robot's own world (m).
+        translation: number of constrained translations.
+        rotation: number of constrained rotations.
+        weight: of its equations.
+        error: remaining error, m and rad.
     """
 
-    number: int
+    id: int
     node: str
-    who: str
+    source: str
     label: str
     scripted: bool
     offset: pin.SE3
@@ -45,65 +44,100 @@ class TaskState:
     error: tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class RobotState:
+class RobotStatus(Struct, frozen=True):
+    """Status of a robot.
+
+    Attributes:
+        name: name of a `cinegen.Status`; TOUCHING or PUSHED among obstacles; JOINTS, HOME, MOVE_TO, UNDO or REDO during
+            such a motion.
+        label: a few words for people, with names and amounts.
+        description: a sentence for people.
+    """
+
+    name: str
+    label: str
+    description: str
+
+
+class RobotState(Struct, frozen=True):
     """A robot.
 
     Attributes:
-        q: (nq,) where it is, loops closed.
-        base: where it stands, in the session's world.
-        tasks: what holds it.
-        status: of the last tick, and words for people.
-        saturated: joints whose limit holds the motion back.
-        closure: the largest gap of its loops, rad or characteristic lengths.
+        q: (nq,) configuration with closed loops, rad and m.
+        base: base pose in the session's world (m).
+        tasks: its tasks.
+        status: of the last tick.
+        saturated: joints whose limit restricts the motion.
+        closure: largest loop residual, rad or characteristic lengths.
     """
 
     q: Array
     base: pin.SE3
     tasks: tuple[TaskState, ...]
-    status: tuple[str, str]
+    status: RobotStatus
     saturated: tuple[str, ...]
     closure: float
 
 
-@dataclass(frozen=True, slots=True)
-class SensorState:
+class SensorReport(Struct, frozen=True):
     """A sensor.
 
     Attributes:
-        name: in the session.
-        status: what it is doing.
-        twist: how far it is deflected; None if it says nothing of that.
+        id: name in the session.
+        state: closed, opening, live, silent, lost or refused.
+        message: a sentence for people.
+        packets: number of readings since it was started.
+        damaged: number of packets that were not valid.
+        twist: deflection, -1 to 1; None if it reports none.
     """
 
-    name: str
-    status: SensorStatus
-    twist: Twist | None
+    id: str
+    state: SensorState
+    message: str
+    packets: int
+    damaged: int
+    twist: Vector6 | None
 
 
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """Something that people should be told once.
+class Settings(Struct, frozen=True):
+    """Settings, as `change_settings` sets them.
+
+    Attributes:
+        gain: part of an error that is corrected per second, 1/s.
+        damping: singular value (dimensionless) below which motion is damped.
+        linear_speed: of a sensor at full deflection, m/s.
+        angular_speed: of a sensor at full deflection, rad/s.
+        frame: command frame of the sensors.
+    """
+
+    gain: float
+    damping: float
+    linear_speed: float
+    angular_speed: float
+    frame: CommandFrame
+
+
+class Notice(Struct, frozen=True):
+    """A message for people, which is shown once.
 
     Attributes:
         number: counted from 1.
-        words: a sentence.
+        text: a sentence.
         warning: whether something is wrong.
     """
 
     number: int
-    words: str
+    text: str
     warning: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Recording:
+class RecordingStatus(Struct, frozen=True):
     """A recording that is being made.
 
     Attributes:
-        file: its path.
-        seconds: how long it is.
-        error: why it can't be written any more; None while it can.
+        file: path of the file.
+        seconds: duration so far, s.
+        error: reason why nothing more can be written; null while it can.
     """
 
     file: str
@@ -111,57 +145,53 @@ class Recording:
     error: str | None
 
 
-@dataclass(frozen=True, slots=True)
-class Replayed:
-    """A recording that is being shown.
+class PlaybackStatus(Struct, frozen=True):
+    """A recording that is replayed.
 
     Attributes:
-        file: its path.
-        seconds: how long it is.
-        time: s from its beginning.
-        playing: whether it goes on.
-        tempo: how fast; 1 is as it was.
+        file: path of the file.
+        seconds: duration, s.
+        time: playback position, s.
+        playing: whether it plays.
+        speed: playback speed; 1 is real time.
     """
 
     file: str
     seconds: float
     time: float
     playing: bool
-    tempo: float
+    speed: float
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class SessionState(Struct, frozen=True):
     """A session at a moment.
 
     Attributes:
-        time: s since it began.
-        robots: by name.
-        sensors: all of them.
-        switches: which sensor holds each node that one may hold; None: none.
-        frame: of command.
-        settings: gain (1/s), damping, speed (m/s), turning (rad/s).
-        undo: how many gestures can be undone.
-        redo: how many can be done again.
-        paused: whether everything stands still.
-        moving: what goes on by itself: "home", "visit", "undo", "redo", "motors"; None: nothing.
-        recording: that is being made.
-        replay: that is being shown.
-        notices: the last few.
-        answered: how many commands were obeyed.
+        time: time since the session began, s.
+        robots: robots by name.
+        sensors: all sensors.
+        switches: sensor that each node follows, by robot and node; None: no sensor.
+        settings: settings of the solvers and sensors.
+        undo: number of undo steps.
+        redo: number of steps that can be redone.
+        paused: whether the session is paused.
+        moving: "home", "move_to", "undo", "redo" or "joints" during such a motion; None: tasks move the robots.
+        recording: recording that is being made.
+        playback: recording that is replayed.
+        notices: the last few notices.
+        answered: number of commands that were carried out.
     """
 
     time: float
     robots: dict[str, RobotState]
-    sensors: tuple[SensorState, ...]
+    sensors: tuple[SensorReport, ...]
     switches: dict[tuple[str, str], str | None]
-    frame: str
-    settings: dict[str, float]
+    settings: Settings
     undo: int
     redo: int
     paused: bool
     moving: str | None
-    recording: Recording | None
-    replay: Replayed | None
+    recording: RecordingStatus | None
+    playback: PlaybackStatus | None
     notices: tuple[Notice, ...]
     answered: int

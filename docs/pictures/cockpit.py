@@ -27,7 +27,7 @@ TOUCH = """([robot, node]) => {
   const found = [];
   for (let y = 4; y < box.height; y += 4) for (let x = 4; x < box.width; x += 4) {
     const at = { clientX: box.left + x, clientY: box.top + y };
-    const hit = cockpit.hand.touched(at);
+    const hit = cockpit.pick.touched(at);
     if (hit?.robot === robot && hit.node === node) found.push([at.clientX, at.clientY]);
   }
   return found[Math.floor(found.length / 2)];
@@ -72,7 +72,7 @@ SHOTS = {
 def shot(browser, name):
     """Draws one picture."""
     scene, robots, stands = SHOTS[name]
-    setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, stands=stands)
+    setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, bases=stands)
     with Cockpit(setup, port=7860) as cockpit:
         tab = browser.new_page(viewport=VIEW, bypass_csp=True)  # what is evaluated is not the page's own
         tab.goto(cockpit.url)

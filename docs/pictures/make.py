@@ -16,7 +16,7 @@ from PIL import Image, ImageChops
 
 import cinegen
 import raff2urdf
-from cinegen.cockpit import page_of
+from cinegen.cockpit import make_page
 
 PICTURES = Path(__file__).resolve().parent
 ROBOTS = PICTURES.parent.parent / "robots"
@@ -43,7 +43,7 @@ def picture(name):
     """Draws the robots of one file."""
     path = ROBOTS / f"{name}.raff"
     mechanisms = {robot.name: cinegen.load(path, robot.name) for robot in raff2urdf.load(path).robots}
-    page, scene = page_of(mechanisms)
+    page, scene = make_page(mechanisms)
     for key, mechanism in mechanisms.items():
         if name in PULLED:
             scene.show(key, pulled(mechanism, PULLED[name]))

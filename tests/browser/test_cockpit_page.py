@@ -16,7 +16,7 @@ import cinegen
 from cinegen.cockpit import Cockpit
 from cinegen.collision.scene import scene_of
 from cinegen.mission.results import record_modes
-from cinegen.session import arrange, in_scene, replayed
+from cinegen.session import arrange, replay_setup, scene_setup
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -29,7 +29,7 @@ READY = "document.documentElement.dataset.view === 'ready' && window.cockpit.rep
 # Where on the screen (pixels) a node can be touched, and what is touched there in the world's metres.
 WHERE = """([robot, node]) => {
   const box = cockpit.viewer.renderer.domElement.getBoundingClientRect();
-  const at = (x, y) => cockpit.hand.touched({ clientX: box.left + x, clientY: box.top + y });
+  const at = (x, y) => cockpit.pick.touched({ clientX: box.left + x, clientY: box.top + y });
   const is = (hit) => hit !== null && hit.robot === robot && hit.node === node;
   for (const [room, step] of [[9, 6], [5, 6], [2, 2], [0, 1]]) { // a part may be seen between others only
     for (let y = 12; y < box.height; y += step) for (let x = 12; x < box.width; x += step) {
@@ -103,8 +103,8 @@ def place(cockpit, name, node, point=(0.0, 0.0, 0.0)):
     return (robot.base * cockpit.setup.robots[name].placement(robot.q, node)).act(np.array(point))
 
 
-def held(cockpit, name, who="hand"):
-    return [task for task in cockpit.state.robots[name].tasks if task.who == who]
+def held(cockpit, name, who="pointer"):
+    return [task for task in cockpit.state.robots[name].tasks if task.source == who]
 
 
 def picture(tab, name):
@@ -243,7 +243,7 @@ def test_a_click_selects_the_gizmo_moves_it_and_a_pin_holds_it(cockpit, tab):
     page.mouse.up()
     moved = place(one, "delta4", "link5") - start
     assert np.abs(moved[:2]).max() < 0.1 * abs(moved[2])
-    number = held(one, "delta4", "pin")[0].number
+    number = held(one, "delta4", "pin")[0].id
     page.click(f"[data-task='{number}'] button")
     assert becomes(page, lambda: not one.state.robots["delta4"].tasks)
 
@@ -274,7 +274,7 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     page.select_option("[data-switch='delta4/platform'] select", "")
     assert becomes(page, lambda: one.state.switches["delta4", "platform"] is None)
     page.select_option("#frame", "tool")
-    assert becomes(page, lambda: one.state.frame == "tool")
+    assert becomes(page, lambda: one.state.settings.frame == "tool")
     i = one.setup.robots["delta4"].q_index("joint1")
     before = one.state.robots["delta4"].q[i]
     slider = page.locator("[data-joint='delta4/joint1'] input[type=range]")
@@ -287,7 +287,7 @@ def test_panel_sliders_switches_frames_and_meters(cockpit, tab):
     assert becomes(page, lambda: abs(one.state.robots["delta4"].q[i] - before) > 0.05)
     assert becomes(page, lambda: one.state.moving is None)
     assert one.state.robots["delta4"].closure < 1e-10
-    assert becomes(page, lambda: one.hub.hand is not None)  # the page was not dropped
+    assert becomes(page, lambda: one.hub.controller is not None)  # the page was not dropped
     for kind in ("type1", "type2"):
         meter = page.locator(f"[data-meter='delta4/{kind}']")
         assert float(meter.get_attribute("aria-valuenow")) > 0.0
@@ -335,16 +335,16 @@ def test_hovering_names_a_part(cockpit, tab):
     assert becomes(page, lambda: "link8" in page.inner_text(".labels"))
 
 
-def test_a_second_browser_sees_it_and_takes_the_hand(cockpit, tab):
+def test_a_second_browser_sees_it_and_takes_control(cockpit, tab):
     one = cockpit("five_bar")
     first, second = tab(one), tab(one)
     grab(first, one, "five_bar", "link2")
-    assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.hand") == "other")
+    assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.control") == "other")
     assert becomes(second, lambda: second.evaluate("cockpit.state.tasks.length") == 1)
-    assert second.is_visible("#take-hand")
+    assert second.is_visible("#take-control")
     picture(second, "another_hand")
-    second.click("#take-hand")
-    assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.hand") == "mine")
+    second.click("#take-control")
+    assert becomes(second, lambda: second.evaluate("document.documentElement.dataset.control") == "mine")
     assert becomes(first, lambda: not one.state.robots["five_bar"].tasks)
     first.mouse.up()
 
@@ -354,7 +354,7 @@ def test_a_line_that_is_cut_comes_back(cockpit, tab):
     page = tab(one)
     where = find(page, "delta4", "link5")
     number = int(page.evaluate("document.documentElement.dataset.frame"))
-    one.server.call(lambda: [client.line.close(1001, "cut") for client in tuple(one.hub.clients.values())])
+    one.server.call(lambda: [client.connection.close(1001, "cut") for client in tuple(one.hub.clients.values())])
     assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.connected") == "no")
     assert becomes(page, lambda: page.evaluate("document.documentElement.dataset.connected") == "yes")
     assert becomes(page, lambda: int(page.evaluate("document.documentElement.dataset.frame")) > number + 10)
@@ -417,7 +417,7 @@ def test_the_buttons_lead_from_mode_to_mode(robot, tab, tmp_path):
     modes = cinegen.assembly_modes(robot("tssm"))
     record_modes(modes, tmp_path / "modes.jsonl", "tssm")
     stops = [(0.0 if k == 0 else k + 1.0, f"mode {k + 1} of 16") for k in range(16)]
-    cockpit = Cockpit(replayed(tmp_path / "modes.jsonl", stops=stops), port=8300)
+    cockpit = Cockpit(replay_setup(tmp_path / "modes.jsonl", stops=stops), port=8300)
     try:
         page = tab(cockpit)
         for wanted in (2, 3, 4, 3):
@@ -443,7 +443,7 @@ def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, tab):
             {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]},
         ],
     }  # fmt: skip
-    cockpit = Cockpit(in_scene(scene_of(said, mechanism=robot("arm7"))), port=8300)
+    cockpit = Cockpit(scene_setup(scene_of(said, mechanism=robot("arm7"))), port=8300)
     try:
         page = tab(cockpit)
         picture(page, "obstacles")

@@ -10,7 +10,7 @@ from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
 
 from cinegen.cockpit import Cockpit
-from cinegen.session import ShownMap, on_map
+from cinegen.session import ShownMap, map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 CHROMIUM = shutil.which("chromium")
@@ -24,8 +24,8 @@ CELL = """() => {
       clientX: Math.round(box.left + box.width * (0.5 + r * Math.cos(turn))),
       clientY: Math.round(box.top + box.height * (0.5 + r * Math.sin(turn))),
     };
-    const met = cockpit.cells.met(cockpit.hand.aim(event));
-    if (met !== null && cockpit.hand.near(event) === null) {
+    const met = cockpit.cells.met(cockpit.pick.aim(event));
+    if (met !== null && cockpit.pick.near(event) === null) {
       return [event.clientX, event.clientY, cockpit.field.array("numbers")[met.cell]];
     }
   }
@@ -53,7 +53,7 @@ def opened(browser, robot, tmp_path):
     def open_map(name, region, *quantities):
         path = tmp_path / f"{name}.zarr"
         make_map(MapSpecification(robot(name), region, quantities), path, workers=1)
-        cockpit = Cockpit(on_map(path), port=8300)
+        cockpit = Cockpit(map_setup(path), port=8300)
         page = browser.new_page(viewport=SIZE, bypass_csp=True)
         ends.extend([page.close, cockpit.close])
         page.on("pageerror", lambda error: wrong.append(str(error)))

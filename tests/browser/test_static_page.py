@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import cinegen
-from cinegen.cockpit import Page, Scene
+from cinegen.cockpit import Page, RobotScene
 
 CHROMIUM = shutil.which("chromium")
 FLAGS = [
@@ -52,7 +52,7 @@ def _drawn(picture):
 @pytest.mark.parametrize("name", ["delta4", "gough", "tssm"])
 def test_the_static_page_shows_the_robot_well_in_view(robot, tmp_path, name):
     page = Page()
-    Scene(page, {name: robot(name)})
+    RobotScene(page, {name: robot(name)})
     (tmp_path / "page.html").write_text(page.html())
     picture = _picture((tmp_path / "page.html").as_uri(), tmp_path)
     assert 0.002 < _drawn(picture) < 0.3
@@ -71,7 +71,7 @@ def test_converted_graphics_are_seen_in_their_colours(tmp_path, monkeypatch):
     drawing.saveas(tmp_path / "wall.dxf")
     (tmp_path / "walls.raff").write_text('RAFF walls robot r { base { filename { "wall.nff" "wall.dxf" } } }')
     page = Page()
-    Scene(page, {"walls": cinegen.load(tmp_path / "walls.raff")})
+    RobotScene(page, {"walls": cinegen.load(tmp_path / "walls.raff")})
     (tmp_path / "page.html").write_text(page.html())
     red, green, blue = np.moveaxis(_picture((tmp_path / "page.html").as_uri(), tmp_path), -1, 0)
     assert np.mean((red > green + 80) & (red > blue + 80)) > 0.01

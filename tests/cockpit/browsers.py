@@ -13,6 +13,9 @@ from urllib.parse import urlsplit
 import tornado.websocket
 from tornado.httpclient import HTTPRequest
 
+PLAIN = {"undo", "redo", "end_drag"}
+"""Types of messages without fields that tests send."""
+
 
 class Browser:
     """One on a session. Acknowledges frames at once unless it is `lazy`."""
@@ -40,19 +43,19 @@ class Browser:
                 self.told.append(message)
                 continue
             said = json.loads(message)
-            if said["kind"] == "state":
+            if said["type"] == "state":
                 self.state, self.frames = said, self.frames + 1
                 self.report = said.get("report", self.report)
                 if not self.lazy:
                     with contextlib.suppress(tornado.websocket.WebSocketClosedError):
-                        await self.connection.write_message(json.dumps({"ack": said["frame"]}))
+                        await self.connection.write_message(json.dumps({"type": "ack", "frame": said["frame"]}))
             else:
                 self.told.append(said)
         self.closed = self.connection.close_code, self.connection.close_reason
 
-    def say(self, said=None, **named):
-        """An object, or whatever it is."""
-        message = json.dumps(named) if said is None else said
+    def say(self, said, **fields):
+        """Send a message by its type and fields, or any text or bytes."""
+        message = json.dumps({"type": said, **fields}) if fields or said in PLAIN else said
         binary = isinstance(message, bytes)
         with contextlib.suppress(tornado.websocket.WebSocketClosedError):
             self._now(self.connection.write_message, message, binary)

@@ -34,10 +34,10 @@ def cockpit(robot):
 
 
 def drag(browser, robot, node, by):
-    """Takes a node's origin and leads it away."""
+    """Drag a node's origin."""
     place = origin(browser, robot, node)
-    browser.say(take={"robot": robot, "node": node, "point": [0, 0, 0]})
-    browser.say(lead=(place + np.array(by)).tolist())
+    browser.say("start_drag", robot=robot, node=node, point=[0, 0, 0])
+    browser.say("move_drag", position=(place + np.array(by)).tolist())
     return place
 
 
@@ -59,12 +59,12 @@ def test_what_one_browser_drags_all_see(cockpit):
     before = drag(first, "delta4", "platform", [0.1, 0.05, -0.2])
     to = before + np.array([0.1, 0.05, -0.2])
     assert becomes(lambda: _is_at(first, "delta4", "platform", to) and _is_at(second, "delta4", "platform", to))
-    assert becomes(lambda: second.state["hand"] == first.told[0]["client"])
+    assert becomes(lambda: second.state["controller"] == first.told[0]["client"])
     late = Browser(one.url)
     assert becomes(lambda: late.state is not None and late.report is not None)
     assert late.state["tasks"][0]["node"] == "platform"
     first.leave()
-    assert becomes(lambda: second.state["hand"] is None and second.state["tasks"] == [])
+    assert becomes(lambda: second.state["controller"] is None and second.state["tasks"] == [])
 
 
 def test_a_report_says_how_near_singularities_are(cockpit):
@@ -103,10 +103,10 @@ def test_hello_says_who_is_there(cockpit):
     ("said", "why"),
     [
         (b"\x00\x01\x02", "text"),
-        ("{", "JSON"),
-        ('{"lead": [NaN, 0, 0]}', "JSON"),
-        ('{"take": {"robot": "delta4", "node": "nose", "point": [0, 0, 0]}}', "no such part"),
-        ('{"lead": "' + "x" * 3000 + '"}', "characters"),
+        ("{", "truncated"),
+        ('{"type": "move_drag", "position": [NaN, 0, 0]}', "malformed"),
+        ('{"type": "start_drag", "robot": "delta4", "node": "nose", "point": [0, 0, 0]}', "Unknown node 'nose'"),
+        ('{"type": "' + "x" * 3000 + '"}', "characters"),
     ],
 )
 def test_an_offender_is_dropped_with_a_reason_and_the_session_goes_on(cockpit, said, why):
@@ -129,9 +129,9 @@ def test_oversized_messages_and_floods_end_only_who_sends_them(cockpit):
     assert becomes(lambda: large.closed is not None)
     assert large.closed[0] == 1009
     for _ in range(1000):
-        fast.say(lead=[0, 0, 0])
+        fast.say("move_drag", position=[0, 0, 0])
     assert becomes(lambda: fast.closed is not None)
-    assert "messages a second" in fast.closed[1]
+    assert "messages per second" in fast.closed[1]
     frames = good.frames
     assert becomes(lambda: good.frames > frames + 20)
 
@@ -253,9 +253,9 @@ def test_an_objective_that_raises_is_told_in_the_page_once_and_the_session_goes_
     Wrong.now = True
     place = drag(browser, "delta4", "platform", [0.1, 0.05, -0.2]) + np.array([0.1, 0.05, -0.2])
     assert becomes(lambda: _is_at(browser, "delta4", "platform", place))
-    (notice,) = [said for said in browser.told if said["kind"] == "notice"]
+    (notice,) = [said for said in browser.told if said["type"] == "notice"]
     assert notice["level"] == "warning"
-    assert "objective 0 (Wrong) of " in notice["words"]
-    assert "ValueError: the objective is wrong" in notice["words"]
+    assert "objective 0 (Wrong) of " in notice["text"]
+    assert "ValueError: the objective is wrong" in notice["text"]
     (record,) = [record for record in caplog.records if record.name == "cinegen"]
     assert record.exc_info[0] is ValueError

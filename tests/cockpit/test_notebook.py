@@ -24,8 +24,8 @@ def test_a_cell_holds_the_live_page(robot):
         browser = Browser(url)
         assert becomes(lambda: browser.state is not None)
         before = shown.q["r1"]
-        browser.say(take={"robot": "r1", "node": "platform", "point": [0, 0, 0]})
-        browser.say(lead=[0.1, 0.0, -2.0])
+        browser.say("start_drag", robot="r1", node="platform", point=[0, 0, 0])
+        browser.say("move_drag", position=[0.1, 0.0, -2.0])
         assert becomes(lambda: np.abs(shown.q["r1"] - before).max() > 0.01)
     finally:
         shown.close()

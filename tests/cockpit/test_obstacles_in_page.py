@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from cinegen.cockpit import Page, draw, frames, title_of
+from cinegen.cockpit import Page, draw, title_of
+from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
 from cinegen.cockpit.scene import _lathed, _triangles
 from cinegen.collision.scene import load_scene, scene_of
 from cinegen.collision.scene.solid import hull
-from cinegen.session import Session, in_scene
+from cinegen.session import Session, scene_setup
 
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}
 FLOOR = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0, 0, -0.05]}
@@ -20,7 +21,7 @@ FLOOR = {"name": "floor", "kind": "half_space", "normal": [0, 0, 1], "point": [0
 @pytest.fixture
 def setup(robot):
     said = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [POLE, FLOOR]}
-    return in_scene(scene_of(said, mechanism=robot("arm7")))
+    return scene_setup(scene_of(said, mechanism=robot("arm7")))
 
 
 @pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
@@ -47,20 +48,20 @@ def test_a_hull_is_drawn_with_all_its_faces_turned_outwards():
 
 
 def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(setup):
-    told = {one["name"]: one for one in frames.hello(setup, title_of(setup), 1)["robots"]}
+    told = {one.name: one for one in hello_message(setup, title_of(setup), 1).robots}
     assert title_of(setup) == "arm7"
-    assert {name: one["obstacle"] for name, one in told.items()} == {"arm7": False, "pole": True, "floor": True}
-    assert told["pole"]["length"] == told["arm7"]["length"]  # marks on it are as large as on the robot
+    assert {name: one.obstacle for name, one in told.items()} == {"arm7": False, "pole": True, "floor": True}
+    assert told["pole"].length == told["arm7"].length  # marks on it are as large as on the robot
     session = Session(setup)
-    said = frames.frame(session.state(), frames.Poses(setup.robots))
+    said = state_message(session.state(), NodePoses(setup.robots))
     session.close()
-    assert said["poses"]["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
-    assert said["statuses"]["pole"]["name"] == "IDLE"
+    assert said.poses["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
+    assert said.statuses["pole"].name == "IDLE"
 
 
 def test_robot_obstacles_and_goal_are_in_the_page_where_the_scene_has_them(root):
     scene = load_scene(root / "robots" / "scenes" / "disc.toml")
-    setup, page = in_scene(scene), Page()
+    setup, page = scene_setup(scene), Page()
     draw(page, setup)
     paths = {path for path, kind, _ in page.scene() if kind == "set_object"}
     assert any(path.startswith("/meshcat/cinegen/disc/disc/") for path in paths)

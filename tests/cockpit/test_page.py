@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import umsgpack
 
-from cinegen.cockpit import Page, Scene
+from cinegen.cockpit import Page, RobotScene
 
 
 def _taken(feed):
@@ -62,7 +62,7 @@ def test_what_is_deleted_is_not_sent_any_more():
 def test_the_static_page_holds_the_viewer_and_every_part(robot):
     delta = robot("delta4")
     page = Page()
-    scene = Scene(page, {"delta": delta})
+    scene = RobotScene(page, {"delta": delta})
     text = page.html()
     assert "MeshCat.Viewer" in text
     assert text.count('"', text.index("for (const text of [")) > 2 * len(delta.nodes)
@@ -74,7 +74,7 @@ def test_the_static_page_holds_the_viewer_and_every_part(robot):
 def test_every_part_is_drawn_where_it_is(robot):
     delta = robot("delta4")
     page = Page()
-    Scene(page, {"delta": delta})
+    RobotScene(page, {"delta": delta})
     sent = {key: umsgpack.unpackb(message) for key, message in page.scene().items()}
     for node in delta.nodes:
         matrix = sent[f"/meshcat/cinegen/delta/{node}", "set_transform", ""]["matrix"]
@@ -88,7 +88,7 @@ def test_a_robot_of_any_size_fills_the_same_view(robot):
     sizes = []
     for name in ("tssm", "delta4"):
         page = Page()
-        Scene(page, {name: robot(name)})
+        RobotScene(page, {name: robot(name)})
         whole = umsgpack.unpackb(page.scene()["/meshcat/cinegen", "set_transform", ""])["matrix"]
         sizes.append(whole[0] * robot(name).length)
     assert sizes[0] == pytest.approx(sizes[1], rel=0.6)

@@ -1,4 +1,4 @@
-"""Meshes in the page: in the colour that the URDF says, or in their own, standing on the floor."""
+"""Meshes in the page: in the colour that the URDF says, or in their own, base_poses_at_home on the floor."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import trimesh
 import umsgpack
 
 import cinegen
-from cinegen.cockpit import Page, Scene
+from cinegen.cockpit import Page, RobotScene
 from cinegen.cockpit.scene import _material
 
 URDF = """<robot name="r"><link name="base"><visual><geometry>{}</geometry>{}</visual></link></robot>"""
@@ -27,7 +27,7 @@ def _no_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def drawn(mechanism: cinegen.Mechanism) -> dict[str, Any]:
     """What the page is sent of objects and transforms, by path and kind."""
     page = Page()
-    Scene(page, {"it": mechanism})
+    RobotScene(page, {"it": mechanism})
     return {
         f"{path.removeprefix('/meshcat/')} {kind}": umsgpack.unpackb(message)
         for (path, kind, _), message in page.scene().items()

@@ -7,7 +7,7 @@ import pytest
 from mouse_streams import magellan_motion, spaceball_motion
 from played import PlayedMagellan, PlayedSpaceball, wait
 
-from cinegen.session import Loop, arrange
+from cinegen.session import SessionRunner, arrange
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -18,15 +18,15 @@ UP = {PlayedMagellan: magellan_motion((0, 300, 0, 0, 0, 0)), PlayedSpaceball: sp
 def test_a_mouse_moves_the_node_that_it_is_switched_to(kind, robot, tmp_path):
     device = kind(tmp_path / "mouse").plug()
     delta = robot("delta4")
-    with Loop(arrange({"delta": delta}, sensors=[f"1={device.path}"]), own_process=False) as loop:
+    with SessionRunner(arrange({"delta": delta}, sensors=[f"1={device.path}"]), own_process=False) as runner:
 
         def height():
-            return delta.placement(loop.state.robots["delta"].q, "platform").translation[2]
+            return delta.placement(runner.state.robots["delta"].q, "platform").translation[2]
 
         def sensor():
-            return next(one for one in loop.state.sensors if one.name == "1")
+            return next(one for one in runner.state.sensors if one.id == "1")
 
-        wait(lambda: loop.state is not None and sensor().status.state.value == "live")
+        wait(lambda: runner.state is not None and sensor().state.value == "live")
         for _ in range(2):
             begin = height()
 
@@ -36,7 +36,7 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to(kind, robot, tmp_path):
 
             wait(risen)
             device.unplug()
-            wait(lambda: sensor().status.state.value in ("lost", "silent", "opening"))
+            wait(lambda: sensor().state.value in ("lost", "silent", "opening"))
             rest = []
 
             def rests(rest=rest):
@@ -44,8 +44,8 @@ def test_a_mouse_moves_the_node_that_it_is_switched_to(kind, robot, tmp_path):
                 return len(rest) > 100 and rest[-1] == rest[-100]
 
             wait(rests)
-            (task,) = loop.state.robots["delta"].tasks
+            (task,) = runner.state.robots["delta"].tasks
             assert np.linalg.norm(task.target.translation[2] - height()) < 1e-6  # held there
             device.plug()
-            wait(lambda: sensor().status.state.value == "live", 20.0)
+            wait(lambda: sensor().state.value == "live", 20.0)
     device.unplug()

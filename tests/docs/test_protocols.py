@@ -19,20 +19,26 @@ def protocols(root):
     return module
 
 
-@pytest.mark.parametrize("page", ["missions.md", "sensors.md"])
+@pytest.mark.parametrize("page", ["missions.md", "sensors.md", "cockpit.md"])
 def test_tables_are_generated(protocols, root, page):
     text = (root / "docs" / page).read_text(encoding="utf-8")
     assert protocols.TABLE.search(text)
     assert protocols.written(text) == text, "run python docs/protocols.py"
 
 
+def test_the_types_of_the_page_are_generated(protocols):
+    assert protocols.types() == protocols.TYPES.read_text(encoding="utf-8"), "run python docs/protocols.py"
+
+
 def test_every_field_is_documented(protocols):
     import typing
 
+    from cinegen.cockpit import messages
     from cinegen.devices import reading_json
     from cinegen.mission import file_format
+    from cinegen.session import commands, report, state
 
-    for module in (file_format, reading_json):
+    for module in (file_format, reading_json, commands, messages, report, state):
         for name, struct in vars(module).items():
             if isinstance(struct, type) and issubclass(struct, msgspec.Struct) and re.match("[A-Z]", name):
                 known = {field for one in struct.__mro__[:-2] for field in protocols.meanings(one)}

@@ -38,10 +38,10 @@ test("a gamepad is read only while a node follows it, and says once that it rest
   assert.deepEqual(link.sent, []);
   for (let i = 0; i < 2; i += 1) link.tell("report", { switches: [{ robot: "arm", node: "tool", sensor: "pad" }] });
   mock.timers.tick(34);
-  assert.deepEqual(link.sent.splice(0), [{ gamepad: { twist: [1, 0, 0, 0, 0, 0], buttons: [0] } }]);
+  assert.deepEqual(link.sent.splice(0), [{ type: "gamepad_input", twist: [1, 0, 0, 0, 0, 0], buttons: [0] }]);
   pads = [];
   mock.timers.tick(340);
-  assert.deepEqual(link.sent.splice(0), [{ gamepad: { twist: [0, 0, 0, 0, 0, 0], buttons: [] } }]);
+  assert.deepEqual(link.sent.splice(0), [{ type: "gamepad_input", twist: [0, 0, 0, 0, 0, 0], buttons: [] }]);
   pads = [{ connected: true, axes: [1], buttons: buttons() }];
   link.tell("report", { switches: [{ robot: "arm", node: "tool", sensor: null }] });
   mock.timers.tick(340);

@@ -63,17 +63,17 @@ test("addresses keep the page's token", () => {
 test("a state is acknowledged after all listeners have applied it", () => {
   const [session] = Socket.opened;
   link.on("state", () => told.push(["sent before", session.sent.length]));
-  session.say({ kind: "state", frame: 5, report: { clients: 1 } });
+  session.say({ type: "state", frame: 5, report: { clients: 1 } });
   assert.deepEqual(told.map(([name]) => name), ["state", "sent before", "report"]);
   assert.deepEqual(told[1], ["sent before", 0]);
-  assert.deepEqual(session.sent, [{ ack: 5 }]);
+  assert.deepEqual(session.sent, [{ type: "ack", frame: 5 }]);
   assert.equal(root.dataset.frame, "5");
 });
 
 test("text that is not JSON, and messages of unknown kinds, are ignored", () => {
   const [session] = Socket.opened;
   session.dispatchEvent(Object.assign(new Event("message"), { data: "{" }));
-  session.say({ kind: "gossip" });
+  session.say({ type: "gossip" });
   assert.deepEqual(told, []);
 });
 
@@ -90,7 +90,7 @@ test("a cut line is told once, and tried again after ever longer waits", () => {
     assert.equal(Socket.opened.length, 2, `no try after ${wait} ms`);
   }
   const [session] = Socket.opened.splice(0);
-  session.say({ kind: "hello" });
+  session.say({ type: "hello" });
   assert.equal(link.connected, true);
   session.cut();
   assert.equal(link.connected, false);

@@ -16,7 +16,7 @@ export function small({ edges = false } = {}) {
     "value sigma": Float32Array.from([0, 0.25, 0.5, 0.75, UNKNOWN, 1]),
   };
   if (edges) arrays.edges = Float32Array.from({ length: 6 * shown }, (_, i) => [0.1, 0, 0, 0, 0.1, 0][i % 6]);
-  const axis = { unit: "m", low: 0, step: 0.1, every: 1, places: true };
+  const axis = { unit: "m", low: 0, step: 0.1, every: 1, translates: true };
   const about = {
     robot: "arm",
     surface: edges,
@@ -30,26 +30,26 @@ export function small({ edges = false } = {}) {
       { ...axis, name: "z", count: 1 },
     ],
     quantity: "sigma",
-    quantities: [{ name: "sigma", unit: "1", words: "least singular value", low: 0, high: 1, least: 0, most: 1 }],
+    quantities: [{ name: "sigma", unit: "1", text: "least singular value", low: 0, high: 1, least: 0, most: 1 }],
   };
   return { about, arrays };
 }
 
 /** Return the bytes of map/cells.bin. */
 export function block({ about, arrays }) {
-  const places = {};
+  const described = {};
   let at = 0;
   for (const [name, array] of Object.entries(arrays)) {
-    places[name] = { at, count: array.length, whole: array instanceof Uint32Array };
+    described[name] = { at, count: array.length, integer: array instanceof Uint32Array };
     at += array.byteLength;
   }
-  let said = JSON.stringify({ ...about, arrays: places });
-  said += " ".repeat((4 - (said.length % 4)) % 4);
-  const bytes = new Uint8Array(4 + said.length + at);
-  new DataView(bytes.buffer).setUint32(0, said.length, true);
-  bytes.set(new TextEncoder().encode(said), 4);
+  let text = JSON.stringify({ ...about, arrays: described });
+  text += " ".repeat((4 - (text.length % 4)) % 4);
+  const bytes = new Uint8Array(4 + text.length + at);
+  new DataView(bytes.buffer).setUint32(0, text.length, true);
+  bytes.set(new TextEncoder().encode(text), 4);
   for (const [name, array] of Object.entries(arrays)) {
-    bytes.set(new Uint8Array(array.buffer), 4 + said.length + places[name].at);
+    bytes.set(new Uint8Array(array.buffer), 4 + text.length + described[name].at);
   }
   return bytes.buffer;
 }

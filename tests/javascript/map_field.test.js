@@ -14,7 +14,7 @@ test("the block of a map is read as the server wrote it", async () => {
   for (const [name, array] of Object.entries(map.arrays)) assert.deepEqual(field.array(name), array, name);
   assert.equal(field.quantity, "sigma");
   assert.deepEqual(field.values(), map.arrays["value sigma"]);
-  assert.equal(field.said().words, "least singular value");
+  assert.equal(field.description().text, "least singular value");
   assert.deepEqual([...field.seen], [0, 1, 2, 3, 4, 5]);
   assert.equal(field.ready, true);
 });
@@ -23,7 +23,7 @@ test("numbers that a map does not have are an error that names them; an unknown 
   const field = await loaded(small());
   assert.throws(() => field.array("edges"), /edges/);
   assert.equal(field.values("speed"), null);
-  assert.equal(field.said("speed"), null);
+  assert.equal(field.description("speed"), null);
 });
 
 test("a cut leaves cells up to an index, or one layer", async () => {
@@ -60,7 +60,7 @@ test("a cloud all around the robot is cut open along its first axis", async () =
 
 test("of an axis that is no place, one layer is shown first", async () => {
   const map = small();
-  map.about.axes[1].places = false;
+  map.about.axes[1].translates = false;
   assert.deepEqual((await loaded(map)).cut, { axis: 1, index: 1, layer: true });
 });
 

@@ -21,26 +21,26 @@ test("a meter is red below its threshold, orange below three times it", () => {
 
 test("the chip shows the robot in most trouble, the first where several are", () => {
   const statuses = {
-    a: { name: "FOLLOWING", words: "following" },
-    b: { name: "AT_LIMIT", words: "joint 2 at its limit" },
-    c: { name: "SINGULAR", words: "singular" },
+    a: { name: "FOLLOWING", label: "following" },
+    b: { name: "AT_LIMIT", label: "joint 2 at its limit" },
+    c: { name: "SINGULAR", label: "singular" },
   };
-  const { words, tone: colour, name, title } = summary(statuses, null, true);
-  assert.deepEqual([words, colour, name], ["b: joint 2 at its limit", "warn", "AT_LIMIT"]);
+  const { label, tone: colour, name, title } = summary(statuses, null, true);
+  assert.deepEqual([label, colour, name], ["b: joint 2 at its limit", "warn", "AT_LIMIT"]);
   assert.equal(title, "a: following\nb: joint 2 at its limit\nc: singular");
-  assert.equal(summary({ ...statuses, d: { name: "REFUSED", words: "refused" } }, null, true).name, "REFUSED");
+  assert.equal(summary({ ...statuses, d: { name: "REFUSED", label: "refused" } }, null, true).name, "REFUSED");
 });
 
 test("the chip tells of one robot without its name, and of a session that is paused or moves by itself", () => {
-  const one = { arm: { name: "AT_LIMIT", words: "joint 2 at its limit" } };
-  assert.equal(summary(one, null, false).words, "joint 2 at its limit");
-  assert.deepEqual(summary({ arm: { name: "IDLE", words: "idle" } }, null, true).words, "ready");
+  const one = { arm: { name: "AT_LIMIT", label: "joint 2 at its limit" } };
+  assert.equal(summary(one, null, false).label, "joint 2 at its limit");
+  assert.deepEqual(summary({ arm: { name: "IDLE", label: "idle" } }, null, true).label, "idle");
   const shown = (report) => {
-    const { words, tone: colour } = summary(one, report, false);
-    return [words, colour];
+    const { label, tone: colour } = summary(one, report, false);
+    return [label, colour];
   };
   assert.deepEqual(shown({ paused: true, moving: "home" }), ["paused", "none"]);
-  assert.deepEqual(shown({ paused: false, moving: "home" }), ["going home", "good"]);
+  assert.deepEqual(shown({ paused: false, moving: "home" }), ["moving home", "good"]);
   assert.deepEqual(shown({ paused: false, moving: null }), ["joint 2 at its limit", "warn"]);
   assert.equal(summary({}, null, false), null);
 });

@@ -15,7 +15,7 @@ beforeEach(async () => {
   link = await line();
   session = new Session(link);
   told = [];
-  for (const name of ["hello", "state", "report", "hand", "select", "denied", "notice", "lost", "dropped"]) {
+  for (const name of ["hello", "state", "report", "control", "select", "denied", "notice", "lost", "dropped"]) {
     session.on(name, (value) => told.push([name, value]));
   }
 });
@@ -40,21 +40,21 @@ test("a part is called by its node alone where there is one robot", () => {
   assert.equal(session.called("arm", "tool"), "arm · tool");
 });
 
-test("who holds the hand is told when it changes, and only then", () => {
+test("who has control is told when it changes, and only then", () => {
   link.tell("hello", { client: 7, robots: [ARM] });
-  const hands = () => told.filter(([name]) => name === "hand").map(([, value]) => value);
-  for (const hand of [null, 7, 7, 3, 3, null]) link.tell("state", { hand, poses: {} });
-  assert.deepEqual(hands(), ["mine", "other", "free"]);
-  assert.equal(root.dataset.hand, "free");
+  const changes = () => told.filter(([name]) => name === "control").map(([, value]) => value);
+  for (const controller of [null, 7, 7, 3, 3, null]) link.tell("state", { controller, poses: {} });
+  assert.deepEqual(changes(), ["mine", "other", "free"]);
+  assert.equal(root.dataset.control, "free");
 });
 
-test("commands are denied while another browser holds the hand", () => {
+test("commands are denied while another browser has control", () => {
   link.tell("hello", { client: 7, robots: [ARM] });
   assert.equal(session.mayAct(), true);
-  link.tell("state", { hand: 3, poses: {} });
+  link.tell("state", { controller: 3, poses: {} });
   assert.equal(session.mayAct(), false);
   assert.equal(told.filter(([name]) => name === "denied").length, 1);
-  link.tell("state", { hand: 7, poses: {} });
+  link.tell("state", { controller: 7, poses: {} });
   assert.equal(session.mayAct(), true);
 });
 
@@ -71,7 +71,7 @@ test("a part is selected once; unknown ones select nothing", () => {
 
 test("another scene forgets the state, and a selection that is not in it", () => {
   link.tell("hello", { client: 1, robots: [ARM] });
-  link.tell("state", { hand: null, tasks: [{ id: 1 }], poses: {} });
+  link.tell("state", { controller: null, tasks: [{ id: 1 }], poses: {} });
   link.tell("report", { robots: {} });
   session.select("arm", "tool");
   assert.equal(session.tasks.length, 1);

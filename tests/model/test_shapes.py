@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 import cinegen
-from cinegen.cockpit import page_of
+from cinegen.cockpit import make_page
 
 URDF = """<robot name="arm">
   <link name="base">{0}</link>
@@ -123,7 +123,7 @@ def test_without_shapes_a_stick_figure_stands_in(write):
         assert np.allclose(bar.placement.translation - half, 0.0, atol=1e-9)
     (drum,) = [s for s in shapes if model.frames[s.parentFrame].name == "upper" and s.name.startswith("joint")]
     assert np.allclose(drum.placement.rotation[:, 2], [0.0, 0.6, 0.8], atol=1e-9)
-    page, _ = page_of({"arm": mechanism})
+    page, _ = make_page({"arm": mechanism})
     assert len(page.html()) > 1000
 
 

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 import pytest
+from cinegen.session.visit import Visit
 
 import cinegen
 from cinegen.devices.lines import start_from
 from cinegen.mission.branch import Branch
 from cinegen.model import ForwardKinematics
 from cinegen.planning.planner.edge import _stands
-from cinegen.session.visit import Visit
 from cinegen.tolerances import CLOSED, CLOSURE
 
 CLOSED_ROBOTS = ("delta4", "five_bar", "gough", "sr400", "tssm")

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.session import Session, SetupError, ShownMap, on_map
+from cinegen.session import Session, SetupError, ShownMap, map_setup
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 
 BOX = GridAxis("x", -1.3, 1.3, 8), GridAxis("y", -1.2, 1.2, 7), GridAxis("z", -2.7, -1.2, 6)
@@ -50,7 +50,7 @@ def test_all_reached_cells_are_shown_where_the_robot_is_in_them(made, robot):
         values = dataset[quantity.name].values.ravel()[cloud.numbers]
         assert cloud.values[quantity.name].tolist() == values.tolist()
         assert quantity.least == values.min() <= quantity.low < quantity.high <= values.max() == quantity.most
-        assert quantity.words == dataset[quantity.name].attrs["long_name"]
+        assert quantity.text == dataset[quantity.name].attrs["long_name"]
     some = int(cloud.numbers[len(cloud.numbers) // 2])
     assert shown.configuration(some).tolist() == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
     missed = int(np.flatnonzero(~dataset["reachable"].values)[0])
@@ -123,7 +123,7 @@ def test_cells_of_motors_are_where_these_lead_the_end(made, robot):
     path, dataset = made("delta4", Region((GridAxis("joint1", -0.6, 0.6, 4), GridAxis("joint6", -0.6, 0.6, 3))))
     cloud = ShownMap(path).cloud()
     assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
-    assert all(axis.unit == "rad" and axis.places for axis in cloud.axes)
+    assert all(axis.unit == "rad" and axis.translates for axis in cloud.axes)
     assert cloud.quantities == ()
 
 
@@ -137,17 +137,17 @@ def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
         assert (point - home) / np.linalg.norm(point - home) == pytest.approx(
             gough.placement(q, gough.end).rotation[:, 2]
         )
-    assert not any(axis.places for axis in cloud.axes)
+    assert not any(axis.translates for axis in cloud.axes)
 
 
 @pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 def test_beside_the_map_stands_its_robot(made, robot):
     path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
-    setup = on_map(path, "margin", robot("delta4"))
+    setup = map_setup(path, "margin", robot("delta4"))
     assert setup.map.path == str(path)
     assert (setup.map.robot, setup.map.node, setup.map.quantity) == ("r1", "platform", "margin")
     assert setup.robots == {"r1": robot("delta4")}
-    session = Session(on_map(path))
+    session = Session(map_setup(path))
     session.tick()
     assert session.robots["r1"].q == pytest.approx(robot("delta4").q_home)
     session.close()
@@ -156,11 +156,11 @@ def test_beside_the_map_stands_its_robot(made, robot):
 def test_what_makes_no_sense_is_refused(made, robot, tmp_path):
     path, _ = made("delta4", Region(BOX), "sigma_1", "margin")
     with pytest.raises(SetupError, match=r"no quantity 'sigma_2'.*it has sigma_1, margin"):
-        on_map(path, "sigma_2")
+        map_setup(path, "sigma_2")
     with pytest.raises(SetupError, match="of another robot"):
-        on_map(path, None, robot("gough"))
+        map_setup(path, None, robot("gough"))
     with pytest.raises(MapError):
-        on_map(tmp_path / "nothing.zarr")
+        map_setup(tmp_path / "nothing.zarr")
     shutil.copytree(path, tmp_path / "file.zarr")
     (tmp_path / "file.zarr" / "zarr.json").write_text("no map")
     with pytest.raises(MapError):
@@ -172,7 +172,7 @@ def test_a_map_in_a_scene_has_its_obstacles_beside_it(robot, tmp_path):
     scene = {"robot": "arm7.raff", "goal": {"point": [0.3, 0.3, 0.3]}, "obstacle": [pole]}
     region = Region((GridAxis("x", 0.2, 0.4, 2), GridAxis("y", 0.2, 0.4, 2)))
     make_map(MapSpecification(robot("arm7"), region, ("clearance",), scene=scene), tmp_path / "a.zarr", workers=1)
-    setup = on_map(tmp_path / "a.zarr")
+    setup = map_setup(tmp_path / "a.zarr")
     assert set(setup.robots) == {setup.map.robot, "pole"}
-    assert setup.surroundings.robot == setup.map.robot
-    assert setup.stand("pole").placement.isApprox(pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.5])))
+    assert setup.avoidance.robot == setup.map.robot
+    assert setup.base("pole").placement.isApprox(pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.5])))

@@ -11,7 +11,7 @@ import pytest
 from cinegen.model import ForwardKinematics
 from cinegen.session import Reporter, Session, arrange
 from cinegen.session import commands as c
-from cinegen.session.report import AHEAD
+from cinegen.session.report import HORIZON
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -36,25 +36,25 @@ def report(session, name, reporter=None):
 
 def put(session, name, values):
     one = session.robots[name]
-    one.put(one.mechanism.configuration(dict(zip(one.mechanism.actuated, values, strict=True))))
+    one.jump_to(one.mechanism.configuration(dict(zip(one.mechanism.actuated, values, strict=True))))
 
 
 def test_a_stretched_arm_loses_the_motion_along_itself(session):
     one = session("planar_3r")
     arm = one.setup.robots["planar_3r"]
     put(one, "planar_3r", (0.7, 0.0, 0.0))
-    one.obey(c.Take("planar_3r", arm.end, None, False))
+    one.obey(c.StartDrag("planar_3r", arm.end, None))
     found = report(one, "planar_3r").type1
     end = one.robots["planar_3r"].placement(arm.end)
     outward = end.translation / np.linalg.norm(end.translation)
     assert found.sigma < 1e-9
-    assert found.words.startswith("hardly any motion along")
+    assert found.text.startswith("hardly any motion along")
     assert abs(found.twist[:3] @ outward) == pytest.approx(1.0, abs=1e-6)
-    assert found.at == pytest.approx(end.translation)
+    assert found.position == pytest.approx(end.translation)
     put(one, "planar_3r", (0.7, 1.0, 0.5))
     found = report(one, "planar_3r").type1
-    assert found.sigma > found.near
-    assert found.words.startswith("hardest to move")
+    assert found.sigma > found.threshold
+    assert found.text.startswith("hardest to move")
 
 
 def test_outer_links_in_line_do_not_hold_the_motion_across_them(session):
@@ -69,13 +69,13 @@ def test_outer_links_in_line_do_not_hold_the_motion_across_them(session):
         left, right, tool = (bars.placement(q, node).translation for node in ("link2", "link4", "tool"))
         bend = np.cross(tool - left, right - tool)[2] / np.linalg.norm(tool - left) / np.linalg.norm(right - tool)
         across.append((abs(bend), q, (right - left) / np.linalg.norm(right - left)))
-    assert report(one, "five_bar").type2.words.startswith("held least")
+    assert report(one, "five_bar").type2.text.startswith("controlled least")
     bend, q, along = min(across, key=lambda found: found[0])
     assert bend < 0.05  # rad: in line
-    one.robots["five_bar"].put(q)
+    one.robots["five_bar"].jump_to(q)
     found = report(one, "five_bar").type2
-    assert found.sigma < found.near
-    assert found.words.startswith("the motors hardly hold it")
+    assert found.sigma < found.threshold
+    assert found.text.startswith("the actuated joints hardly control it")
     linear = found.twist[:3] / np.linalg.norm(found.twist[:3])
     assert found.node == "tool"
     assert abs(linear @ along) < 0.05
@@ -87,7 +87,8 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     """Its support in any direction, against finite differences along the free motions."""
     one = session(name)
     mechanism = one.setup.robots[name]
-    centre, axes = report(one, name).ellipsoid
+    ellipsoid = report(one, name).ellipsoid
+    centre, axes = ellipsoid.center, ellipsoid.axes
     q, end = mechanism.q_home, mechanism.end
     place = mechanism.placement(q, end).translation
     assert centre == pytest.approx(place)
@@ -117,39 +118,39 @@ def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens
     one = session("planar_3r")
     arm = one.setup.robots["planar_3r"]
     put(one, "planar_3r", (0.3, 0.9, 0.6))
-    one.obey(c.Set("gain", 1000.0))
+    one.obey(c.ChangeSettings(gain=1000.0))
     start = one.robots["planar_3r"].placement(arm.end).translation
     outward = start / np.linalg.norm(start)
     length = np.linalg.norm(arm.placement(arm.configuration(dict.fromkeys(arm.joints, 0.0)), arm.end).translation)
     speed = (length - np.linalg.norm(start)) / 1.0  # m/s: there in a second
-    one.obey(c.Take("planar_3r", arm.end, (0, 0, 0), False))
+    one.obey(c.StartDrag("planar_3r", arm.end, (0, 0, 0)))
     reporter, foreseen, met = Reporter(arm), None, None
     for tick in range(1200):
         at = start + outward * speed * (tick + 1) * one.dt
-        one.obey(c.Lead(tuple(at)))
+        one.obey(c.MoveDrag(tuple(at)))
         one.tick()
         if tick in (180, 200):
             found = report(one, "planar_3r", reporter)
-            events = [event for event in found.events if event.kind == "TYPE_1"]
+            events = [event for event in found.forecast.events if event.kind == "TYPE_1"]
             foreseen = one.time + events[0].time if events else None
         if met is None and one.robots["planar_3r"].step.singular_values[-1] < 0.05:
             met = one.time
     assert met is not None
     assert foreseen == pytest.approx(met, abs=0.05)
-    assert met - 0.2 < AHEAD
+    assert met - 0.2 < HORIZON
 
 
 def test_who_only_stands_has_nothing_ahead(session):
     one = session("delta4")
     found = report(one, "delta4")
-    assert found.events == ()
-    assert len(found.path) == 0
+    assert found.forecast.events == ()
+    assert len(found.forecast.path) == 0
     one.obey(c.Pin("delta4", "platform"))
     reporter = Reporter(one.setup.robots["delta4"])
     for _ in range(3):
         one.tick()
         found = report(one, "delta4", reporter)
-    assert found.events == ()
+    assert found.forecast.events == ()
 
 
 def test_a_script_that_knows_its_way_raises_no_false_alarm(session):
@@ -159,7 +160,7 @@ def test_a_script_that_knows_its_way_raises_no_false_alarm(session):
         time.sleep(0.05)  # scripts go by the clock
         for _ in range(50):
             one.tick()
-        assert report(one, "delta4", reporter).events == ()
+        assert report(one, "delta4", reporter).forecast.events == ()
 
 
 def test_joints_near_a_limit_are_named(session):
@@ -167,8 +168,8 @@ def test_joints_near_a_limit_are_named(session):
     bars = one.setup.robots["five_bar"]
     i = bars.q_index("joint1")
     low, high = bars.model.lowerPositionLimit[i], bars.model.upperPositionLimit[i]
-    assert "joint1" not in report(one, "five_bar").near
+    assert "joint1" not in report(one, "five_bar").near_limit
     one.obey(c.MoveJoint("five_bar", "joint1", float(high - 0.05 * (high - low))))
     for _ in range(2000):
         one.tick()
-    assert "joint1" in report(one, "five_bar").near
+    assert "joint1" in report(one, "five_bar").near_limit

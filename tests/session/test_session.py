@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen.session import Session, Setup, Stand, arrange
+from cinegen.session import BasePose, Session, Setup, arrange
 from cinegen.session import commands as c
 
 DT = 1e-3
@@ -17,7 +17,7 @@ DT = 1e-3
 
 @pytest.fixture
 def session(robot):
-    """`session("delta4", "arm7")`: these robots, standing still."""
+    """`session("delta4", "arm7")`: these robots, base_poses_at_home still."""
     opened = []
 
     def open_session(*names, **options):
@@ -53,11 +53,11 @@ def test_the_point_that_is_taken_goes_where_it_is_led_and_stays_when_it_is_let_g
     one = session("delta4")
     begin = place(one.state(), one, "delta4", "link5", POINT)
     to = begin + np.array([0.1, 0.05, -0.3])
-    state = run(one, 0.5, c.Take("delta4", "link5", POINT, False), c.Lead(tuple(to)))
+    state = run(one, 0.5, c.StartDrag("delta4", "link5", POINT), c.MoveDrag(tuple(to)))
     assert np.linalg.norm(place(state, one, "delta4", "link5", POINT) - to) < 1e-6
-    assert [(task.who, task.node) for task in state.robots["delta4"].tasks] == [("hand", "link5")]
+    assert [(task.source, task.node) for task in state.robots["delta4"].tasks] == [("pointer", "link5")]
     assert state.robots["delta4"].closure < 1e-11
-    after = run(one, 0.1, c.LetGo(False))
+    after = run(one, 0.1, c.EndDrag())
     assert after.robots["delta4"].tasks == ()
     assert np.array_equal(after.robots["delta4"].q, state.robots["delta4"].q)
 
@@ -66,7 +66,7 @@ def test_an_elbow_can_be_taken_too(session):
     one = session("delta4")
     begin = place(one.state(), one, "delta4", "link8", POINT)
     to = begin + np.array([0.0, 0.0, -0.2])
-    state = run(one, 0.5, c.Take("delta4", "link8", POINT, False), c.Lead(tuple(to)))
+    state = run(one, 0.5, c.StartDrag("delta4", "link8", POINT), c.MoveDrag(tuple(to)))
     moved = place(state, one, "delta4", "link8", POINT) - begin
     assert moved @ (to - begin) > 0.5 * (to - begin) @ (to - begin)
 
@@ -75,20 +75,22 @@ def test_a_whole_node_is_led_with_its_turns(session):
     one = session("rx90")
     home = one.robots["rx90"].placement("tool")
     to = home * pin.SE3(pin.exp3(np.array([0.2, -0.1, 0.3])), np.array([0.03, -0.05, -0.04]))
-    state = run(one, 1.0, c.Take("rx90", "tool", None, True), c.Lead(tuple(pin.SE3ToXYZQUAT(to))))
+    pose = pin.SE3ToXYZQUAT(to).tolist()
+    state = run(one, 1.0, c.StartDrag("rx90", "tool", None, True), c.MoveDrag(tuple(pose[:3]), tuple(pose[3:])))
     assert np.linalg.norm(pin.log6(one.robots["rx90"].placement("tool").actInv(to)).vector) < 1e-6
-    assert state.robots["rx90"].status[0] == "FOLLOWING"
+    assert state.robots["rx90"].status.name == "FOLLOWING"
 
 
 def test_out_of_reach_is_said_with_how_far(session):
     """Links of 400, 300 and 200 mm reach 0.9 m when stretched towards a target at 50 m."""
     one = session("planar_3r")
     end = one.setup.robots["planar_3r"].end
-    state = run(one, 3.0, c.Take("planar_3r", end, (0, 0, 0), False), c.Lead((50.0, 0.0, 0.0)))
-    name, words = state.robots["planar_3r"].status
-    assert name == "OUT_OF_REACH"
-    number = re.fullmatch(r"out of reach by (\S+) mm", words)
-    assert number, words
+    state = run(one, 3.0, c.StartDrag("planar_3r", end, (0, 0, 0)), c.MoveDrag((50.0, 0.0, 0.0)))
+    status = state.robots["planar_3r"].status
+    assert status.name == "OUT_OF_REACH"
+    assert status.description == cinegen.Status.OUT_OF_REACH.value
+    number = re.fullmatch(r"out of reach by (\S+) mm", status.label)
+    assert number, status.label
     assert float(number[1]) == pytest.approx(49_100.0, rel=1e-3)
     assert place(state, one, "planar_3r", end) == pytest.approx([0.9, 0.0, 0.0], abs=1e-5)
 
@@ -99,8 +101,8 @@ def test_a_joint_that_its_limit_stops_is_named(raff):
       robot r { base { } link 1 { type 2 pred 0 limits { -30 30 } velocity 90 }
         frame 2 { parameters { d 500 } pred 1 name "tool" } constraint { frame 2 sensor ( 0 1 ) } }""")
     one = Session(arrange({"arm": arm}))
-    state = run(one, 2.0, c.Take("arm", "tool", (0, 0, 0), False), c.Lead((0.0, 0.5, 0.0)))
-    assert state.robots["arm"].status == ("AT_LIMIT", "at limit: joint1")
+    state = run(one, 2.0, c.StartDrag("arm", "tool", (0, 0, 0)), c.MoveDrag((0.0, 0.5, 0.0)))
+    assert state.robots["arm"].status.label == "at limit: joint1"
     assert state.robots["arm"].q == pytest.approx([np.pi / 6.0], abs=1e-6)
     one.close()
 
@@ -110,8 +112,8 @@ def test_pins_hold_while_another_part_is_dragged(session):
     run(one, 0.01, c.Pin("arm7", "tool"))
     pinned = one.robots["arm7"].placement("tool")
     elbow = one.robots["arm7"].placement("link4").translation
-    weigh = c.Weigh(one.state().robots["arm7"].tasks[0].number, 100.0)
-    run(one, 1.0, weigh, c.Take("arm7", "link4", (0, 0, 0), False), c.Lead(tuple(elbow + np.array([0.0, 0.1, 0.0]))))
+    weigh = c.ChangeTask(one.state().robots["arm7"].tasks[0].id, weight=100.0)
+    run(one, 1.0, weigh, c.StartDrag("arm7", "link4", (0, 0, 0)), c.MoveDrag(tuple(elbow + np.array([0.0, 0.1, 0.0]))))
     assert np.linalg.norm(one.robots["arm7"].placement("link4").translation - elbow) > 0.02
     assert np.linalg.norm(one.robots["arm7"].placement("tool").translation - pinned.translation) < 2e-3
 
@@ -122,18 +124,20 @@ def test_what_is_let_go_as_a_pin_stays_held_and_what_was_pinned_is_pinned_again_
     state = run(
         one,
         0.5,
-        c.Take("delta4", "platform", (0, 0, 0), False),
-        c.Lead(tuple(begin + np.array([0.1, 0, 0]))),
-        c.LetGo(True),
+        c.StartDrag("delta4", "platform", (0, 0, 0)),
+        c.MoveDrag(tuple(begin + np.array([0.1, 0, 0]))),
+        c.EndDrag(True),
     )
-    assert [task.who for task in state.robots["delta4"].tasks] == ["pin"]
-    state = run(one, 0.5, c.Take("delta4", "platform", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0, 0, -0.2]))))
-    assert [task.who for task in state.robots["delta4"].tasks] == ["hand"]
-    state = run(one, 0.5, c.LetGo(False))
+    assert [task.source for task in state.robots["delta4"].tasks] == ["pin"]
+    state = run(
+        one, 0.5, c.StartDrag("delta4", "platform", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0, 0, -0.2])))
+    )
+    assert [task.source for task in state.robots["delta4"].tasks] == ["pointer"]
+    state = run(one, 0.5, c.EndDrag())
     (task,) = state.robots["delta4"].tasks
-    assert task.who == "pin"
+    assert task.source == "pin"
     assert np.linalg.norm(task.target.translation - begin - [0, 0, -0.2]) < 1e-6
-    assert run(one, 0.01, c.Release(task.number)).robots["delta4"].tasks == ()
+    assert run(one, 0.01, c.RemoveTask(task.id)).robots["delta4"].tasks == ()
 
 
 @pytest.mark.parametrize("name", ["delta4", "gough", "rx90", "hybrid", "five_bar"])
@@ -143,8 +147,8 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session, name):
     end = one.setup.robots[name].end
     begin = place(one.state(), one, name, end)
     length = one.setup.robots[name].length
-    run(one, 1.5, c.Take(name, end, (0, 0, 0), False), c.Lead(tuple(begin + 0.05 * length * np.ones(3))))
-    there = run(one, 0.02, c.LetGo(True))
+    run(one, 1.5, c.StartDrag(name, end, (0, 0, 0)), c.MoveDrag(tuple(begin + 0.05 * length * np.ones(3))))
+    there = run(one, 0.02, c.EndDrag(True))
     assert there.undo == 1
     q = there.robots[name].q
     assert np.abs(q - home).max() > 1e-3
@@ -153,7 +157,7 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session, name):
     assert (state.undo, state.redo, state.robots[name].tasks) == (0, 1, ())
     state = run(one, 2.0, c.Redo())
     assert np.abs(state.robots[name].q - q).max() < 1e-6
-    assert [task.who for task in state.robots[name].tasks] == ["pin"]
+    assert [task.source for task in state.robots[name].tasks] == ["pin"]
     assert (state.undo, state.redo) == (1, 0)
     assert state.robots[name].closure < 1e-10
 
@@ -161,9 +165,9 @@ def test_undo_goes_the_way_back_and_redo_goes_it_again(session, name):
 def test_another_gesture_forgets_what_was_undone(session):
     one = session("planar_3r")
     for value in (0.2, 0.4):
-        run(one, 0.5, c.MoveJoint("planar_3r", "joint1", value), c.EndJoint())
+        run(one, 0.5, c.MoveJoint("planar_3r", "joint1", value), c.EndJointMotion())
     assert run(one, 1.0, c.Undo()).redo == 1
-    state = run(one, 0.5, c.MoveJoint("planar_3r", "joint2", 0.1), c.EndJoint())
+    state = run(one, 0.5, c.MoveJoint("planar_3r", "joint2", 0.1), c.EndJointMotion())
     assert (state.undo, state.redo) == (2, 0)
     before = run(one, 2.0, c.Undo(), c.Undo(), c.Undo(), c.Undo())  # more than there are
     assert before.undo == 0
@@ -180,10 +184,10 @@ def test_a_motor_goes_where_its_slider_says_and_loops_stay_closed(session, name)
     state = run(one, 1.0, c.MoveJoint(name, joint, goal))
     assert state.robots[name].q[i] == goal
     assert state.robots[name].closure < 1e-10
-    assert state.moving == "motors"
+    assert state.moving == "joints"
     others = [mechanism.q_index(other) for other in mechanism.actuated[1:]]
     assert np.array_equal(state.robots[name].q[others], mechanism.q_home[others])
-    assert run(one, 0.1, c.EndJoint()).moving is None
+    assert run(one, 0.1, c.EndJointMotion()).moving is None
 
 
 def test_a_motor_stops_where_the_loops_can_follow_no_further(session):
@@ -193,7 +197,7 @@ def test_a_motor_stops_where_the_loops_can_follow_no_further(session):
     q = state.robots["delta4"].q
     assert state.robots["delta4"].closure < 1e-10
     assert (q <= mechanism.model.upperPositionLimit + 1e-6).all()
-    assert run(one, 1.0, c.EndJoint()).moving is None
+    assert run(one, 1.0, c.EndJointMotion()).moving is None
 
 
 def test_a_motor_is_no_faster_than_it_may_be(session):
@@ -215,8 +219,8 @@ def test_home_is_reached_exactly_from_anywhere(session):
     for name in ("gough", "arm7"):
         end = one.setup.robots[name].end
         begin = place(one.state(), one, name, end)
-        run(one, 0.3, c.Take(name, end, (0, 0, 0), False), c.Lead(tuple(begin + 0.05)), c.LetGo(False))
-    state = run(one, 5.0, c.Home(None))
+        run(one, 0.3, c.StartDrag(name, end, (0, 0, 0)), c.MoveDrag(tuple(begin + 0.05)), c.EndDrag())
+    state = run(one, 5.0, c.MoveHome(None))
     for name in ("gough", "arm7"):
         assert np.abs(state.robots[name].q - one.setup.robots[name].q_home).max() < 1e-9
     assert state.moving is None
@@ -232,31 +236,31 @@ def test_pause_stops_everything_and_goes_on(session):
 def test_a_script_leads_until_a_hand_takes_any_part_of_the_robot(session):
     one = session("delta4", follow="circle")
     assert one.state().switches == {("delta4", "platform"): "path"}
-    state = run(one, 0.1, c.Take("delta4", "link8", POINT, False))
+    state = run(one, 0.1, c.StartDrag("delta4", "link8", POINT))
     assert state.switches == {("delta4", "platform"): None}
-    assert [task.who for task in state.robots["delta4"].tasks] == ["hand"]
+    assert [task.source for task in state.robots["delta4"].tasks] == ["pointer"]
 
 
 def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
     one = session("delta4")
-    state = run(one, 0.2, c.Choose("delta4", "platform", "gamepad"))
-    assert [(task.who, task.label) for task in state.robots["delta4"].tasks] == [("sensor", "sensor gamepad")]
+    state = run(one, 0.2, c.SelectSensor("delta4", "platform", "gamepad"))
+    assert [(task.source, task.label) for task in state.robots["delta4"].tasks] == [("sensor", "sensor gamepad")]
     begin = place(state, one, "delta4", "platform")
     for _ in range(20):
-        one.obey(c.Gamepad((0, 0, -1, 0, 0, 0), frozenset()))
+        one.obey(c.GamepadInput((0, 0, -1, 0, 0, 0), frozenset()))
         state = run(one, 0.01)
     moved = place(state, one, "delta4", "platform") - begin
-    assert moved[2] < -0.5 * 0.2 * state.settings["speed"]
+    assert moved[2] < -0.5 * 0.2 * state.settings.linear_speed
     assert np.abs(moved[:2]).max() < 1e-6
-    state = run(one, 0.1, c.Take("delta4", "platform", (0, 0, 0), False))
-    assert [task.who for task in state.robots["delta4"].tasks] == ["hand"]
-    state = run(one, 0.1, c.LetGo(False))
-    assert [task.who for task in state.robots["delta4"].tasks] == ["sensor"]
-    state = run(one, 0.1, c.Take("delta4", "platform", (0, 0, 0), False), c.LetGo(True))  # a pin takes its place
-    assert [task.who for task in state.robots["delta4"].tasks] == ["pin"]
+    state = run(one, 0.1, c.StartDrag("delta4", "platform", (0, 0, 0)))
+    assert [task.source for task in state.robots["delta4"].tasks] == ["pointer"]
+    state = run(one, 0.1, c.EndDrag())
+    assert [task.source for task in state.robots["delta4"].tasks] == ["sensor"]
+    state = run(one, 0.1, c.StartDrag("delta4", "platform", (0, 0, 0)), c.EndDrag(True))  # a pin takes its place
+    assert [task.source for task in state.robots["delta4"].tasks] == ["pin"]
     assert state.switches["delta4", "platform"] is None
-    state = run(one, 0.1, c.Choose("delta4", "platform", "gamepad"), c.Choose("delta4", "platform", None))
-    assert [task.who for task in state.robots["delta4"].tasks] == ["pin"]
+    state = run(one, 0.1, c.SelectSensor("delta4", "platform", "gamepad"), c.SelectSensor("delta4", "platform", None))
+    assert [task.source for task in state.robots["delta4"].tasks] == ["pin"]
 
 
 @pytest.mark.parametrize(
@@ -265,12 +269,14 @@ def test_a_switch_ties_a_sensor_to_a_node_and_the_hand_borrows_it(session):
 )
 def test_a_sensor_moves_along_the_frame_of_command(robot, frame, way):
     """A push away from oneself: the robot stands turned by a quarter about z, and is looked at along the world's -x."""
-    turned = Stand(placement=pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([1.0, 0.0, 0.0])))
+    turned = BasePose(placement=pin.SE3(pin.rpy.rpyToMatrix(0, 0, np.pi / 2), np.array([1.0, 0.0, 0.0])))
     setup = arrange({"arm": robot("rx90")})
     one = Session(Setup(setup.robots, {"arm": turned}, setup.devices, setup.switches))
     eye = (0.5, 0.5, 0.5, 0.5)  # x to the right is the world's y, y up its z, z towards the viewer its x
-    push = c.Gamepad((0, 1, 0, 0, 0, 0), frozenset())
-    state = run(one, 0.01, c.Frame(frame), c.View(eye), c.Choose("arm", "tool", "gamepad"), push)
+    push = c.GamepadInput((0, 1, 0, 0, 0, 0), frozenset())
+    state = run(
+        one, 0.01, c.ChangeSettings(frame=frame), c.SetView(eye), c.SelectSensor("arm", "tool", "gamepad"), push
+    )
     begin = place(state, one, "arm", "tool")
     own = one.robots["arm"].placement("tool").rotation[:, 1]
     state = run(one, 0.1)
@@ -280,7 +286,7 @@ def test_a_sensor_moves_along_the_frame_of_command(robot, frame, way):
 
 
 def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(robot):
-    setup = arrange({"carrier": robot("rx90"), "rider": robot("arm7")}, stands=["rider=carrier.tool@0,0,0.05"])
+    setup = arrange({"carrier": robot("rx90"), "rider": robot("arm7")}, bases=["rider=carrier.tool@0,0,0.05"])
     one = Session(setup)
     state = one.state()
     tool = one.robots["carrier"].placement("tool")
@@ -289,7 +295,7 @@ def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(rob
     pinned = one.robots["rider"].placement("tool")
     begin = tool.translation
     state = run(
-        one, 1.0, c.Take("carrier", "tool", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0.02, -0.03, 0.03])))
+        one, 1.0, c.StartDrag("carrier", "tool", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0.02, -0.03, 0.03])))
     )
     assert np.linalg.norm(state.robots["rider"].base.translation - begin) > 0.01
     assert np.linalg.norm(pin.log6(pinned.actInv(one.robots["rider"].placement("tool"))).vector) < 1e-4
@@ -298,31 +304,33 @@ def test_a_robot_on_another_goes_along_and_what_is_pinned_stays_in_the_world(rob
 
 def test_gain_and_damping_reach_the_solvers(session):
     one = session("delta4", "rx90")
-    run(one, 0.01, c.Set("gain", 20.0), c.Set("damping", 0.2))
+    run(one, 0.01, c.ChangeSettings(gain=20.0), c.ChangeSettings(damping=0.2))
     for robot in one.robots.values():
         assert robot.solver.gain == 20.0
         assert robot.solver.damping_threshold == 0.2
-    assert one.state().settings["gain"] == 20.0
+    assert one.state().settings.gain == 20.0
 
 
 def test_what_can_not_be_done_is_a_notice(session, tmp_path, monkeypatch):
     one = session("delta4")
     (tmp_path / "file").write_text("")
     monkeypatch.setattr("cinegen.session.session.time.strftime", lambda text: str(tmp_path / "file" / "run.jsonl"))
-    state = run(one, 0.01, c.Record(True))
+    state = run(one, 0.01, c.SetRecording(True))
     assert state.recording is None
-    assert any(notice.warning and "run.jsonl" in notice.words for notice in state.notices)
+    assert any(notice.warning and "run.jsonl" in notice.text for notice in state.notices)
 
 
 def test_the_page_can_record_and_the_record_is_the_motion(session, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     one = session("delta4")
     begin = place(one.state(), one, "delta4", "platform")
-    state = run(one, 0.5, c.Record(True), c.Take("delta4", "platform", (0, 0, 0), False), c.Lead(tuple(begin + 0.1)))
+    state = run(
+        one, 0.5, c.SetRecording(True), c.StartDrag("delta4", "platform", (0, 0, 0)), c.MoveDrag(tuple(begin + 0.1))
+    )
     assert state.recording.seconds > 0.4
-    state = run(one, 0.01, c.Record(False))
+    state = run(one, 0.01, c.SetRecording(False))
     assert state.recording is None
-    assert "recorded" in state.notices[-1].words
+    assert "recorded" in state.notices[-1].text
     one.close()  # the file is whole then
     (file,) = tmp_path.glob("mission-*.jsonl")
     from cinegen.mission import Recording
@@ -342,38 +350,41 @@ def test_a_thousand_random_commands_never_stop_it(session):
         name = rng.choice(list(names))
         node, value = str(rng.choice(names[name])), float(rng.normal())
         kinds = [
-            c.Take(name, node, tuple(rng.normal(size=3)), False), c.Take(name, node, None, True),
-            c.Lead(tuple(rng.normal(size=3, scale=3))), c.LetGo(bool(rng.integers(2))), c.Pin(name, node),
-            c.Release(int(rng.integers(50))), c.Weigh(int(rng.integers(50)), 2.0), c.Holds(int(rng.integers(50)), 1, 2),
-            c.MoveJoint(name, "joint1", value), c.EndJoint(), c.Home(None), c.Undo(), c.Redo(),
-            c.Pause(bool(rng.integers(2))), c.Frame("tool"), c.Set("gain", 100.0),
-            c.Choose("delta4", "platform", ["path delta4", "gamepad", None][rng.integers(3)]),
-            c.Gamepad(tuple(rng.uniform(-1, 1, 6)), frozenset()), c.Play(True),
+            c.StartDrag(name, node, tuple(rng.normal(size=3)), False), c.StartDrag(name, node, None, True),
+            c.MoveDrag(tuple(rng.normal(size=3, scale=3))), c.EndDrag(bool(rng.integers(2))), c.Pin(name, node),
+            c.RemoveTask(int(rng.integers(50))), c.ChangeTask(int(rng.integers(50)), weight=2.0),
+            c.ChangeTask(int(rng.integers(50)), 1, 2),
+            c.MoveJoint(name, "joint1", value), c.EndJointMotion(), c.MoveHome(None), c.Undo(), c.Redo(),
+            c.Pause(bool(rng.integers(2))), c.ChangeSettings(frame="tool"), c.ChangeSettings(gain=100.0),
+            c.SelectSensor("delta4", "platform", ["path delta4", "gamepad", None][rng.integers(3)]),
+            c.GamepadInput(tuple(rng.uniform(-1, 1, 6)), frozenset()), c.ControlPlayback(playing=True),
         ]  # fmt: skip
         one.obey(kinds[rng.integers(len(kinds))])
         for _ in range(int(rng.integers(20))):
             one.tick()
         state = one.state()
         assert all(robot.closure <= 1e-9 for robot in state.robots.values())
-    state = run(one, 4.0, c.Pause(False), c.Home(None))
+    state = run(one, 4.0, c.Pause(False), c.MoveHome(None))
     for name in names:
         assert np.isfinite(state.robots[name].q).all()
 
 
 def test_a_recording_is_shown_and_can_not_be_driven(session, tmp_path):
-    from cinegen.session import replayed
+    from cinegen.session import replay_setup
 
     one = session("delta4", record=str(tmp_path / "run.jsonl"), follow="circle")
     run(one, 1.0)
     one.close()
-    shown = Session(replayed(tmp_path / "run.jsonl"))
+    shown = Session(replay_setup(tmp_path / "run.jsonl"))
     state = run(shown, 0.5)
-    assert state.replay.playing
-    assert state.replay.time == pytest.approx(0.5, abs=1e-6)
-    state = run(shown, 0.1, c.Take("delta4", "platform", None, False))
-    assert any("recording" in notice.words for notice in state.notices)
-    state = run(shown, 0.01, c.Play(False), c.Seek(0.2), c.Tempo(0.5))
-    assert (state.replay.playing, state.replay.tempo) == (False, 0.5)
+    assert state.playback.playing
+    assert state.playback.time == pytest.approx(0.5, abs=1e-6)
+    state = run(shown, 0.1, c.StartDrag("delta4", "platform", None))
+    assert any("recording" in notice.text for notice in state.notices)
+    state = run(
+        shown, 0.01, c.ControlPlayback(playing=False), c.ControlPlayback(time=0.2), c.ControlPlayback(speed=0.5)
+    )
+    assert (state.playback.playing, state.playback.speed) == (False, 0.5)
     assert state.robots["delta4"].closure < 1e-10
     shown.close()
 
@@ -406,7 +417,7 @@ def test_a_motion_that_leads_astray_ends_and_is_told(session):
     one.robots["delta4"].motion = Astray()
     state = run(one, 0.01)
     assert np.array_equal(state.robots["delta4"].q, before)
-    assert "leaves loops" in state.notices[-1].words
+    assert "leaves loops" in state.notices[-1].text
     assert state.moving is None
 
 
@@ -420,12 +431,12 @@ def test_an_objective_that_raises_is_a_notice_once_and_the_robot_goes_on(session
     one.robots["delta4"].solver.objectives = [Wrong()]
     begin = place(one.state(), one, "delta4", "link5", POINT)
     to = begin + np.array([0.1, 0.05, -0.3])
-    state = run(one, 0.5, c.Take("delta4", "link5", POINT, False), c.Lead(tuple(to)))
+    state = run(one, 0.5, c.StartDrag("delta4", "link5", POINT), c.MoveDrag(tuple(to)))
     assert np.linalg.norm(place(state, one, "delta4", "link5", POINT) - to) < 1e-6
     assert state.robots["delta4"].closure < 1e-11
-    warned = sorted(notice.words for notice in state.notices if notice.warning)
+    warned = sorted(notice.text for notice in state.notices if notice.warning)
     assert len(warned) == 2
     assert all("objective 0 (Wrong) of " in words and "ValueError: the objective is wrong" in words for words in warned)
     assert len([record for record in caplog.records if record.name == "cinegen"]) == 2
-    run(one, 0.1, c.Home("delta4"))  # led by its motors now
+    run(one, 0.1, c.MoveHome("delta4"))  # led by its motors now
     assert len(one.state().notices) == 2

@@ -12,7 +12,7 @@ import pytest
 from cinegen.collision.bodies import bodies_of
 from cinegen.collision.scene import load_scene, scene_of
 from cinegen.mission import Recording
-from cinegen.session import Session, Vocabulary, in_scene, is_obstacle, replayed
+from cinegen.session import KnownNames, Session, is_obstacle, replay_setup, scene_setup
 from cinegen.session import commands as c
 
 SAFETY = 0.02
@@ -33,7 +33,7 @@ def session(robot):
         mechanism = robot(name)
         said = {"robot": f"{name}.raff", "goal": {"point": [0.0, 0.0, 0.0]}, "safety": SAFETY, **keys}
         scene = scene_of({**said, "obstacle": list(obstacles)}, mechanism=mechanism)
-        opened.append(Session(in_scene(scene, record=record, rate=rate)))
+        opened.append(Session(scene_setup(scene, record=record, rate=rate)))
         return opened[-1]
 
     yield open_session
@@ -78,7 +78,7 @@ def run(session, ticks, *said):
 def lead(session, way, each=10, seen=None):
     """Leads the hand along points; calls `seen` with the state after every tick."""
     for point in way:
-        session.obey(c.Lead(tuple(point)))
+        session.obey(c.MoveDrag(tuple(point)))
         for _ in range(each):
             session.tick()
             if seen is not None:
@@ -103,15 +103,15 @@ def test_an_arm_that_is_dragged_past_a_pole_never_comes_nearer_than_the_safety_d
         least.append(far(state))
         statuses.add(state.robots["arm7"].status)
 
-    one.obey(c.Take("arm7", "tool", (0, 0, 0), False))
+    one.obey(c.StartDrag("arm7", "tool", (0, 0, 0)))
     lead(one, line(begin, begin + np.array([-0.15, 0.35, 0.0]), 60), seen=seen)  # through the pole, to the other side
     run(one, 500)
     lead(one, line(begin, begin, 1), seen=seen)
     assert min(least) >= SAFETY
     assert min(least) < 2.0 * SAFETY  # it was in the way
-    words = {words for name, words in statuses if name in ("BARRED", "DETOUR")}
+    words = {status.label for status in statuses if status.name in ("BARRED", "DETOUR")}
     assert words
-    assert words <= {"held off by 'pole'", "going round 'pole'", "finding another way", "held off by its own 'link6'"}
+    assert words <= {"barred by 'pole'", "detour around 'pole'", "detour", "barred by its own 'link6'"}
     assert np.linalg.norm(point(one, "arm7", "tool") - begin) < 0.4
 
 
@@ -119,11 +119,11 @@ def test_what_is_not_in_the_way_is_followed_exactly(session):
     one = session("arm7", POLE, FLOOR)
     begin = point(one, "arm7", "tool")
     to = begin + np.array([0.03, -0.2, 0.1])
-    run(one, 0, c.Take("arm7", "tool", (0, 0, 0), False))
+    run(one, 0, c.StartDrag("arm7", "tool", (0, 0, 0)))
     lead(one, line(begin, to, 40))
     state = run(one, 200)
     assert np.linalg.norm(point(one, "arm7", "tool") - to) < 1e-6
-    assert state.robots["arm7"].status == ("FOLLOWING", "following")
+    assert state.robots["arm7"].status.label == "following"
 
 
 def test_loops_stay_closed_among_posts(session):
@@ -136,7 +136,7 @@ def test_loops_stay_closed_among_posts(session):
         least.append(far(state))
         closure.append(state.robots["delta4"].closure)
 
-    one.obey(c.Take("delta4", "platform", (0, 0, 0), False))
+    one.obey(c.StartDrag("delta4", "platform", (0, 0, 0)))
     for a in (0.3, 2.4, -1.8):
         way = line(begin, begin + 0.9 * np.array([np.cos(a), np.sin(a), -0.4]), 25)
         lead(one, way, each=4, seen=seen)
@@ -156,11 +156,11 @@ def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(sessi
         least.append(far(state))
         statuses.add(state.robots["arm7"].status)
 
-    one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.1), False))
+    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.1)))
     up = np.array([0.0, 0.0, 0.1])
     lead(one, line(begin + up, begin + up + np.array([-0.1, -0.25, 0.0]), 100), each=10, seen=seen)
     assert np.abs(one.state().robots["arm7"].q - at_rest).max() > 0.1  # it has yielded
-    assert ("PUSHED", "pushed by 'pole'") in statuses
+    assert ("PUSHED", "pushed by 'pole'") in {(status.name, status.label) for status in statuses}
     assert min(least) > 0.5 * SAFETY
     assert np.linalg.norm(point(one, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
     turned = one.robots["pole"].placement("pole").rotation
@@ -172,7 +172,7 @@ def test_an_obstacle_that_is_thrown_at_a_robot_stops_before_it(session):
     one = session("arm7", POLE)
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
     begin = point(one, "pole", "pole")
-    one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.0), False))
+    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.0)))
     least = []
     lead(one, [begin + np.array([-0.5, -2.0, 0.0])], each=300, seen=lambda state: least.append(far(state)))
     assert min(least) > 0.5 * SAFETY
@@ -182,21 +182,21 @@ def test_an_obstacle_stops_where_the_robot_cannot_yield(session):
     """A pillar that stands fixed is the robot's base: there is nothing that could yield."""
     one = session("arm7", {**POLE, "point": [0.3, -0.4, 0.1], "length": 0.2})
     begin = point(one, "pole", "pole")
-    one.obey(c.Take("pole", "pole", (0.0, 0.0, 0.0), False))
+    one.obey(c.StartDrag("pole", "pole", (0.0, 0.0, 0.0)))
     lead(one, line(begin, [0.0, 0.0, 0.1], 50))
     state = run(one, 200)
     assert np.linalg.norm(point(one, "pole", "pole")[:2]) > 0.03
-    assert state.robots["pole"].status[0] == "BARRED"
-    assert state.robots["pole"].status[1].startswith("stopped by '")
+    assert state.robots["pole"].status.name == "BARRED"
+    assert state.robots["pole"].status.label.startswith("barred by '")
 
 
 def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
     one = session("arm7", POLE)
     begin = point(one, "pole", "pole")
-    run(one, 20, c.Take("pole", "pole", (0, 0, 0), False), c.Lead(tuple(begin + np.array([0.1, 0.0, 0.0]))))
-    state = run(one, 5, c.LetGo(False))
+    run(one, 20, c.StartDrag("pole", "pole", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0.1, 0.0, 0.0]))))
+    state = run(one, 5, c.EndDrag())
     moved = state.robots["pole"].q.copy()
-    assert state.robots["pole"].status[0] == "IDLE"
+    assert state.robots["pole"].status.name == "IDLE"
     assert np.array_equal(run(one, 50).robots["pole"].q, moved)
 
 
@@ -204,14 +204,14 @@ def test_home_stops_before_it_hits_and_says_what(session):
     one = session("arm7", {**POLE, "point": [5.0, 5.0, 0.5]})
     begin = one.state().robots["arm7"].q
     run(one, 0, c.MoveJoint("arm7", "joint1", 1.2))
-    run(one, 2000, c.EndJoint())
+    run(one, 2000, c.EndJointMotion())
     assert abs(one.state().robots["arm7"].q[0] - begin[0]) > 0.5
     middle = (point(one, "arm7", "link5") + np.array([0.6, 0.04, 0.47])) / 2.0  # where the forearm comes by
-    run(one, 0, c.Take("pole", "pole", (0, 0, 0), False))
+    run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
     lead(one, [[middle[0] * 1.15, middle[1] * 1.15, 0.45]], each=500)
-    run(one, 5, c.LetGo(False))
+    run(one, 5, c.EndDrag())
     far = Measured(one, "arm7", {"pole": coal.Capsule(0.03, 1.0)})
-    one.obey(c.Home("arm7"))
+    one.obey(c.MoveHome("arm7"))
     least = [far(run(one, 1)) for _ in range(2500)]
     state = one.state()
     assert min(least) >= SAFETY
@@ -219,8 +219,8 @@ def test_home_stops_before_it_hits_and_says_what(session):
     assert np.abs(state.robots["arm7"].q - begin).max() > 0.1
     notice = state.notices[-1]
     assert notice.warning
-    assert notice.words.startswith("arm7: '")
-    assert notice.words.endswith("would hit 'pole'")
+    assert notice.text.startswith("arm7: '")
+    assert notice.text.endswith("would hit 'pole'")
 
 
 def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
@@ -229,8 +229,9 @@ def test_a_motor_that_is_led_into_an_obstacle_stays_before_it(session):
     one.obey(c.MoveJoint("arm7", "joint1", 3.0))
     least = [far(run(one, 1)) for _ in range(1000)]
     assert min(least) >= SAFETY
-    name, words = one.state().robots["arm7"].status
-    assert name == "MOTORS"
+    status = one.state().robots["arm7"].status
+    name, words = status.name, status.label
+    assert name == "JOINTS"
     assert words.endswith("would hit 'pole'")
     one.obey(c.MoveJoint("arm7", "joint1", -0.5))  # a slider that moves on tries again
     assert run(one, 1500).robots["arm7"].q[0] == pytest.approx(-0.5)
@@ -240,15 +241,15 @@ def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_th
     one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01,
                   start={"joints": {"joint1": -0.3, "joint2": -0.6}})  # fmt: skip
     begin = one.state().robots["planar_3r"].q
-    run(one, 0, c.Take("planar_3r", "tool", (0, 0, 0), False))
+    run(one, 0, c.StartDrag("planar_3r", "tool", (0, 0, 0)))
     at = point(one, "planar_3r", "tool")
     lead(one, line(at, at + np.array([-0.1, -0.1, 0.0]), 10))
-    run(one, 200, c.Take("disc", "disc", (0, 0, 0), False), c.Lead((-0.2, 0.6, 0.0)))
-    run(one, 0, c.LetGo(False))
-    state = run(one, 2000, c.Home(None))
+    run(one, 200, c.StartDrag("disc", "disc", (0, 0, 0)), c.MoveDrag((-0.2, 0.6, 0.0)))
+    run(one, 0, c.EndDrag())
+    state = run(one, 2000, c.MoveHome(None))
     assert np.allclose(state.robots["planar_3r"].q, begin, atol=1e-9)
     assert np.allclose(point(one, "disc", "disc"), [-0.2, 0.6, 0.0], atol=1e-6)
-    run(one, 3000, c.Home("disc"))
+    run(one, 3000, c.MoveHome("disc"))
     assert np.allclose(point(one, "disc", "disc"), [0.0, 0.6, 0.0], atol=1e-9)
 
 
@@ -256,9 +257,9 @@ def test_dragging_an_obstacle_is_undone_with_the_robot_that_yielded(session):
     one = session("arm7", POLE)
     before = {name: robot.q for name, robot in one.state().robots.items()}
     begin = point(one, "pole", "pole")
-    run(one, 0, c.Take("pole", "pole", (0, 0, 0), False))
+    run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
     lead(one, line(begin, begin + np.array([-0.1, -0.2, 0.0]), 50))
-    run(one, 500, c.LetGo(False))
+    run(one, 500, c.EndDrag())
     assert np.abs(one.state().robots["arm7"].q - before["arm7"]).max() > 0.05
     state = run(one, 3000, c.Undo())
     for name, q in before.items():
@@ -267,29 +268,29 @@ def test_dragging_an_obstacle_is_undone_with_the_robot_that_yielded(session):
 
 def test_what_moves_in_the_plane_stays_in_it(session):
     one = session("planar_3r", {"kind": "disc", "radius": 0.05, "point": [0.0, 0.6], "name": "disc"}, safety=0.01)
-    run(one, 0, c.Take("disc", "disc", (0.02, 0.0, 0.05), False))
+    run(one, 0, c.StartDrag("disc", "disc", (0.02, 0.0, 0.05)))
     lead(one, line([0.02, 0.6, 0.05], [0.1, 0.7, 0.4], 20))
     state = run(one, 300)
     assert np.allclose(point(one, "disc", "disc"), [0.08, 0.7, 0.0], atol=1e-6)
-    assert state.robots["disc"].status == ("FOLLOWING", "following")
+    assert state.robots["disc"].status.label == "following"
 
 
 def test_a_half_space_stays_where_it_is(session):
     one = session("arm7", FLOOR)
-    state = run(one, 50, c.Take("floor", "floor", (0, 0, 0), False), c.Lead((0.0, 0.0, 1.0)))
+    state = run(one, 50, c.StartDrag("floor", "floor", (0, 0, 0)), c.MoveDrag((0.0, 0.0, 1.0)))
     assert np.allclose(point(one, "floor", "floor"), [0, 0, -0.05])
     begin = point(one, "arm7", "tool")
-    assert state.robots["arm7"].status[0] == "IDLE"
-    run(one, 0, c.Take("arm7", "tool", (0, 0, 0), False))
+    assert state.robots["arm7"].status.name == "IDLE"
+    run(one, 0, c.StartDrag("arm7", "tool", (0, 0, 0)))
     lead(one, line(begin, begin * [1, 1, 0] - [0, 0, 0.3], 40))
     assert point(one, "arm7", "tool")[2] > -0.05 + SAFETY - 1e-9
 
 
 def test_a_disc_that_moves_by_itself_keeps_clear_too(root):
-    one = Session(in_scene(load_scene(root / "robots" / "scenes" / "discs.toml")))
-    scene = one.setup.surroundings.scene
+    one = Session(scene_setup(load_scene(root / "robots" / "scenes" / "discs.toml")))
+    scene = one.setup.avoidance.scene
     begin = point(one, "mobile", "mobile")
-    run(one, 0, c.Take("mobile", "mobile", (0, 0, 0), False))
+    run(one, 0, c.StartDrag("mobile", "mobile", (0, 0, 0)))
     least = []
 
     def seen(state):
@@ -311,15 +312,15 @@ def test_a_session_in_a_scene_is_recorded_and_shown_again(session, tmp_path):
                                 "point": [0.0, 0.6]}, FLOOR | {"normal": [0, 1], "point": [0, -0.9]},
                   record=str(path), safety=0.01)  # fmt: skip
     begin = point(one, "block", "block")
-    run(one, 0, c.Take("block", "block", (0, 0, 0), False))
+    run(one, 0, c.StartDrag("block", "block", (0, 0, 0)))
     lead(one, line(begin, begin + np.array([0.2, 0.1, 0.0]), 20))
     last = one.state()
     one.close()
-    setup = replayed(path)
+    setup = replay_setup(path)
     assert [is_obstacle(mechanism) for mechanism in setup.robots.values()] == [False, True, True]
     shown = Session(setup)
     run(shown, 1)
-    state = run(shown, 0, c.Seek(Recording.load(path).seconds))
+    state = run(shown, 0, c.ControlPlayback(time=Recording.load(path).seconds))
     state = run(shown, 2)
     for name, robot in last.robots.items():
         there = [r.base * setup.robots[name].placement(r.q, setup.robots[name].nodes[-1])
@@ -331,16 +332,17 @@ def test_a_session_in_a_scene_is_recorded_and_shown_again(session, tmp_path):
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):
     one = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
     assert list(one.robots) == ["arm7", "arm7'", "shelf-left side", "ends'"]
-    known = Vocabulary.of(one.setup)
-    assert c.parse({"pin": {"robot": "arm7'", "node": "arm7'"}}, known) == c.Pin("arm7'", "arm7'")
+    known = KnownNames.of(one.setup)
+    assert c.decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', known) == c.Pin("arm7'", "arm7'")
     copied = pickle.loads(pickle.dumps(one.setup))
     assert list(copied.robots) == list(one.robots)
-    assert copied.surroundings.scene.safety == SAFETY
+    assert copied.avoidance.scene.safety == SAFETY
 
 
 def test_where_something_is_in_an_obstacle_at_the_beginning_it_is_said(session):
     one = session("arm7", {**POLE, "point": [0.24, 0.09, 0.5]})
-    name, words = run(one, 5).robots["arm7"].status
+    status = run(one, 5).robots["arm7"].status
+    name, words = status.name, status.label
     assert name == "TOUCHING"
     assert words.startswith("'link")
     assert words.endswith("touches 'pole'")

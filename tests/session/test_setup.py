@@ -8,7 +8,7 @@ import pytest
 
 import cinegen
 from cinegen.errors import UnknownNameError
-from cinegen.session import Setup, SetupError, Stand, arrange, stand_of
+from cinegen.session import BasePose, Setup, SetupError, arrange, parse_base_pose
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWa
 )
 def test_a_stand_is_read(text, name, stand):
     robot, node, place, turn = stand
-    found, said = stand_of(text)
+    found, said = parse_base_pose(text)
     assert (found, said.robot, said.node) == (name, robot, node)
     assert said.placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(*map(float, turn)), np.array(place, dtype=float)))
 
@@ -36,37 +36,37 @@ NONE = ["", "arm", "arm=", "=1,2,3", "arm=1,2", "arm=1,2,nan", "arm=delta4", "ar
 @pytest.mark.parametrize("text", NONE)
 def test_what_is_no_stand_is_told(text):
     with pytest.raises(SetupError, match="write NAME="):
-        stand_of(text)
+        parse_base_pose(text)
 
 
 def test_robots_on_each_other_come_behind_those_that_carry_them(robot):
     robots = {name: robot("planar_3r") for name in "abc"}
     end = robots["a"].end
-    setup = Setup(robots, {"a": Stand("c", end), "c": Stand("b", end)})
+    setup = Setup(robots, {"a": BasePose("c", end), "c": BasePose("b", end)})
     assert setup.order() == ("b", "c", "a")
-    with pytest.raises(SetupError, match="a, b stand on each other"):
-        Setup({name: robots[name] for name in "ab"}, {"a": Stand("b", end), "b": Stand("a", end)})
+    with pytest.raises(SetupError, match="a, b carry each other"):
+        Setup({name: robots[name] for name in "ab"}, {"a": BasePose("b", end), "b": BasePose("a", end)})
     with pytest.raises(UnknownNameError, match="no robot 'd'"):
-        Setup(robots, {"a": Stand("d", end)})
+        Setup(robots, {"a": BasePose("d", end)})
     with pytest.raises(UnknownNameError, match="no node 'nose'"):
-        Setup(robots, {"a": Stand("b", "nose")})
+        Setup(robots, {"a": BasePose("b", "nose")})
 
 
 def test_robots_of_several_files_stand_side_by_side_and_those_of_one_as_it_says(robot):
     robots = {"delta": robot("delta4"), "arm": robot("rx90"), "bars": robot("four_bar")}
     files = {"delta": "one", "arm": "two", "bars": "two"}
-    assert arrange(robots).stands == {}
+    assert arrange(robots).bases == {}
     setup = arrange(robots, files)
-    assert "delta" not in setup.stands
-    assert setup.stands["arm"].placement == setup.stands["bars"].placement
+    assert "delta" not in setup.bases
+    assert setup.bases["arm"].placement == setup.bases["bars"].placement
     ends = {}
     for name, mechanism in robots.items():
-        shift = setup.stand(name).placement.translation[0]
+        shift = setup.base(name).placement.translation[0]
         x = [mechanism.placement(mechanism.q_home, node).translation[0] + shift for node in mechanism.nodes]
         ends[name] = min(x), max(x)
     assert ends["delta"][1] < min(ends["arm"][0], ends["bars"][0])
-    moved = arrange(robots, files, stands=["arm=0,1,0"])
-    assert moved.stands["arm"].placement.translation.tolist() == [0, 1, 0]
+    moved = arrange(robots, files, bases=["arm=0,1,0"])
+    assert moved.bases["arm"].placement.translation.tolist() == [0, 1, 0]
 
 
 def test_a_files_sensors_are_its_own(robot):

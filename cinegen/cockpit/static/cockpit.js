@@ -1,6 +1,6 @@
 // The cockpit: any part of any robot is picked and moved. This puts the page's parts together.
 //
-// On the root element, for tests: data-frame (last state applied), data-connected, data-hand, data-view ("ready" once
+// On the root element, for tests: data-frame (last state applied), data-connected, data-control, data-view ("ready" once
 // the robots fill the view). `window.cockpit` lets tests and the curious in. With ?camera=1 the scene alone is shown,
 // for pictures taken from outside; &aids=1 with aids.
 
@@ -77,26 +77,26 @@ new Skeleton({ ...shown, pick });
 const foot = new Foot({ view, session });
 const gizmo = new Gizmo(view, session);
 const drag = new Drag({ view, session, pick, gizmo });
-for (const hand of [drag, gizmo]) hand.lead.said = (lead) => foot.sent(lead);
+for (const one of [drag, gizmo]) one.target.sent = (position) => foot.sent(position);
 hover({ ...shown, drag });
 const cells = new Cells({ view, field });
 const legend = new Legend({ view, field });
 visit({ ...shown, field, cells, legend, drag, pick });
 
-/** Lets go of what is held; whether anything was. */
-function letGo(pinned = false) {
-  const held = [drag, gizmo].filter((hand) => hand.part !== null && (hand !== gizmo || gizmo.busy));
-  for (const hand of held) hand.letGo(pinned);
-  return held.length > 0;
+/** End the drag, with a pin at the target if wanted. Return whether there was one. */
+function endDrag(pinned = false) {
+  const busy = [drag, gizmo].filter((one) => one.part !== null && (one !== gizmo || gizmo.busy));
+  for (const one of busy) one.end(pinned);
+  return busy.length > 0;
 }
 
-/** Pins what is held where its target is, or else what is selected where it is. */
+/** Pin what is dragged at its target, or otherwise what is selected at its present pose. */
 function pin() {
-  if (letGo(true) || session.selected === null || !session.mayAct()) return;
-  session.send({ pin: { ...session.selected } });
+  if (endDrag(true) || session.selected === null || !session.mayAct()) return;
+  session.send({ type: "pin", ...session.selected });
 }
 
-const commands = new Commands({ view, session, letGo });
+const commands = new Commands({ view, session, endDrag });
 menus(aids);
 new Messages({ session, drag, gizmo });
 new Selection({ session, gizmo, pin });
@@ -108,14 +108,14 @@ new MapSection(panel, field);
 for (const Section of [Singularity, Joints, Tasks, Sensors, Tree, Motion, Record]) new Section(panel, session);
 tellEye(view, session);
 begin(view, session, still, field);
-keys({ commands, gizmo, session, view, letGo, pin });
+keys({ commands, gizmo, session, view, endDrag, pin });
 
 window.cockpit = {
   viewer: view.viewer,
   get root() {
     return view.root;
   },
-  hand: pick,
+  pick,
   field,
   cells,
   labels,

@@ -28,7 +28,7 @@ export class Ellipsoids {
       const found = this.aids.shows("ellipsoid") ? this.session.report?.robots?.[robot.name]?.ellipsoid : null;
       const one = this.#shown.get(robot.name);
       if (!this.#fresh.is(robot.name, found)) continue;
-      if (found?.at && found.axes?.length > 0) this.#place(one ?? this.#make(robot.name), found, robot);
+      if (found?.center && found.axes?.length > 0) this.#place(one ?? this.#make(robot.name), found, robot);
       else if (one?.group.visible) {
         one.group.visible = false;
         this.view.changed();
@@ -49,7 +49,7 @@ export class Ellipsoids {
       axis.setLength(FLAT * longest);
     });
     one.group.visible = true;
-    one.group.position.fromArray(found.at);
+    one.group.position.fromArray(found.center);
     one.body.matrix.copy(new Matrix4().makeBasis(...axes));
     one.body.matrixWorldNeedsUpdate = true;
     axes.forEach((axis, i) => span(one.rods[i], axis.clone().negate(), axis, 0.003 * robot.length));

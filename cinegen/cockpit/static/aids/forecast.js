@@ -67,8 +67,8 @@ export class Forecasts {
     one.geometry.setAttribute("position", new Float32BufferAttribute(path.flat(), 3));
     const apart = [];
     for (const event of events) {
-      if (!event?.at) continue;
-      const at = new Vector3().fromArray(event.at);
+      if (!event?.position) continue;
+      const at = new Vector3().fromArray(event.position);
       if (apart.length < MOST && apart.every(([, other]) => at.distanceTo(other) > APART * robot.length)) {
         apart.push([event, at]);
       }
@@ -82,7 +82,7 @@ export class Forecasts {
         mark.paint.color.setHex(COLOUR[event.kind] ?? COLOURS.orange);
         mark.where.copy(at);
       }
-      this.labels.put(mark.label, mark.ball.visible ? (event.words ?? "") : "", mark.where, "ahead");
+      this.labels.put(mark.label, mark.ball.visible ? (event.text ?? "") : "", mark.where, "ahead");
     });
     this.view.changed();
   }

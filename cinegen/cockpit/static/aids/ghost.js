@@ -45,7 +45,7 @@ export class Ghosts {
     const { length } = this.session.robot(task.robot);
     const mark = this.#marks.get(task.id) ?? this.#make(task, length);
     const part = this.view.pose(task.robot, task.node);
-    const point = new Vector3().fromArray(task.point ?? part.position.toArray());
+    const point = new Vector3().fromArray(task.position ?? part.position.toArray());
     const target = mark.target.fromArray(task.target ?? point.toArray());
     const [far = 0, turned = 0] = task.error ?? [];
     const off = far > SEEN * length || turned > SEEN * 5;
@@ -63,7 +63,7 @@ export class Ghosts {
   /** The copy stands so that the pulled point is at its target. */
   #lay(copy, task, part, point, target) {
     const inPart = point.clone().sub(part.position).applyQuaternion(part.quaternion.clone().invert());
-    const held = (task.holds?.[1] ?? 0) === 3 && task.target.length === 7;
+    const held = task.rotation === 3 && task.target.length === 7;
     copy.quaternion.copy(held ? new Quaternion().fromArray(task.target, 3) : part.quaternion);
     copy.position.copy(target).sub(inPart.applyQuaternion(copy.quaternion));
   }

@@ -41,7 +41,7 @@ export class Lost {
         const near = this.aids.shows("lost") ? closeness(found) : 0;
         const mark = this.#marks.get(key);
         if (!this.#fresh.is(key, near > 0 ? found : null)) continue;
-        if (near > 0 && found.twist?.length === 6 && found.at) {
+        if (near > 0 && found.twist?.length === 6 && found.position) {
           this.#place(mark ?? this.#make(key, kind), found, near, robot);
         } else if (mark !== undefined) this.#hide(mark);
       }
@@ -61,16 +61,16 @@ export class Lost {
     const shares = [straight.length() / robot.length, turn.length()];
     const most = Math.max(...shares) || 1;
     mark.group.visible = true;
-    mark.group.position.fromArray(found.at);
+    mark.group.position.fromArray(found.position);
     mark.group.scale.setScalar(SIZE * robot.length);
     mark.paint.opacity = 0.2 + 0.75 * near;
     mark.arrow.visible = shares[0] >= SHARE * most;
     mark.arc.visible = shares[1] >= SHARE * most;
     along(mark.arrow, straight);
     along(mark.arc, turn);
-    const said = found.sigma < SAID * (found.near ?? 0);
-    mark.where.fromArray(found.at);
-    this.labels.put(mark.key, said ? (found.words ?? "") : "", mark.where, KINDS[mark.kind].label);
+    const said = found.sigma < SAID * (found.threshold ?? 0);
+    mark.where.fromArray(found.position);
+    this.labels.put(mark.key, said ? (found.text ?? "") : "", mark.where, KINDS[mark.kind].label);
     this.view.changed();
   }
 
@@ -88,7 +88,7 @@ export class Lost {
 
 /** From 0, far from a singularity, to 1 at its threshold or below. */
 function closeness(found) {
-  if (!found || !(found.sigma >= 0) || !(found.near > 0)) return 0;
-  const decades = Math.log((WIDE * found.near) / Math.max(found.sigma, 1e-12)) / Math.log(WIDE);
+  if (!found || !(found.sigma >= 0) || !(found.threshold > 0)) return 0;
+  const decades = Math.log((WIDE * found.threshold) / Math.max(found.sigma, 1e-12)) / Math.log(WIDE);
   return Math.min(1, Math.max(0, decades));
 }

@@ -35,7 +35,7 @@ export class Marks {
     for (const robot of this.session.robots) {
       const told = this.aids.shows("limits") ? this.session.report?.robots?.[robot.name] : null;
       const at = new Set(told?.saturated);
-      const near = new Set(told?.near);
+      const near = new Set(told?.near_limit);
       for (const { name, joint } of robot.nodes) {
         if (!joint) continue;
         const colour = at.has(joint) ? COLOURS.vermillion : near.has(joint) ? COLOURS.orange : null;

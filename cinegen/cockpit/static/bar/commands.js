@@ -13,8 +13,8 @@ const FRAMES = {
 };
 
 export class Commands {
-  constructor({ view, session, letGo }) {
-    Object.assign(this, { view, session, letGo });
+  constructor({ view, session, endDrag }) {
+    Object.assign(this, { view, session, endDrag });
     this.button("undo", () => this.undo());
     this.button("redo", () => this.redo());
     this.button("pause", () => this.pause());
@@ -39,21 +39,21 @@ export class Commands {
   }
 
   undo() {
-    this.#say({ undo: true });
+    this.#send({ type: "undo" });
   }
 
   redo() {
-    this.#say({ redo: true });
+    this.#send({ type: "redo" });
   }
 
   pause() {
-    this.#say({ pause: !this.session.report?.paused });
+    this.#send({ type: "pause", on: !this.session.report?.paused });
   }
 
   home() {
     if (!this.session.mayAct()) return;
-    this.letGo();
-    this.session.send({ home: null });
+    this.endDrag();
+    this.session.send({ type: "move_home" });
   }
 
   help() {
@@ -71,7 +71,7 @@ export class Commands {
     link.remove();
   }
 
-  #say(command) {
+  #send(command) {
     if (this.session.mayAct()) this.session.send(command);
   }
 
@@ -88,7 +88,7 @@ export class Commands {
     });
     select.addEventListener("change", () => {
       this.chosen = performance.now();
-      this.#say({ frame: select.value });
+      this.#send({ type: "change_settings", frame: select.value });
     });
   }
 

@@ -1,6 +1,6 @@
-// The foot: what should always be zero, and how fast things are.
+// The foot: who has control, the loop gap, and how fast things are.
 //
-// For tests: #gap, #rate, #delay, #pictures, #hand-holder.
+// For tests: #gap, #rate, #delay, #pictures, #control.
 
 import { byId, write } from "../base/dom.js";
 import { fixed, units } from "../base/units.js";
@@ -40,7 +40,7 @@ export class Foot {
   /** @param {import("../base/link.js").State} state */
   #answer(state) {
     if (this.#sent.length === 0) return;
-    const target = state.tasks?.find((task) => task.who === "hand")?.target;
+    const target = state.tasks?.find((task) => task.source === "pointer")?.target;
     if (!target) return;
     const found = this.#sent.findIndex(([, lead]) => [0, 1, 2].every((i) => Math.abs(lead[i] - target[i]) < SAME));
     if (found < 0) return;
@@ -64,7 +64,7 @@ export class Foot {
     write(byId("delay"), this.#delay === null ? "–" : `${fixed(this.#delay, 0)} ms`);
     write(byId("pictures"), this.view.pace.mean === null ? "–" : `${fixed(this.view.pace.mean, 0)} ms`);
     const others = clients > 1 ? ` · ${clients} browsers` : "";
-    const words = { mine: "you hold the hand", other: "another browser holds the hand", free: "nobody holds the hand" };
-    write(byId("hand-holder"), `${words[this.session.hand]}${others}`);
+    const labels = { mine: "you have control", other: "another browser has control", free: "nobody has control" };
+    write(byId("control"), `${labels[this.session.control]}${others}`);
   }
 }

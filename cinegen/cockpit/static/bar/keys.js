@@ -5,7 +5,7 @@ import { byId } from "../base/dom.js";
 const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
 const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]";
 
-export function keys({ commands, gizmo, session, view, letGo, pin }) {
+export function keys({ commands, gizmo, session, view, endDrag, pin }) {
   const plain = {
     w: () => gizmo.setMode("translate"),
     e: () => gizmo.setMode("rotate"),
@@ -19,7 +19,7 @@ export function keys({ commands, gizmo, session, view, letGo, pin }) {
     if (byId("keys").open) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (key === "Escape") {
-      if (!letGo()) session.select(null, null);
+      if (!endDrag()) session.select(null, null);
       return;
     }
     const typing = event.target instanceof Element && event.target.closest(TYPED) !== null;

@@ -1,12 +1,12 @@
-// What is said to the person: the hint of the first sight, notices for some seconds, who holds the hand, a cut line.
+// Messages to the user: an initial hint, notices for some seconds, who has control, a lost connection.
 //
-// For tests: #hint, #toasts .toast, #crowd with #take-hand, #cover.
+// For tests: #hint, #toasts .toast, #crowd with #take-control, #cover.
 
 import { byId, make } from "../base/dom.js";
 
 const HINT = "Drag any part of the robot.";
 const ON_MAP = "Drag any part of the robot, or click a cell: it goes there.";
-const HOLDING = "Esc lets go";
+const DRAGGING = "Esc ends the drag";
 const STAYS = 6000; // ms
 const MOST = 4;
 
@@ -23,18 +23,18 @@ export class Messages {
       if (!this.knows) this.hint.textContent = session.hello.map ? ON_MAP : HINT;
       this.#hint();
     });
-    session.on("notice", ({ words, level, action }) => this.toast(words, level, action));
+    session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
     session.on("lost", () => this.#tell("Connection lost, trying again."));
-    session.on("dropped", (words) =>
-      this.#tell(`The server closed the connection: ${words}. Load the page again to go on.`),
+    session.on("dropped", (reason) =>
+      this.#tell(`The server closed the connection: ${reason}. Load the page again to go on.`),
     );
-    session.on("hand", (hand) => {
-      byId("crowd").hidden = hand !== "other";
+    session.on("control", (control) => {
+      byId("crowd").hidden = control !== "other";
       this.#hint();
     });
-    session.on("denied", () => this.toast("Another browser holds the hand. Take it to drag and switch.", "warning"));
-    byId("take-hand").addEventListener("click", () => session.send({ hand: true }));
-    for (const hand of [drag, gizmo]) hand.on("drag", (part) => this.#dragged(part));
+    session.on("denied", () => this.toast("Another browser has control. Take control to drag and switch.", "warning"));
+    byId("take-control").addEventListener("click", () => session.send({ type: "request_control", on: true }));
+    for (const one of [drag, gizmo]) one.on("drag", (part) => this.#dragged(part));
   }
 
   /** Shows words for some seconds, with a button if there is something to do; what is said again stays longer. */
@@ -49,7 +49,7 @@ export class Messages {
         toast.remove();
       };
       toast.append(
-        make("button", { class: "small", type: "button", title: action.words, on: { click: run } }, action.words),
+        make("button", { class: "small", type: "button", title: action.label, on: { click: run } }, action.label),
       );
     }
     clearTimeout(toast.timer);
@@ -59,7 +59,7 @@ export class Messages {
   }
 
   #hint() {
-    this.hint.hidden = this.knows || this.session.hand === "other" || Boolean(this.session.hello?.replay);
+    this.hint.hidden = this.knows || this.session.control === "other" || Boolean(this.session.hello?.playback);
   }
 
   #tell(words) {
@@ -72,7 +72,7 @@ export class Messages {
       this.hint.hidden = true;
     } else if (!this.knows) {
       this.knows = true; // the first drag: the hint has done its work
-      this.hint.textContent = HOLDING;
+      this.hint.textContent = DRAGGING;
     }
   }
 }

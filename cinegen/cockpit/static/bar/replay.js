@@ -1,12 +1,12 @@
-// The transport of a replay: play, where in time, how fast; and from stop to stop where it has such.
+// The controls of a replay: play, time, playback speed, and its stops.
 //
-// For tests: #transport with #play (aria-pressed), #seek (seconds), #tempo (select), #before, #after and #stop (text).
+// For tests: #transport with #play (aria-pressed), #seek (seconds), #playback-speed (select), #before, #after and #stop (text).
 
 import { atMostEvery, byId, make, sign, write } from "../base/dom.js";
 import { fixed } from "../base/units.js";
 import { fill } from "../panel/slider.js";
 
-const TEMPI = [0.1, 0.25, 0.5, 1, 2, 5];
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5];
 
 export class Replay {
   #moved = -Infinity;
@@ -22,7 +22,7 @@ export class Replay {
       "aria-label": "Play",
       "aria-pressed": "false",
       title: "Play or hold the recording",
-      on: { click: () => this.#say({ play: this.play.getAttribute("aria-pressed") !== "true" }) },
+      on: { click: () => this.#send({ playing: this.play.getAttribute("aria-pressed") !== "true" }) },
     });
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
     svg.setAttribute("class", "sign");
@@ -36,39 +36,39 @@ export class Replay {
       "aria-label": "Time in the recording",
       title: "Go to a time",
     });
-    const seek = atMostEvery(50, (time) => this.#say({ seek: time }));
+    const seek = atMostEvery(50, (time) => this.#send({ time }));
     this.seek.addEventListener("input", () => {
       this.#moved = performance.now();
       fill(this.seek);
       seek(Number(this.seek.value));
     });
     this.time = make("span", { class: "number" });
-    this.tempo = make(
+    this.speed = make(
       "select",
       {
-        id: "tempo",
+        id: "playback-speed",
         class: "small",
         "aria-label": "Tempo",
         title: "How fast it is played",
-        on: { change: () => this.#say({ tempo: Number(this.tempo.value) }) },
+        on: { change: () => this.#send({ speed: Number(this.speed.value) }) },
       },
-      ...TEMPI.map((tempo) => make("option", { value: tempo }, `${tempo} ×`)),
+      ...SPEEDS.map((speed) => make("option", { value: speed }, `${speed} ×`)),
     );
     this.before = this.#step("before", "Previous", -1);
     this.after = this.#step("after", "Next", 1);
     this.stop = make("span", { id: "stop" });
-    this.bar.append(this.before, this.stop, this.after, this.play, this.seek, this.time, this.tempo);
-    session.on("hello", ({ replay }) => {
-      this.bar.hidden = !replay;
-      this.seconds = replay?.seconds ?? 0;
+    this.bar.append(this.before, this.stop, this.after, this.play, this.seek, this.time, this.speed);
+    session.on("hello", ({ playback }) => {
+      this.bar.hidden = !playback;
+      this.seconds = playback?.seconds ?? 0;
       this.seek.max = String(this.seconds);
-      this.bar.title = replay?.file ?? "";
-      this.stops = replay?.stops ?? [];
+      this.bar.title = playback?.file ?? "";
+      this.stops = playback?.stops ?? [];
       for (const part of [this.before, this.stop, this.after]) part.hidden = this.stops.length === 0;
       this.time.hidden = this.stops.length > 0;
     });
-    session.on("report", ({ replay }) => {
-      if (replay) this.#show(replay);
+    session.on("report", ({ playback }) => {
+      if (playback) this.#show(playback);
     });
   }
 
@@ -87,12 +87,11 @@ export class Replay {
     const wanted = Math.min(this.stops.length - 1, Math.max(0, this.#at(Number(this.seek.value)) + way));
     this.seek.value = String(this.stops[wanted][0]);
     this.#moved = performance.now();
-    this.#say({ play: false });
-    this.#say({ seek: this.stops[wanted][0] });
+    this.#send({ playing: false, time: this.stops[wanted][0] });
   }
 
-  #say(command) {
-    if (this.session.mayAct()) this.session.send(command);
+  #send(change) {
+    if (this.session.mayAct()) this.session.send({ type: "control_playback", ...change });
   }
 
   #show({ time = 0, playing = false, speed = 1 }) {
@@ -102,6 +101,6 @@ export class Replay {
     fill(this.seek);
     if (this.stops.length) write(this.stop, this.stops[this.#at(time)][1]);
     write(this.time, `${fixed(time, 1)} / ${fixed(this.seconds, 1)} s`);
-    if (document.activeElement !== this.tempo && TEMPI.includes(speed)) this.tempo.value = String(speed);
+    if (document.activeElement !== this.speed && SPEEDS.includes(speed)) this.speed.value = String(speed);
   }
 }

@@ -1,4 +1,4 @@
-// The status: what the robot does, in a few words. Of several robots the one that is in most trouble speaks.
+// The status of the robots, as their labels and descriptions come from the server. Of several, the worst is shown.
 //
 // For tests: #status, data-status = the status's name, data-tone = good, warn, bad or none.
 
@@ -18,10 +18,9 @@ const TONES = {
   REFUSED: "bad",
   BAD_TARGET: "bad",
 };
-const TROUBLE = ["none", "good", "warn", "bad"];
-const IDLE = "ready";
+const SEVERITY = ["none", "good", "warn", "bad"];
 /** @type {Record<string, string>} */
-const MOVING = { home: "going home", visit: "going there", undo: "going back", redo: "going on" };
+const MOVING = { home: "moving home", move_to: "moving to a configuration", undo: "undoing", redo: "redoing" };
 
 export class Status {
   /** @param {import("../base/session.js").Session} session */
@@ -37,7 +36,7 @@ export class Status {
     const { state, report, robots, obstacles } = this.session;
     const shown = summary(state?.statuses ?? {}, report, robots.length + obstacles.length > 1);
     if (shown === null) return;
-    write(this.chip, shown.words);
+    write(this.chip, shown.label);
     this.chip.dataset.tone = shown.tone;
     this.chip.dataset.status = shown.name;
     this.chip.title = shown.title;
@@ -45,24 +44,24 @@ export class Status {
 }
 
 /**
- * Return what the chip shows of the status of all robots; null where none is known. The first robot in most trouble
- * is shown, unless the session is paused or moves by itself.
+ * Return the content of the chip; null if no status is known. The first of the robots with the worst status is shown,
+ * unless the session is paused or moves by itself.
  *
- * @param {Record<string, { name?: string, words?: string }>} statuses by robot
+ * @param {Record<string, { name?: string, label?: string, description?: string }>} statuses by robot
  * @param {{ paused?: boolean, moving?: string | null } | null} report
  * @param {boolean} several there are several robots or obstacles: the robot is named
  */
 export function summary(statuses, report, several) {
-  const told = Object.entries(statuses).map(([robot, { name = "", words } = {}]) => {
-    const text = name === "IDLE" ? IDLE : (words ?? name);
-    return { robot, name, words: text, tone: TONES[name] ?? "none" };
+  const all = Object.entries(statuses).map(([robot, { name = "", label = "", description = "" } = {}]) => {
+    return { robot, name, label, description, tone: TONES[name] ?? "none" };
   });
-  if (told.length === 0) return null;
-  const worst = told.reduce((one, other) => (TROUBLE.indexOf(other.tone) > TROUBLE.indexOf(one.tone) ? other : one));
-  let words = several && worst.tone !== "none" ? `${worst.robot}: ${worst.words}` : worst.words;
+  if (all.length === 0) return null;
+  const worst = all.reduce((one, other) => (SEVERITY.indexOf(other.tone) > SEVERITY.indexOf(one.tone) ? other : one));
+  let label = several && worst.tone !== "none" ? `${worst.robot}: ${worst.label}` : worst.label;
   let { tone } = worst;
   const moving = MOVING[report?.moving ?? ""];
-  if (report?.paused) [words, tone] = ["paused", "none"];
-  else if (moving !== undefined) [words, tone] = [moving, "good"];
-  return { words, tone, name: worst.name, title: told.map((one) => `${one.robot}: ${one.words}`).join("\n") };
+  if (report?.paused) [label, tone] = ["paused", "none"];
+  else if (moving !== undefined) [label, tone] = [moving, "good"];
+  const title = all.map((one) => `${one.robot}: ${one.label}${one.description ? ` (${one.description})` : ""}`).join("\n");
+  return { label, tone, name: worst.name, title };
 }

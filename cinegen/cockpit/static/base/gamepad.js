@@ -1,5 +1,5 @@
-// A gamepad of this browser as a sensor: said while it is deflected, and once when it comes to rest. It is read only
-// while some node follows it.
+// A gamepad of this browser as a sensor: sent while it is deflected, and once when it comes to rest. It is read only
+// while a node follows it.
 //
 // Left stick: right and away. Right trigger up, left trigger down. Right stick tilts, shoulder buttons turn about z.
 
@@ -26,7 +26,7 @@ export class Gamepad {
         .filter(({ id, url }) => id === "gamepad" || url?.startsWith("gamepad:"))
         .map(({ id }) => id),
     );
-    const wanted = switches.some(({ sensor }) => mine.has(sensor)) && this.session.hand !== "other";
+    const wanted = switches.some(({ sensor }) => mine.has(sensor)) && this.session.control !== "other";
     if (wanted && this.#timer === undefined) this.#timer = setInterval(() => this.#read(), OFTEN);
     else if (!wanted) this.#stop();
   }
@@ -39,10 +39,11 @@ export class Gamepad {
 
   #read() {
     const pad = [...(navigator.getGamepads?.() ?? [])].find((one) => one?.connected) ?? null;
+    /** @type {[number, number, number, number, number, number]} */
     const twist = pad === null ? [0, 0, 0, 0, 0, 0] : twistOf(pad);
     const buttons = pad === null ? [] : pad.buttons.flatMap((button, i) => (button.pressed ? [i] : []));
     const moving = twist.some((value) => value !== 0) || buttons.length > 0;
-    if (moving || this.#moving) this.session.send({ gamepad: { twist, buttons } });
+    if (moving || this.#moving) this.session.send({ type: "gamepad_input", twist, buttons });
     this.#moving = moving;
   }
 }
@@ -57,9 +58,9 @@ export function twistOf({ axes, buttons }) {
   const axis = (i) => rest(axes[i] ?? 0);
   /** @param {number} i */
   const button = (i) => buttons[i]?.value ?? 0;
-  return [axis(0), -axis(1), rest(button(7) - button(6)), axis(3), axis(2), rest(button(4) - button(5))].map((value) =>
+  return /** @type {[number, number, number, number, number, number]} */ ([axis(0), -axis(1), rest(button(7) - button(6)), axis(3), axis(2), rest(button(4) - button(5))].map((value) =>
     value === 0 ? 0 : Number(value.toFixed(3)),
-  );
+  ));
 }
 
 /**

@@ -1,52 +1,29 @@
-// The line to the server: meshcat's commands on /scene, what moves and what is said on /session.
+// The connections to the server: meshcat's commands on /scene, messages on /session.
 //
-// Events: hello, state, report, notice, open, lost (words), dropped (words).
-// A state is applied by whoever listens, and only then acknowledged: rendering has no part in it.
+// Events: hello, state, report, notice, lost (reason), dropped (reason).
+// A state is acknowledged when all listeners have applied it; rendering has no part in that.
 
 import { Events } from "./events.js";
 
 /**
- * What the server sends: `hello` once, then `state` at every frame, some of them with a `report`, and `notice`. They are
- * made in cinegen/cockpit/frames.py and hub.py; a hostile server may leave out anything that is optional here.
+ * Messages of the server; their types are generated from cinegen/cockpit/messages.py.
  *
- * @typedef {{ name: string, parent: string | null, joint: string | null, kind: "base" | "link" | "frame" }} Node
- * @typedef {{ name: string, type: string, actuated: boolean, home?: number, low?: number | null, high?: number | null }} Joint
- * @typedef {{ first: string, second: string }} Loop
- * @typedef {{ name: string, robot: string, obstacle: boolean, length: number, mobility: number, end: string,
- *   stands_on: [string, string] | null, nodes?: Node[], joints?: Joint[], loops?: Loop[] }} Robot
- * @typedef {{ id: string, url?: string, what?: string }} Sensor
- * @typedef {{ robot: string, node: string, choices?: (string | null)[] }} Switch
- * @typedef {{ kind: "hello", protocol: number, client: number, title: string, robots?: Robot[], sensors?: Sensor[],
- *   switches?: Switch[], frames: string[], map?: string | null,
- *   replay?: { file: string, seconds: number, stops: number[] } | null }} Hello
- * @typedef {{ id: number, robot: string, node: string, who: string, label: string | null, point: number[],
- *   target: number[], error: number[], holds: [number, number], weight: number }} Task
- * @typedef {{ kind: "state", time: number, frame?: number, hand?: number | null, poses: Record<string, number[]>,
- *   tasks?: Task[], statuses?: Record<string, { name: string, words: string }>, report?: Report }} State
- * @typedef {{ sigma: number | null, near: number, words?: string, node?: string, at?: number[], twist?: number[] }} Singular
- * @typedef {{ time: number, kind: string, words: string, at: number[] }} Foreseen
- * @typedef {{ q?: number[], saturated: string[], near: string[], closure: number | null, type1: Singular | null,
- *   type2: Singular | null, ellipsoid: { at: number[], axes: number[][] } | null,
- *   forecast: { path: number[][], events: Foreseen[] } }} RobotReport
- * @typedef {{ id: string, state: string, words: string, packets: number, damaged: number, twist: number[] | null }} SensorReport
- * @typedef {{ robots?: Record<string, RobotReport>, sensors?: SensorReport[],
- *   switches?: { robot: string, node: string, sensor: string | null }[], settings?: { frame: string, speed: number, turning: number, gain: number, damping: number },
- *   undo: number, redo: number, paused: boolean, moving: string | null,
- *   recording: { file: string, seconds: number, error: string | null } | null,
- *   replay: { time: number, playing: boolean, speed: number } | null,
- *   rate: { ticks: number, late: number }, clients: number }} Report
- * @typedef {{ kind?: "notice", words: string, level?: string, action?: { words: string, run: () => void } }} Notice
+ * @typedef {import("./messages").HelloMessage} Hello
+ * @typedef {import("./messages").StateMessage} State
+ * @typedef {import("./messages").ReportMessage} Report
+ * @typedef {import("./messages").ClientMessage} ClientMessage
+ * @typedef {{ text: string, level?: "info" | "warning", action?: { label: string, run: () => void } | null }} Notice
  */
 
 /**
- * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, lost: string, dropped: string }} Said
+ * @typedef {{ hello: Hello, state: State, report: Report, notice: Notice, lost: string, dropped: string }} ServerEvents
  */
 
-const SOONEST = 500; // ms to the next try to reach the server
+const SOONEST = 500; // ms to the next attempt to connect
 const LATEST = 3000;
-const REFUSED = 1008; // the server wants no more of us
+const REFUSED = 1008; // close code: the server refuses this page
 
-/** @extends {Events<Said>} */
+/** @extends {Events<ServerEvents>} */
 export class Link extends Events {
   /** @type {WebSocket[]} */
   #sockets = [];
@@ -56,7 +33,7 @@ export class Link extends Events {
   #over = false;
   connected = false;
 
-  /** @param {(address: string) => WebSocket} scene what connects meshcat's viewer to an address and returns its socket */
+  /** @param {(address: string) => WebSocket} scene connects meshcat's viewer to an address and returns its socket */
   constructor(scene) {
     super();
     this.scene = scene;
@@ -70,42 +47,42 @@ export class Link extends Events {
     const session = new WebSocket(address("session"));
     const scene = this.scene(address("scene"));
     this.#sockets = [session, scene];
-    session.addEventListener("message", (event) => this.#hear(event.data));
+    session.addEventListener("message", (event) => this.#receive(event.data));
     for (const socket of this.#sockets) socket.addEventListener("close", (event) => this.#close(socket, event));
     this.#session = session;
   }
 
   /**
-   * Says something to the server; nothing while the line is cut.
+   * Send a message to the server; it is dropped while there is no connection.
    *
-   * @param {object} object
+   * @param {ClientMessage} message
    */
-  send(object) {
-    if (this.#session?.readyState === WebSocket.OPEN) this.#session.send(JSON.stringify(object));
+  send(message) {
+    if (this.#session?.readyState === WebSocket.OPEN) this.#session.send(JSON.stringify(message));
   }
 
   /** @param {string} text */
-  #hear(text) {
-    let said;
+  #receive(text) {
+    let message;
     try {
-      said = JSON.parse(text);
+      message = JSON.parse(text);
     } catch {
       return;
     }
-    if (said.kind === "state") {
-      this.tell("state", said);
-      if (Number.isFinite(said.frame)) {
-        this.send({ ack: said.frame });
-        document.documentElement.dataset.frame = String(said.frame);
+    if (message.type === "state") {
+      this.tell("state", message);
+      if (Number.isFinite(message.frame)) {
+        this.send({ type: "ack", frame: message.frame });
+        document.documentElement.dataset.frame = String(message.frame);
       }
-      if (said.report) this.tell("report", said.report);
-    } else if (said.kind === "hello") {
+      if (message.report) this.tell("report", message.report);
+    } else if (message.type === "hello") {
       this.connected = true;
       this.#wait = SOONEST;
       document.documentElement.dataset.connected = "yes";
-      this.tell("hello", said);
-    } else if (said.kind === "notice") {
-      this.tell("notice", said);
+      this.tell("hello", message);
+    } else if (message.type === "notice") {
+      this.tell("notice", message);
     }
   }
 
@@ -114,7 +91,7 @@ export class Link extends Events {
    * @param {CloseEvent} event
    */
   #close(socket, event) {
-    if (!this.#sockets.includes(socket)) return; // the other of the two has told it already
+    if (!this.#sockets.includes(socket)) return; // reported by the other of the two
     const others = this.#sockets.filter((other) => other !== socket);
     this.#sockets = [];
     for (const other of others) other.close();
@@ -132,7 +109,7 @@ export class Link extends Events {
 }
 
 /**
- * A socket's address beside the page's own, with its token.
+ * Return the address of a socket next to the page, with its token.
  *
  * @param {string} name
  */
@@ -143,7 +120,7 @@ function address(name) {
 }
 
 /**
- * An address beside the page's own, with its token.
+ * Return an address next to the page, with its token.
  *
  * @param {string} name
  */

@@ -1,20 +1,20 @@
-// What is known of the session: who is in it, where everything stands, who holds the hand, which part is selected.
+// The state of the session: its robots, the newest messages, who has control, and the selected part.
 //
-// Events, besides the link's: hand ("mine", "other" or "free"), select ({ robot, node } or null).
+// Events, besides the link's: control ("mine", "other" or "free"), select ({ robot, node } or null), denied.
 
 import { Events } from "./events.js";
 
 /**
  * @typedef {import("./link.js").Hello} Hello
  * @typedef {import("./link.js").State} State
- * @typedef {import("./link.js").Node} Node
- * @typedef {"mine" | "other" | "free"} Hand
+ * @typedef {import("./messages").NodeDescription} Node
+ * @typedef {"mine" | "other" | "free"} Control
  * @typedef {{ robot: string, node: string }} Part
- * @typedef {Required<import("./link.js").Robot> & { byName: Map<string, Node> }} KnownRobot
+ * @typedef {import("./messages").RobotDescription & { byName: Map<string, Node> }} KnownRobot
  * @typedef {Pick<import("./link.js").Link, "on" | "send">} Line
  */
 
-/** @extends {Events<import("./link.js").Said & { hand: Hand, select: Part | null, denied: undefined }>} */
+/** @extends {Events<import("./link.js").ServerEvents & { control: Control, select: Part | null, denied: undefined }>} */
 export class Session extends Events {
   /** @type {Hello | null} */
   hello = null;
@@ -22,8 +22,8 @@ export class Session extends Events {
   state = null;
   /** @type {import("./link.js").Report | null} */
   report = null;
-  /** @type {Hand} */
-  hand = "free";
+  /** @type {Control} */
+  control = "free";
   /** @type {Part | null} */
   selected = null;
   /** @type {Map<string, KnownRobot>} */
@@ -40,25 +40,25 @@ export class Session extends Events {
       this.tell("report", report);
     });
     for (const name of /** @type {const} */ (["notice", "lost", "dropped"])) link.on(name, (value) => this.tell(name, value));
-    document.documentElement.dataset.hand = this.hand;
+    document.documentElement.dataset.control = this.control;
   }
 
-  /** @param {object} object */
-  send(object) {
-    this.link.send(object);
+  /** @param {import("./link.js").ClientMessage} message */
+  send(message) {
+    this.link.send(message);
   }
 
   get robots() {
     return [...this.#robots.values()].filter(({ obstacle }) => !obstacle);
   }
 
-  /** What robots keep clear of: each has one part. */
+  /** Obstacles, of one part each. */
   get obstacles() {
     return [...this.#robots.values()].filter(({ obstacle }) => obstacle);
   }
 
   /**
-   * A robot or an obstacle.
+   * Return a robot or an obstacle.
    *
    * @param {string} name
    */
@@ -67,7 +67,7 @@ export class Session extends Events {
   }
 
   /**
-   * Whether there is such a part.
+   * Return whether there is such a part.
    *
    * @param {string} robot
    * @param {string} node
@@ -77,7 +77,7 @@ export class Session extends Events {
   }
 
   /**
-   * What people call a part.
+   * Return the name of a part for people.
    *
    * @param {string} robot
    * @param {string} node
@@ -87,20 +87,20 @@ export class Session extends Events {
     return this.robots.length > 1 ? `${robot} · ${node}` : node;
   }
 
-  /** Whether a part is pulled, and by whom: the tasks that hold now. */
+  /** The present tasks. */
   get tasks() {
     return this.state?.tasks ?? [];
   }
 
-  /** Whether commands may be given; says so where another browser holds the hand. */
+  /** Return whether commands may be sent; tell the user if another browser has control. */
   mayAct() {
-    if (this.hand !== "other") return true;
+    if (this.control !== "other") return true;
     this.tell("denied");
     return false;
   }
 
   /**
-   * Selects a part, or nothing where there is no such part.
+   * Select a part; nothing if there is no such part.
    *
    * @param {string | null} robot
    * @param {string | null} node
@@ -130,18 +130,18 @@ export class Session extends Events {
   /** @param {State} state */
   #follow(state) {
     this.state = state;
-    const holder = state.hand ?? null;
-    const hand = holder === null ? "free" : holder === this.hello?.client ? "mine" : "other";
+    const controller = state.controller ?? null;
+    const control = controller === null ? "free" : controller === this.hello?.client ? "mine" : "other";
     this.tell("state", state);
-    if (hand === this.hand) return;
-    this.hand = hand;
-    document.documentElement.dataset.hand = hand;
-    this.tell("hand", hand);
+    if (control === this.control) return;
+    this.control = control;
+    document.documentElement.dataset.control = control;
+    this.tell("control", control);
   }
 }
 
 /**
- * A part's key in maps.
+ * Return the key of a part in maps.
  *
  * @param {string} robot
  * @param {string} node
@@ -151,7 +151,7 @@ export function keyOf(robot, node) {
 }
 
 /**
- * A part by its key: [robot, node].
+ * Return the part of a key: [robot, node].
  *
  * @param {string} key
  * @returns {[string, string]}

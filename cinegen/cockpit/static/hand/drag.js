@@ -1,12 +1,12 @@
-// The ball-and-plane drag: a part is taken where it is touched, and led in the plane of the view through that point.
-// It turns freely meanwhile. A press and release without a drag selects the part.
+// Drag of a point of a part, in the plane of the view through that point. The part rotates freely about it. A press and
+// release without a drag selects the part.
 //
 // Events: hover (part or null), drag (part or null), free (the event: a pointer that touches no part was pressed and
 // released), point (where a pointer is that touches no part; null if there is none).
 
 import { Plane, Vector3 } from "three";
 import { Events } from "../base/events.js";
-import { Lead } from "./lead.js";
+import { DragTarget } from "./drag_target.js";
 
 const STILL = 4; // pixels: a pointer that moves less has not moved
 const STILL_TOUCH = 8; // a finger is broad
@@ -15,14 +15,14 @@ const STILL_TOUCH = 8; // a finger is broad
  * @typedef {import("./pick.js").Touched} Touched
  * @typedef {import("./pick.js").At} At
  * @typedef {Touched & { at: Vector3, pointer: number, x: number, y: number, dragged: boolean, denied: boolean,
- *   still: number }} Held
+ *   still: number }} Press
  */
 
-/** @extends {Events<{ hover: Touched | null, drag: Held | null, free: PointerEvent, point: At | null }>} */
+/** @extends {Events<{ hover: Touched | null, drag: Press | null, free: PointerEvent, point: At | null }>} */
 export class Drag extends Events {
   #plane = new Plane();
-  /** @type {Held | null} */
-  #held = null; // what is pressed, and whether it is dragged yet
+  /** @type {Press | null} */
+  #press = null; // what is pressed, and whether it is dragged yet
   /** @type {{ x: number, y: number } | null} */
   #beside = null; // where the pointer was pressed beside all parts
   /** @type {At | null} */
@@ -41,10 +41,10 @@ export class Drag extends Events {
     this.session = session;
     this.pick = pick;
     this.gizmo = gizmo;
-    this.lead = new Lead(session);
+    this.target = new DragTarget(session);
     const { canvas } = view;
     canvas.style.touchAction = "none";
-    canvas.addEventListener("pointerdown", (event) => this.#press(event), true);
+    canvas.addEventListener("pointerdown", (event) => this.#down(event), true);
     canvas.addEventListener("pointermove", (event) => this.#move(event), true);
     canvas.addEventListener("pointerrawupdate", (event) => this.#follow(/** @type {PointerEvent} */ (event)));
     for (const end of /** @type {const} */ (["pointerup", "pointercancel", "lostpointercapture"])) {
@@ -54,27 +54,27 @@ export class Drag extends Events {
     this.on("drag", (part) => canvas.classList.toggle("dragging", part !== null));
   }
 
-  /** What is dragged now; null if nothing. */
+  /** The part that is dragged; null if none. */
   get part() {
-    return this.#held?.dragged ? this.#held : null;
+    return this.#press?.dragged ? this.#press : null;
   }
 
-  /** Lets go; pinned where the target is, if so wished. */
-  letGo(pin = false) {
-    const held = this.#held;
-    this.#held = null;
-    this.lead.stop();
-    if (held === null) return;
-    if (this.view.canvas.hasPointerCapture(held.pointer)) this.view.canvas.releasePointerCapture(held.pointer);
-    if (!held.dragged) return;
-    this.session.send({ "let go": pin ? "pin" : true });
+  /** End the drag; with a pin at the target, if wanted. */
+  end(pin = false) {
+    const press = this.#press;
+    this.#press = null;
+    this.target.stop();
+    if (press === null) return;
+    if (this.view.canvas.hasPointerCapture(press.pointer)) this.view.canvas.releasePointerCapture(press.pointer);
+    if (!press.dragged) return;
+    this.session.send({ type: "end_drag", pin });
     this.tell("drag", null);
   }
 
   /** @param {PointerEvent} event */
-  #press(event) {
+  #down(event) {
     this.#beside = null;
-    if (this.#held !== null) {
+    if (this.#press !== null) {
       event.stopImmediatePropagation(); // a second finger while a part is held
       return;
     }
@@ -89,7 +89,7 @@ export class Drag extends Events {
     const toward = this.view.camera.getWorldDirection(new Vector3());
     this.#plane.setFromNormalAndCoplanarPoint(toward, hit.point);
     const at = hit.group.worldToLocal(hit.point.clone());
-    this.#held = {
+    this.#press = {
       ...hit,
       at,
       pointer: event.pointerId,
@@ -103,7 +103,7 @@ export class Drag extends Events {
 
   /** @param {PointerEvent} event */
   #move(event) {
-    if (this.#held === null) {
+    if (this.#press === null) {
       if (event.buttons === 0) this.#point(event);
       return;
     }
@@ -113,30 +113,30 @@ export class Drag extends Events {
 
   /** @param {PointerEvent} event */
   #follow(event) {
-    const held = this.#held;
-    if (held === null || event.pointerId !== held.pointer || held.denied) return;
-    if (!held.dragged) {
-      if (Math.hypot(event.clientX - held.x, event.clientY - held.y) <= held.still) return;
+    const press = this.#press;
+    if (press === null || event.pointerId !== press.pointer || press.denied) return;
+    if (!press.dragged) {
+      if (Math.hypot(event.clientX - press.x, event.clientY - press.y) <= press.still) return;
       if (!this.session.mayAct()) {
-        held.denied = true;
+        press.denied = true;
         return;
       }
-      held.dragged = true;
-      this.session.send({ take: { robot: held.robot, node: held.node, point: held.at.toArray() } });
-      this.tell("drag", held);
+      press.dragged = true;
+      this.session.send({ type: "start_drag", robot: press.robot, node: press.node, point: press.at.toArray() });
+      this.tell("drag", press);
     }
     const met = this.pick.aim(event).intersectPlane(this.#plane, new Vector3());
-    if (met !== null) this.lead.to(this.view.root.worldToLocal(met).toArray());
+    if (met !== null) this.target.move(this.view.root.worldToLocal(met).toArray());
   }
 
   /** @param {PointerEvent} event */
   #release(event) {
-    const held = this.#held;
-    if (held !== null && event.pointerId === held.pointer) {
-      const clicked = event.type === "pointerup" && !held.dragged && !held.denied;
+    const press = this.#press;
+    if (press !== null && event.pointerId === press.pointer) {
+      const clicked = event.type === "pointerup" && !press.dragged && !press.denied;
       event.stopImmediatePropagation();
-      this.letGo();
-      if (clicked) this.session.select(held.robot, held.node);
+      this.end();
+      if (clicked) this.session.select(press.robot, press.node);
       return;
     }
     const beside = this.#beside;
@@ -157,7 +157,7 @@ export class Drag extends Events {
   }
 
   #hover() {
-    const busy = this.#held !== null || this.gizmo.busy;
+    const busy = this.#press !== null || this.gizmo.busy;
     if (busy) return;
     const pointer = this.gizmo.hovered ? null : this.#pointer;
     const hit = pointer === null ? null : this.pick.seen(pointer);

@@ -10,7 +10,7 @@ import { Object3D, Quaternion, Vector3 } from "three";
 import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
 import { TransformControls } from "../vendor/three-0.132.2/TransformControls.js";
-import { Lead } from "./lead.js";
+import { DragTarget } from "./drag_target.js";
 
 export const AXES = ["world", "local", "view"];
 
@@ -24,7 +24,7 @@ export class Gizmo extends Events {
   constructor(view, session) {
     super();
     Object.assign(this, { view, session });
-    this.lead = new Lead(session);
+    this.target = new DragTarget(session);
     if (!AXES.includes(this.axes)) this.axes = "world";
     this.proxy = new Object3D();
     view.stage.add(this.proxy);
@@ -34,7 +34,7 @@ export class Gizmo extends Events {
     this.controls.addEventListener("change", () => view.changed());
     this.controls.addEventListener("mouseDown", () => this.#take());
     this.controls.addEventListener("objectChange", () => this.#move());
-    this.controls.addEventListener("mouseUp", () => this.letGo());
+    this.controls.addEventListener("mouseUp", () => this.end());
     this.controls.addEventListener("dragging-changed", ({ value }) => {
       view.controls.enabled = !value;
     });
@@ -42,8 +42,8 @@ export class Gizmo extends Events {
     view.before(() => this.#follow());
     session.on("select", (part) => this.#attach(part));
     session.on("hello", () => this.#attach(this.#part));
-    session.on("hand", (hand) => {
-      if (hand === "other") this.letGo();
+    session.on("control", (control) => {
+      if (control === "other") this.end();
     });
   }
 
@@ -84,16 +84,16 @@ export class Gizmo extends Events {
     this.#changed();
   }
 
-  /** Lets go; pinned where the target is, if so wished. */
-  letGo(pin = false) {
+  /** End the drag; with a pin at the target, if wanted. */
+  end(pin = false) {
     if (this.#begin === null) return;
     const { denied } = this.#begin;
     this.#begin = null;
-    this.lead.stop();
+    this.target.stop();
     this.controls.dragging = false;
     this.controls.axis = null;
     if (denied) return;
-    this.session.send({ "let go": pin ? "pin" : true });
+    this.session.send({ type: "end_drag", pin });
     this.tell("drag", null);
   }
 
@@ -103,7 +103,7 @@ export class Gizmo extends Events {
   }
 
   #attach(part) {
-    this.letGo();
+    this.end();
     this.#part = part !== null && this.session.knows(part.robot, part.node) ? part : null;
     if (this.#part === null) {
       this.controls.detach();
@@ -136,7 +136,7 @@ export class Gizmo extends Events {
       this.#begin.denied = true;
       return;
     }
-    this.session.send({ take: { robot, node, turn: this.#turns } });
+    this.session.send({ type: "start_drag", robot, node, rotation: this.#turns });
     this.tell("drag", this.#part);
   }
 
@@ -145,11 +145,11 @@ export class Gizmo extends Events {
     if (begin === null || begin.denied) return;
     const position = this.proxy.position.toArray();
     if (!begin.turns) {
-      this.lead.to(position);
+      this.target.move(position);
       return;
     }
     const turned = this.proxy.quaternion.clone().multiply(begin.axes.clone().invert()).multiply(begin.turn).normalize();
-    this.lead.to([...position, ...turned.toArray()]);
+    this.target.move(position, turned.toArray());
   }
 
   /** Before every picture: the proxy stands where the part is, unless it leads. */

@@ -2,7 +2,7 @@
 
 import { Mesh, Raycaster, Vector2 } from "three";
 
-const NEAR = [0, 6, 12]; // pixels: a hand trembles, and a part moves on while its picture is drawn
+const NEAR = [0, 6, 12]; // pixels: the pointer trembles, and a part moves on while its picture is drawn
 const AROUND = 8;
 
 /**

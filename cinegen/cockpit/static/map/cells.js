@@ -182,7 +182,7 @@ export class Cells {
     const { field } = this;
     const { seen } = field;
     const values = field.values();
-    const { low = 0, high = 1 } = field.said() ?? {};
+    const { low = 0, high = 1 } = field.description() ?? {};
     const range = high > low ? high - low : 1;
     const colours = new Float32Array(3 * each * seen.length);
     for (let i = 0; i < seen.length; i += 1) {

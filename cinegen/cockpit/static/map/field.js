@@ -10,13 +10,10 @@ const GROWING = 2000; // ms until a map that is being made is looked at again
 const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn of it
 
 /**
- * What the server says of a map (cinegen/cockpit/chart.py).
+ * Description of a map by the server; its types are generated from cinegen/cockpit/messages.py.
  *
- * @typedef {{ name: string, unit: string, low: number, step: number, count: number, every: number, places: boolean }} Axis
- * @typedef {{ name: string, unit: string, words: string, low: number, high: number, least: number, most: number }} Quantity
- * @typedef {{ robot: string, surface: boolean, size: number, cells: number, done: number, shown: number, axes: Axis[],
- *   quantity: string | null, quantities: Quantity[],
- *   arrays: Record<string, { at: number, count: number, whole: boolean }> }} About
+ * @typedef {import("../base/messages").AxisShown} Axis
+ * @typedef {import("../base/messages").MapDescription} About
  * @typedef {{ axis: number, index: number, layer: boolean }} Cut
  * @typedef {{ quantity: string | null, shown: boolean, cut: Cut | null, share: number }} Choice
  * @typedef {Uint32Array | Float32Array} Numbers
@@ -80,7 +77,7 @@ export class Field extends Events {
    *
    * @param {string | null} name
    */
-  said(name = this.quantity) {
+  description(name = this.quantity) {
     return this.about?.quantities.find((one) => one.name === name) ?? null;
   }
 
@@ -138,9 +135,9 @@ export class Field extends Events {
     const size = new DataView(block).getUint32(0, true);
     const about = JSON.parse(new TextDecoder().decode(new Uint8Array(block, 4, size)));
     this.#numbers = new Map(
-      Object.entries(/** @type {About} */ (about).arrays).map(([name, { at, count, whole }]) => [
+      Object.entries(/** @type {About} */ (about).arrays).map(([name, { at, count, integer }]) => [
         name,
-        new (whole ? Uint32Array : Float32Array)(block, 4 + size + at, count),
+        new (integer ? Uint32Array : Float32Array)(block, 4 + size + at, count),
       ]),
     );
     return about;
@@ -150,8 +147,8 @@ export class Field extends Events {
   #begin({ quantity, axes }) {
     this.quantity = quantity;
     this.share = memory.get(`map.share.${this.#kind}`, SHARE[this.#kind]);
-    const turn = axes.findIndex(({ places, count }) => !places && count > 1);
-    if (turn >= 0 && axes.some(({ places }) => places)) {
+    const turn = axes.findIndex(({ translates, count }) => !translates && count > 1);
+    if (turn >= 0 && axes.some(({ translates }) => translates)) {
       this.cut = { axis: turn, index: axes[turn].count >> 1, layer: true }; // else all turns are in one place
     } else if (axes.length > 2 && this.#surrounds()) {
       this.cut = { axis: 0, index: (axes[0].count - 1) >> 1, layer: false };

@@ -48,14 +48,14 @@ export class Legend {
 
   #show() {
     const { field } = this;
-    const said = field.said();
+    const described = field.description();
     this.element.hidden = !field.shown;
-    this.bar.hidden = this.ends.hidden = said === null;
-    write(this.name, said === null ? "reached" : said.words);
-    if (said !== null) {
-      write(this.low, `${said.least < said.low ? "≤ " : ""}${spelled(said.low, said.unit)}`);
-      write(this.high, `${said.most > said.high ? "≥ " : ""}${spelled(said.high, said.unit)}`);
-      this.element.setAttribute("aria-label", `${said.words}: ${this.low.textContent} to ${this.high.textContent}`);
+    this.bar.hidden = this.ends.hidden = described === null;
+    write(this.name, described === null ? "reached" : described.text);
+    if (described !== null) {
+      write(this.low, `${(described.least ?? described.low) < described.low ? "≤ " : ""}${spelled(described.low, described.unit)}`);
+      write(this.high, `${(described.most ?? described.high) > described.high ? "≥ " : ""}${spelled(described.high, described.unit)}`);
+      this.element.setAttribute("aria-label", `${described.text}: ${this.low.textContent} to ${this.high.textContent}`);
     }
     this.#tell();
   }

@@ -41,8 +41,8 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
       mark.position.copy(where);
       mark.scale.setScalar(MARK * (field.about?.size ?? 0));
       material.color.setHex(theme.accent);
-      const said = field.said();
-      labels.put("cell", said === null ? "go there" : `${said.name} ${spelled(field.values()?.[cell] ?? NaN, said.unit)}`, where, "cell");
+      const described = field.description();
+      labels.put("cell", described === null ? "go there" : `${described.name} ${spelled(field.values()?.[cell] ?? NaN, described.unit)}`, where, "cell");
     }
     legend.tell(cell);
     view.changed();
@@ -55,9 +55,9 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
     const mine = asked;
     try {
       const to = await (await got(`map/cell/${field.array("numbers")[cell]}`)).json();
-      if (mine === asked) session.send({ visit: to }); // else another was clicked meanwhile
+      if (mine === asked) session.send({ type: "move_to", ...to }); // else another was clicked meanwhile
     } catch (error) {
-      session.tell("notice", { words: `The cell can't be read: ${error instanceof Error ? error.message : error}`, level: "warning" });
+      session.tell("notice", { text: `The cell can't be read: ${error instanceof Error ? error.message : error}`, level: "warning" });
     }
   };
 
@@ -65,7 +65,7 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
   drag.on("point", (event) => point(event === null ? null : (cells.met(pick.aim(event))?.cell ?? null)));
   drag.on("drag", () => point(null));
   drag.on("free", (event) => {
-    const met = session.hello?.replay ? null : cells.met(pick.aim(event));
+    const met = session.hello?.playback ? null : cells.met(pick.aim(event));
     if (met !== null) go(met.cell);
   });
   field.on("change", () => point(null));

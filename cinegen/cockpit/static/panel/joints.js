@@ -23,9 +23,9 @@ export class Joints {
     this.section = new Section(panel, {
       id: "joints",
       words: "Joints",
-      hint: "Move the motors one by one; the ends of each bar are the joint's limits",
+      hint: "Move actuated joints one by one; the ends of each bar are the joint's limits",
     });
-    this.lead = atMostEvery(PICTURE, (joint) => session.send({ joint }));
+    this.lead = atMostEvery(PICTURE, (move) => session.send({ type: "move_joint", ...move }));
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());
     units.on("change", () => this.#build());
@@ -40,7 +40,7 @@ export class Joints {
       const passive = rows.filter(({ joint }) => !joint.actuated);
       body.append(...motors.map(({ element }) => element));
       if (passive.length > 0) {
-        const hint = "Joints without a motor: the loops move them";
+        const hint = "Passive joints: the loops move them";
         body.append(folded(`${passive.length} passive`, hint, ...passive.map(({ element }) => element)));
       }
       if (rows.length === 0) body.append(make("p", { class: "empty" }, "This robot has no joints."));
@@ -135,7 +135,7 @@ export class Joints {
       if (this.#moving === null) return;
       this.#moving = null;
       this.lead.flush();
-      this.session.send({ joint: null });
+      this.session.send({ type: "end_joint_motion" });
       setTimeout(() => this.#show(), SETTLED); // where nothing moved, no report tells so
     }, wait);
   }
@@ -145,7 +145,7 @@ export class Joints {
       const told = this.session.report?.robots?.[robot.name];
       if (!told) continue;
       const at = new Set(told.saturated);
-      const near = new Set(told.near);
+      const near = new Set(told.near_limit);
       robot.joints.forEach((joint, i) => {
         const row = this.#rows.get(`${robot.name}/${joint.name}`);
         const value = told.q?.[i];

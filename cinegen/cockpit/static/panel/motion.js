@@ -21,7 +21,7 @@ export class Motion {
     });
     /** @param {string} name */
     const say = (name) => (/** @type {number} */ value) => {
-      if (session.mayAct()) session.send({ [name]: value });
+      if (session.mayAct()) session.send({ type: "change_settings", [name]: value });
     };
     this.gain = logSlider({
       id: "gain",

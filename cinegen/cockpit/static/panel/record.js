@@ -26,7 +26,7 @@ export class Record {
         title: HINT,
         on: {
           click: () => {
-            if (session.mayAct()) session.send({ record: this.button.getAttribute("aria-pressed") !== "true" });
+            if (session.mayAct()) session.send({ type: "set_recording", on: this.button.getAttribute("aria-pressed") !== "true" });
           },
         },
       },

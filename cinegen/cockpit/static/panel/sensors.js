@@ -21,7 +21,7 @@ export class Sensors {
     this.section = new Section(panel, {
       id: "sensors",
       words: "Sensors",
-      hint: "3D mice, gamepads and scripts; each may lead a node, switched while it runs",
+      hint: "3D mice, gamepads and scripts; each node may follow one of them",
     });
     session.on("hello", (hello) => this.#build(hello));
     session.on("report", (report) => this.#show(report));
@@ -39,7 +39,7 @@ export class Sensors {
     for (const one of switches) body.append(this.#switch(one, sensors));
     for (const sensor of sensors) body.append(this.#card(sensor));
     const say = (name) => (value) => {
-      if (this.session.mayAct()) this.session.send({ [name]: value });
+      if (this.session.mayAct()) this.session.send({ type: "change_settings", [name]: value });
     };
     this.speed = logSlider({
       id: "speed",
@@ -48,7 +48,7 @@ export class Sensors {
       low: 0.001,
       high: 10,
       words: (value) => units.speed(value),
-      said: say("speed"),
+      said: say("linear_speed"),
     });
     this.turning = logSlider({
       id: "turning",
@@ -57,7 +57,7 @@ export class Sensors {
       low: 0.01,
       high: 10,
       words: (value) => units.turning(value),
-      said: say("turning"),
+      said: say("angular_speed"),
     });
     body.append(row("speed", this.speed), row("turning", this.turning));
   }
@@ -69,13 +69,13 @@ export class Sensors {
       "select",
       {
         class: "small",
-        title: `Which sensor leads ${whose}`,
-        "aria-label": `Sensor that leads ${whose}`,
+        title: `Sensor that ${whose} follows`,
+        "aria-label": `Sensor that ${whose} follows`,
         on: {
           change: () => {
             this.#switches.get(key).changed = performance.now();
             if (!this.session.mayAct()) return;
-            this.session.send({ switch: { robot, node, sensor: select.value === "" ? null : select.value } });
+            this.session.send({ type: "select_sensor", robot, node, sensor: select.value === "" ? null : select.value });
           },
         },
       },
@@ -110,7 +110,7 @@ export class Sensors {
         "div",
         { class: "head" },
         dot,
-        make("span", { class: "name", title: sensor.url ?? "" }, sensor.what || sensor.id),
+        make("span", { class: "name", title: sensor.url ?? "" }, sensor.kind || sensor.id),
         make("span", { class: "end" }, state),
       ),
       make("div", { class: "words quiet" }, [sensor.id, sensor.url].filter(Boolean).join(" · ")),
@@ -129,7 +129,7 @@ export class Sensors {
       card.element.dataset.state = told.state ?? "";
       card.dot.dataset.tone = TONES[told.state] ?? "none";
       write(card.state, told.state ?? "");
-      write(card.words, told.words && told.words !== told.state ? told.words : "");
+      write(card.words, told.message && told.message !== told.state ? told.message : "");
       card.words.hidden = card.words.textContent === "";
       const damaged = told.damaged > 0 ? `, ${told.damaged} damaged` : "";
       write(card.count, told.packets > 0 ? `${told.packets} packets${damaged}` : "");
@@ -146,13 +146,13 @@ export class Sensors {
       if (one === undefined || one.select.value === value || performance.now() - one.changed < 800) continue;
       one.select.value = value;
     }
-    this.speed?.show(settings?.speed);
-    this.turning?.show(settings?.turning);
+    this.speed?.show(settings?.linear_speed);
+    this.turning?.show(settings?.angular_speed);
   }
 }
 
 function named(id, sensors) {
-  const what = sensors.find((sensor) => sensor.id === id)?.what;
+  const what = sensors.find((sensor) => sensor.id === id)?.kind;
   return what ? `${id} · ${what}` : id;
 }
 

@@ -1,4 +1,4 @@
-// Singularity: how near the robot is to losing a motion (type 1) and to gaining one that its motors don't hold
+// Singularity: how near the robot is to losing a motion (type 1) and to one that its actuated joints don't control
 // (type 2), each on a log scale with the mark below which it is near, and in words.
 //
 // For tests: [data-meter="ROBOT/type1"], [data-meter="ROBOT/type2"]; role meter with aria-valuenow = sigma.
@@ -11,7 +11,7 @@ const LEAST = 1e-3;
 const MOST = 1;
 const AWARE = 3; // times the threshold: the meter turns orange
 
-/** @typedef {import("../base/link.js").Singular} Singular */
+/** @typedef {import("../base/messages").SingularityReport} Singular */
 /**
  * @typedef {{ none: string, meter: HTMLElement, value: HTMLElement, bar: HTMLElement, mark: HTMLElement, said: HTMLElement }} Row
  */
@@ -26,9 +26,9 @@ const KINDS = [
   },
   {
     kind: "type2",
-    words: "Motion not held",
+    words: "Motion not controlled",
     none: "no loops: can't happen",
-    hint: "Type 2: near 0 the robot can move though its motors stand still. Full and green is good.",
+    hint: "Type 2: near 0 the robot can move while its actuated joints are locked. Full and green is good.",
   },
 ];
 
@@ -45,7 +45,7 @@ export class Singularity {
     this.section = new Section(panel, {
       id: "singularity",
       words: "Singularity",
-      hint: "How far the robot is from places where it loses or gains a motion",
+      hint: "How far the robot is from places where it loses a motion or control of one",
     });
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());
@@ -89,7 +89,7 @@ export class Singularity {
         const one = this.#meters.get(`${robot.name}/${kind}`);
         const found = this.session.report?.robots?.[robot.name]?.[kind];
         const sigma = found?.sigma ?? NaN;
-        const near = found?.near ?? 0;
+        const near = found?.threshold ?? 0;
         const known = Number.isFinite(sigma);
         if (one === undefined) continue;
         const none = kind === "type2" && robot.loops.length > 0 ? "not known" : one.none;
@@ -98,7 +98,7 @@ export class Singularity {
         if (!one.mark.hidden) one.mark.style.left = `${(100 * share(near)).toFixed(1)}%`;
         one.meter.dataset.tone = !known ? "none" : tone(sigma, near);
         one.meter.setAttribute("aria-valuenow", known ? String(sigma) : "0");
-        const words = known ? (found?.words ?? "") : none;
+        const words = known ? (found?.text ?? "") : none;
         one.meter.setAttribute("aria-valuetext", words);
         write(one.value, known ? significant(sigma) : "–");
         write(one.said, words);

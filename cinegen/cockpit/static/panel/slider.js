@@ -17,7 +17,7 @@ export function fill(input) {
 
 /**
  * A slider on a log scale from `low` to `high`, with its value in words: { input, output, show(value) }.
- * `said(value)` is called while it is moved; it is not moved under the hand that moves it.
+ * `said(value)` is called while it is moved; meanwhile `show` has no effect.
  *
  * @param {{ id?: string, label: string, hint: string, low: number, high: number, words: (value: number) => string,
  *   said: (value: number) => void }} options

@@ -1,6 +1,6 @@
-// Tasks: what is held now, by whom, how much of it, how strongly; each can be let go.
+// Tasks: source, constrained DoF, weight and error of each, and a button to remove it.
 //
-// For tests: [data-task="ID"] with button (release), select[data-holds="translation"] and [data-holds="rotation"],
+// For tests: [data-task="ID"] with button (release), select[data-dof="translation"] and [data-dof="rotation"],
 // input[type=range] (weight).
 
 import { atMostEvery, make, write } from "../base/dom.js";
@@ -20,9 +20,9 @@ export class Tasks {
     this.section = new Section(panel, {
       id: "tasks",
       words: "Tasks",
-      hint: "What leads the robots now: your hand, pins and sensors. Where they disagree, weights decide",
+      hint: "What moves the robots: the pointer, pins and sensors. If not all tasks can be met, weights decide",
     });
-    this.empty = make("p", { class: "empty" }, "Nothing is pulled. Drag a part, or select one and pin it.");
+    this.empty = make("p", { class: "empty" }, "No tasks. Drag a part, or select one and pin it.");
     this.section.body.append(this.empty);
     this.show = atMostEvery(OFTEN, () => this.#show());
     session.on("state", () => this.show());
@@ -59,15 +59,15 @@ export class Tasks {
       {
         class: "small end",
         type: "button",
-        title: `Let go of ${whose}`,
-        "aria-label": `Let go of ${whose}`,
+        title: `Remove the task of ${whose}`,
+        "aria-label": `Remove the task of ${whose}`,
         on: {
           click: () => {
-            if (this.session.mayAct()) this.session.send({ release: id });
+            if (this.session.mayAct()) this.session.send({ type: "remove_task", task: id });
           },
         },
       },
-      "Release",
+      "Remove",
     );
     const choose = (kind, words, hint) =>
       make(
@@ -75,22 +75,22 @@ export class Tasks {
         {
           class: "small",
           title: hint,
-          "aria-label": `${kind} of ${whose} that is held`,
-          data: { holds: kind },
+          "aria-label": `Constrained ${kind} of ${whose}`,
+          data: { dof: kind },
           on: { change: () => this.#hold(card, id) },
         },
         ...words.map((word, i) => make("option", { value: i }, word)),
       );
-    card.translation = choose("translation", TRANSLATIONS, "Along which axes of the target its position is held");
-    card.rotation = choose("rotation", ROTATIONS, "How much of its orientation is held");
+    card.translation = choose("translation", TRANSLATIONS, "Axes of the target along which the position is constrained");
+    card.rotation = choose("rotation", ROTATIONS, "Constrained part of the orientation");
     card.weight = logSlider({
       label: `Weight of ${whose}`,
-      hint: "Where tasks can't all be met, the heavier one wins",
+      hint: "If not all tasks can be met, those of larger weight are met better",
       low: 0.01,
       high: 100,
       words: (value) => `× ${significant(value)}`,
       said: (value) => {
-        if (this.session.mayAct()) this.session.send({ weight: [id, value] });
+        if (this.session.mayAct()) this.session.send({ type: "change_task", task: id, weight: value });
       },
     });
     card.element = make(
@@ -98,9 +98,9 @@ export class Tasks {
       { class: "card", data: { task: String(id) } },
       make("div", { class: "head" }, make("span", { class: "name" }, whose), card.who, release),
       make("label", { class: "pair" }, "position", card.translation),
-      make("label", { class: "pair" }, "turning", card.rotation),
+      make("label", { class: "pair" }, "rotation", card.rotation),
       make("label", { class: "pair three" }, "weight", card.weight.input, card.weight.output),
-      make("div", { class: "pair" }, make("span", {}, "left"), card.error),
+      make("div", { class: "pair" }, make("span", {}, "error"), card.error),
     );
     return card;
   }
@@ -108,15 +108,16 @@ export class Tasks {
   #hold(card, id) {
     card.held = performance.now();
     if (!this.session.mayAct()) return;
-    this.session.send({ holds: [id, Number(card.translation.value), Number(card.rotation.value)] });
+    const [translation, rotation] = [card.translation, card.rotation].map((select) => Number(select.value));
+    this.session.send({ type: "change_task", task: id, translation, rotation });
   }
 
   #fill(card, task) {
     write(
       card.who,
-      task.who === "sensor" ? (task.label ?? "sensor") : task.who === "pin" ? "pinned" : (task.label ?? task.who ?? ""),
+      task.source === "pin" ? "pinned" : task.label,
     );
-    const [translation = 3, rotation = 3] = task.holds ?? [];
+    const { translation, rotation } = task;
     const choosing = document.activeElement === card.translation || document.activeElement === card.rotation;
     if (!choosing || !(performance.now() - card.held < 1000)) {
       if (card.translation.value !== String(translation)) card.translation.value = String(translation);

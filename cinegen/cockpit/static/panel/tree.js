@@ -37,9 +37,9 @@ export class Tree {
       const list = make("ul", { class: "tree", "aria-label": `Parts of ${robot.name}` });
       for (const node of robot.nodes) if (!robot.byName.has(node.parent)) this.#grow(list, robot, node, children);
       list.addEventListener("keydown", (event) => this.#walk(event, list));
-      const motors = robot.joints.filter((joint) => joint.actuated).length;
-      const words = [`mobility ${robot.mobility ?? "–"}`, `${motors} motors`, `${robot.loops.length} loops`];
-      if (Array.isArray(robot.stands_on)) words.push(`stands on ${robot.stands_on.join(" · ")}`);
+      const actuated = robot.joints.filter((joint) => joint.actuated).length;
+      const words = [`mobility ${robot.mobility ?? "–"}`, `${actuated} actuated joints`, `${robot.loops.length} loops`];
+      if (robot.base !== null) words.push(`base on ${robot.base.join(" · ")}`);
       body.append(make("p", { class: "empty" }, words.join(" · ")), list);
     });
     if (obstacles.length > 0) this.section.body.append(this.#obstacles(obstacles));
@@ -84,7 +84,7 @@ export class Tree {
       .map((loop) => (loop.first === node.name ? loop.second : loop.first));
     const words = [
       robot.obstacle ? "obstacle" : (node.kind ?? "node"),
-      joint && !robot.obstacle ? `on ${joint.name} (${joint.actuated ? "motor" : "passive"})` : "",
+      joint && !robot.obstacle ? `on ${joint.name} (${joint.actuated ? "actuated" : "passive"})` : "",
       loops.length > 0 ? `loop closed with ${loops.join(", ")}` : "",
       node.name === robot.end && !robot.obstacle ? "the tool" : "",
     ];

@@ -18,7 +18,7 @@ export function tellEye(view, session) {
     const eye = view.eye(new Quaternion()).normalize();
     if (told !== null && 1 - Math.abs(told.dot(eye)) < TURNED ** 2) return;
     told = eye;
-    session.send({ view: eye.toArray() });
+    session.send({ type: "set_view", quaternion: /** @type {[number, number, number, number]} */ (eye.toArray()) });
   });
   view.before(() => tell());
   session.on("report", () => tell());

@@ -29,8 +29,8 @@ export class Skeleton {
     view.pace.on("slow", () => {
       if (this.#offered || this.#on) return;
       this.#offered = true;
-      const action = { words: "Draw skeletons", run: () => aids.draw("skeleton") };
-      session.tell("notice", { words: "Pictures take long here.", action });
+      const action = { label: "Draw skeletons", run: () => aids.draw("skeleton") };
+      session.tell("notice", { text: "Pictures take long here.", action });
     });
     view.before((drawn) => {
       if (drawn && this.#on) this.#hide();

@@ -1,4 +1,4 @@
-"""Runs a session at its rate: in a process of its own, which nothing else holds up, or in a thread."""
+"""`SessionRunner`: runs a session at its rate, in a process of its own or in a thread."""
 
 from __future__ import annotations
 
@@ -11,18 +11,22 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Protocol, Self
 
-from cinegen.errors import CinegenWarning
+from cinegen.errors import CinegenError, CinegenWarning
 from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
 from cinegen.session.session import Session
 from cinegen.session.setup import Setup
-from cinegen.session.state import State
+from cinegen.session.state import SessionState
 
 FRAMES = 120
-"""States a second that are told."""
+"""States per second."""
 
-_MOST = 100  # commands that are obeyed in a tick
+_MOST = 100  # commands that are carried out in a tick
 _PATIENCE = 10.0  # s that a session has to end
+
+
+class SessionError(CinegenError):
+    """Something went wrong in a session that has ended."""
 
 
 class _End:
@@ -30,44 +34,44 @@ class _End:
 
 
 class _Inbox(Protocol):
-    """Where commands come from."""
+    """Source of commands."""
 
     def take(self) -> Command | _End | None:
-        """The next; None if there is none."""
+        """Return the next command; None if there is none."""
 
 
-class _Here(deque[Command | _End]):
-    """Within one process."""
+class _LocalInbox(deque[Command | _End]):
+    """Commands from the same process."""
 
     def take(self) -> Command | _End | None:
-        """The next."""
+        """See `_Inbox`."""
         return self.popleft() if self else None
 
 
-class _There:
-    """From another process."""
+class _PipeInbox:
+    """Commands from another process."""
 
     def __init__(self, connection: multiprocessing.connection.Connection) -> None:
         self._connection = connection
 
     def take(self) -> Command | _End | None:
-        """The next."""
+        """See `_Inbox`."""
         try:
             command: Command | _End | None = self._connection.recv() if self._connection.poll() else None
-        except (EOFError, OSError):  # whoever commands is gone; the clock's end follows
+        except (EOFError, OSError):  # the other process has ended; the clock ends this one
             return None
         return command
 
 
-class Loop:
-    """A session that runs.
+class SessionRunner:
+    """Runs a session.
 
     Args:
-        setup: what it is made of.
-        own_process: whether in a process of its own; else in a thread, where other Python code holds it up.
+        setup: setup of the session.
+        own_process: run it in a process of its own; otherwise in a thread, which other Python code delays.
 
     Raises:
-        CinegenError: there can't be such a session, or no process for it.
+        CinegenError: the session can't be constructed, or its process not started.
     """
 
     def __init__(self, setup: Setup, own_process: bool = True) -> None:
@@ -75,42 +79,42 @@ class Loop:
         self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
         if own_process:
             inbox, outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
-            self._clock.spawn(_there, setup, inbox)
+            self._clock.spawn(_in_process, setup, inbox)
             inbox.close()
             self._send: Callable[[Command | _End], None] = outbox.send
         else:
-            here = _Here()
-            self._send = here.append
-            self._clock.start(_ticks(Session(setup), here))
+            inbox_here = _LocalInbox()
+            self._send = inbox_here.append
+            self._clock.start(_ticks(Session(setup), inbox_here))
 
     def send(self, command: Command) -> None:
-        """Commands are obeyed in their order, before the next tick."""
+        """Send a command. Commands are carried out in their order, before the next tick."""
         try:
             self._send(command)
-        except OSError:  # the process is gone: `state` says why
+        except OSError:  # the process has ended: `state` raises the reason
             return
 
     @property
-    def state(self) -> State | None:
-        """The newest; None until there is one.
+    def state(self) -> SessionState | None:
+        """Newest state; None until there is one.
 
         Raises:
-            Exception: what ended the session.
+            Exception: the exception that ended the session.
         """
-        state: State | None = self._clock.state
+        state: SessionState | None = self._clock.state
         return state
 
     def report(self) -> TimingReport:
-        """How well it keeps its rate."""
+        """Return the timing of its ticks."""
         return self._clock.report()
 
     def stop(self) -> None:
-        """Ends the session: sensors are closed, a recording is whole.
+        """End the session: close its sensors, and complete its recording.
 
         Raises:
-            Exception: what ended the session before.
+            Exception: the exception that ended the session before.
         """
-        with contextlib.suppress(OSError):  # the process is gone: `join` raises why
+        with contextlib.suppress(OSError):  # the process has ended: `join` raises the reason
             self._send(_End())
         self._clock.join(_PATIENCE)
         self._clock.stop()
@@ -124,19 +128,21 @@ class Loop:
         self.stop()
 
 
-def _there(setup: Setup, connection: multiprocessing.connection.Connection) -> Callable[[Tick], State | None]:
-    with warnings.catch_warnings():  # they were told where the session was put together
+def _in_process(
+    setup: Setup, connection: multiprocessing.connection.Connection
+) -> Callable[[Tick], SessionState | None]:
+    with warnings.catch_warnings():  # issued when the setup was made
         warnings.simplefilter("ignore", CinegenWarning)
         session = Session(setup)
-    return _ticks(session, _There(connection))
+    return _ticks(session, _PipeInbox(connection))
 
 
-def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], State | None]:
-    """What a clock calls."""
+def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | None]:
+    """Return the function that the clock calls."""
     every = max(1, round(session.setup.rate / FRAMES))
     count = 0
 
-    def tick(tick: Tick) -> State | None:
+    def tick(tick: Tick) -> SessionState | None:
         nonlocal count
         for _ in range(_MOST):
             command = inbox.take()

@@ -8,18 +8,19 @@ from pathlib import Path
 
 from cinegen.collision.scene import Scene
 from cinegen.ik import Solver
+from cinegen.mission import BasePose
 from cinegen.model import Mechanism
 from cinegen.model.load import build
 from cinegen.session.avoiding import AvoidingRobot
-from cinegen.session.driven import Driven
 from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.looks import Looks
 from cinegen.session.obstacle import mechanism_of
-from cinegen.session.setup import RATE, Setup, Stand, Surroundings, arrange
+from cinegen.session.robot import DrivenRobot
+from cinegen.session.setup import RATE, Avoidance, Setup, arrange
 from cinegen.session.solids import KEY, said
 
 
-def in_scene(
+def scene_setup(
     scene: Scene,
     sensors: Collection[str] = (),
     follow: str | None = None,
@@ -42,24 +43,24 @@ def in_scene(
         scene = replace(scene, mechanism=_seen(scene.mechanism, looks, scene.mobile))
     name = _path_safe(Path(scene.robot).stem if isinstance(scene.robot, str) else scene.mechanism.name)
     setup = arrange({name: scene.mechanism}, None, tuple(sensors), follow, node, (), rate, record)
-    robots, stands, names = dict(setup.robots), dict(setup.stands), list[str]()
+    robots, bases, names = dict(setup.robots), dict(setup.bases), list[str]()
     for obstacle in scene.obstacles:
         called = _path_safe(obstacle.name)
         while called in robots:
             called += "'"
         robots[called] = mechanism_of(obstacle, called, looks)
-        stands[called] = Stand(placement=obstacle.placement)
+        bases[called] = BasePose(placement=obstacle.placement)
         names.append(called)
-    return replace(setup, robots=robots, stands=stands, surroundings=Surroundings(name, scene, tuple(names)))
+    return replace(setup, robots=robots, bases=bases, avoidance=Avoidance(name, scene, tuple(names)))
 
 
-def driven(setup: Setup) -> dict[str, Driven]:
+def driven(setup: Setup) -> dict[str, DrivenRobot]:
     """The robots of a session."""
-    dt, around = 1.0 / setup.rate, setup.surroundings
+    dt, around = 1.0 / setup.rate, setup.avoidance
     if around is None:
-        return {name: Driven(name, Solver(mechanism, dt)) for name, mechanism in setup.robots.items()}
+        return {name: DrivenRobot(name, Solver(mechanism, dt)) for name, mechanism in setup.robots.items()}
     robot = AvoidingRobot(around.robot, around.scene, around.obstacles, dt)
-    found: dict[str, Driven] = {}
+    found: dict[str, DrivenRobot] = {}
     for name, mechanism in setup.robots.items():
         if name == around.robot:
             found[name] = robot
@@ -67,7 +68,7 @@ def driven(setup: Setup) -> dict[str, Driven]:
             number = around.obstacles.index(name)
             found[name] = DrivenObstacle(name, mechanism, around.scene.obstacles[number], number, robot, dt)
         else:
-            found[name] = Driven(name, Solver(mechanism, dt))
+            found[name] = DrivenRobot(name, Solver(mechanism, dt))
     return found
 
 

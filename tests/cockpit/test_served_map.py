@@ -10,8 +10,8 @@ import pytest
 from browsers import Browser, becomes, get
 
 from cinegen.cockpit import Cockpit, show_map
-from cinegen.cockpit.chart import Chart
-from cinegen.session import ShownMap, on_map
+from cinegen.cockpit.served_map import ServedMap
+from cinegen.session import ShownMap, map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
@@ -28,7 +28,7 @@ def path(robot, tmp_path_factory):
 
 @pytest.fixture
 def cockpit(path):
-    with Cockpit(on_map(path, "solutions"), port=8800, own_process=False) as one:
+    with Cockpit(map_setup(path, "solutions"), port=8800, own_process=False) as one:
         yield one
 
 
@@ -38,7 +38,7 @@ def read(block):
     assert behind % 4 == 0
     about = json.loads(block[4:behind])
     arrays = {
-        name: np.frombuffer(block, "<u4" if one["whole"] else "<f4", one["count"], behind + one["at"])
+        name: np.frombuffer(block, "<u4" if one["integer"] else "<f4", one["count"], behind + one["at"])
         for name, one in about["arrays"].items()
     }
     assert len(block) == behind + sum(4 * one.size for one in arrays.values())
@@ -72,19 +72,19 @@ def test_the_page_gets_all_cells_as_numbers(cockpit, path):
 def test_of_a_map_that_grows_the_page_gets_what_belongs_together(path, tmp_path):
     where = tmp_path / "growing.zarr"
     shutil.copytree(path, where)
-    setup = on_map(where)
+    setup = map_setup(where)
     taken = [file for name in ("settled", "reachable") for file in (where / name).glob("c.*")]
     kept = [file.rename(tmp_path / f"{file.parent.name} {file.name}") for file in taken]
-    chart = Chart(setup.map)
-    told = chart.told()
+    served = ServedMap(setup.map)
+    told = json.loads(served.about())
     assert (told["done"], told["shown"]) == (0, 0)
     for file, there in zip(taken, kept, strict=True):
         there.rename(file)
-    about, found = read(chart.block())
+    about, found = read(served.block())
     assert about == told
     assert found["numbers"].size == 0
-    told = chart.told()
-    about, found = read(chart.block())
+    told = json.loads(served.about())
+    about, found = read(served.block())
     assert about == told
     assert about["done"] == 40
     assert found["numbers"].tolist() == ShownMap(where).cloud().numbers.tolist()
@@ -98,7 +98,7 @@ def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):
     browser = Browser(cockpit.url)
     assert becomes(lambda: browser.state is not None)
     assert browser.told[0]["map"] == "linkage"
-    browser.say(visit=to)
+    browser.say("move_to", **to)
     assert becomes(lambda: cockpit.state.robots["linkage"].q.tolist() == to["q"])
     assert cockpit.state.robots["linkage"].closure < 1e-9
     browser.leave()
@@ -121,7 +121,7 @@ def test_without_a_map_there_is_nothing_to_be_told(robot):
 
 
 def test_a_map_is_kept_from_who_has_no_token(path):
-    with Cockpit(on_map(path), port=8800, own_process=False, host="0.0.0.0", token="secret") as one:
+    with Cockpit(map_setup(path), port=8800, own_process=False, host="0.0.0.0", token="secret") as one:
         address = f"http://127.0.0.1:{one.server.port}/"
         for name in ("about.json", "cells.bin", "cell/7"):
             assert get(address, f"map/{name}")[0] == 403

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from itertools import pairwise
 
 import numpy as np
@@ -11,10 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.session import Session, Setup, parse
-from cinegen.session.commands import Undo, Visit, Vocabulary
-from cinegen.session.errors import CommandError
-from cinegen.session.visit import Visit as Way
+from cinegen.session import Session, Setup, decode_command
+from cinegen.session.commands import CommandError, KnownNames, MoveTo, Undo
+from cinegen.session.motion import LineMotion
 
 DT = 2e-3
 ROOM = {"delta4": 0.4, "five_bar": 0.2, "gough": 0.03, "arm7": 0.5}  # rad or lengths that motors go, on one branch
@@ -23,11 +23,11 @@ LONGEST = 0.02  # rad or lengths that a joint goes in a tick: nothing jumps
 
 def gone(mechanism, q, goal, node):
     """All configurations on the way, and what there was to say."""
-    visit, passed = Way(mechanism, q, goal, node, DT), [q]
+    visit, passed = LineMotion(mechanism, q, goal, node, DT), [q]
     while (here := visit.advance(DT)) is not None:
         passed.append(here)
         assert len(passed) < 60.0 / DT
-    return np.array(passed), visit.trouble
+    return np.array(passed), visit.problem
 
 
 def steps(mechanism, passed):
@@ -77,20 +77,20 @@ def test_another_assembly_mode_is_come_to_at_once_and_said(robot):
     here, there = list(cinegen.assembly_modes(bars))[:2]
     passed, trouble = gone(bars, here, there, "tool")
     assert passed[-1].tolist() == there.tolist()
-    assert "put there at once" in trouble
+    assert "moved there without a path" in trouble
     assert max(bars.closure(q) for q in passed) < 1e-9
     assert np.sort(steps(bars, passed))[-2] < LONGEST  # but for that one
 
 
-def test_in_a_session_it_is_a_gesture(robot):
+def test_in_a_session_it_is_an_undo_step(robot):
     delta = robot("delta4")
     goal = cinegen.model.ForwardKinematics(delta).move({"joint1": 0.3, "joint6": -0.2})
     session = Session(Setup({"delta4": delta}))
     home = session.robots["delta4"].q
-    session.obey(parse({"visit": {"robot": "delta4", "node": "platform", "q": goal.tolist()}},
-                       Vocabulary.of(session.setup)))  # fmt: skip
+    message = {"type": "move_to", "robot": "delta4", "node": "platform", "q": goal.tolist()}
+    session.obey(decode_command(json.dumps(message), KnownNames.of(session.setup)))
     session.tick()
-    assert session.state().moving == "visit"
+    assert session.state().moving == "move_to"
     for _ in range(4000):
         session.tick()
     assert session.state().moving is None
@@ -102,15 +102,15 @@ def test_in_a_session_it_is_a_gesture(robot):
     session.close()
 
 
-@pytest.mark.parametrize(("wrong", "words"), [(0.1, "open by"), (None, "numbers")])
+@pytest.mark.parametrize(("wrong", "words"), [(0.1, "open loops"), (None, "numbers")])
 def test_what_can_not_be_is_said_and_nothing_moves(robot, wrong, words):
     delta = robot("delta4")
     session = Session(Setup({"delta4": delta}))
     q = delta.q_home + wrong if wrong is not None else delta.q_home[:-1]
-    session.obey(Visit("delta4", "platform", tuple(q.tolist())))
+    session.obey(MoveTo("delta4", "platform", tuple(q.tolist())))
     for _ in range(20):
         session.tick()
-    assert words in session.state().notices[-1].words
+    assert words in session.state().notices[-1].text
     assert session.state().robots["delta4"].q == pytest.approx(delta.q_home)
     assert session.state().undo == 0
     session.close()
@@ -118,6 +118,6 @@ def test_what_can_not_be_is_said_and_nothing_moves(robot, wrong, words):
 
 @pytest.mark.parametrize("q", [None, 3, "home", [1, "x"], [float("inf")], {"joint1": 1}])
 def test_a_message_without_a_configuration_is_no_command(q):
-    known = Vocabulary({"delta4": {"platform"}})
+    known = KnownNames({"delta4": {"platform"}})
     with pytest.raises(CommandError):
-        parse({"visit": {"robot": "delta4", "node": "platform", "q": q}}, known)
+        decode_command(json.dumps({"type": "move_to", "robot": "delta4", "node": "platform", "q": q}), known)

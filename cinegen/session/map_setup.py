@@ -1,4 +1,4 @@
-"""`on_map`: a session with the robot of a map, and the map beside it."""
+"""`map_setup`: the setup of a session with a map and its robot."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from lxml import etree
 from cinegen.errors import CinegenWarning, LoadError
 from cinegen.model import Mechanism
 from cinegen.model.load import build
-from cinegen.session.setup import MapBeside, Setup, SetupError, arrange
-from cinegen.session.surroundings import in_scene
+from cinegen.session.scene_setup import scene_setup
+from cinegen.session.setup import MapOverlay, Setup, SetupError, arrange
 from raff2urdf.errors import did_you_mean
 
 
-def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism | None = None) -> Setup:
-    """A session with the robot of a map, among the map's obstacles where it has some.
+def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanism | None = None) -> Setup:
+    """Return the setup of a session with the robot of a map, among the map's obstacles if it has some.
 
     Args:
-        path: of the map, finished or not.
-        quantity: that the cells are coloured by at first; the map's first unless given.
-        mechanism: the map's, as its file was loaded here: for its meshes, where the map was made on another machine.
-            Without it the robot is a stick figure where they aren't found.
+        path: path of the map, which may be incomplete.
+        quantity: quantity that colours the cells initially; the map's first unless given.
+        mechanism: the map's robot, loaded from its file, if the map was made on another machine. Otherwise its meshes
+            are not found there, and it is drawn as a stick figure.
 
     Raises:
         MapError: there is no map.
-        SetupError: it has no such quantity, or is of another robot.
+        SetupError: the map has no such quantity, or is of another robot.
     """
     from cinegen.workspace.storage.store import Store
 
     where = Path(path).absolute()
-    with warnings.catch_warnings():  # they were told when it was made
+    with warnings.catch_warnings():  # they were issued when it was made
         warnings.simplefilter("ignore", CinegenWarning)
         spec = Store(where).spec
     if quantity is not None and quantity not in spec.quantities:
@@ -43,21 +43,21 @@ def on_map(path: str | Path, quantity: str | None = None, mechanism: Mechanism |
     elif replace(spec, mechanism=mechanism).robot_hash != spec.robot_hash:
         raise SetupError(f"{path} is a map of another robot than {mechanism.name}, or of another version of it")
     if spec.scene is None:
-        robot = " ".join(mechanism.name.replace("/", "-").split()) or "robot"  # as the page's scene can have it
-        with warnings.catch_warnings():  # of ports: who shows a map has not asked for sensors
+        robot = " ".join(mechanism.name.replace("/", "-").split()) or "robot"  # as the page's scene requires
+        with warnings.catch_warnings():  # of ports: no sensor was requested
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange({robot: mechanism})
     else:
         from cinegen.collision.scene import scene_of
 
-        setup = in_scene(scene_of(dict(spec.scene), spec.folder, mechanism=mechanism))
-        assert setup.surroundings is not None
-        robot = setup.surroundings.robot
-    return replace(setup, map=MapBeside(str(where), robot, spec.node, quantity))
+        setup = scene_setup(scene_of(dict(spec.scene), spec.folder, mechanism=mechanism))
+        assert setup.avoidance is not None
+        robot = setup.avoidance.robot
+    return replace(setup, map=MapOverlay(str(where), robot, spec.node, quantity))
 
 
 def _drawable(mechanism: Mechanism) -> Mechanism:
-    """A mechanism; without its shapes where they can't be found."""
+    """Return a mechanism; without its shapes if they can't be found."""
     try:
         _ = mechanism.visual
     except LoadError:
@@ -65,6 +65,6 @@ def _drawable(mechanism: Mechanism) -> Mechanism:
         urdf = etree.fromstring(source.urdf.encode())
         for shape in list(urdf.iter("visual", "collision")):
             shape.getparent().remove(shape)
-        beside = None if source.constraints is None else dict(source.constraints)
-        return build(etree.tostring(urdf, encoding="unicode"), beside, None, source.name)
+        sidecar = None if source.constraints is None else dict(source.constraints)
+        return build(etree.tostring(urdf, encoding="unicode"), sidecar, None, source.name)
     return mechanism

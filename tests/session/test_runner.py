@@ -6,17 +6,17 @@ from dataclasses import replace
 
 import pytest
 
-from cinegen.session import Loop, Session, arrange
+from cinegen.session import Session, SessionRunner, arrange
 
 
 @pytest.mark.parametrize(("priority", "scheduling"), [(0, "ordinary scheduling"), (7, "SCHED_FIFO 7")])
 def test_a_session_has_the_priority_that_its_setup_asks_for(robot, monkeypatch, priority, scheduling):
     monkeypatch.setattr("os.sched_setscheduler", lambda *_: None)
     setup = replace(arrange({"arm": robot("planar_3r")}), priority=priority)
-    with Loop(setup, own_process=False) as loop:
-        while loop.state is None:
+    with SessionRunner(setup, own_process=False) as runner:
+        while runner.state is None:
             pass
-    assert loop.report().scheduling == scheduling
+    assert runner.report().scheduling == scheduling
 
 
 def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, monkeypatch):
@@ -26,6 +26,6 @@ def test_what_ended_a_session_is_raised_also_where_the_system_says_so(robot, mon
         raise OSError("in a tick")
 
     monkeypatch.setattr(Session, "tick", broken)
-    loop = Loop(arrange({"arm": robot("planar_3r")}), own_process=False)
+    runner = SessionRunner(arrange({"arm": robot("planar_3r")}), own_process=False)
     with pytest.raises(OSError, match="in a tick"):
-        loop.stop()
+        runner.stop()

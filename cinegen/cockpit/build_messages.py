@@ -1,0 +1,176 @@
+"""Build the messages of the server: the robots once, then states, and reports in some of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import get_args
+
+import msgspec
+import numpy as np
+import pinocchio as pin
+from msgspec import UNSET
+from numpy.typing import NDArray
+
+from cinegen.cockpit.messages import (
+    PROTOCOL,
+    HelloMessage,
+    JointDescription,
+    LoopDescription,
+    NodeDescription,
+    NodeSensor,
+    PlaybackDescription,
+    ReportMessage,
+    RobotDescription,
+    SensorDescription,
+    StateMessage,
+    SwitchDescription,
+    TaskMessage,
+    TickRate,
+)
+from cinegen.devices.kinds import what_is
+from cinegen.model import Mechanism
+from cinegen.model.description import describe_joint, describe_loop
+from cinegen.session import CommandFrame, RobotReport, SessionState, Setup, is_obstacle
+from cinegen.session.state import PlaybackStatus
+
+Array = NDArray[np.float64]
+
+
+def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatus | None = None) -> HelloMessage:
+    """Build the first message to a client.
+
+    Args:
+        setup: setup of the session.
+        title: title of the page.
+        client: number of the client.
+        playback: recording that is replayed.
+    """
+    length = max((one.length for one in setup.robots.values() if not is_obstacle(one)), default=1.0)
+    return HelloMessage(
+        protocol=PROTOCOL,
+        client=client,
+        title=title,
+        robots=tuple(_robot(setup, name, mechanism, length) for name, mechanism in setup.robots.items()),
+        sensors=tuple(SensorDescription(one.name, one.url, what_is(one.url)) for one in setup.devices),
+        switches=tuple(SwitchDescription(one.robot, one.node, one.choices) for one in setup.switches),
+        frames=get_args(CommandFrame),
+        playback=None if playback is None else PlaybackDescription(playback.file, playback.seconds, setup.stops),
+        map=None if setup.map is None else setup.map.robot,
+    )
+
+
+def _robot(setup: Setup, name: str, mechanism: Mechanism, length: float) -> RobotDescription:
+    """Describe a robot; `length` is that of an obstacle."""
+    obstacle, base = is_obstacle(mechanism), setup.base(name)
+    joints = [describe_joint(mechanism, joint) for joint in mechanism.joints]
+    return RobotDescription(
+        name=name,
+        robot=mechanism.name,
+        obstacle=obstacle,
+        length=length if obstacle else mechanism.length,
+        mobility=mechanism.mobility,
+        end=mechanism.end,
+        base=None if base.robot is None or base.node is None else (base.robot, base.node),
+        nodes=tuple(_nodes(mechanism)),
+        joints=msgspec.convert(joints, tuple[JointDescription, ...]),
+        loops=msgspec.convert([describe_loop(loop) for loop in mechanism.loops], tuple[LoopDescription, ...]),
+    )
+
+
+def _nodes(mechanism: Mechanism) -> list[NodeDescription]:
+    """Describe the nodes of a mechanism. The first node that a joint moves is its link, the others are frames on it."""
+    model = mechanism.model
+    joint_of = {node: model.frames[mechanism.frame_id(node)].parentJoint for node in mechanism.nodes}
+    link_of = {joint: node for node, joint in reversed(joint_of.items())}
+    nodes = []
+    for node, joint in joint_of.items():
+        if link_of[joint] != node:
+            nodes.append(NodeDescription(node, link_of[joint], None, "frame"))
+            continue
+        above = joint
+        while above > 0 and (above == joint or above not in link_of):
+            above = model.parents[above]
+        parent = link_of.get(above) if above != joint else None
+        moved_by = model.names[joint] if joint > 0 else None
+        nodes.append(NodeDescription(node, parent, moved_by, "link" if moved_by else "frame"))
+    nodes[0] = msgspec.structs.replace(nodes[0], kind="base")
+    return nodes
+
+
+class NodePoses:
+    """Poses of the nodes of robots. It has memory of its own, for one thread.
+
+    Args:
+        robots: robots by name.
+    """
+
+    def __init__(self, robots: Mapping[str, Mechanism]) -> None:
+        self._robots = {
+            name: (one.model, one.model.createData(), {node: one.frame_id(node) for node in one.nodes})
+            for name, one in robots.items()
+        }
+
+    def of(self, name: str, q: Array) -> dict[str, pin.SE3]:
+        """Return the placement of each node of a robot at q (nq,), in its own world."""
+        model, data, frames = self._robots[name]
+        pin.forwardKinematics(model, data, q)
+        return {node: pin.updateFramePlacement(model, data, frame) for node, frame in frames.items()}
+
+
+def state_message(state: SessionState, poses: NodePoses) -> StateMessage:
+    """Build a state, without its number, the client that has control, and a report.
+
+    Args:
+        state: state of the session.
+        poses: poses of the same robots.
+    """
+    placed: dict[str, list[float]] = {}
+    tasks: list[TaskMessage] = []
+    for name, robot in state.robots.items():
+        nodes = poses.of(name, robot.q)
+        placed[name] = np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes.values())]).tolist()
+        for task in robot.tasks:
+            position = robot.base.act((nodes[task.node] * task.offset).translation)
+            target = pin.SE3ToXYZQUAT(robot.base * task.target)
+            tasks.append(
+                TaskMessage(
+                    task.id, name, task.node, task.source, task.label, position.tolist(), target.tolist(), task.error,
+                    task.translation, task.rotation, task.weight,
+                )
+            )  # fmt: skip
+    statuses = {name: robot.status for name, robot in state.robots.items()}
+    return StateMessage(round(state.time, 3), placed, tuple(tasks), statuses)
+
+
+def report_message(
+    state: SessionState, robots: Mapping[str, RobotReport], rate: tuple[float, float], clients: int
+) -> ReportMessage:
+    """Build a report.
+
+    Args:
+        state: state of the session.
+        robots: reports on its robots.
+        rate: ticks per second, and the delay that 99 % of them don't exceed (ms).
+        clients: number of clients.
+    """
+    return ReportMessage(
+        robots=dict(robots),
+        sensors=state.sensors,
+        switches=tuple(NodeSensor(robot, node, sensor) for (robot, node), sensor in state.switches.items()),
+        settings=state.settings,
+        undo=state.undo,
+        redo=state.redo,
+        paused=state.paused,
+        moving=state.moving,
+        recording=state.recording,
+        playback=state.playback,
+        rate=TickRate(*rate),
+        clients=clients,
+    )
+
+
+def numbered(state: StateMessage, frame: int, controller: int | None, report: ReportMessage | None) -> StateMessage:
+    """Return a state with its number, the client that has control, and maybe a report."""
+    return msgspec.structs.replace(
+        state, frame=frame, controller=controller, report=UNSET if report is None else report
+    )

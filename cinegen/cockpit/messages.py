@@ -1,0 +1,378 @@
+"""Messages between the server and the page: this module and `cinegen.session.commands` are the schema.
+
+The tables in `docs/cockpit.md` and the page's types in `static/base/messages.d.ts` are generated from them by
+`docs/protocols.py`. A pose is x y z (m) and a quaternion x y z w. Numbers that are not finite are null.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+from msgspec import UNSET, Struct, UnsetType
+
+from cinegen.session.cloud import AxisShown, QuantityShown
+from cinegen.session.commands import Command, CommandFrame, TypedMessage
+from cinegen.session.report import RobotReport
+from cinegen.session.state import PlaybackStatus, RecordingStatus, RobotStatus, SensorReport, Settings
+from cinegen.typed_json import DoF, Vector7
+
+PROTOCOL = 2
+
+
+class Ack(TypedMessage, frozen=True):
+    """Acknowledge a state: the next is sent only then.
+
+    Attributes:
+        frame: number of the state.
+    """
+
+    frame: int
+
+
+class RequestControl(TypedMessage, frozen=True):
+    """Take control from the client that has it, or give it back.
+
+    Attributes:
+        on: whether to take control.
+    """
+
+    on: bool
+
+
+ClientMessage = Ack | RequestControl | Command
+CLIENT_MESSAGES: msgspec.json.Decoder[ClientMessage] = msgspec.json.Decoder(ClientMessage)
+
+
+class NodeDescription(Struct, frozen=True):
+    """A node of a robot.
+
+    Attributes:
+        name: name of the node.
+        parent: its parent; null for the base.
+        joint: joint that moves it relative to its parent; null if it is fixed there.
+        kind: base, link or frame.
+    """
+
+    name: str
+    parent: str | None
+    joint: str | None
+    kind: Literal["base", "link", "frame"]
+
+
+class JointDescription(Struct, frozen=True):
+    """A joint of a robot; null where it has no limit.
+
+    Attributes:
+        name: name of the joint.
+        type: revolute or prismatic.
+        home: value at home, rad or m.
+        low: lower limit, rad or m.
+        high: upper limit, rad or m.
+        velocity: velocity limit, rad/s or m/s.
+        actuated: whether it is actuated.
+    """
+
+    name: str
+    type: Literal["revolute", "prismatic"]
+    home: float
+    low: float | None
+    high: float | None
+    velocity: float | None
+    actuated: bool
+
+
+class LoopDescription(Struct, frozen=True):
+    """A loop of a robot.
+
+    Attributes:
+        name: name of the loop.
+        kind: rigid, prismatic, revolute or ball.
+        first: first node that it connects.
+        second: second node.
+    """
+
+    name: str
+    kind: str
+    first: str
+    second: str
+
+
+class RobotDescription(Struct, frozen=True):
+    """A robot, or an obstacle, which has one node.
+
+    Attributes:
+        name: name in the session.
+        robot: its own name.
+        obstacle: whether it is an obstacle.
+        length: characteristic length (m); that of the largest robot for an obstacle.
+        mobility: number of degrees of freedom; 0 for an obstacle that can't be moved.
+        end: its end.
+        base: robot and node that carry it, or null.
+        nodes: its nodes.
+        joints: its joints.
+        loops: its loops.
+    """
+
+    name: str
+    robot: str
+    obstacle: bool
+    length: float
+    mobility: int
+    end: str
+    base: tuple[str, str] | None
+    nodes: tuple[NodeDescription, ...]
+    joints: tuple[JointDescription, ...]
+    loops: tuple[LoopDescription, ...]
+
+
+class SensorDescription(Struct, frozen=True):
+    """A sensor.
+
+    Attributes:
+        id: name in the session.
+        url: its address.
+        kind: description for people.
+    """
+
+    id: str
+    url: str
+    kind: str | None
+
+
+class SwitchDescription(Struct, frozen=True):
+    """A node that may follow sensors.
+
+    Attributes:
+        robot: robot of the node.
+        node: node that follows.
+        choices: ids of the sensors; null: no sensor.
+    """
+
+    robot: str
+    node: str
+    choices: tuple[str | None, ...]
+
+
+class PlaybackDescription(Struct, frozen=True):
+    """A recording that is replayed.
+
+    Attributes:
+        file: path of the file.
+        seconds: duration, s.
+        stops: times (s) to jump to, each with a name.
+    """
+
+    file: str
+    seconds: float
+    stops: tuple[tuple[float, str], ...]
+
+
+class HelloMessage(TypedMessage, frozen=True):
+    """The first message to a client.
+
+    Attributes:
+        protocol: version of the protocol.
+        client: number of the client.
+        title: title of the page.
+        robots: robots and obstacles.
+        sensors: sensors.
+        switches: nodes that may follow sensors.
+        frames: command frames.
+        playback: recording that is replayed, or null.
+        map: robot with which a map is drawn, or null.
+    """
+
+    protocol: int
+    client: int
+    title: str
+    robots: tuple[RobotDescription, ...]
+    sensors: tuple[SensorDescription, ...]
+    switches: tuple[SwitchDescription, ...]
+    frames: tuple[CommandFrame, ...]
+    playback: PlaybackDescription | None
+    map: str | None
+
+
+class TaskMessage(Struct, frozen=True):
+    """A task.
+
+    Attributes:
+        id: number of the task.
+        robot: its robot.
+        node: node that it moves.
+        source: what commands it: pointer, pin or sensor.
+        label: name for people.
+        position: of the constrained frame, in the world (m).
+        target: of that frame, in the world.
+        error: remaining error, m and rad.
+        translation: number of constrained translations.
+        rotation: number of constrained rotations.
+        weight: of its equations.
+    """
+
+    id: int
+    robot: str
+    node: str
+    source: str
+    label: str
+    position: list[float]
+    target: Vector7
+    error: tuple[float, float]
+    translation: DoF
+    rotation: DoF
+    weight: float
+
+
+class NodeSensor(Struct, frozen=True):
+    """The sensor that a node follows.
+
+    Attributes:
+        robot: robot of the node.
+        node: node that follows.
+        sensor: id of the sensor; null: no sensor.
+    """
+
+    robot: str
+    node: str
+    sensor: str | None
+
+
+class TickRate(Struct, frozen=True):
+    """Timing of the session's ticks.
+
+    Attributes:
+        ticks: ticks per second.
+        late: delay (ms) that 99 % of them don't exceed.
+    """
+
+    ticks: float
+    late: float
+
+
+class ReportMessage(Struct, frozen=True):
+    """A report, about ten times per second.
+
+    Attributes:
+        robots: robots by name; without obstacles.
+        sensors: sensors.
+        switches: sensor that each node follows.
+        settings: settings of the solvers and sensors.
+        undo: number of undo steps.
+        redo: number of steps that can be redone.
+        paused: whether the session is paused.
+        moving: home, move_to, undo, redo or joints during such a motion, or null.
+        recording: recording that is being made, or null.
+        playback: recording that is replayed, or null.
+        rate: timing of the ticks.
+        clients: number of clients.
+    """
+
+    robots: dict[str, RobotReport]
+    sensors: tuple[SensorReport, ...]
+    switches: tuple[NodeSensor, ...]
+    settings: Settings
+    undo: int
+    redo: int
+    paused: bool
+    moving: str | None
+    recording: RecordingStatus | None
+    playback: PlaybackStatus | None
+    rate: TickRate
+    clients: int
+
+
+class StateMessage(TypedMessage, frozen=True):
+    """The newest state, at most 60 times per second; sent only when the one before was acknowledged.
+
+    Attributes:
+        time: time since the session began, s.
+        poses: poses of each robot, seven numbers each: its base pose in the world, then each of its nodes relative to
+            that, in the order of the description.
+        tasks: tasks of all robots.
+        statuses: status of each robot.
+        frame: number of the state.
+        controller: number of the client that has control, or null.
+        report: in some of the states.
+    """
+
+    time: float
+    poses: dict[str, list[float]]
+    tasks: tuple[TaskMessage, ...]
+    statuses: dict[str, RobotStatus]
+    frame: int = 0
+    controller: int | None = None
+    report: ReportMessage | UnsetType = UNSET
+
+
+class NoticeMessage(TypedMessage, frozen=True):
+    """A message for people.
+
+    Attributes:
+        text: a sentence.
+        level: info or warning.
+    """
+
+    text: str
+    level: Literal["info", "warning"]
+
+
+ServerMessage = HelloMessage | StateMessage | NoticeMessage
+
+
+class ArrayDescription(Struct, frozen=True):
+    """An array of a map.
+
+    Attributes:
+        at: offset in the arrays, bytes.
+        count: number of its elements, of four bytes each, the lowest first.
+        integer: whether they are unsigned integers; otherwise they are floats.
+    """
+
+    at: int
+    count: int
+    integer: bool
+
+
+class MapDescription(Struct, frozen=True):
+    """A map that is drawn with its robot.
+
+    Attributes:
+        robot: robot in whose world the map is.
+        node: node whose poses it covers.
+        axes: its coordinates.
+        quantities: its quantities.
+        quantity: quantity that colours the cells initially, or null.
+        size: distance of two cells (m).
+        surface: whether cells are tiles of a surface; otherwise they are balls.
+        shown: number of cells that are drawn.
+        done: number of cells that are evaluated.
+        cells: number of cells.
+        arrays: arrays by name.
+    """
+
+    robot: str
+    node: str
+    axes: tuple[AxisShown, ...]
+    quantities: tuple[QuantityShown, ...]
+    quantity: str | None
+    size: float
+    surface: bool
+    shown: int
+    done: int
+    cells: int
+    arrays: dict[str, ArrayDescription]
+
+
+class MapCell(Struct, frozen=True):
+    """A cell of a map, as `move_to` takes it.
+
+    Attributes:
+        robot: robot of the map.
+        node: node of the map.
+        q: (nq,) configuration, rad and m.
+    """
+
+    robot: str
+    node: str
+    q: list[float]

@@ -1,0 +1,215 @@
+"""`DrivenRobot`: one robot of a session, with its base pose, its tasks, and its motion in a tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.ik import FrameTask, Solver, Status, Step
+from cinegen.mission import RecordedTask, RobotSample
+from cinegen.model import Mechanism
+from cinegen.session.motion import RobotMotion
+from cinegen.session.state import RobotState, RobotStatus, TaskState
+
+Array = NDArray[np.float64]
+
+POINTER, PIN, SENSOR = "pointer", "pin", "sensor"
+"""Sources of tasks."""
+
+
+@dataclass(eq=False)
+class UserTask:
+    """A task of a robot's solver, and what commands it.
+
+    Attributes:
+        id: number of the task in the session.
+        task: task of the solver; its target is in the robot's own world.
+        source: `POINTER`, `PIN` or `SENSOR`.
+        label: name for people.
+        scripted: whether a script commands it.
+    """
+
+    id: int
+    task: FrameTask
+    source: str
+    label: str
+    scripted: bool = False
+
+
+class DrivenRobot:
+    """A robot that is driven.
+
+    Args:
+        name: name in the session.
+        solver: solver that moves it.
+
+    Attributes:
+        base: base pose: placement of its own world in the session's (m).
+        home: (nq,) initial configuration, to which it is sent home.
+        tasks: its tasks, in the order in which they were added.
+        motion: motion that moves it instead of its tasks; None: the tasks do.
+        step: last step of the solver.
+    """
+
+    def __init__(self, name: str, solver: Solver) -> None:
+        self.name, self.solver = name, solver
+        self.mechanism: Mechanism = solver.mechanism
+        self.base = pin.SE3.Identity()
+        self.home = solver.q
+        self.tasks: list[UserTask] = []
+        self.motion: RobotMotion | None = None
+        self._reported = 0  # messages of the solver's exception log
+        self.step: Step = self.solver.step()
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.name}: {len(self.tasks)} tasks, {self.status().name}>"
+
+    @property
+    def q(self) -> Array:
+        """(nq,) configuration."""
+        return self.solver.q
+
+    def placement(self, node: str) -> pin.SE3:
+        """Return the placement of a node in the session's world."""
+        return self.base * self.mechanism.placement(self.solver.q, node)
+
+    # --- tasks ---------------------------------------------------------------------------------------------------
+
+    def add_task(
+        self,
+        id: int,
+        node: str,
+        source: str,
+        label: str,
+        offset: pin.SE3 | None = None,
+        dof: tuple[int, int] = (3, 3),
+    ) -> UserTask:
+        """Add a task at the present pose of a node.
+
+        Args:
+            id: number of the task in the session.
+            node: node to move.
+            source: `POINTER`, `PIN` or `SENSOR`.
+            label: name for people.
+            offset: frame to constrain, in the node's frame (m).
+            dof: number of translations and rotations to constrain.
+        """
+        task = self.solver.add_task(node, translation=dof[0], rotation=dof[1], offset=offset)
+        self.tasks.append(UserTask(id, task, source, label))
+        return self.tasks[-1]
+
+    def remove_task(self, task: UserTask) -> None:
+        """Remove a task."""
+        self.tasks.remove(task)
+        self.solver.remove_task(task.task)
+
+    def tasks_of(self, source: str, node: str | None = None) -> Iterator[UserTask]:
+        """Yield the tasks of a source, of a node or of all."""
+        for one in tuple(self.tasks):
+            if one.source == source and node in (None, one.task.node):
+                yield one
+
+    def recorded_tasks(self, source: str | None = None) -> tuple[RecordedTask, ...]:
+        """Return the tasks of a source, or all, as values with targets in the session's world."""
+        return tuple(
+            RecordedTask(t.node, one.source, t.offset.copy(), self.base * t.target, t.translation, t.rotation, t.weight)
+            for one, t in ((one, one.task) for one in self.tasks)
+            if source in (None, one.source)
+        )
+
+    def restore_pin(self, id: int, pin_: RecordedTask) -> None:
+        """Add a pin again, with a new id."""
+        one = self.add_task(id, pin_.node, PIN, PIN, pin_.offset, (pin_.translation, pin_.rotation))
+        one.task.weight = pin_.weight
+        if pin_.target is not None:
+            self.set_target(one, pin_.target)
+
+    def set_target(self, task: UserTask, target: pin.SE3) -> None:
+        """Set the target of a task, given in the session's world."""
+        task.task.target = self.base.actInv(target)
+
+    # --- motion --------------------------------------------------------------------------------------------------
+
+    def set_base(self, base: pin.SE3) -> None:
+        """Set the base pose. Targets keep their pose in the session's world."""
+        moved = base.actInv(self.base)
+        self.base = base
+        for one in self.tasks:
+            if one.task.is_valid():
+                one.task.target = moved * one.task.target
+
+    def tick(self, dt: float) -> str:
+        """Move by one tick of dt (s). Return a message for people; mostly an empty one."""
+        problem = self._advance(dt)
+        messages = self.solver.exception_log.messages
+        if len(messages) == self._reported:
+            return problem
+        new, self._reported = messages[self._reported :], len(messages)
+        return "; ".join([problem] * bool(problem) + new)
+
+    def _advance(self, dt: float) -> str:
+        motion = self.motion
+        if motion is None:
+            self.step = self.solver.step()
+            return ""
+        q = motion.advance(dt)
+        if q is None:
+            self.motion = None
+            return f"{self.name}: {motion.problem}" if motion.problem else ""
+        collision = self.collision(q)
+        if collision:
+            motion.block(self.q, collision)
+        else:
+            self.jump_to(q)
+        return ""
+
+    def collision(self, q: Array) -> str:
+        """Return a message about the collision on the straight line to q (nq,); empty if there is none."""
+        return ""
+
+    def jump_to(self, q: Array) -> None:
+        """Set the configuration (nq,), with closed loops, and the targets of its tasks to their present poses."""
+        if not np.array_equal(q, self.solver.q):
+            self.solver.q = q
+            for one in self.tasks:
+                one.task.target = self.mechanism.placement(q, one.task.node) * one.task.offset
+        self.step = self.solver.step()
+
+    # --- state ---------------------------------------------------------------------------------------------------
+
+    def status(self) -> RobotStatus:
+        """Return the status of the last tick."""
+        step, motion = self.step, self.motion
+        if motion is not None:
+            label = motion.problem or motion.label
+            return RobotStatus(motion.name.upper(), label, f"{self.name}: {motion.label}")
+        status = step.status
+        label = status.name.lower().replace("_", " ")
+        if status is Status.AT_LIMIT and step.saturated:
+            label += f": {', '.join(step.saturated[:3])}"
+        elif status is Status.OUT_OF_REACH:
+            metres, angle = (max(parts) for parts in zip(*step.errors, strict=True))
+            far = metres > 1e-3 * self.mechanism.length
+            label += f" by {1000.0 * metres:.3g} mm" if far else f" by {math.degrees(angle):.3g}°"
+        return RobotStatus(status.name, label, status.value)
+
+    def state(self) -> RobotState:
+        """Return the state."""
+        errors = self.step.errors if len(self.step.errors) == len(self.tasks) else ((0.0, 0.0),) * len(self.tasks)
+        tasks = tuple(
+            TaskState(
+                one.id, t.node, one.source, one.label, one.scripted, t.offset.copy(), t.target.copy(), t.translation,
+                t.rotation, t.weight, error,
+            )
+            for one, t, error in zip(self.tasks, (one.task for one in self.tasks), errors, strict=True)
+        )  # fmt: skip
+        return RobotState(self.q, self.base.copy(), tasks, self.status(), self.step.saturated, self.step.closure)
+
+    def sample(self) -> RobotSample:
+        """Return what a mission records."""
+        return RobotSample(self.q, self.status().name, self.recorded_tasks())

@@ -1,0 +1,154 @@
+"""`SessionSensors`: the sensors of a session, and the nodes that follow them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.devices import Gamepad, ScriptedSensor, SharedSensor, Teleoperation, TwistMapping, open_sensor
+from cinegen.devices.kinds import scheme
+from cinegen.sensor import Reading, Twist
+from cinegen.session.obstacle import is_obstacle
+from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
+from cinegen.session.setup import Device, Setup
+from cinegen.session.state import SensorReport, Settings
+
+Array = NDArray[np.float64]
+
+_FRAMES = {"world": "world", "base": "base", "tool": "node", "view": "view"}  # those of `Teleoperation`
+_SCRIPTS = ("path", "seam", "replay")  # kinds that start when they are selected, and that a user's action ends
+
+
+class SessionSensors:
+    """Lets nodes follow sensors. A sensor is opened when it is first selected: another program may use its port.
+
+    Args:
+        setup: setup of the session.
+        robots: robots of the session.
+        new_id: returns the id of the next task.
+
+    Attributes:
+        selected: sensor that each node follows, by robot and node; None: no sensor.
+        view: (3, 3) axes of the view in the world as columns: to the right, away from the viewer, up.
+
+    Raises:
+        CinegenError: a sensor does not exist.
+    """
+
+    def __init__(self, setup: Setup, robots: dict[str, DrivenRobot], new_id: Callable[[], int]) -> None:
+        self.robots, self._new_id = robots, new_id
+        self.selected: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
+        self.view = np.eye(3)
+        self._devices = {device.name: device for device in setup.devices}
+        self._sensors: dict[str, SharedSensor] = {}
+        self._readings: dict[str, Reading] = {}
+        self._driven: dict[tuple[str, str], tuple[UserTask, Teleoperation]] = {}
+        self._suspended: set[tuple[str, str]] = set()  # nodes that are dragged
+        for device in setup.devices:
+            robot = robots.get(device.robot or "")
+            mechanism = robot.mechanism if robot is not None else None
+            number = int(device.name) if device.name.isdecimal() else None
+            self._sensors[device.name] = SharedSensor(open_sensor(device.url, number, mechanism, device.node))
+
+    def close(self) -> None:
+        """Close all sensors."""
+        for shared in self._sensors.values():
+            shared.sensor.close()
+
+    def select(self, robot: str, node: str, name: str | None) -> None:
+        """Let a node follow a sensor, from its present pose; None: no sensor."""
+        self._disconnect(robot, node)
+        self.selected[robot, node] = name
+        if name is not None:
+            sensor = self._sensors[name].sensor
+            if scheme(sensor.url) in _SCRIPTS:
+                sensor.close()  # it starts anew
+            sensor.start()
+            self._connect(robot, node, self._devices[name])
+
+    def suspend(self, robot: str, node: str) -> None:
+        """Suspend the sensor of a node that is dragged, and stop the scripts of its robot."""
+        self.stop_scripts(robot)
+        if self.selected.get((robot, node)) is not None:
+            self._disconnect(robot, node)
+            self._suspended.add((robot, node))
+
+    def resume(self, robot: str, node: str) -> None:
+        """Let a node that was dragged follow its sensor again, from its present pose."""
+        name = self.selected.get((robot, node))
+        if (robot, node) in self._suspended and name is not None:
+            self._connect(robot, node, self._devices[name])
+
+    def deselect_suspended(self, robot: str, node: str) -> None:
+        """Deselect the sensor of a node that was dragged and is pinned now."""
+        if (robot, node) in self._suspended:
+            self.select(robot, node, None)
+
+    def stop_scripts(self, robot: str) -> None:
+        """Stop all scripts of a robot."""
+        for (owner, node), name in self.selected.items():
+            if owner == robot and name is not None and scheme(self._sensors[name].sensor.url) in _SCRIPTS:
+                self._disconnect(owner, node)
+                self.selected[owner, node] = None
+
+    def put_gamepad(self, twist: Twist, buttons: frozenset[int]) -> None:
+        """Give the state of a browser's gamepad to the sensors that stand for it."""
+        for shared in self._sensors.values():
+            if isinstance(shared.sensor, Gamepad):
+                shared.sensor.put(twist, buttons)
+
+    def advance(self, dt: float, settings: Settings, moving: bool) -> None:
+        """Read all sensors, and move the targets of their nodes by dt (s), unless `moving` is False."""
+        for name, shared in self._sensors.items():
+            reading = shared.read()
+            if reading is not None:
+                self._readings[name] = reading
+        speeds = settings.linear_speed, settings.angular_speed
+        for (name, _), (_, teleoperation) in self._driven.items():
+            robot = self.robots[name]
+            rotation = robot.base.rotation.T
+            teleoperation.axes["world"], teleoperation.axes["view"] = rotation, rotation @ self.view
+            teleoperation.frame = _FRAMES[settings.frame]
+            mapping = teleoperation.mapping
+            if (mapping.speed, mapping.turning) != speeds:
+                teleoperation.mapping = replace(mapping, speed=speeds[0], turning=speeds[1])
+            if moving and robot.motion is None:
+                teleoperation.advance(dt)
+            else:
+                teleoperation.sensor.read()  # readings of now have no effect later
+
+    def reports(self) -> tuple[SensorReport, ...]:
+        """Return the state of each sensor."""
+        driving = {self.selected[key]: teleoperation for key, (_, teleoperation) in self._driven.items()}
+        reports = []
+        for name, shared in self._sensors.items():
+            status = driving[name].status if name in driving else shared.sensor.status
+            reading = self._readings.get(name)
+            twist = reading.twist if reading is not None else None
+            reports.append(SensorReport(name, *status, twist))
+        return tuple(reports)
+
+    def _connect(self, name: str, node: str, device: Device) -> None:
+        self._suspended.discard((name, node))
+        shared = self._sensors[device.name]
+        rotation = shared.sensor.path.rotation if isinstance(shared.sensor, ScriptedSensor) else device.rotation
+        dof = device.translation, rotation
+        task = self.robots[name].add_task(self._new_id(), node, SENSOR, f"sensor {device.name}", dof=dof)
+        task.scripted = scheme(device.url) in _SCRIPTS
+        mapping = TwistMapping(translation=device.translation, rotation=device.rotation)
+        self._driven[name, node] = task, Teleoperation(shared.reader(), task.task, mapping)
+
+    def _disconnect(self, name: str, node: str) -> None:
+        self._suspended.discard((name, node))
+        driven = self._driven.pop((name, node), None)
+        if driven is not None:
+            self.robots[name].remove_task(driven[0])
+
+
+def default_speed(robots: dict[str, DrivenRobot]) -> float:
+    """Return the speed of sensors at full deflection, m/s: the size of the largest robot in about three seconds."""
+    length = max((one.mechanism.length for one in robots.values() if not is_obstacle(one.mechanism)), default=1.0)
+    return float(f"{0.3 * length:.1g}")

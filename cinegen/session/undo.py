@@ -1,0 +1,201 @@
+"""`UndoHistory`: steps that people can undo and redo, with the path that the robots took in each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.mission import RecordedTask
+from cinegen.session.motion import ConfigurationMotion, Retrace
+from cinegen.session.robot import PIN, DrivenRobot
+from cinegen.session.sensors import SessionSensors
+
+Array = NDArray[np.float64]
+
+_MOST = 100  # undo steps that are kept
+_LONGEST = 600  # configurations of a trace; a longer one is thinned
+_RATE = 60  # configurations per second
+_NEAR = 0.05  # rad or lengths from the start of a trace: near enough to retrace it
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """Configurations and pins of all robots at a moment."""
+
+    q: Mapping[str, Array]
+    pins: Mapping[str, tuple[RecordedTask, ...]]
+
+    @classmethod
+    def of(cls, robots: Mapping[str, DrivenRobot]) -> Snapshot:
+        """Return the present one."""
+        q = {name: robot.q for name, robot in robots.items()}
+        return cls(q, {name: robot.recorded_tasks(PIN) for name, robot in robots.items()})
+
+    def is_same(self, other: Snapshot) -> bool:
+        """Return whether both are equal, up to rounding."""
+        return self.pins == other.pins and all(np.allclose(q, other.q[name], atol=1e-9) for name, q in self.q.items())
+
+
+class MotionTrace:
+    """Configurations of robots over time.
+
+    Args:
+        period: time between two configurations, s.
+
+    Attributes:
+        period: as above; doubled whenever the trace is thinned.
+        configurations: (nq,) each, by robot.
+    """
+
+    def __init__(self, period: float) -> None:
+        self.period = period
+        self.configurations: dict[str, list[Array]] = {}
+        self._every, self._count = 1, 0
+
+    def note(self, robots: Mapping[str, DrivenRobot]) -> None:
+        """Add the present configurations; called once in an initial period."""
+        skipped = self._count % self._every != 0
+        self._count += 1
+        if skipped:
+            return
+        for name, robot in robots.items():
+            self.configurations.setdefault(name, []).append(robot.q)
+        if any(len(trace) > _LONGEST for trace in self.configurations.values()):
+            self.configurations = {name: trace[::2] for name, trace in self.configurations.items()}
+            self._every *= 2
+            self.period *= 2.0
+
+
+@dataclass(frozen=True)
+class UndoStep:
+    """The robots before and after a step, and their path between."""
+
+    before: Snapshot
+    after: Snapshot
+    trace: MotionTrace
+
+
+class UndoHistory:
+    """History of undo steps. A step begins with a user's action, and ends when nothing is dragged and all robots are at
+    rest.
+
+    Undo moves all robots back along their path and restores the pins; redo moves them forward again. A robot that is no
+    longer on that path (a sensor has moved it) is moved there by its actuated joints.
+
+    Args:
+        robots: robots of the session.
+        sensors: sensors, which release a robot that is moved.
+        rate: ticks per second.
+        new_id: returns the id of the next task.
+    """
+
+    def __init__(
+        self, robots: Mapping[str, DrivenRobot], sensors: SessionSensors, rate: float, new_id: Callable[[], int]
+    ) -> None:
+        self._robots, self._sensors, self._new_id = robots, sensors, new_id
+        self._every = max(1, round(rate / _RATE))
+        self._ticks = 0
+        self._done: list[UndoStep] = []
+        self._undone: list[UndoStep] = []
+        self._open: tuple[Snapshot, MotionTrace] | None = None
+        self._goal: Snapshot | None = None  # of an undo or redo in progress
+
+    def __repr__(self) -> str:
+        return f"<UndoHistory: {self.undo_count} steps, {self.redo_count} undone>"
+
+    @property
+    def undo_count(self) -> int:
+        """Number of steps that can be undone."""
+        return len(self._done) + (self._open is not None)
+
+    @property
+    def redo_count(self) -> int:
+        """Number of steps that can be redone."""
+        return len(self._undone)
+
+    def begin(self) -> None:
+        """Begin a step, unless one is in progress."""
+        if self._goal is not None:  # an undo is interrupted: it is finished at once
+            goal, self._goal = self._goal, None
+            for name, robot in self._robots.items():
+                robot.motion = None
+                if not robot.collision(goal.q[name]):
+                    robot.jump_to(goal.q[name])
+            self._restore_pins(goal)
+        if self._open is None:
+            trace = MotionTrace(1.0 / _RATE)
+            trace.note(self._robots)
+            self._open = Snapshot.of(self._robots), trace
+
+    def tick(self, dragging: bool) -> None:
+        """Advance by a tick; `dragging` says whether something is dragged."""
+        self._ticks += 1
+        moving = any(robot.motion for robot in self._robots.values())
+        if self._open is not None and self._ticks % self._every == 0:
+            self._open[1].note(self._robots)
+        if self._open is not None and not dragging and not moving:
+            self._close()
+        if self._goal is not None and not moving:
+            goal, self._goal = self._goal, None
+            self._restore_pins(goal)
+
+    def undo(self) -> None:
+        """Undo the last step, which may be in progress."""
+        self._finish()
+        if self._done:
+            step = self._done.pop()
+            self._undone.append(step)
+            self._move(step, step.before, backwards=True)
+
+    def redo(self) -> None:
+        """Redo the step that was undone last."""
+        self._finish()
+        if self._undone:
+            step = self._undone.pop()
+            self._done.append(step)
+            self._move(step, step.after, backwards=False)
+
+    def _close(self) -> None:
+        """Close the step in progress; it is kept if it changed anything."""
+        if self._open is None:
+            return
+        before, trace = self._open
+        self._open = None
+        trace.note(self._robots)
+        after = Snapshot.of(self._robots)
+        if not after.is_same(before):
+            self._done = [*self._done[1 - _MOST :], UndoStep(before, after, trace)]
+            self._undone = []
+
+    def _finish(self) -> None:
+        """End every motion in progress."""
+        if self._goal is not None:
+            self.begin()
+            self._open = None
+        for robot in self._robots.values():
+            robot.motion = None
+        self._close()
+
+    def _move(self, step: UndoStep, goal: Snapshot, backwards: bool) -> None:
+        name, label = ("undo", "undoing") if backwards else ("redo", "redoing")
+        for key, robot in self._robots.items():
+            for pin in robot.tasks_of(PIN):
+                robot.remove_task(pin)
+            q, trace = goal.q[key], step.trace.configurations.get(key, [])
+            if np.allclose(robot.q, q, atol=1e-9):
+                continue
+            self._sensors.stop_scripts(key)
+            path = [*(trace[::-1] if backwards else trace), q]
+            if robot.mechanism.distance(robot.q, path[0]) < _NEAR:
+                robot.motion = Retrace(path, step.trace.period, name, label)
+            else:
+                robot.motion = ConfigurationMotion(robot.mechanism, robot.q, q, name, label)
+        self._goal = goal
+
+    def _restore_pins(self, snapshot: Snapshot) -> None:
+        for robot, pins in snapshot.pins.items():
+            for pin in pins:
+                self._robots[robot].restore_pin(self._new_id(), pin)
