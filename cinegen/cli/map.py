@@ -195,7 +195,7 @@ def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None
     """Ask before maps that take long or much of the disk.
 
     Raises:
-        CinegenError: the answer is no, or there is nobody to answer.
+        CinegenError: the answer is no, or no one can answer.
     """
     if maps * spec.region.size <= _SURELY:
         return

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from cinegen.session import Setup
 
 _REALTIME = 40  # priority of SCHED_FIFO, above ordinary programs and below most kernel threads (50)
-_UNATTENDED = 10.0  # s of motion where nobody can press Ctrl-C
+_UNATTENDED = 10.0  # s of motion without a terminal, where Ctrl-C is impossible
 _PANEL = {"rich_help_panel": "Page"}
 
 
@@ -52,7 +52,7 @@ class PageOptions:
 
         Args:
             setup: of the session.
-            stem: of the page that is written where nobody can press Ctrl-C.
+            stem: of the page that is written without a terminal.
             snapshot: file that the page is written to in the end.
 
         Raises:

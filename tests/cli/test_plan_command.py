@@ -7,11 +7,13 @@ import math
 
 import numpy as np
 import pytest
+import typer
 
-from cinegen.cli import main
+from cinegen.cli import app, main
 from cinegen.collision import load_scene
 from cinegen.mission import Recording
 from cinegen.planning import plan
+from cinegen.planning.planner.field import Field
 
 SCENES = ("rod", "disc", "discs", "generic")
 
@@ -185,6 +187,11 @@ def test_rrt_connect_out_of_time_says_that_more_may_help(typed, scene):
     said = typed(scene(obstacle=ring), "--planner", "rrtconnect", "--seconds", "0.3", code=1)
     assert "time limit: RRT-Connect found no way in 0.3 s" in said
     assert "Try --seconds 1.8" in said
+
+
+def test_the_fields_to_choose_from_are_those_of_the_planner():
+    (option,) = [one for one in typer.main.get_command(app).commands["plan"].params if one.name == "field"]
+    assert set(option.type_descriptor.choices) == {field.value for field in Field} - {"none"}
 
 
 # --- what is wrong -----------------------------------------------------------------------------------------------
