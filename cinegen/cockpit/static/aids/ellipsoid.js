@@ -8,12 +8,22 @@ import { COLOURS } from "../view/theme.js";
 const FLAT = 1e-3; // of the longest half axis: none is thinner
 const ORIGIN = new Vector3();
 
+/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
+/** @typedef {{ group: Group, body: Mesh, rods: Mesh[] }} Drawn */
+
 export class Ellipsoids {
+  /** @type {Map<string, Drawn>} */
   #shown = new Map();
   #fresh = new Fresh();
 
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   aids: import("./aids.js").Aids }} parts
+   */
   constructor({ view, session, aids }) {
-    Object.assign(this, { view, session, aids });
+    this.view = view;
+    this.session = session;
+    this.aids = aids;
     session.on("report", () => this.#show());
     session.on("hello", () => {
       for (const one of this.#shown.values()) view.stage.remove(one.group);
@@ -36,6 +46,11 @@ export class Ellipsoids {
     }
   }
 
+  /**
+   * @param {Drawn} one
+   * @param {import("../base/messages").Ellipsoid} found
+   * @param {KnownRobot} robot
+   */
   #place(one, found, robot) {
     const axes = [0, 1, 2].map((i) => new Vector3().fromArray(found.axes[i] ?? [0, 0, 0]));
     const longest = Math.max(...axes.map((axis) => axis.length()));
@@ -50,21 +65,26 @@ export class Ellipsoids {
     });
     one.group.visible = true;
     one.group.position.fromArray(found.center);
-    one.body.matrix.copy(new Matrix4().makeBasis(...axes));
+    one.body.matrix.copy(new Matrix4().makeBasis(axes[0], axes[1], axes[2]));
     one.body.matrixWorldNeedsUpdate = true;
     axes.forEach((axis, i) => span(one.rods[i], axis.clone().negate(), axis, 0.003 * robot.length));
     this.view.changed();
   }
 
+  /**
+   * @param {string} name
+   * @returns {Drawn}
+   */
   #make(name) {
-    const one = { group: new Group() };
-    one.body = new Mesh(new SphereGeometry(1, 32, 20), paint(COLOURS.green, { opacity: 0.22, through: false }));
-    one.body.matrixAutoUpdate = false;
+    const group = new Group();
+    const body = new Mesh(new SphereGeometry(1, 32, 20), paint(COLOURS.green, { opacity: 0.22, through: false }));
+    body.matrixAutoUpdate = false;
     const ink = paint(COLOURS.green, { opacity: 0.8 });
-    one.rods = [0, 1, 2].map(() => rod(ink));
-    one.rods.forEach((made) => span(made, ORIGIN, ORIGIN, 0));
-    one.group.add(one.body, ...one.rods);
-    this.view.stage.add(one.group);
+    const rods = [0, 1, 2].map(() => rod(ink));
+    rods.forEach((made) => span(made, ORIGIN, ORIGIN, 0));
+    group.add(body, ...rods);
+    this.view.stage.add(group);
+    const one = { group, body, rods };
     this.#shown.set(name, one);
     return one;
   }

@@ -11,17 +11,32 @@ const SAID = 1.5; // times the threshold: where it is told in words
 const SHARE = 0.3; // of a twist: a smaller part of it is not drawn
 const SIZE = 0.2; // characteristic lengths
 
+/** @type {Record<"type1" | "type2", { colour: number, label: string }>} */
 export const KINDS = {
   type1: { colour: COLOURS.vermillion, label: "lost" },
   type2: { colour: COLOURS.purple, label: "gained" },
 };
 
+/** @typedef {import("../base/messages").SingularityReport} SingularityReport */
+/**
+ * @typedef {{ key: string, kind: "type1" | "type2", group: Group, where: Vector3, paint: import("three").MeshBasicMaterial,
+ *   arrow: Group, arc: Group }} Mark
+ */
+
 export class Lost {
+  /** @type {Map<string, Mark>} */
   #marks = new Map();
   #fresh = new Fresh();
 
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
+   */
   constructor({ view, session, labels, aids }) {
-    Object.assign(this, { view, session, labels, aids });
+    this.view = view;
+    this.session = session;
+    this.labels = labels;
+    this.aids = aids;
     session.on("report", () => this.#show());
     session.on("hello", () => this.#clear());
     aids.on("change", () => this.#show());
@@ -35,19 +50,20 @@ export class Lost {
 
   #show() {
     for (const robot of this.session.robots) {
-      for (const kind of Object.keys(KINDS)) {
+      for (const kind of /** @type {const} */ (["type1", "type2"])) {
         const found = this.session.report?.robots?.[robot.name]?.[kind];
         const key = `${kind} ${robot.name}`;
         const near = this.aids.shows("lost") ? closeness(found) : 0;
         const mark = this.#marks.get(key);
         if (!this.#fresh.is(key, near > 0 ? found : null)) continue;
-        if (near > 0 && found.twist?.length === 6 && found.position) {
+        if (near > 0 && found && found.twist?.length === 6 && found.position) {
           this.#place(mark ?? this.#make(key, kind), found, near, robot);
         } else if (mark !== undefined) this.#hide(mark);
       }
     }
   }
 
+  /** @param {Mark} mark */
   #hide(mark) {
     if (!mark.group.visible) return;
     mark.group.visible = false;
@@ -55,6 +71,12 @@ export class Lost {
     this.view.changed();
   }
 
+  /**
+   * @param {Mark} mark
+   * @param {SingularityReport} found
+   * @param {number} near
+   * @param {import("../base/session.js").KnownRobot} robot
+   */
   #place(mark, found, near, robot) {
     const straight = new Vector3().fromArray(found.twist, 0);
     const turn = new Vector3().fromArray(found.twist, 3);
@@ -74,10 +96,15 @@ export class Lost {
     this.view.changed();
   }
 
+  /**
+   * @param {string} key
+   * @param {"type1" | "type2"} kind
+   * @returns {Mark}
+   */
   #make(key, kind) {
-    const mark = { key, kind, group: new Group(), where: new Vector3(), paint: paint(KINDS[kind].colour) };
-    mark.arrow = twoWays(mark.paint);
-    mark.arc = twist(mark.paint);
+    const material = paint(KINDS[kind].colour);
+    const [arrow, arc] = [twoWays(material), twist(material)];
+    const mark = { key, kind, group: new Group(), where: new Vector3(), paint: material, arrow, arc };
     mark.arc.scale.setScalar(0.7);
     mark.group.add(mark.arrow, mark.arc);
     this.view.stage.add(mark.group);
@@ -86,7 +113,11 @@ export class Lost {
   }
 }
 
-/** From 0, far from a singularity, to 1 at its threshold or below. */
+/**
+ * Return 0 far from a singularity, to 1 at its threshold or below.
+ *
+ * @param {SingularityReport | null | undefined} found
+ */
 function closeness(found) {
   if (!found || !(found.sigma >= 0) || !(found.threshold > 0)) return 0;
   const decades = Math.log((WIDE * found.threshold) / Math.max(found.sigma, 1e-12)) / Math.log(WIDE);

@@ -1,17 +1,28 @@
-// The trail: where the pulled part, or else the tool, has been. It fades with age.
+// The trail: the past positions of a task's node, or of the end without tasks. It fades with age.
 
 import { BufferGeometry, Color, Float32BufferAttribute, Line, LineBasicMaterial, Vector3 } from "three";
 import { COLOURS, theme } from "../view/theme.js";
 
 const MOST = 600; // points
 const APART = 0.004; // characteristic lengths
-const JUMP = 0.3; // characteristic lengths: what goes so far at once was not led there
+const JUMP = 0.3; // characteristic lengths: a larger step starts a new trail
+
+/**
+ * @typedef {{ points: Vector3[], geometry: BufferGeometry, line: Line, node: string | null, fresh: boolean }} Trail
+ */
 
 export class Trails {
+  /** @type {Map<string, Trail>} */
   #trails = new Map();
 
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   aids: import("./aids.js").Aids }} parts
+   */
   constructor({ view, session, aids }) {
-    Object.assign(this, { view, session, aids });
+    this.view = view;
+    this.session = session;
+    this.aids = aids;
     session.on("state", () => this.#grow());
     session.on("hello", () => this.#clear());
     aids.on("change", () => {
@@ -71,6 +82,7 @@ export class Trails {
     }
   }
 
+  /** @returns {Trail} */
   #make() {
     const geometry = new BufferGeometry();
     const line = new Line(geometry, new LineBasicMaterial({ vertexColors: true }));

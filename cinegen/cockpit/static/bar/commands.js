@@ -5,6 +5,7 @@
 import { byId, make, memory, write } from "../base/dom.js";
 import { units } from "../base/units.js";
 
+/** @type {Record<string, string>} */
 const FRAMES = {
   world: "world",
   base: "base of the robot",
@@ -13,8 +14,16 @@ const FRAMES = {
 };
 
 export class Commands {
+  #chosen = -Infinity; // when a command frame was chosen
+
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   endDrag: (pinned?: boolean) => boolean }} parts
+   */
   constructor({ view, session, endDrag }) {
-    Object.assign(this, { view, session, endDrag });
+    this.view = view;
+    this.session = session;
+    this.endDrag = endDrag;
     this.button("undo", () => this.undo());
     this.button("redo", () => this.redo());
     this.button("pause", () => this.pause());
@@ -30,10 +39,14 @@ export class Commands {
     units.on("change", named);
     named();
     const token = new URLSearchParams(location.search).get("token");
-    if (token !== null) byId("page-copy").href = `snapshot.html?${new URLSearchParams({ token })}`;
+    if (token !== null) /** @type {HTMLAnchorElement} */ (byId("page-copy")).href = `snapshot.html?${new URLSearchParams({ token })}`;
     session.on("report", (report) => this.#show(report));
   }
 
+  /**
+   * @param {string} id
+   * @param {() => void} action
+   */
   button(id, action) {
     byId(id).addEventListener("click", action);
   }
@@ -57,7 +70,7 @@ export class Commands {
   }
 
   help() {
-    byId("keys").showModal();
+    /** @type {HTMLDialogElement} */ (byId("keys")).showModal();
   }
 
   fold() {
@@ -71,10 +84,12 @@ export class Commands {
     link.remove();
   }
 
+  /** @param {import("../base/link.js").ClientMessage} command */
   #send(command) {
     if (this.session.mayAct()) this.session.send(command);
   }
 
+  /** @param {boolean} open */
   #fold(open) {
     memory.set("panel", open);
     document.body.classList.toggle("folded", !open);
@@ -82,26 +97,27 @@ export class Commands {
   }
 
   #frames() {
-    const select = byId("frame");
+    const select = /** @type {HTMLSelectElement} */ (byId("frame"));
     this.session.on("hello", ({ frames = [] }) => {
       select.replaceChildren(...frames.map((frame) => make("option", { value: frame }, FRAMES[frame] ?? frame)));
     });
     select.addEventListener("change", () => {
-      this.chosen = performance.now();
-      this.#send({ type: "change_settings", frame: select.value });
+      this.#chosen = performance.now();
+      this.#send({ type: "change_settings", frame: /** @type {import("../base/messages").Settings["frame"]} */ (select.value) });
     });
   }
 
+  /** @param {import("../base/link.js").Report} report */
   #show({ undo = 0, redo = 0, paused = false, settings }) {
-    byId("undo").disabled = !(undo > 0);
-    byId("redo").disabled = !(redo > 0);
+    /** @type {HTMLButtonElement} */ (byId("undo")).disabled = !(undo > 0);
+    /** @type {HTMLButtonElement} */ (byId("redo")).disabled = !(redo > 0);
     const pause = byId("pause");
     if (pause.getAttribute("aria-pressed") !== String(paused)) {
       pause.setAttribute("aria-pressed", String(paused));
-      pause.querySelector("use").setAttribute("href", paused ? "#sign-play" : "#sign-pause");
+      pause.querySelector("use")?.setAttribute("href", paused ? "#sign-play" : "#sign-pause");
     }
-    const select = byId("frame");
-    const recent = performance.now() - (this.chosen ?? -Infinity) < 800;
+    const select = /** @type {HTMLSelectElement} */ (byId("frame"));
+    const recent = performance.now() - this.#chosen < 800;
     if (settings?.frame && select.value !== settings.frame && !recent) select.value = settings.frame;
   }
 }

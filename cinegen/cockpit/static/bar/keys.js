@@ -5,7 +5,13 @@ import { byId } from "../base/dom.js";
 const TYPED = "input:not([type=checkbox]):not([type=range]), textarea, select";
 const PRESSED = "button, summary, a, input[type=checkbox], select, [tabindex]";
 
+/**
+ * @param {{ commands: import("./commands.js").Commands, session: import("../base/session.js").Session,
+ *   gizmo: { setMode: (mode: string) => void, setAxes: () => void }, view: import("../view/view.js").View,
+ *   endDrag: () => boolean, pin: () => void }} parts
+ */
 export function keys({ commands, gizmo, session, view, endDrag, pin }) {
+  /** @type {Record<string, () => void>} */
   const plain = {
     w: () => gizmo.setMode("translate"),
     e: () => gizmo.setMode("rotate"),
@@ -16,7 +22,7 @@ export function keys({ commands, gizmo, session, view, endDrag, pin }) {
     "?": () => commands.help(),
   };
   window.addEventListener("keydown", (event) => {
-    if (byId("keys").open) return;
+    if (/** @type {HTMLDialogElement} */ (byId("keys")).open) return;
     const key = event.key.length === 1 ? event.key.toLowerCase() : event.key;
     if (key === "Escape") {
       if (!endDrag()) session.select(null, null);

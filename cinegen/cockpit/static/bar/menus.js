@@ -6,11 +6,17 @@ import { AIDS, BODIES } from "../aids/aids.js";
 import { byId, make } from "../base/dom.js";
 import { units } from "../base/units.js";
 
+/** @type {Record<string, string>} */
 const DRAWN = { parts: "parts", skeleton: "skeletons" };
 
+/** @param {import("../aids/aids.js").Aids} aids */
 export function menus(aids) {
   fill(byId("aids-menu"), aids);
   const all = ["aids", "snapshot"].map((id) => ({ button: byId(id), menu: byId(`${id}-menu`) }));
+  /**
+   * @param {{ button: HTMLElement, menu: HTMLElement }} one
+   * @param {boolean} open
+   */
   const show = ({ button, menu }, open) => {
     menu.hidden = !open;
     button.setAttribute("aria-expanded", String(open));
@@ -20,15 +26,16 @@ export function menus(aids) {
     if (out < 0) menu.style.transform = `translateX(${-out}px)`;
   };
   for (const one of all) {
-    one.button.addEventListener("click", () => show(one, one.menu.hidden));
+    one.button.addEventListener("click", () => show(one, one.menu.hidden !== false));
     one.menu.addEventListener("click", (event) => {
-      if (event.target.closest("button, a") !== null) show(one, false);
+      if (event.target instanceof Element && event.target.closest("button, a") !== null) show(one, false);
     });
   }
   window.addEventListener(
     "pointerdown",
     (event) => {
-      for (const one of all) if (!one.menu.parentElement.contains(event.target)) show(one, false);
+      const target = event.target instanceof Node ? event.target : null;
+      for (const one of all) if (!one.menu.parentElement?.contains(target)) show(one, false);
     },
     true,
   );
@@ -47,6 +54,10 @@ export function menus(aids) {
   );
 }
 
+/**
+ * @param {HTMLElement} menu
+ * @param {import("../aids/aids.js").Aids} aids
+ */
 function fill(menu, aids) {
   for (const { id, words, hint } of AIDS) {
     const box = make("input", {

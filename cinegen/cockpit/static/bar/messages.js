@@ -10,9 +10,16 @@ const DRAGGING = "Esc ends the drag";
 const STAYS = 6000; // ms
 const MOST = 4;
 
-export class Messages {
-  knows = false; // whether a part was dragged before
+/** @typedef {{ on: (name: "drag", listener: (part: object | null) => void) => unknown }} Dragging */
 
+export class Messages {
+  dragged = false; // whether a part was dragged before
+  /** @type {WeakMap<Element, ReturnType<typeof setTimeout>>} */
+  #timers = new WeakMap();
+
+  /**
+   * @param {{ session: import("../base/session.js").Session, drag: Dragging, gizmo: Dragging }} parts
+   */
   constructor({ session, drag, gizmo }) {
     this.session = session;
     this.hint = byId("hint");
@@ -20,7 +27,7 @@ export class Messages {
     this.cover = byId("cover");
     session.on("hello", () => {
       this.cover.hidden = true;
-      if (!this.knows) this.hint.textContent = session.hello.map ? ON_MAP : HINT;
+      if (!this.dragged) this.hint.textContent = session.hello?.map ? ON_MAP : HINT;
       this.#hint();
     });
     session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
@@ -37,12 +44,17 @@ export class Messages {
     for (const one of [drag, gizmo]) one.on("drag", (part) => this.#dragged(part));
   }
 
-  /** Shows words for some seconds, with a button if there is something to do; what is said again stays longer. */
-  toast(words, level = "info", action = null) {
-    if (!words) return;
-    const same = [...this.toasts.children].find((toast) => toast.dataset.words === words);
-    const toast =
-      same ?? make("div", { class: `toast ${level === "warning" ? "warning" : ""}`, data: { words } }, words);
+  /**
+   * Show a text for some seconds, with a button for an action; a text that is repeated stays longer.
+   *
+   * @param {string} text
+   * @param {string} level
+   * @param {{ label: string, run: () => void } | null} action
+   */
+  toast(text, level = "info", action = null) {
+    if (!text) return;
+    const same = [...this.toasts.children].find((toast) => toast.getAttribute("data-text") === text);
+    const toast = same ?? make("div", { class: `toast ${level === "warning" ? "warning" : ""}`, data: { text } }, text);
     if (action !== null && same === undefined) {
       const run = () => {
         action.run();
@@ -52,26 +64,28 @@ export class Messages {
         make("button", { class: "small", type: "button", title: action.label, on: { click: run } }, action.label),
       );
     }
-    clearTimeout(toast.timer);
-    toast.timer = setTimeout(() => toast.remove(), action === null ? STAYS : 2 * STAYS);
+    clearTimeout(this.#timers.get(toast));
+    this.#timers.set(toast, setTimeout(() => toast.remove(), action === null ? STAYS : 2 * STAYS));
     if (same === undefined) this.toasts.append(toast);
-    while (this.toasts.childElementCount > MOST) this.toasts.firstElementChild.remove();
+    while (this.toasts.childElementCount > MOST) this.toasts.firstElementChild?.remove();
   }
 
   #hint() {
-    this.hint.hidden = this.knows || this.session.control === "other" || Boolean(this.session.hello?.playback);
+    this.hint.hidden = this.dragged || this.session.control === "other" || Boolean(this.session.hello?.playback);
   }
 
-  #tell(words) {
-    this.cover.textContent = words;
+  /** @param {string} text */
+  #tell(text) {
+    this.cover.textContent = text;
     this.cover.hidden = false;
   }
 
+  /** @param {object | null} part */
   #dragged(part) {
     if (part === null) {
       this.hint.hidden = true;
-    } else if (!this.knows) {
-      this.knows = true; // the first drag: the hint has done its work
+    } else if (!this.dragged) {
+      this.dragged = true; // the first drag: the hint has done its work
       this.hint.textContent = DRAGGING;
     }
   }

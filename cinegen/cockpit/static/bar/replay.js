@@ -10,7 +10,11 @@ const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5];
 
 export class Replay {
   #moved = -Infinity;
+  seconds = 0; // duration
+  /** @type {[number, string][]} */
+  stops = []; // times to jump to, each with a name
 
+  /** @param {import("../base/session.js").Session} session */
   constructor(session) {
     this.session = session;
     this.bar = byId("transport");
@@ -36,7 +40,7 @@ export class Replay {
       "aria-label": "Time in the recording",
       title: "Go to a time",
     });
-    const seek = atMostEvery(50, (time) => this.#send({ time }));
+    const seek = atMostEvery(50, (/** @type {number} */ time) => this.#send({ time }));
     this.seek.addEventListener("input", () => {
       this.#moved = performance.now();
       fill(this.seek);
@@ -72,28 +76,40 @@ export class Replay {
     });
   }
 
-  #step(id, label, way) {
+  /**
+   * @param {string} id
+   * @param {string} label
+   * @param {number} step
+   */
+  #step(id, label, step) {
     const title = `${label} stop of the recording`;
-    const on = { click: () => this.#go(way) };
+    const on = { click: () => this.#go(step) };
     return make("button", { type: "button", id, class: "small", "aria-label": label, title, on }, sign(id));
   }
 
-  /** Which stop it is at, or was at last. */
+  /**
+   * Return the index of the last stop up to a time.
+   *
+   * @param {number} time
+   */
   #at(time) {
     return Math.max(0, this.stops.findLastIndex(([begins]) => begins <= time + 1e-6));
   }
 
-  #go(way) {
-    const wanted = Math.min(this.stops.length - 1, Math.max(0, this.#at(Number(this.seek.value)) + way));
+  /** @param {number} step */
+  #go(step) {
+    const wanted = Math.min(this.stops.length - 1, Math.max(0, this.#at(Number(this.seek.value)) + step));
     this.seek.value = String(this.stops[wanted][0]);
     this.#moved = performance.now();
     this.#send({ playing: false, time: this.stops[wanted][0] });
   }
 
+  /** @param {{ playing?: boolean, time?: number, speed?: number }} change */
   #send(change) {
     if (this.session.mayAct()) this.session.send({ type: "control_playback", ...change });
   }
 
+  /** @param {import("../base/messages").PlaybackStatus} status */
   #show({ time = 0, playing = false, speed = 1 }) {
     this.play.setAttribute("aria-pressed", String(playing));
     this.sign.setAttribute("href", playing ? "#sign-pause" : "#sign-play");

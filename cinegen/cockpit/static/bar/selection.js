@@ -3,7 +3,7 @@
 // For tests: #selection with #move #turn (aria-pressed), #axes (select), #upright (checkbox), #pin, #deselect.
 
 import { byId, make, sign, write } from "../base/dom.js";
-import { AXES } from "../hand/gizmo.js";
+import { AXES } from "../pointer/gizmo.js";
 
 const WORDS = { world: "world axes", local: "its own axes", view: "view axes" };
 

@@ -11,8 +11,8 @@ const MARK = 0.62; // of a cell's width: a cell that is pointed at
 
 /**
  * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session, labels: import("../view/labels.js").Labels, field: import("./field.js").Field,
- *   cells: import("./cells.js").Cells, legend: import("./legend.js").Legend, drag: import("../hand/drag.js").Drag,
- *   pick: import("../hand/pick.js").Pick }} parts
+ *   cells: import("./cells.js").Cells, legend: import("./legend.js").Legend, drag: import("../pointer/drag.js").Drag,
+ *   pick: import("../pointer/pick.js").Pick }} parts
  */
 export function visit({ view, session, labels, field, cells, legend, drag, pick }) {
   const material = new MeshBasicMaterial({ color: theme.accent, transparent: true, opacity: 0.75, depthTest: false });
