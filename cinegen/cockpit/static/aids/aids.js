@@ -4,15 +4,15 @@ import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
 
 export const AIDS = [
-  { id: "ghost", words: "Target of what is pulled", hint: "A ghost where the part should be, and the way to it" },
+  { id: "ghost", words: "Targets of tasks", hint: "A translucent copy of the part at its target, and a line to it" },
   {
     id: "lost",
     words: "Lost directions",
-    hint: "Arrow or arc along which a motion is lost or gained, near singularities",
+    hint: "Arrow or arc of a motion that is lost or uncontrolled, near singularities",
   },
-  { id: "forecast", words: "Path ahead", hint: "Where the tasks lead, and where a singularity or a limit will be met" },
+  { id: "forecast", words: "Forecast", hint: "Path of the task, with the singularities and limits on it" },
   { id: "limits", words: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
-  { id: "trail", words: "Trail", hint: "Where the pulled part or the tool has been" },
+  { id: "trail", words: "Trail", hint: "Past positions of the task or the end" },
   { id: "ellipsoid", words: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
   { id: "frames", words: "Frames", hint: "Axes of the tool: red x, green y, blue z" },
   { id: "loops", words: "Loop marks", hint: "Balls where a loop is closed" },

@@ -1,5 +1,4 @@
-// Where what is pulled should be: a translucent copy of the part at its target, and the way from the one to the other
-// where it can't be reached.
+// Targets of tasks: a translucent copy of the part at its target, and a line to it where it is not reached.
 
 import { Group, Mesh, Quaternion, Vector3 } from "three";
 import { units } from "../base/units.js";
@@ -7,14 +6,29 @@ import { ball, paint, rod, span } from "../view/shapes.js";
 import { COLOURS, theme } from "../view/theme.js";
 
 const SEEN = 0.012; // characteristic lengths, rad: a smaller error shows no ghost
-const SAID = 0.02; // characteristic lengths: a larger one is told in words
+const LABELLED = 0.02; // characteristic lengths: a larger error has a label
+
+/** @typedef {import("../base/messages").TaskMessage} Task */
+/** @typedef {import("three").MeshBasicMaterial} Material */
+/**
+ * @typedef {{ group: Group, target: Vector3, label: string, paint: Material, veil: Material, ball: Mesh, way: Mesh,
+ *   copy: Group }} Mark
+ */
 
 export class Ghosts {
+  /** @type {Map<number, Mark>} */
   #marks = new Map(); // by the task's id
   #told = ""; // the tasks of the last state
 
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
+   */
   constructor({ view, session, labels, aids }) {
-    Object.assign(this, { view, session, labels, aids });
+    this.view = view;
+    this.session = session;
+    this.labels = labels;
+    this.aids = aids;
     session.on("state", ({ tasks = [] }) => {
       const told = JSON.stringify(tasks);
       if (told !== this.#told) view.changed();
@@ -32,6 +46,7 @@ export class Ghosts {
     }
   }
 
+  /** @param {Set<number>} ids */
   #keep(ids) {
     for (const [id, mark] of this.#marks) {
       if (ids.has(id)) continue;
@@ -41,15 +56,16 @@ export class Ghosts {
     }
   }
 
+  /** @param {Task} task */
   #place(task) {
-    const { length } = this.session.robot(task.robot);
+    const length = this.session.robot(task.robot)?.length ?? 1;
     const mark = this.#marks.get(task.id) ?? this.#make(task, length);
     const part = this.view.pose(task.robot, task.node);
     const point = new Vector3().fromArray(task.position ?? part.position.toArray());
     const target = mark.target.fromArray(task.target ?? point.toArray());
     const [far = 0, turned = 0] = task.error ?? [];
     const off = far > SEEN * length || turned > SEEN * 5;
-    const colour = far > SAID * length ? COLOURS.vermillion : theme.accent;
+    const colour = far > LABELLED * length ? COLOURS.vermillion : theme.accent;
     mark.paint.color.setHex(colour);
     mark.veil.color.setHex(theme.accent);
     mark.ball.position.copy(target);
@@ -57,10 +73,18 @@ export class Ghosts {
     mark.way.visible &&= off;
     mark.copy.visible = off;
     if (off) this.#lay(mark.copy, task, part, point, target);
-    this.labels.put(mark.label, far > SAID * length ? `${units.length(far)} away` : "", target, "far");
+    this.labels.put(mark.label, far > LABELLED * length ? `${units.length(far)} away` : "", target, "far");
   }
 
-  /** The copy stands so that the pulled point is at its target. */
+  /**
+   * Place the copy so that the constrained frame is at its target.
+   *
+   * @param {Group} copy
+   * @param {Task} task
+   * @param {{ position: Vector3, quaternion: Quaternion }} part
+   * @param {Vector3} point
+   * @param {Vector3} target
+   */
   #lay(copy, task, part, point, target) {
     const inPart = point.clone().sub(part.position).applyQuaternion(part.quaternion.clone().invert());
     const held = task.rotation === 3 && task.target.length === 7;
@@ -68,17 +92,23 @@ export class Ghosts {
     copy.position.copy(target).sub(inPart.applyQuaternion(copy.quaternion));
   }
 
+  /**
+   * @param {Task} task
+   * @param {number} length
+   * @returns {Mark}
+   */
   #make(task, length) {
+    const solid = paint(theme.accent, { opacity: 0.9 });
     const mark = {
       group: new Group(),
       target: new Vector3(),
       label: `task ${task.id}`,
-      paint: paint(theme.accent, { opacity: 0.9 }),
+      paint: solid,
       veil: paint(theme.accent, { opacity: 0.22, through: false }),
+      ball: ball(solid, 0.014 * length),
+      way: rod(solid),
+      copy: new Group(),
     };
-    mark.ball = ball(mark.paint, 0.014 * length);
-    mark.way = rod(mark.paint);
-    mark.copy = new Group();
     this.#copy(this.view.group(task.robot, task.node), mark);
     mark.group.add(mark.ball, mark.way, mark.copy);
     this.view.stage.add(mark.group);
@@ -86,14 +116,19 @@ export class Ghosts {
     return mark;
   }
 
-  /** The part's meshes, seen from the part; its marks of loops are no part of it. */
+  /**
+   * Copy the meshes of a part, without its marks of loops.
+   *
+   * @param {import("three").Object3D} group
+   * @param {Mark} mark
+   */
   #copy(group, mark) {
     group.updateWorldMatrix(true, true);
     const inverse = group.matrixWorld.clone().invert();
     for (const child of group.children) {
       if (child.name.startsWith("loop ")) continue;
       child.traverse((object) => {
-        if (!object.isMesh) return;
+        if (!(object instanceof Mesh)) return;
         const copy = new Mesh(object.geometry, mark.veil);
         copy.matrixAutoUpdate = false;
         copy.matrix.multiplyMatrices(inverse, object.matrixWorld);

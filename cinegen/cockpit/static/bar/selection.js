@@ -5,11 +5,22 @@
 import { byId, make, sign, write } from "../base/dom.js";
 import { AXES } from "../pointer/gizmo.js";
 
+/** @type {Record<string, string>} */
 const WORDS = { world: "world axes", local: "its own axes", view: "view axes" };
 
 export class Selection {
+  /**
+   * @param {{ session: import("../base/session.js").Session, gizmo: import("../pointer/gizmo.js").Gizmo, pin: () => void }} parts
+   */
   constructor({ session, gizmo, pin }) {
-    Object.assign(this, { session, gizmo });
+    this.session = session;
+    this.gizmo = gizmo;
+    /**
+     * @param {string} id
+     * @param {() => void} action
+     * @param {string} title
+     * @param {...(Node | string)} children
+     */
     const press = (id, action, title, ...children) =>
       make("button", { type: "button", id, title, on: { click: action } }, ...children);
     this.name = make("span", { class: "name" });

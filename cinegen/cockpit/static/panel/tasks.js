@@ -12,9 +12,20 @@ const TRANSLATIONS = ["free", "x", "x, y", "x, y, z"];
 const ROTATIONS = ["free", "about z", "direction of z", "all"];
 const OFTEN = 100; // ms
 
+/** @typedef {import("../base/messages").TaskMessage} Task */
+/**
+ * @typedef {{ source: HTMLElement, error: HTMLElement, element: HTMLElement, translation: HTMLSelectElement,
+ *   rotation: HTMLSelectElement, weight: ReturnType<typeof logSlider>, changed: number }} Card
+ */
+
 export class Tasks {
+  /** @type {Map<number, Card>} */
   #cards = new Map();
 
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     this.session = session;
     this.section = new Section(panel, {
@@ -50,10 +61,15 @@ export class Tasks {
     }
   }
 
+  /**
+   * @param {Task} task
+   * @returns {Card}
+   */
   #make(task) {
     const { id } = task;
     const whose = this.session.called(task.robot, task.node);
-    const card = { who: make("span", { class: "quiet" }), error: make("span", { class: "number" }) };
+    const source = make("span", { class: "quiet" });
+    const error = make("span", { class: "number" });
     const release = make(
       "button",
       {
@@ -69,6 +85,11 @@ export class Tasks {
       },
       "Remove",
     );
+    /**
+     * @param {string} kind
+     * @param {string[]} words
+     * @param {string} hint
+     */
     const choose = (kind, words, hint) =>
       make(
         "select",
@@ -77,13 +98,13 @@ export class Tasks {
           title: hint,
           "aria-label": `Constrained ${kind} of ${whose}`,
           data: { dof: kind },
-          on: { change: () => this.#hold(card, id) },
+          on: { change: () => this.#change(card, id) },
         },
         ...words.map((word, i) => make("option", { value: i }, word)),
       );
-    card.translation = choose("translation", TRANSLATIONS, "Axes of the target along which the position is constrained");
-    card.rotation = choose("rotation", ROTATIONS, "Constrained part of the orientation");
-    card.weight = logSlider({
+    const translation = choose("translation", TRANSLATIONS, "Axes of the target along which the position is constrained");
+    const rotation = choose("rotation", ROTATIONS, "Constrained part of the orientation");
+    const weight = logSlider({
       label: `Weight of ${whose}`,
       hint: "If not all tasks can be met, those of larger weight are met better",
       low: 0.01,
@@ -93,33 +114,43 @@ export class Tasks {
         if (this.session.mayAct()) this.session.send({ type: "change_task", task: id, weight: value });
       },
     });
-    card.element = make(
+    const element = make(
       "div",
       { class: "card", data: { task: String(id) } },
-      make("div", { class: "head" }, make("span", { class: "name" }, whose), card.who, release),
-      make("label", { class: "pair" }, "position", card.translation),
-      make("label", { class: "pair" }, "rotation", card.rotation),
-      make("label", { class: "pair three" }, "weight", card.weight.input, card.weight.output),
-      make("div", { class: "pair" }, make("span", {}, "error"), card.error),
+      make("div", { class: "head" }, make("span", { class: "name" }, whose), source, release),
+      make("label", { class: "pair" }, "position", translation),
+      make("label", { class: "pair" }, "rotation", rotation),
+      make("label", { class: "pair three" }, "weight", weight.input, weight.output),
+      make("div", { class: "pair" }, make("span", {}, "error"), error),
     );
+    /** @type {Card} */
+    const card = { source, error, element, translation, rotation, weight, changed: -Infinity };
     return card;
   }
 
-  #hold(card, id) {
-    card.held = performance.now();
+  /**
+   * @param {Card} card
+   * @param {number} id
+   */
+  #change(card, id) {
+    card.changed = performance.now();
     if (!this.session.mayAct()) return;
     const [translation, rotation] = [card.translation, card.rotation].map((select) => Number(select.value));
     this.session.send({ type: "change_task", task: id, translation, rotation });
   }
 
+  /**
+   * @param {Card} card
+   * @param {Task} task
+   */
   #fill(card, task) {
     write(
-      card.who,
+      card.source,
       task.source === "pin" ? "pinned" : task.label,
     );
     const { translation, rotation } = task;
     const choosing = document.activeElement === card.translation || document.activeElement === card.rotation;
-    if (!choosing || !(performance.now() - card.held < 1000)) {
+    if (!choosing || !(performance.now() - card.changed < 1000)) {
       if (card.translation.value !== String(translation)) card.translation.value = String(translation);
       if (card.rotation.value !== String(rotation)) card.rotation.value = String(rotation);
     }

@@ -7,9 +7,17 @@ import { atMostEvery, make, sign } from "../base/dom.js";
 import { keyOf } from "../base/session.js";
 import { byRobot, Section } from "./section.js";
 
+/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
+/** @typedef {import("../base/session.js").Node} Description */
+
 export class Tree {
+  /** @type {Map<string, HTMLButtonElement>} */
   #nodes = new Map();
 
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     this.session = session;
     this.section = new Section(panel, {
@@ -29,13 +37,11 @@ export class Tree {
     const { robots, obstacles } = this.session;
     this.section.note.textContent = String(robots.reduce((sum, robot) => sum + robot.nodes.length, 0));
     byRobot(this.section.body, robots, (robot, body) => {
+      /** @type {Map<string | null, Description[]>} */
       const children = new Map();
-      for (const node of robot.nodes) {
-        if (!children.has(node.parent)) children.set(node.parent, []);
-        children.get(node.parent).push(node);
-      }
+      for (const node of robot.nodes) children.set(node.parent, [...(children.get(node.parent) ?? []), node]);
       const list = make("ul", { class: "tree", "aria-label": `Parts of ${robot.name}` });
-      for (const node of robot.nodes) if (!robot.byName.has(node.parent)) this.#grow(list, robot, node, children);
+      for (const node of robot.nodes) if (!robot.byName.has(node.parent ?? "")) this.#grow(list, robot, node, children);
       list.addEventListener("keydown", (event) => this.#walk(event, list));
       const actuated = robot.joints.filter((joint) => joint.actuated).length;
       const words = [`mobility ${robot.mobility ?? "–"}`, `${actuated} actuated joints`, `${robot.loops.length} loops`];
@@ -46,6 +52,7 @@ export class Tree {
     this.#mark(false);
   }
 
+  /** @param {KnownRobot[]} obstacles */
   #obstacles(obstacles) {
     const list = make("ul", { class: "tree", "aria-label": "Obstacles" });
     for (const obstacle of obstacles) {
@@ -57,8 +64,14 @@ export class Tree {
     return make("details", { class: "robot", open: true }, summary, make("div", { class: "body" }, list));
   }
 
+  /**
+   * @param {HTMLElement} list
+   * @param {KnownRobot} robot
+   * @param {Description} first
+   * @param {Map<string | null, Description[]>} children
+   */
   #grow(list, robot, first, children) {
-    for (let node = first; node !== undefined;) {
+    for (let node = /** @type {Description | undefined} */ (first); node !== undefined;) {
       list.append(this.#item(robot, node));
       const below = children.get(node.name) ?? [];
       if (below.length > 1) {
@@ -66,7 +79,7 @@ export class Tree {
         for (const child of below) {
           const branch = make("ul");
           this.#grow(branch, robot, child, children);
-          branch.firstElementChild.classList.add("branch");
+          branch.firstElementChild?.classList.add("branch");
           inner.append(...branch.childNodes);
         }
         list.append(make("li", {}, inner));
@@ -76,6 +89,10 @@ export class Tree {
     }
   }
 
+  /**
+   * @param {KnownRobot} robot
+   * @param {Description} node
+   */
   #item(robot, node) {
     const kind = robot.obstacle ? "" : node.kind === "base" ? " base" : node.name === robot.end ? " end" : "";
     const joint = robot.joints.find((one) => one.name === node.joint);
@@ -106,23 +123,28 @@ export class Tree {
     return make("li", {}, button);
   }
 
+  /**
+   * @param {KeyboardEvent} event
+   * @param {HTMLElement} list
+   */
   #walk(event, list) {
-    const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-    if (step === undefined) return;
+    const step = event.key === "ArrowDown" ? 1 : event.key === "ArrowUp" ? -1 : 0;
+    if (step === 0) return;
     const all = [...list.querySelectorAll("button")];
-    all[all.indexOf(document.activeElement) + step]?.focus();
+    all[all.findIndex((button) => button === document.activeElement) + step]?.focus();
     event.preventDefault();
   }
 
+  /** @param {boolean} show */
   #mark(show) {
     const { selected, tasks } = this.session;
     const chosen = selected === null ? null : keyOf(selected.robot, selected.node);
-    const pulled = new Set(tasks.map((task) => keyOf(task.robot, task.node)));
+    const withTask = new Set(tasks.map((task) => keyOf(task.robot, task.node)));
     for (const [key, button] of this.#nodes) {
       const pressed = String(key === chosen);
       if (button.getAttribute("aria-pressed") !== pressed) button.setAttribute("aria-pressed", pressed);
-      button.classList.toggle("pulled", pulled.has(key));
+      button.classList.toggle("with-task", withTask.has(key));
     }
-    if (show && this.section.element.open) this.#nodes.get(chosen)?.scrollIntoView({ block: "nearest" });
+    if (show && this.section.element.open) this.#nodes.get(chosen ?? "")?.scrollIntoView({ block: "nearest" });
   }
 }

@@ -1,10 +1,10 @@
-// The gizmo on the selected part: three.js's TransformControls on a proxy that stands where the part is, and while it
-// is dragged where the part should be. Never on the part itself: it would snap back while the robot lags behind.
+// The gizmo on the selected part: three.js's TransformControls on a proxy at the part, or at the target during a drag.
+// Never on the part itself: it would snap back while the robot lags behind.
 //
 // The proxy's axes are those that were chosen (world, the part's own, the view's), so that the controls always work in
 // "local" space: meshcat's scene is turned, and its world axes are not the robots'.
 //
-// Events: drag (part or null), change (mode, axes or hold are others).
+// Events: drag (part or null), change (of mode, axes or upright).
 
 import { Object3D, Quaternion, Vector3 } from "three";
 import { memory } from "../base/dom.js";
@@ -14,16 +14,27 @@ import { DragTarget } from "./drag_target.js";
 
 export const AXES = ["world", "local", "view"];
 
+/** @typedef {import("../base/session.js").Part} Part */
+/** @typedef {{ rotation: Quaternion, axes: Quaternion, rotates: boolean, denied: boolean }} Begin */
+
+/** @extends {Events<{ drag: Part | null, change: undefined }>} */
 export class Gizmo extends Events {
+  /** @type {Part | null} */
   #part = null;
-  #begin = null; // of a drag: how proxy and part stood
+  /** @type {Begin | null} */
+  #begin = null; // of a drag: orientation of the part and of the proxy
   mode = "translate";
   axes = memory.get("axes", "world");
-  upright = true; // moving it, its orientation is held too
+  upright = true; // the orientation is commanded during a translation, too
 
+  /**
+   * @param {import("../view/view.js").View} view
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(view, session) {
     super();
-    Object.assign(this, { view, session });
+    this.view = view;
+    this.session = session;
     this.target = new DragTarget(session);
     if (!AXES.includes(this.axes)) this.axes = "world";
     this.proxy = new Object3D();
@@ -60,25 +71,32 @@ export class Gizmo extends Events {
     return this.#part;
   }
 
-  /** Whether a pointer that is pressed is its own. */
+  /**
+   * Return whether a pointer that is pressed belongs to the gizmo.
+   *
+   * @param {PointerEvent} event
+   */
   wants(event) {
     if (this.#part === null || !this.controls.enabled) return false;
     this.controls.pointerHover(this.controls._getPointer(event));
     return this.controls.axis !== null;
   }
 
+  /** @param {string} mode */
   setMode(mode) {
     this.mode = mode;
     this.controls.setMode(mode);
     this.#changed();
   }
 
-  setAxes(axes) {
+  /** @param {string} axes the next ones unless given */
+  setAxes(axes = "") {
     this.axes = AXES.includes(axes) ? axes : AXES[(AXES.indexOf(this.axes) + 1) % AXES.length];
     memory.set("axes", this.axes);
     this.#changed();
   }
 
+  /** @param {boolean} upright */
   setUpright(upright) {
     this.upright = upright;
     this.#changed();
@@ -102,41 +120,48 @@ export class Gizmo extends Events {
     this.tell("change");
   }
 
+  /** @param {Part | null} part */
   #attach(part) {
     this.end();
     this.#part = part !== null && this.session.knows(part.robot, part.node) ? part : null;
     if (this.#part === null) {
       this.controls.detach();
     } else {
-      this.upright = this.#canTurn();
+      this.upright = this.#canRotate(this.#part);
       this.controls.attach(this.proxy);
     }
     this.#changed();
   }
 
-  /** Whether a part can be led in all six freedoms: enough of them, and enough joints between it and the base. */
-  #canTurn() {
-    const robot = this.session.robot(this.#part.robot);
+  /**
+   * Return whether a part can move in all six DoF: enough of them, and enough joints between it and the base.
+   *
+   * @param {Part} part
+   */
+  #canRotate(part) {
+    const robot = this.session.robot(part.robot);
+    if (robot === null) return false;
     let joints = 0;
-    for (let node = robot.byName.get(this.#part.node); node; node = robot.byName.get(node.parent)) {
+    for (let node = robot.byName.get(part.node); node; node = robot.byName.get(node.parent ?? "")) {
       if (node.joint) joints += 1;
     }
     return (robot.mobility ?? 0) >= 6 && joints >= 6;
   }
 
-  get #turns() {
+  get #rotates() {
     return this.mode === "rotate" || this.upright;
   }
 
   #take() {
+    if (this.#part === null) return;
     const { robot, node } = this.#part;
-    const { position, quaternion } = this.view.pose(robot, node);
-    this.#begin = { turn: quaternion, axes: this.proxy.quaternion.clone(), turns: this.#turns, position };
+    const { quaternion } = this.view.pose(robot, node);
+    this.#begin = { rotation: quaternion, axes: this.proxy.quaternion.clone(), rotates: this.#rotates, denied: false };
     if (!this.session.mayAct()) {
       this.#begin.denied = true;
       return;
     }
-    this.session.send({ type: "start_drag", robot, node, rotation: this.#turns });
+    this.session.send({ type: "start_drag", robot, node, rotation: this.#rotates });
     this.tell("drag", this.#part);
   }
 
@@ -144,11 +169,11 @@ export class Gizmo extends Events {
     const begin = this.#begin;
     if (begin === null || begin.denied) return;
     const position = this.proxy.position.toArray();
-    if (!begin.turns) {
+    if (!begin.rotates) {
       this.target.move(position);
       return;
     }
-    const turned = this.proxy.quaternion.clone().multiply(begin.axes.clone().invert()).multiply(begin.turn).normalize();
+    const turned = this.proxy.quaternion.clone().multiply(begin.axes.clone().invert()).multiply(begin.rotation).normalize();
     this.target.move(position, turned.toArray());
   }
 
