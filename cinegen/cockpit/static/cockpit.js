@@ -119,7 +119,7 @@ window.cockpit = {
   field,
   cells,
   labels,
-  select: (robot, node) => session.select(robot, node),
+  select: (/** @type {string} */ robot, /** @type {string} */ node) => session.select(robot, node),
   frame: () => view.frame(),
   gizmo,
   get hello() {
@@ -131,6 +131,6 @@ window.cockpit = {
   get report() {
     return session.report;
   },
-  send: (object) => session.send(object),
+  send: (/** @type {import("./base/link.js").ClientMessage} */ message) => session.send(message),
 };
 link.connect();

@@ -17,6 +17,7 @@ import { COLOURS, theme } from "../view/theme.js";
 const MOST = 4; // events that are marked
 const APART = 0.05; // characteristic lengths: marks that are nearer to each other are one
 const STILL = 0.01; // characteristic lengths: a shorter path is none
+/** @type {Record<string, number>} */
 const COLOUR = {
   TYPE_1: COLOURS.vermillion,
   TYPE_2: COLOURS.purple,
@@ -24,12 +25,27 @@ const COLOUR = {
   STOPPED: COLOURS.vermillion,
 };
 
+/** @typedef {import("../base/messages").ForecastEvent} ForecastEvent */
+/** @typedef {{ paint: import("three").MeshBasicMaterial, ball: import("three").Mesh, where: Vector3, label: string }} Mark */
+/**
+ * @typedef {{ group: Group, geometry: BufferGeometry, paint: LineBasicMaterial, dotted: PointsMaterial, line: Line,
+ *   dots: Points, marks: Mark[] }} Drawn
+ */
+
 export class Forecasts {
+  /** @type {Map<string, Drawn>} */
   #shown = new Map();
   #fresh = new Fresh();
 
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids }} parts
+   */
   constructor({ view, session, labels, aids }) {
-    Object.assign(this, { view, session, labels, aids });
+    this.view = view;
+    this.session = session;
+    this.labels = labels;
+    this.aids = aids;
     session.on("report", () => this.#show());
     session.on("hello", () => {
       for (const one of this.#shown.values()) this.#hide(one);
@@ -45,11 +61,12 @@ export class Forecasts {
       const one = this.#shown.get(robot.name);
       if (!this.#fresh.is(robot.name, found)) continue;
       const path = (found?.path ?? []).filter((point) => point?.length === 3);
-      if (path.length > 1) this.#place(one ?? this.#make(robot.name), path, found.events ?? [], robot);
+      if (path.length > 1) this.#place(one ?? this.#make(robot.name), path, found?.events ?? [], robot);
       else if (one !== undefined) this.#hide(one);
     }
   }
 
+  /** @param {Drawn} one */
   #hide(one) {
     if (!one.group.visible) return;
     one.group.visible = false;
@@ -57,6 +74,12 @@ export class Forecasts {
     this.view.changed();
   }
 
+  /**
+   * @param {Drawn} one
+   * @param {number[][]} path
+   * @param {ForecastEvent[]} events
+   * @param {import("../base/session.js").KnownRobot} robot
+   */
   #place(one, path, events, robot) {
     const points = path.map((point) => new Vector3().fromArray(point));
     const long = points.reduce((sum, point, i) => sum + (i > 0 ? point.distanceTo(points[i - 1]) : 0), 0);
@@ -65,6 +88,7 @@ export class Forecasts {
     one.paint.color.setHex(theme.accent);
     one.dotted.color.setHex(theme.accent);
     one.geometry.setAttribute("position", new Float32BufferAttribute(path.flat(), 3));
+    /** @type {[ForecastEvent, Vector3][]} */
     const apart = [];
     for (const event of events) {
       if (!event?.position) continue;
@@ -74,35 +98,40 @@ export class Forecasts {
       }
     }
     one.marks.forEach((mark, i) => {
-      const [event, at] = apart[i] ?? [];
-      mark.ball.visible = event !== undefined && event.time > 0; // what is so already shows elsewhere
-      if (mark.ball.visible) {
+      const [event, at] = apart[i] ?? [null, null];
+      mark.ball.visible = event !== null && event.time > 0; // a present event shows elsewhere
+      if (mark.ball.visible && event !== null && at !== null) {
         mark.ball.position.copy(at);
         mark.ball.scale.setScalar(0.018 * robot.length);
         mark.paint.color.setHex(COLOUR[event.kind] ?? COLOURS.orange);
         mark.where.copy(at);
       }
-      this.labels.put(mark.label, mark.ball.visible ? (event.text ?? "") : "", mark.where, "ahead");
+      this.labels.put(mark.label, mark.ball.visible ? (event?.text ?? "") : "", mark.where, "ahead");
     });
     this.view.changed();
   }
 
+  /**
+   * @param {string} name
+   * @returns {Drawn}
+   */
   #make(name) {
-    const one = { group: new Group(), geometry: new BufferGeometry() };
-    one.paint = new LineBasicMaterial({ transparent: true, opacity: 0.7, depthTest: false });
-    one.dotted = new PointsMaterial({ size: 5, sizeAttenuation: false, transparent: true, depthTest: false });
-    one.line = new Line(one.geometry, one.paint);
-    one.dots = new Points(one.geometry, one.dotted);
-    one.line.frustumCulled = one.dots.frustumCulled = false; // the path changes, its bounds would have to be kept
-    one.marks = Array.from({ length: MOST }, (_, i) => {
+    const [group, geometry] = [new Group(), new BufferGeometry()];
+    const inked = new LineBasicMaterial({ transparent: true, opacity: 0.7, depthTest: false });
+    const dotted = new PointsMaterial({ size: 5, sizeAttenuation: false, transparent: true, depthTest: false });
+    const line = new Line(geometry, inked);
+    const dots = new Points(geometry, dotted);
+    line.frustumCulled = dots.frustumCulled = false; // the path changes, its bounds would have to be kept
+    const marks = Array.from({ length: MOST }, (_, i) => {
       const material = paint(COLOURS.orange, { opacity: 0.95 });
       return { paint: material, ball: ball(material, 1), where: new Vector3(), label: `ahead ${name} ${i}` };
     });
-    one.group.add(one.line, one.dots, ...one.marks.map((mark) => mark.ball));
-    one.group.traverse((object) => {
+    group.add(line, dots, ...marks.map((mark) => mark.ball));
+    group.traverse((object) => {
       object.renderOrder = 9;
     });
-    this.view.stage.add(one.group);
+    this.view.stage.add(group);
+    const one = { group, geometry, paint: inked, dotted, line, dots, marks };
     this.#shown.set(name, one);
     return one;
   }

@@ -9,11 +9,26 @@ import { COLOURS } from "../view/theme.js";
 
 const OPEN = 1e-6; // rad or characteristic lengths
 
-export class Marks {
-  #halos = new Map();
+/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
+/** @typedef {{ ball: import("three").Mesh, paint: import("three").MeshBasicMaterial, robot: string, node: string }} Halo */
 
+export class Marks {
+  /** @type {Map<string, Halo>} */
+  #halos = new Map();
+  /** @type {Set<string>} */
+  #open = new Set(); // robots with open loops
+
+  /**
+   * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
+   *   labels: import("../view/labels.js").Labels, aids: import("./aids.js").Aids,
+   *   tint: import("../view/tint.js").Tint }} parts
+   */
   constructor({ view, session, labels, aids, tint }) {
-    Object.assign(this, { view, session, labels, aids, tint });
+    this.view = view;
+    this.session = session;
+    this.labels = labels;
+    this.aids = aids;
+    this.tint = tint;
     session.on("report", () => this.#limits());
     aids.on("change", () => {
       this.#limits();
@@ -26,7 +41,7 @@ export class Marks {
       this.#follow();
     });
     session.on("hello", () => {
-      for (const halo of this.#halos.values()) view.stage.remove(halo);
+      for (const halo of this.#halos.values()) view.stage.remove(halo.ball);
       this.#halos.clear();
     });
   }
@@ -45,27 +60,33 @@ export class Marks {
     }
   }
 
-  /** A ball on the joint itself, seen through parts: a robot may have limits' colours of its own. */
+  /**
+   * Show a ball on the joint, which is seen through parts: a robot may have the colours of limits itself.
+   *
+   * @param {KnownRobot} robot
+   * @param {string} node
+   * @param {number | null} colour
+   */
   #halo(robot, node, colour) {
     const key = keyOf(robot.name, node);
     let halo = this.#halos.get(key);
     if (colour === null) {
-      if (halo !== undefined) halo.visible = false;
+      if (halo !== undefined) halo.ball.visible = false;
       return;
     }
     if (halo === undefined) {
-      halo = ball(paint(colour, { opacity: 0.55 }), 0.035 * robot.length);
-      halo.userData = { robot: robot.name, node };
+      const material = paint(colour, { opacity: 0.55 });
+      halo = { ball: ball(material, 0.035 * robot.length), paint: material, robot: robot.name, node };
       this.#halos.set(key, halo);
-      this.view.stage.add(halo);
+      this.view.stage.add(halo.ball);
     }
-    halo.visible = true;
-    halo.material.color.setHex(colour);
+    halo.ball.visible = true;
+    halo.paint.color.setHex(colour);
   }
 
   #follow() {
     for (const halo of this.#halos.values()) {
-      if (halo.visible) halo.position.copy(this.view.pose(halo.userData.robot, halo.userData.node).position);
+      if (halo.ball.visible) halo.ball.position.copy(this.view.pose(halo.robot, halo.node).position);
     }
   }
 
@@ -73,15 +94,16 @@ export class Marks {
     for (const robot of this.session.robots) {
       const gap = this.session.report?.robots?.[robot.name]?.closure ?? 0;
       const open = gap > OPEN;
-      if (open === (robot.open ?? false) && !open) continue;
-      robot.open = open;
+      if (!open && !this.#open.delete(robot.name)) continue;
+      if (open) this.#open.add(robot.name);
       for (const loop of robot.loops) {
         const mark = this.#mark(robot, loop);
         if (mark === undefined) continue;
         mark.traverse((object) => {
-          if (object.material === undefined) return;
-          object.material.userData.own ??= { colour: object.material.color.clone() };
-          object.material.color.copy(open ? new Color(COLOURS.vermillion) : object.material.userData.own.colour);
+          const { material } = /** @type {{ material?: import("three").MeshLambertMaterial }} */ (object);
+          if (material === undefined) return;
+          material.userData.own ??= { colour: material.color.clone() };
+          material.color.copy(open ? new Color(COLOURS.vermillion) : material.userData.own.colour);
         });
         const where = this.view.stage.worldToLocal(mark.getWorldPosition(new Vector3()));
         this.labels.put(
@@ -95,6 +117,10 @@ export class Marks {
     }
   }
 
+  /**
+   * @param {KnownRobot} robot
+   * @param {import("../base/messages").LoopDescription} loop
+   */
   #mark(robot, loop) {
     if (!robot.byName.has(loop.first)) return undefined;
     return this.view.group(robot.name, loop.first).children.find((child) => child.name === `loop ${loop.name}`);

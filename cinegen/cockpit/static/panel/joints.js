@@ -1,4 +1,4 @@
-// Joints: a slider for each that has a motor, from limit to limit; the passive ones to be read.
+// Joints: a slider for each actuated joint, from limit to limit, and the values of the passive ones.
 //
 // For tests: [data-joint="ROBOT/JOINT"] with input[type=range] and input[type=number] in it where the joint is actuated
 // (in the units that are shown), data-limit "near" or "at"; passive ones have data-passive and .number.
@@ -9,15 +9,30 @@ import { byRobot, folded, Section } from "./section.js";
 import { fill } from "./slider.js";
 
 const PICTURE = 1000 / 60;
-const OVER = 250; // ms after the last change: the gesture is over
-const SETTLED = 600; // ms after that: the joint is where it got
+const OVER = 250; // ms after the last change: the motion ends
+const SETTLED = 600; // ms after that: the joint is at rest
+/** @type {Record<string, number>} */
 const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, where there is no limit; rad, lengths
 
-export class Joints {
-  #rows = new Map();
-  #moving = null; // the row whose slider is moved
-  #end = null;
+/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
+/** @typedef {import("../base/messages").JointDescription} Joint */
+/**
+ * @typedef {{ robot: KnownRobot, joint: Joint, low: number, high: number, key: string, element: HTMLElement,
+ *   pressed: boolean, range: HTMLInputElement, number: HTMLInputElement, mark: HTMLElement, text: HTMLElement }} Row
+ */
 
+export class Joints {
+  /** @type {Map<string, Row>} */
+  #rows = new Map();
+  /** @type {Row | null} */
+  #moving = null; // the row whose slider is moved
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  #end;
+
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     this.session = session;
     this.section = new Section(panel, {
@@ -25,7 +40,7 @@ export class Joints {
       words: "Joints",
       hint: "Move actuated joints one by one; the ends of each bar are the joint's limits",
     });
-    this.lead = atMostEvery(PICTURE, (move) => session.send({ type: "move_joint", ...move }));
+    this.send = atMostEvery(PICTURE, (/** @type {{ robot: string, joint: string, value: number }} */ move) => session.send({ type: "move_joint", ...move }));
     session.on("hello", () => this.#build());
     session.on("report", () => this.#show());
     units.on("change", () => this.#build());
@@ -36,9 +51,9 @@ export class Joints {
     this.#moving = null;
     byRobot(this.section.body, this.session.robots, (robot, body) => {
       const rows = robot.joints.map((joint) => this.#row(robot, joint));
-      const motors = rows.filter(({ joint }) => joint.actuated);
+      const actuated = rows.filter(({ joint }) => joint.actuated);
       const passive = rows.filter(({ joint }) => !joint.actuated);
-      body.append(...motors.map(({ element }) => element));
+      body.append(...actuated.map(({ element }) => element));
       if (passive.length > 0) {
         const hint = "Passive joints: the loops move them";
         body.append(folded(`${passive.length} passive`, hint, ...passive.map(({ element }) => element)));
@@ -48,29 +63,43 @@ export class Joints {
     this.#show();
   }
 
+  /**
+   * @param {KnownRobot} robot
+   * @param {Joint} joint
+   */
   #row(robot, joint) {
     const home = joint.home ?? 0;
     const wide = (WIDE[joint.type] ?? Math.PI) * (joint.type === "prismatic" ? robot.length : 1);
+    /** @type {Row} */
     const row = {
       robot,
       joint,
       low: joint.low ?? home - wide,
       high: joint.high ?? home + wide,
       key: `${robot.name}/${joint.name}`,
+      element: make("div"),
+      pressed: false,
+      range: make("input"),
+      number: make("input"),
+      mark: make("i"),
+      text: make("span", { class: "number" }),
     };
     const limits =
       Number.isFinite(joint.low) || Number.isFinite(joint.high)
         ? `${units.joint(joint, row.low)} to ${units.joint(joint, row.high)}`
         : "no limits";
     const name = make("span", { class: "name", title: `${joint.name}: ${joint.type}, ${limits}` }, joint.name);
-    row.element = joint.actuated ? this.#motor(row, name, limits) : this.#passive(row, name, limits);
+    row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
     this.#rows.set(row.key, row);
     return row;
   }
 
+  /**
+   * @param {Row} row
+   * @param {HTMLElement} name
+   * @param {string} limits
+   */
   #passive(row, name, limits) {
-    row.mark = make("i");
-    row.text = make("span", { class: "number" });
     return make(
       "div",
       { class: "row passive joint", data: { joint: row.key, passive: "" } },
@@ -80,7 +109,12 @@ export class Joints {
     );
   }
 
-  #motor(row, name, limits) {
+  /**
+   * @param {Row} row
+   * @param {HTMLElement} name
+   * @param {string} limits
+   */
+  #actuated(row, name, limits) {
     const { robot, joint } = row;
     const [min, max] = [row.low, row.high].map((value) => units.shown(joint, value));
     const label = `${joint.name} of ${robot.name}`;
@@ -121,20 +155,25 @@ export class Joints {
     );
   }
 
+  /**
+   * @param {Row} row
+   * @param {number} shown
+   */
   #move(row, shown) {
     fill(row.range);
     if (!this.session.mayAct()) return;
     clearTimeout(this.#end);
     this.#moving = row;
-    this.lead({ robot: row.robot.name, joint: row.joint.name, value: units.meant(row.joint, shown) });
+    this.send({ robot: row.robot.name, joint: row.joint.name, value: units.meant(row.joint, shown) });
   }
 
+  /** @param {number} wait ms */
   #finish(wait) {
     clearTimeout(this.#end);
     this.#end = setTimeout(() => {
       if (this.#moving === null) return;
       this.#moving = null;
-      this.lead.flush();
+      this.send.flush();
       this.session.send({ type: "end_joint_motion" });
       setTimeout(() => this.#show(), SETTLED); // where nothing moved, no report tells so
     }, wait);
@@ -148,6 +187,7 @@ export class Joints {
       const near = new Set(told.near_limit);
       robot.joints.forEach((joint, i) => {
         const row = this.#rows.get(`${robot.name}/${joint.name}`);
+        if (row === undefined) return;
         const value = told.q?.[i];
         const limit = at.has(joint.name) ? "at" : near.has(joint.name) ? "near" : "";
         if (row.element.dataset.limit !== limit) row.element.dataset.limit = limit;
@@ -156,6 +196,10 @@ export class Joints {
     }
   }
 
+  /**
+   * @param {Row} row
+   * @param {number} value
+   */
   #value(row, value) {
     const { joint } = row;
     const text = fixed(units.shown(joint, value), units.digits(joint));

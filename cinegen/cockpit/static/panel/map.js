@@ -11,7 +11,23 @@ import { fill } from "./slider.js";
 const HINT = "What the robot reaches. Click a cell: the robot goes there";
 const STEPS = 100;
 
+/** @typedef {import("../map/field.js").About} About */
+
 export class MapSection {
+  quantity = make("select");
+  axis = make("select");
+  shown = make("input");
+  layer = make("input");
+  share = make("input");
+  cut = make("input");
+  how = make("span");
+  at = make("output", { class: "number" });
+  words = make("div", { id: "map-words", class: "words quiet" });
+
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../map/field.js").Field} field
+   */
   constructor(panel, field) {
     this.field = field;
     this.section = new Section(panel, { id: "map", words: "Map", hint: HINT });
@@ -24,7 +40,8 @@ export class MapSection {
 
   #show() {
     const { about } = this.field;
-    if (this.section.element.hidden) this.#build();
+    if (about === null) return;
+    if (this.section.element.hidden) this.#build(about);
     this.section.element.hidden = false;
     const part = about.cells > 0 ? about.done / about.cells : 1;
     write(this.section.note, part < 1 ? `${(100 * part).toFixed(0)} %` : "");
@@ -35,9 +52,9 @@ export class MapSection {
     write(this.words, about.shown === 0 ? `${words}: nothing to be seen` : words);
   }
 
-  #build() {
+  /** @param {About} about */
+  #build(about) {
     const { field } = this;
-    const { about } = field;
     this.quantity = this.#choice("map-quantity", "What the colours show", about.quantities.map(({ name }) => name));
     this.quantity.value = field.quantity ?? "";
     this.quantity.addEventListener("change", () => field.choose({ quantity: this.quantity.value }));
@@ -49,8 +66,6 @@ export class MapSection {
     this.axis = this.#choice("map-axis", "Along which axis the map is cut", axes.map(({ name }) => name));
     this.cut = this.#slider("map-cut", "Where it is cut", 0, 1, 1);
     this.layer = this.#box("map-layer", field.cut?.layer ?? false);
-    this.how = make("span");
-    this.at = make("output", { class: "number" });
     const last = field.cut === null ? axes.at(-1) : about.axes[field.cut.axis];
     if (last !== undefined) this.axis.value = last.name;
     this.#range(field.cut?.index);
@@ -59,7 +74,6 @@ export class MapSection {
       this.#choose();
     });
     for (const control of [this.cut, this.layer]) control.addEventListener("input", () => this.#choose());
-    this.words = make("div", { id: "map-words", class: "words quiet" });
     this.section.body.append(
       make(
         "div",
@@ -87,11 +101,12 @@ export class MapSection {
 
   /** The axis that is cut. */
   get #axis() {
-    return this.field.about.axes.findIndex(({ name }) => name === this.axis.value);
+    return (this.field.about?.axes ?? []).findIndex(({ name }) => name === this.axis.value);
   }
 
+  /** @param {number} [index] */
   #range(index) {
-    const axis = this.field.about.axes[this.#axis];
+    const axis = this.field.about?.axes[this.#axis];
     if (axis === undefined) return;
     this.cut.max = String(axis.count - 1);
     this.cut.value = String(index ?? (this.layer.checked ? axis.count >> 1 : axis.count - 1));
@@ -107,7 +122,7 @@ export class MapSection {
   }
 
   #tellCut() {
-    const axis = this.field.about.axes[this.#axis];
+    const axis = this.field.about?.axes[this.#axis];
     if (axis === undefined) return;
     const words = this.field.cut === null ? "all" : valueOf(axis, Number(this.cut.value));
     write(this.how, this.layer.checked ? "Only at" : "Up to");
@@ -116,16 +131,32 @@ export class MapSection {
     fill(this.cut);
   }
 
+  /**
+   * @param {string} id
+   * @param {string} title
+   * @param {string[]} names
+   */
   #choice(id, title, names) {
     return make("select", { class: "small", id, title }, ...names.map((name) => make("option", { value: name }, name)));
   }
 
+  /**
+   * @param {string} id
+   * @param {boolean} on
+   */
   #box(id, on) {
     const box = make("input", { type: "checkbox", id });
     box.checked = on;
     return box;
   }
 
+  /**
+   * @param {string} id
+   * @param {string} label
+   * @param {number} min
+   * @param {number} max
+   * @param {number} value
+   */
   #slider(id, label, min, max, value) {
     const slider = make("input", { type: "range", id, min, max, step: 1, title: label, "aria-label": label });
     slider.value = String(value);

@@ -9,13 +9,26 @@ import { Section } from "./section.js";
 import { logSlider } from "./slider.js";
 
 const AXES = ["x", "y", "z", "rx", "ry", "rz"];
+/** @type {Record<string, string>} */
 const TONES = { live: "good", silent: "none", opening: "none", lost: "warn", refused: "bad", closed: "none" };
 const PORTS = "Name its port when starting: --sensor ID=PORT";
 
+/** @typedef {import("../base/messages").SensorDescription} Sensor */
+/**
+ * @typedef {{ element: HTMLElement, dot: HTMLElement, state: HTMLElement, words: HTMLElement, count: HTMLElement,
+ *   bars: HTMLElement, beams: HTMLElement[], url: string }} Card
+ */
+
 export class Sensors {
+  /** @type {Map<string, Card>} */
   #cards = new Map();
+  /** @type {Map<string, { select: HTMLSelectElement, changed: number }>} */
   #switches = new Map();
 
+  /**
+   * @param {HTMLElement} panel
+   * @param {import("../base/session.js").Session} session
+   */
   constructor(panel, session) {
     this.session = session;
     this.section = new Section(panel, {
@@ -27,6 +40,7 @@ export class Sensors {
     session.on("report", (report) => this.#show(report));
   }
 
+  /** @param {import("../base/link.js").Hello} hello */
   #build({ sensors = [], switches = [] }) {
     const { body } = this.section;
     body.replaceChildren();
@@ -38,7 +52,7 @@ export class Sensors {
     }
     for (const one of switches) body.append(this.#switch(one, sensors));
     for (const sensor of sensors) body.append(this.#card(sensor));
-    const say = (name) => (value) => {
+    const say = (/** @type {"linear_speed" | "angular_speed"} */ name) => (/** @type {number} */ value) => {
       if (this.session.mayAct()) this.session.send({ type: "change_settings", [name]: value });
     };
     this.speed = logSlider({
@@ -62,6 +76,10 @@ export class Sensors {
     body.append(row("speed", this.speed), row("turning", this.turning));
   }
 
+  /**
+   * @param {import("../base/messages").SwitchDescription} one
+   * @param {Sensor[]} sensors
+   */
   #switch({ robot, node, choices = [] }, sensors) {
     const key = `${robot}/${node}`;
     const whose = this.session.robots.length > 1 ? `${robot} · ${node}` : node;
@@ -73,7 +91,8 @@ export class Sensors {
         "aria-label": `Sensor that ${whose} follows`,
         on: {
           change: () => {
-            this.#switches.get(key).changed = performance.now();
+            const entry = this.#switches.get(key);
+            if (entry !== undefined) entry.changed = performance.now();
             if (!this.session.mayAct()) return;
             this.session.send({ type: "select_sensor", robot, node, sensor: select.value === "" ? null : select.value });
           },
@@ -92,6 +111,7 @@ export class Sensors {
     );
   }
 
+  /** @param {Sensor} sensor */
   #card(sensor) {
     const dot = make("span", { class: "dot" });
     const state = make("span", { class: "quiet" });
@@ -122,6 +142,7 @@ export class Sensors {
     return element;
   }
 
+  /** @param {import("../base/link.js").Report} report */
   #show({ sensors = [], switches = [], settings }) {
     for (const told of sensors) {
       const card = this.#cards.get(told.id);
@@ -151,11 +172,19 @@ export class Sensors {
   }
 }
 
+/**
+ * @param {string} id
+ * @param {Sensor[]} sensors
+ */
 function named(id, sensors) {
   const what = sensors.find((sensor) => sensor.id === id)?.kind;
   return what ? `${id} · ${what}` : id;
 }
 
+/**
+ * @param {string} words
+ * @param {ReturnType<typeof logSlider>} slider
+ */
 function row(words, { input, output }) {
   return make("label", { class: "pair three" }, words, input, output);
 }

@@ -13,13 +13,26 @@ import { theme } from "./theme.js";
 
 const REACH = 12; // pixels from a line
 
+/** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
+/**
+ * @typedef {{ geometry: BufferGeometry, lines: LineSegments<BufferGeometry, LineBasicMaterial>,
+ *   dots: Points<BufferGeometry, PointsMaterial> }} Drawn
+ */
+
 export class Skeleton {
+  /** @type {Map<string, Drawn>} */
   #robots = new Map();
   #on = false;
   #offered = false;
 
+  /**
+   * @param {{ view: import("./view.js").View, session: import("../base/session.js").Session,
+   *   aids: import("../aids/aids.js").Aids, pick: import("../pointer/pick.js").Pick }} parts
+   */
   constructor({ view, session, aids, pick }) {
-    Object.assign(this, { view, session, aids });
+    this.view = view;
+    this.session = session;
+    this.aids = aids;
     pick.extra = (event) => this.#touched(event);
     session.on("hello", () => {
       this.#clear();
@@ -62,18 +75,24 @@ export class Skeleton {
     this.#robots.clear();
   }
 
-  /** Ends of every bone in the world, [node, from, to]: from its parent, and across every loop. */
+  /**
+   * Return the bones of a robot in the world, from each node's parent and across each loop.
+   *
+   * @param {KnownRobot} robot
+   * @returns {[string, Vector3, Vector3][]} node, from, to
+   */
   #bones(robot) {
     const where = new Map(
       robot.nodes.map(({ name }) => [name, this.view.pose(robot.name, name, new Vector3()).position]),
     );
-    const bones = robot.nodes
-      .filter(({ parent }) => where.has(parent))
-      .map(({ name, parent }) => [name, where.get(parent), where.get(name)]);
-    for (const { first, second } of robot.loops) {
-      if (where.has(first) && where.has(second)) bones.push([first, where.get(first), where.get(second)]);
-    }
-    return bones;
+    const pairs = [
+      ...robot.nodes.map(({ name, parent }) => [name, parent ?? "", name]),
+      ...robot.loops.map(({ first, second }) => [first, first, second]),
+    ];
+    return pairs.flatMap(([node, first, second]) => {
+      const [from, to] = [where.get(first), where.get(second)];
+      return from === undefined || to === undefined ? [] : [/** @type {[string, Vector3, Vector3]} */ ([node, from, to])];
+    });
   }
 
   #draw() {
@@ -96,12 +115,16 @@ export class Skeleton {
     return { geometry, lines, dots };
   }
 
+  /**
+   * @param {import("../pointer/pick.js").At} event
+   * @returns {import("../pointer/pick.js").Touched | null}
+   */
   #touched(event) {
     if (!this.#on) return null;
     const box = this.view.canvas.getBoundingClientRect();
     const x = event.clientX - box.left;
     const y = event.clientY - box.top;
-    let best = { far: REACH };
+    let best = { far: REACH, robot: "", node: "", at: new Vector3() };
     for (const robot of this.session.robots) {
       for (const [node, from, to] of this.#bones(robot)) {
         const [a, b] = [this.view.pixels(from, new Vector3()), this.view.pixels(to, new Vector3())];
@@ -113,7 +136,7 @@ export class Skeleton {
         if (far < best.far) best = { far, robot: robot.name, node, at: from.clone().lerp(to, share) };
       }
     }
-    if (best.node === undefined) return null;
+    if (best.node === "") return null;
     const { robot, node, at } = best;
     return { robot, node, group: this.view.group(robot, node), point: this.view.stage.localToWorld(at) };
   }
