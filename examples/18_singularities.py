@@ -28,4 +28,4 @@ for finding in check(resampled(Recording.load(path))):
         there = cinegen.singularity(robot, finding.q)
         turned = np.degrees(pin.rpy.matrixToRpy(robot.placement(finding.q, "platform").rotation)[2])
         print(f"at {turned:.2f} degrees, after {finding.recorded:.2f} s, {finding.message}")
-        print("as", there.dependence.words(unit="m"))
+        print("as", there.dependence.text(unit="m"))

@@ -60,7 +60,7 @@ def run(
         here = singularity(mechanism, _configuration(mechanism, at, node), node)
         reports.append({"name": name, **here.as_dict()})
         if not json:
-            first, *others = here.words.split("; ")
+            first, *others = here.message.split("; ")
             wrapped = [textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in others]
             print("\n".join([f"{name}: {first}", *wrapped]))
     if json:
@@ -76,7 +76,7 @@ def _configuration(mechanism: Mechanism, at: str, node: str | None) -> Any:
     from cinegen.singularities.slice import POSE, Coordinates
 
     names = mechanism.actuated if all(name in mechanism.actuated for name in given) else POSE
-    q = Coordinates(mechanism, [name for name in names if name in given], node).led(given)
+    q = Coordinates(mechanism, [name for name in names if name in given], node).from_home(given)
     if q is None:
         raise CinegenError(
             f"{mechanism.name}: --at {at} can't be reached along a straight line from home on its branch"
@@ -88,8 +88,8 @@ def _scan(
     mechanism: Mechanism, name: str, axes: str, at: str, node: str | None, grid: int, picture: Path, numbers: Path
 ) -> None:
     from cinegen.plotting.loci import draw_loci
-    from cinegen.singularities import Kind
-    from cinegen.singularities.scan import scan
+    from cinegen.singularities import SingularityType
+    from cinegen.singularities.loci import singular_loci
     from cinegen.singularities.slice import Slice
 
     names = parts(axes)
@@ -98,14 +98,14 @@ def _scan(
     first, second = (_axis(mechanism, text, node) for text in names)
     of = Slice(mechanism, (first, second), values(at, "--at", _EXAMPLE, mm_and_degrees(mechanism)), node)
     with Progress() as progress:
-        loci = scan(of, grid, progress.fraction)
+        loci = singular_loci(of, grid, progress.fraction)
     figure = draw_loci(loci)
     write(numbers, json_text.dumps(loci.as_dict(), ensure_ascii=False) + "\n")
     write_figure(picture, figure)
     share = f"{100.0 * loci.reached.mean():.0f} % of the slice over {first.name} and {second.name}"
     print(f"{name}: {share} is reached from home on its branch")
     for curve in loci.curves:
-        kind = "no singularity" if curve.kind is Kind.NONE else curve.kind.value
+        kind = "no singularity" if curve.kind is SingularityType.NONE else curve.kind.value
         print(f"  {kind}, {'where the branch ends' if curve.border else 'inside'}: {len(curve.points)} points")
     if not loci.curves:
         print("  no singularity")

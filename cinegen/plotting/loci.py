@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from cinegen.plotting.stick import FAINT, INK
 from cinegen.plotting.units import user_scale
-from cinegen.singularities.contour import Curve
-from cinegen.singularities.scan import Loci
-from cinegen.singularities.singularity import Kind
+from cinegen.singularities.contour import SingularCurve
+from cinegen.singularities.loci import SingularLoci
+from cinegen.singularities.singularity import SingularityType
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,7 +22,7 @@ TYPE_1, TYPE_2 = "#0072b2", "#d55e00"
 """Okabe and Ito's blue and vermillion."""
 
 
-def draw_loci(loci: Loci, size: float = 7.0) -> Figure:
+def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
     """A picture: curves of both kinds, shaded by the smaller of both singular values; mm and degrees.
 
     Args:
@@ -58,9 +58,9 @@ def draw_loci(loci: Loci, size: float = 7.0) -> Figure:
     return figure
 
 
-def _paint(axes: Any, curve: Curve, points: Array) -> None:
-    colours = {Kind.TYPE_1: TYPE_1, Kind.TYPE_2: TYPE_2}
-    names = {Kind.TYPE_1: "type 1: motion lost", Kind.TYPE_2: "type 2: motion gained"}
+def _paint(axes: Any, curve: SingularCurve, points: Array) -> None:
+    colours = {SingularityType.TYPE_1: TYPE_1, SingularityType.TYPE_2: TYPE_2}
+    names = {SingularityType.TYPE_1: "type 1: motion lost", SingularityType.TYPE_2: "type 2: motion gained"}
     colour = colours.get(curve.kind, FAINT)
     style: dict[str, Any] = {"linestyle": "-" if curve.kind in colours else ":"}
     if len(points) == 1:
@@ -68,12 +68,12 @@ def _paint(axes: Any, curve: Curve, points: Array) -> None:
     axes.plot(*points.T, color=colour, linewidth=1.8, label=names.get(curve.kind, "end of the branch"), **style)
 
 
-def _title(loci: Loci) -> str:
+def _title(loci: SingularLoci) -> str:
     given = loci.of.given(*loci.of.start())
     others = [name for name in given if name not in (axis.name for axis in loci.of.axes)]
     units = {name: user_scale(loci.of.mechanism, name) for name in others}
     said = ", ".join(f"{name} {_quiet(given[name] * scale):.4g} {unit}" for name, (scale, unit) in units.items())
-    what = loci.of.mechanism.name if loci.of.of_motors else f"{loci.of.node} of {loci.of.mechanism.name}"
+    what = loci.of.mechanism.name if loci.of.over_joints else f"{loci.of.node} of {loci.of.mechanism.name}"
     return f"Singularities of {what}" + (f" at {said}" if said else "")
 
 

@@ -15,8 +15,8 @@ from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.stick import INK, Pen, paint
 from cinegen.plotting.units import user_scale
 from cinegen.plotting.view import Projection
-from cinegen.singularities.contour import Curve
-from cinegen.singularities.singularity import Kind
+from cinegen.singularities.contour import SingularCurve
+from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.region import Region
 from cinegen.workspace.specification import MapSpecification
 
@@ -175,13 +175,13 @@ class Plane:
 
     # --- lines ---------------------------------------------------------------------------------------------------
 
-    def curves(self, axes: Axes, curves: Sequence[Curve], width: float = 1.8) -> None:
+    def curves(self, axes: Axes, curves: Sequence[SingularCurve], width: float = 1.8) -> None:
         """Singular curves, and borders that are not singular."""
         from matplotlib.patheffects import Normal, Stroke
 
-        colours = {Kind.TYPE_1: TYPE_1, Kind.TYPE_2: TYPE_2}
-        names = {Kind.TYPE_1: "type 1: motion lost", Kind.TYPE_2: "type 2: motion gained"}
-        for curve in sorted(curves, key=lambda curve: curve.kind is not Kind.NONE):
+        colours = {SingularityType.TYPE_1: TYPE_1, SingularityType.TYPE_2: TYPE_2}
+        names = {SingularityType.TYPE_1: "type 1: motion lost", SingularityType.TYPE_2: "type 2: motion gained"}
+        for curve in sorted(curves, key=lambda curve: curve.kind is not SingularityType.NONE):
             singular = curve.kind in colours
             wide = width if singular else 0.55 * width
             style: dict[str, Any] = {"linestyle": "-"}

@@ -1,6 +1,6 @@
-"""Singularities of a mechanism: which kind, what moves or no longer moves, and the geometric reason."""
+"""Singularities of a mechanism: their type, what moves or no longer moves, and the geometric reason."""
 
-from cinegen.singularities.legs import leg_lines
-from cinegen.singularities.singularity import Kind, Singularity, singularity
+from cinegen.singularities.leg_lines import leg_lines
+from cinegen.singularities.singularity import Singularity, SingularityType, singularity
 
-__all__ = ["Kind", "Singularity", "leg_lines", "singularity"]
+__all__ = ["Singularity", "SingularityType", "leg_lines", "singularity"]

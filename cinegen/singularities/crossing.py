@@ -11,51 +11,52 @@ from numpy.typing import NDArray
 
 from cinegen.ik.resolve import free_motions
 from cinegen.model import Mechanism
-from cinegen.singularities.counted import counted_loops
+from cinegen.singularities.ball_joints import counted_loops
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
 
 _SURE = 0.7  # product of the cosines between singular vectors that belong together
-_DEPTH = 7  # times a way is halved until they do
-_HALVES = 30  # of a way, to where the sign changes
-_THERE = 1e-12  # of a matrix: a smaller singular value is 0, and its vectors say nothing
-_ASIDE = 0.47  # part of a way where it is halved: singularities of symmetric robots lie in the middle
+_DEPTH = 7  # times a path is halved until they do
+_HALVES = 30  # of a path, to where the sign changes
+_ZERO = 1e-12  # of a matrix: a smaller singular value is 0, and its vectors are arbitrary
+_ASIDE = 0.47  # part of a path where it is halved: singularities of symmetric robots lie in the middle
 
 
 class Rows(NamedTuple):
     """A matrix that belongs to each configuration, which is singular where the mechanism is.
 
     Attributes:
-        of: the matrix (rows, columns) at q (nq,), without unit; it goes on continuously.
-        rank: how many of its singular values do not vanish generically.
+        of: returns the matrix (rows, columns) at q (nq,), dimensionless; it is continuous.
+        rank: number of its singular values that do not vanish generically.
     """
 
     of: Callable[[Array], Array]
     rank: int
 
     def sigma(self, matrices: Array) -> Array:
-        """(n,) the smallest of these singular values, of matrices (n, rows, columns)."""
+        """Return the smallest of these singular values (n,), of matrices (n, rows, columns)."""
         return np.asarray(np.linalg.svd(matrices, compute_uv=False)[:, self.rank - 1])
 
 
 class Crossing(NamedTuple):
-    """Where it is passed: the part x of the way from one configuration to the other, and q (nq,) there."""
+    """Where a singularity is passed: the part x of the path from one configuration to the other, and q (nq,) there."""
 
     x: float
     q: Array
 
 
 def of_passive_joints(mechanism: Mechanism) -> Rows:
-    """Their columns in the loops' Jacobian, a ball joint as one: singular at type 2, where motors hold no more."""
+    """Return the passive joints' columns in the loops' Jacobian, a ball joint as one: singular at type 2, where the
+    actuated joints lose control."""
     columns = mechanism.passive_columns
     return Rows(lambda q: counted_loops(mechanism, q)[:, columns], mechanism.passive_rank)
 
 
 def of_end(mechanism: Mechanism) -> Rows:
-    """How the motions that all loops allow move the end (`Mechanism.end`), in its own axes: singular at type 1.
+    """Return the motions of the end (`Mechanism.end`) that all loops allow, in its own axes: singular at type 1.
 
-    Its rotations count where they don't follow from its translations, as they do in a mechanism that only translates.
+    Its rotations count if they don't follow from its translations, as in a mechanism that only translates.
     """
     found = [of_node(mechanism, mechanism.end, count) for count in (3, 6)]
     ranks = [max(rank(of(q)) for q in mechanism.samples) for of in found]
@@ -63,83 +64,83 @@ def of_end(mechanism: Mechanism) -> Rows:
 
 
 def of_node(mechanism: Mechanism, node: str, count: int) -> Callable[[Array], Array]:
-    """At q (nq,) how the motions that all loops allow move a node (count, nv), without unit: along its own three axes,
-    and with 6 also about them; a base that floats rests."""
+    """Return a function of q (nq,): a node's motions (count, nv) that all loops allow, dimensionless, along its own
+    three axes, and with 6 also about them; a floating base is fixed."""
     model, system, frame = mechanism.model, mechanism.own_system(), mechanism.frame_id(node)
     units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:count, None] * mechanism.scale
-    resting = 6 if mechanism.floating else 0
+    fixed = 6 if mechanism.floating else 0
 
     def moved(q: Array) -> Array:
         loops = system.evaluate(q)[1]
         pin.updateFramePlacement(model, system.data, frame)
         jacobian = pin.getFrameJacobian(model, system.data, frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
         rows = np.asarray(jacobian[:count] * units)
-        rows[:, :resting] = 0.0
+        rows[:, :fixed] = 0.0
         if not mechanism.loop_rank:
             return rows
         motions = free_motions(loops, mechanism.loop_rank)[0]
-        return np.asarray(rows @ motions @ motions.T)  # the basis may be another from one q to the next, this is not
+        return np.asarray(rows @ motions @ motions.T)  # the basis may jump from one q to the next, this does not
 
     return moved
 
 
-def crossings(rows: Rows, way: Callable[[float], Array]) -> Iterator[Crossing]:
-    """Where the smallest singular value passes through 0 on the way between two configurations.
+def crossings(rows: Rows, path: Callable[[float], Array]) -> Iterator[Crossing]:
+    """Find where the smallest singular value passes through 0 on the path between two configurations.
 
-    As singular vectors go on smoothly, one of the pair seems to turn round where their value changes its sign; where
-    they are not alike enough to tell, the way is halved.
+    As singular vectors are continuous, one of the pair seems to be reversed where their value changes its sign; where
+    they are not alike enough to decide, the path is halved.
 
     Args:
         rows: the matrix.
-        way: q (nq,) on it, loops closed, from 0 to 1; short enough not to turn back.
+        path: returns q (nq,) on it, loops closed, for a part from 0 to 1; short enough not to turn back.
     """
 
     def matrix(x: float) -> Array:
-        return rows.of(way(x))
+        return rows.of(path(x))
 
     def brackets(x: float, a: Array, y: float, b: Array, depth: int) -> Iterator[tuple[float, Array, float]]:
         if not may_cross(rows, a, b):
             return
-        turn, sure = _turn(a, b, rows.rank)
+        alignment, sure = _alignment(a, b, rows.rank)
         if depth and not sure:
             middle = x + _ASIDE * (y - x)
             c = matrix(middle)
             yield from brackets(x, a, middle, c, depth - 1)
             yield from brackets(middle, c, y, b, depth - 1)
-        elif turn < 0.0:
+        elif alignment < 0.0:
             yield x, a, y
 
     for low, at_low, high in brackets(0.0, matrix(0.0), 1.0, matrix(1.0), _DEPTH):
         for _ in range(_HALVES):
             middle = 0.5 * (low + high)
             there = matrix(middle)
-            if rows.sigma(there[None])[0] <= _THERE * np.linalg.norm(there):
+            if rows.sigma(there[None])[0] <= _ZERO * np.linalg.norm(there):
                 low = middle
                 break
-            if _turn(at_low, there, rows.rank)[0] < 0.0:
+            if _alignment(at_low, there, rows.rank)[0] < 0.0:
                 high = middle
             else:
                 low, at_low = middle, there
-        yield Crossing(low, way(low))
+        yield Crossing(low, path(low))
 
 
 def may_cross(rows: Rows, a: Array, b: Array) -> bool:
-    """Whether the singular value can pass through 0 between two matrices. By Weyl's inequality the matrix changes by at
-    least as much as both values together then."""
+    """Return whether the singular value can pass through 0 between two matrices. By Weyl's inequality the matrix
+    changes by at least as much as both values together then."""
     sigma = rows.sigma(np.array([a, b]))
     return bool(sigma.sum() <= np.linalg.norm(b - a))
 
 
 def turned(rows: Rows, a: Array, b: Array) -> bool:
-    """Whether the singular value has changed its sign from one matrix to another that is near it."""
-    return may_cross(rows, a, b) and _turn(a, b, rows.rank)[0] < 0.0
+    """Return whether the singular value has changed its sign from one matrix to another that is near it."""
+    return may_cross(rows, a, b) and _alignment(a, b, rows.rank)[0] < 0.0
 
 
-def _turn(a: Array, b: Array, rank: int) -> tuple[float, bool]:
-    """The product of the cosines between the singular vectors of two matrices, negative after a change of sign; and
-    whether that is sure. By Wedin's theorem they turn no further than the matrix changes, by the distance of their
-    singular value to the next one."""
+def _alignment(a: Array, b: Array, rank: int) -> tuple[float, bool]:
+    """Return the product of the cosines between the singular vectors of two matrices, negative after a change of sign;
+    and whether that is sure. By Wedin's theorem they rotate no further than the matrix changes, relative to the gap
+    between their singular value and the next one."""
     u, sigma, vt = np.linalg.svd(np.array([a, b]), full_matrices=False)
-    turn = float((u[0, :, rank - 1] @ u[1, :, rank - 1]) * (vt[0, rank - 1] @ vt[1, rank - 1]))
+    alignment = float((u[0, :, rank - 1] @ u[1, :, rank - 1]) * (vt[0, rank - 1] @ vt[1, rank - 1]))
     apart = float((sigma[:, rank - 2] - sigma[:, rank - 1]).min()) if rank > 1 else np.inf
-    return turn, abs(turn) >= _SURE and float(np.linalg.norm(b - a)) <= apart
+    return alignment, abs(alignment) >= _SURE and float(np.linalg.norm(b - a)) <= apart

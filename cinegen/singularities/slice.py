@@ -1,4 +1,4 @@
-"""`Slice`: two coordinates of a mechanism vary while the others stay; the configuration that belongs to each point."""
+"""`Slice`: two coordinates of a mechanism vary while the others are fixed; the configuration of each point."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _JUMP = 0.7  # rad or characteristic lengths: a neighbour that is further away i
 
 
 class SliceError(CinegenError):
-    """A slice that can't be made: says which coordinate is wrong, and which there are."""
+    """A slice that can't be made; names the wrong coordinate, and those that exist."""
 
 
 class Axis(NamedTuple):
-    """A coordinate and how far it goes, m or rad."""
+    """A coordinate and its range, m or rad."""
 
     name: str
     low: float
@@ -40,45 +40,46 @@ class Axis(NamedTuple):
 
 
 class Coordinates:
-    """Coordinates of a node's pose, or the values of motors, and the configurations that belong to them.
+    """Coordinates of a node's pose, or the values of actuated joints, and the configurations that belong to them.
 
-    Of a pose as many coordinates are held as can be held: a delta's rotations follow from nothing, and those of an arm
-    with two joints from where it is.
+    Of a pose as many coordinates are given as are independent: a delta's rotations are not, and those of an arm with
+    two joints follow from its position.
 
     Args:
-        mechanism: which.
-        names: those that must be held, of `POSE` or all of `mechanism.actuated`.
-        node: whose pose; the mechanism's end unless said.
+        mechanism: with the node.
+        names: coordinates that must be given, of `POSE` or all of `mechanism.actuated`.
+        node: whose pose; the mechanism's end by default.
 
     Attributes:
-        held: the coordinates that are given everywhere, those asked for first.
-        home: where they are at home, and all others too, m and rad.
+        independent: the coordinates that are given everywhere, those asked for first.
+        over_joints: whether they are actuated joints.
+        home: values of all coordinates at home, m and rad.
 
     Raises:
-        SliceError: coordinates that there are not, that are mixed, or that can't be given independently.
+        SliceError: coordinates that don't exist, that are mixed, or that can't be given independently.
         UnknownNameError: no such node.
     """
 
     def __init__(self, mechanism: Mechanism, names: Sequence[str], node: str | None = None) -> None:
         self.mechanism = mechanism
         self.node = mechanism.end if node is None else node
-        self.of_motors = bool(names) and all(name in mechanism.actuated for name in names)
+        self.over_joints = bool(names) and all(name in mechanism.actuated for name in names)
         self._check(names)
         if len(set(names)) < len(names):
             raise SliceError(f"{mechanism.name}: a coordinate is given twice: {', '.join(names)}")
-        self.held = tuple(mechanism.actuated) if self.of_motors else self._independent(names)
+        self.independent = tuple(mechanism.actuated) if self.over_joints else self._select(names)
         self.home = self.coordinates(mechanism.q_home)
-        missing = [name for name in names if name not in self.held]
+        missing = [name for name in names if name not in self.independent]
         if missing:
             raise SliceError(
                 f"{mechanism.name}: {', '.join(missing)} of {self.node} can't be given independently of "
-                f"{', '.join(self.held)}"
+                f"{', '.join(self.independent)}"
             )
 
     def _check(self, names: Iterable[str]) -> None:
         """Refuse names that are no coordinates here: of several, one that is none anywhere."""
         actuated = self.mechanism.actuated
-        wrong = [name for name in names if name not in (actuated if self.of_motors else POSE)]
+        wrong = [name for name in names if name not in (actuated if self.over_joints else POSE)]
         if not wrong:
             return
         name = min(wrong, key=(*POSE, *actuated).__contains__)
@@ -86,50 +87,50 @@ class Coordinates:
         hint = f" (did you mean '{near[0]}'?)" if near and near[0] != name else ""
         if name in self.mechanism.joints and name not in actuated:
             hint = " (this joint is not actuated)"
-        choice = f"{', '.join(POSE)} (of {self.node}), or motors alone: {', '.join(actuated)}"
+        choice = f"{', '.join(POSE)} (of {self.node}), or actuated joints alone: {', '.join(actuated)}"
         raise SliceError(f"{self.mechanism.name}: no coordinate '{name}' here{hint}: there are {choice}")
 
-    def _independent(self, names: Sequence[str]) -> tuple[str, ...]:
-        """Coordinates that can all be given, those asked for first."""
-        mechanism, held = self.mechanism, list[str]()
+    def _select(self, names: Sequence[str]) -> tuple[str, ...]:
+        """Return coordinates of the pose that can all be given, those asked for first."""
+        mechanism, chosen = self.mechanism, list[str]()
         for name in (*names, *(name for name in POSE if name not in names)):
-            tried = [*held, name]
-            if max(rank(self._moved(q, tried)) for q in mechanism.samples) == len(tried):
-                held = tried
-        return tuple(held)
+            tried = [*chosen, name]
+            if max(rank(self._rates(q, tried)) for q in mechanism.samples) == len(tried):
+                chosen = tried
+        return tuple(chosen)
 
-    def _moved(self, q: Array, names: list[str]) -> Array:
-        """How the free motions change coordinates, without unit."""
+    def _rates(self, q: Array, names: list[str]) -> Array:
+        """Return the derivatives of coordinates along the free motions, dimensionless."""
         rows = self._rows(q, self.mechanism.placement(q, self.node))[1][[POSE.index(name) for name in names]]
         loops = self.mechanism.system.evaluate(q)[1]
         return np.asarray(rows @ free_motions(loops, self.mechanism.loop_rank)[0])
 
     def coordinates(self, q: Array) -> dict[str, float]:
-        """All coordinates at q (nq,), m and rad."""
-        if self.of_motors:
+        """Return all coordinates at q (nq,), m and rad."""
+        if self.over_joints:
             return {name: float(q[self.mechanism.q_index(name)]) for name in self.mechanism.actuated}
         placement = self.mechanism.placement(q, self.node)
         values = (*placement.translation, *pin.rpy.matrixToRpy(placement.rotation))
         return dict(zip(POSE, map(float, values), strict=True))
 
     def at(self, given: Mapping[str, float], q: Array) -> Array | None:
-        """The configuration (nq,) for values of all coordinates that are held, from q; None where none is found."""
-        if not self.of_motors:
+        """Return the configuration (nq,) for values of all independent coordinates, from q; None if none is found."""
+        if not self.over_joints:
             return self._newton(given, q)
         try:
             return self.mechanism.close(self.mechanism.configuration(given, q), self.mechanism.actuated)
         except ClosureError:
             return None
 
-    def led(self, given: Mapping[str, float], steps: int = 40) -> Array | None:
-        """The configuration (nq,) for some values, the others as at home, led from home in small steps; None where the
-        branch ends before.
+    def from_home(self, given: Mapping[str, float], steps: int = 40) -> Array | None:
+        """Return the configuration (nq,) for some values, the others as at home, reached from home in small steps; None
+        if the branch ends before.
 
         Raises:
-            SliceError: a value of a coordinate that there is not.
+            SliceError: a coordinate that doesn't exist.
         """
         self._check(given)
-        goal = {**{name: self.home[name] for name in self.held}, **given}
+        goal = {**{name: self.home[name] for name in self.independent}, **given}
         q: Array | None = self.mechanism.q_home
         for part in np.linspace(0.0, 1.0, steps + 1)[1:]:
             values = {name: self.home[name] + part * (value - self.home[name]) for name, value in goal.items()}
@@ -140,7 +141,7 @@ class Coordinates:
         system = self.mechanism.system
         rotation = pin.rpy.rpyToMatrix(*(given.get(name, self.home[name]) for name in POSE[3:]))
         target = pin.SE3(rotation, np.array([given.get(name, self.home[name]) for name in POSE[:3]]))
-        chosen = [POSE.index(name) for name in self.held]
+        chosen = [POSE.index(name) for name in self.independent]
         best = np.inf
         for _ in range(_ITERATIONS):
             error, rows = self._rows(q, target)
@@ -160,8 +161,8 @@ class Coordinates:
         return None
 
     def _rows(self, q: Array, target: pin.SE3) -> tuple[Array, Array]:
-        """How far the node is from a target (6,), along the world's axes and as a rotation vector in the target's; and
-        its derivative (6, nv); without unit."""
+        """Return the error (6,) of the node's pose, along the world's axes and as a rotation vector in the target's,
+        and its derivative (6, nv); dimensionless."""
         mechanism = self.mechanism
         placement = mechanism.placement(q, self.node)
         local = mechanism.jacobian(q, self.node) * mechanism.scale
@@ -172,19 +173,19 @@ class Coordinates:
 
 
 class Slice(Coordinates):
-    """Two coordinates vary, of a node's pose or of the motors; the others stay where home, or the caller, has them.
+    """Two coordinates vary, of a node's pose or two actuated joints; the others stay at home, or at given values.
 
     Args:
-        mechanism: which.
-        axes: the two, two of `POSE` or two of `mechanism.actuated`.
+        mechanism: with the node.
+        axes: two of `POSE` or two of `mechanism.actuated`.
         fixed: values of others, m and rad.
-        node: whose pose; the mechanism's end unless said.
+        node: whose pose; the mechanism's end by default.
 
     Attributes:
         axes: as given.
 
     Raises:
-        SliceError: as of `Coordinates`; or an axis that goes nowhere.
+        SliceError: as of `Coordinates`; or an empty range.
         UnknownNameError: no such node.
     """
 
@@ -204,51 +205,52 @@ class Slice(Coordinates):
                 )
 
     def start(self) -> tuple[float, float]:
-        """Where home is on the two axes; the nearest point of the slice where it is not on it."""
+        """Return home's two coordinates; if it is not on the slice, those of the nearest point."""
         here = [min(max(self.home[axis.name], axis.low), axis.high) for axis in self.axes]
         return here[0], here[1]
 
     def given(self, u: float, v: float) -> dict[str, float]:
-        """All coordinates that are held at a point of the slice."""
+        """Return all independent coordinates at a point of the slice."""
         values = {**self.home, **self._fixed, self.axes[0].name: u, self.axes[1].name: v}
-        return {name: values[name] for name in self.held}
+        return {name: values[name] for name in self.independent}
 
     def configuration(self, u: float, v: float, q: Array, jump: float = _JUMP) -> Array | None:
-        """The configuration (nq,) at a point of the slice on the branch of q; None where there is none near.
+        """Return the configuration (nq,) at a point of the slice on the branch of q; None if there is none near.
 
         Args:
             u: the first axis, m or rad.
             v: the second.
             q: (nq,) of a point near it.
-            jump: how far joints may be from q, rad or characteristic lengths.
+            jump: largest distance of joints from q, rad or characteristic lengths.
         """
         found = self.at(self.given(u, v), q)
         if found is None:
             return None
         mechanism = self.mechanism
         passive = np.ones(mechanism.model.nv, dtype=bool)
-        if self.of_motors:
+        if self.over_joints:
             passive[[mechanism.v_index(name) for name in mechanism.actuated]] = False
         away = np.abs(mechanism.scaled_difference(q, found))[passive]
         return found if away.max(initial=0.0) <= jump else None
 
     def is_at(self, u: float, v: float, q: Array) -> bool:
-        """Whether q (nq,) is a configuration of a point of the slice."""
+        """Return whether q (nq,) is a configuration of a point of the slice."""
         here = self.coordinates(q)
         away = max(abs(here[axis.name] - value) for axis, value in zip(self.axes, (u, v), strict=True))
         return away <= _THERE * max(self.mechanism.length, 1.0)
 
 
 def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis:
-    """A coordinate's range about home: a characteristic length to both sides, or a quarter of a turn; a motor's limits.
+    """Return a coordinate's range about home: a characteristic length to both sides, or a quarter of a revolution,
+    within an actuated joint's limits.
 
     Raises:
         SliceError: no such coordinate.
         UnknownNameError: no such node.
     """
     home = Coordinates(mechanism, [name], node).home[name]
-    slides = name in POSE[:3] or (name in mechanism.joints and mechanism.is_prismatic(name))
-    reach = mechanism.length if slides else 0.5 * math.pi
+    is_length = name in POSE[:3] or (name in mechanism.joints and mechanism.is_prismatic(name))
+    reach = mechanism.length if is_length else 0.5 * math.pi
     low, high = home - reach, home + reach
     if name in mechanism.actuated:
         low, high = max(low, mechanism.limits[name].lower), min(high, mechanism.limits[name].upper)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cinegen.errors import ClosureError
 from cinegen.ik.seeker import Seeker
 from cinegen.ik.task import FrameTask
-from cinegen.singularities.contour import Curve, Grid
+from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.singularities.crossing import Rows, of_node, of_passive_joints
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.settled import How
@@ -40,7 +40,7 @@ _AT_LIMIT = 1e-4  # rad or m from it
 
 def loci(
     dataset: xarray.Dataset, spec: MapSpecification | None = None, say: Callable[[float], None] | None = None
-) -> tuple[Curve, ...]:
+) -> tuple[SingularCurve, ...]:
     """Singular curves of both types, and the borders of what is reached: singular ones, and others (joint limits).
 
     Of an arm with more motors than the node's motions that count, type 1 is seen only on the border: inside it is at
@@ -65,7 +65,7 @@ def loci(
     mechanism, sheet = spec.mechanism, _Sheet(spec)
     first = Rows(of_node(mechanism, spec.node, sum(spec.counted)), spec.rank)
     second = of_passive_joints(mechanism) if mechanism.passive_rank else None
-    grid = Grid(sheet, region.axes[0].middles()[u], region.axes[1].middles()[v], first, second)
+    grid = SingularityGrid(sheet, region.axes[0].middles()[u], region.axes[1].middles()[v], first, second)
     cells = dataset[["configuration", "settled"]].isel({region.names[0]: u, region.names[1]: v})
     grid.q[:] = cells["configuration"].transpose(*region.names, "joint").values
     return grid.curves(
@@ -77,23 +77,23 @@ class _Sheet:
     """A region of two axes as a surface: configurations at any of its points, as the map's own are found."""
 
     def __init__(self, spec: MapSpecification) -> None:
-        self.mechanism, self.of_motors = spec.mechanism, spec.of_motors
+        self.mechanism, self.over_joints = spec.mechanism, spec.of_motors
         self._survey, self._region = spec, spec.region
-        tasks = () if self.of_motors else (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),)
+        tasks = () if self.over_joints else (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),)
         self._seeker = Seeker(self.mechanism, tasks, spec.limits)
         self._motors = [self.mechanism.q_index(name) for name in self.mechanism.actuated]
         self._moved = np.zeros(self.mechanism.model.nv, dtype=bool)  # by the step itself, which is no jump
-        if self.of_motors:
+        if self.over_joints:
             self._moved[[self.mechanism.v_index(name) for name in self.mechanism.actuated]] = True
 
     def configuration(self, u: float, v: float, q: Array) -> Array | None:
         """(nq,) at a point, m or rad, on the branch of a q (nq,) near it; None where there is none."""
-        found = self._closed(u, v, q) if self.of_motors else self._sought(u, v, q)
+        found = self._closed(u, v, q) if self.over_joints else self._sought(u, v, q)
         return found if found is not None and self._away(q, found) <= _JUMP else None
 
     def is_at(self, u: float, v: float, q: Array) -> bool:
         """Whether q (nq,) is a configuration of a point."""
-        if self.of_motors:
+        if self.over_joints:
             wanted = self._region.motors_at(self.mechanism, np.array([[u, v]]))[0]
             return bool(np.abs(q[self._motors] - wanted).max() <= _THERE * max(self.mechanism.length, 1.0))
         there, target = self.mechanism.placement(q, self._survey.node), self._target(u, v)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import Evaluations, Sampler
-from cinegen.singularities.counted import balls as balls_of
+from cinegen.singularities.ball_joints import balls as balls_of
 from cinegen.singularities.crossing import of_passive_joints
 from cinegen.workspace.by_motors import ByMotors
 from cinegen.workspace.by_pose import ByPose

@@ -7,7 +7,7 @@ from figures import ROBOTS, write
 import cinegen
 from cinegen.plotting import draw_modes
 from cinegen.plotting.loci import draw_loci
-from cinegen.singularities.scan import scan
+from cinegen.singularities.loci import singular_loci
 from cinegen.singularities.slice import Axis, Slice
 
 
@@ -20,13 +20,13 @@ def five_bar():
     """All that its tool reaches with its elbows outside."""
     # An even count: the grid leaves out x = 0 and y = 0, where singularities of both types meet in one point.
     axes = Axis("x", -0.55, 0.55), Axis("y", -0.7, 0.7)
-    return draw_loci(scan(Slice(cinegen.load(ROBOTS / "five_bar.raff"), axes), 100))
+    return draw_loci(singular_loci(Slice(cinegen.load(ROBOTS / "five_bar.raff"), axes), 100))
 
 
 def tssm():
     """Fichter's singularity: a platform that lies level, turned by a quarter of a turn."""
     axes = Axis("x", -0.01, 0.01), Axis("rz", -math.radians(120), math.radians(120))
-    return draw_loci(scan(Slice(cinegen.load(ROBOTS / "tssm.raff"), axes, {"rx": 0.0, "ry": 0.0}), 40))
+    return draw_loci(singular_loci(Slice(cinegen.load(ROBOTS / "tssm.raff"), axes, {"rx": 0.0, "ry": 0.0}), 40))
 
 
 FIGURES = {

@@ -33,7 +33,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from cinegen.errors import CinegenError
-from cinegen.singularities.lines import Line, Variety
+from cinegen.singularities.grassmann import GrassmannClass
+from cinegen.singularities.pluecker import PlueckerLine
 
 Array = NDArray[np.float64]
 
@@ -77,10 +78,10 @@ class Geometry:
         """(3, 3) B1, B3, B5 in the base's frame at a pose (6,)."""
         return np.asarray(pose[:3] + self.platform @ _rotation(pose).T)
 
-    def lines(self, pose: ArrayLike) -> tuple[Line, ...]:
+    def lines(self, pose: ArrayLike) -> tuple[PlueckerLine, ...]:
         """The six legs' lines, from the base to the platform, at a pose (6,)."""
         corners = np.repeat(self.corners(np.asarray(pose, dtype=float)), 2, axis=0)
-        return tuple(Line.through(a, b) for a, b in zip(self.base, corners, strict=True))
+        return tuple(PlueckerLine.through(a, b) for a, b in zip(self.base, corners, strict=True))
 
     def relabelled(self, order: Sequence[int]) -> Geometry:
         """The same robot with other names: its leg i is this one's leg order[i], counted from 0. So a row that speaks
@@ -104,7 +105,7 @@ class Row:
     Attributes:
         name: as printed, or ours where it is missing.
         printed: the condition as printed; empty where it is missing.
-        variety: which the lines span.
+        grassmann_class: of the variety that the lines span.
         legs: the smallest dependent set, as in the paper: from 1.
         determined: coordinates of a pose that the condition determines; the others are free.
         solve: the poses (k, 6) that satisfy it and keep the free coordinates of a pose (6,); not finite where there are
@@ -114,7 +115,7 @@ class Row:
 
     name: str
     printed: str
-    variety: Variety
+    grassmann_class: GrassmannClass
     legs: tuple[int, ...]
     determined: tuple[str, ...]
     solve: Callable[[Geometry, Array], Array]
@@ -423,7 +424,7 @@ def _heading(way: Array, pose: Array) -> float:
 
 
 def _from_line(point: Array, a: Array, b: Array) -> float:
-    return float(np.linalg.norm(Line.through(a, b).nearest(point) - point))
+    return float(np.linalg.norm(PlueckerLine.through(a, b).nearest(point) - point))
 
 
 def _from_pair(tssm: Geometry, corners: Array, point: Array, pair: int) -> float:
@@ -447,7 +448,7 @@ ROWS = (
     Row(
         "plane",
         "tan psi = (ya3 - ya4) / (xa3 + xa4), x0 = A(psi, theta, phi), y0 = B(...), z0 = C(...)",
-        Variety.BUNDLE,
+        GrassmannClass.BUNDLE,
         (1, 2, 3, 5),
         ("x0", "y0", "z0", "psi"),
         _complete_plane,
@@ -456,7 +457,7 @@ ROWS = (
     Row(
         "degenerate congruence",
         "x0 = A(psi, theta, phi), y0 = B(psi, theta, phi), z0 = C(psi, theta, phi)",
-        Variety.DEGENERATE_CONGRUENCE,
+        GrassmannClass.DEGENERATE_CONGRUENCE,
         (1, 2, 3, 4, 5),
         ("x0", "y0", "z0"),
         _complete_degenerate,
@@ -465,7 +466,7 @@ ROWS = (
     Row(
         "hyperbolic congruence (first case)",
         "x0 = A(z0, psi, theta, phi), y0 = B(z0, psi, theta, phi)",
-        Variety.TWO_PENCILS,
+        GrassmannClass.TWO_PENCILS,
         (1, 2, 3, 4),
         ("x0", "y0"),
         _complete_two_pencils,
@@ -474,7 +475,7 @@ ROWS = (
     Row(
         "hyperbolic congruence (second case)",
         "y0 = A(x0, z0, psi, theta, phi), F(x0, z0, psi, theta, phi) = 0",
-        Variety.HYPERBOLIC_CONGRUENCE,
+        GrassmannClass.HYPERBOLIC_CONGRUENCE,
         (1, 2, 3, 4, 5),
         ("x0", "y0"),
         _complete_hyperbolic,
@@ -483,7 +484,7 @@ ROWS = (
     Row(
         "general complex (first case)",
         "theta = phi = 0, psi = +- pi / 2",
-        Variety.GENERAL_COMPLEX,
+        GrassmannClass.GENERAL_COMPLEX,
         ALL_LEGS,
         ("theta", "phi"),
         _complete_fichter,
@@ -492,7 +493,7 @@ ROWS = (
     Row(
         "general complex (second case)",
         "theta = +- pi / 2 or psi = phi, A(x0, y0, psi, theta, phi) z0^3 + B(...) z0^2 + C(...) z0 + D(...) = 0",
-        Variety.GENERAL_COMPLEX,
+        GrassmannClass.GENERAL_COMPLEX,
         ALL_LEGS,
         ("z0",),
         _complete_general,
@@ -501,7 +502,7 @@ ROWS = (
     Row(
         "special complex",
         "x0 = A(z0, psi, theta, phi), y0 = B(z0, psi, theta, phi)",
-        Variety.SPECIAL_COMPLEX,
+        GrassmannClass.SPECIAL_COMPLEX,
         ALL_LEGS,
         ("x0", "y0"),
         _complete_special,
@@ -510,7 +511,7 @@ ROWS = (
     Row(
         "special complex (Hunt)",
         "",
-        Variety.SPECIAL_COMPLEX,
+        GrassmannClass.SPECIAL_COMPLEX,
         ALL_LEGS,
         ("z0", "psi"),
         _complete_hunt,
@@ -519,7 +520,7 @@ ROWS = (
     Row(
         "two flat pencils",
         "",
-        Variety.TWO_PENCILS,
+        GrassmannClass.TWO_PENCILS,
         (1, 2, 3, 5),
         ("x0", "y0", "psi"),
         _complete_crossed,

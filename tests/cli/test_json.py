@@ -76,7 +76,7 @@ def test_singular_of_a_recording(root, robot, printed, tmp_path):
     coordinates = Coordinates(mechanism, (*pose, "rz"))
     with MissionRecorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
         for k, angle in enumerate(np.radians([84.0, 88.0, 92.0, 96.0])):
-            recorder.write(float(k), {"tssm": RobotSample(coordinates.led({**pose, "rz": angle}), "IDLE")})
+            recorder.write(float(k), {"tssm": RobotSample(coordinates.from_home({**pose, "rz": angle}), "IDLE")})
     check(root, printed("singular", "run.jsonl"), "singular", 1)
 
 

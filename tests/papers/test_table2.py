@@ -6,19 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from line_geometry import are_coplanar, distance, transversals
 from scipy.spatial.transform import Rotation
 from table2 import COORDINATES, ROWS, Geometry, GeometryError, concurrency
 
-from cinegen.singularities.lines import (
-    Line,
-    Variety,
-    are_coplanar,
-    classify,
-    distance,
-    mutual_moment,
-    nearness,
-    transversals,
-)
+from cinegen.singularities.grassmann import GrassmannClass, classify, nearness
+from cinegen.singularities.pluecker import PlueckerLine, mutual_moment
 
 # The paper's example (J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics
 # polynomial and the singular configurations of parallel manipulators"): its geometry, identified from Table 1. With it
@@ -86,7 +79,7 @@ def test_poses_of_a_row_are_singular_for_its_reason(row, seed):
             assert row.residual(tssm, pose) < 1e-9
             assert np.linalg.svd(_matrix(tssm, pose))[1][-1] < 1e-10
             found = classify(tssm.lines(pose), tssm.length)
-            assert found.variety is row.variety
+            assert found.grassmann_class is row.grassmann_class
             assert [tuple(i + 1 for i in some.lines) for some in found.sets] == [row.legs]
 
 
@@ -102,7 +95,10 @@ def test_a_pose_beside_a_row_is_not_in_it(row, seed):
             if name != "phi" or row is not FICHTER:
                 assert row.residual(tssm, beside) > 1e-8
             found = classify(tssm.lines(beside), tssm.length)
-            assert found is None or (found.variety, found.lines) != (row.variety, tuple(i - 1 for i in row.legs))
+            assert found is None or (found.grassmann_class, found.lines) != (
+                row.grassmann_class,
+                tuple(i - 1 for i in row.legs),
+            )
 
 
 @given(seeds)
@@ -123,7 +119,7 @@ def test_a_row_is_asked_of_other_legs_by_renaming_them(row):
     renamed = PAPER.relabelled(order)
     pose = row.complete(renamed, _any_pose(rng))[0]
     found = classify(PAPER.lines(pose), PAPER.length)
-    assert found.variety is row.variety
+    assert found.grassmann_class is row.grassmann_class
     assert found.lines == tuple(sorted(order[i - 1] for i in row.legs))
 
 
@@ -132,7 +128,7 @@ def test_the_platform_makes_the_gained_motion_though_the_legs_are_held(row):
     rng = np.random.default_rng(17)
     tssm = _any_tssm(rng)
     pose = row.complete(tssm, _any_pose(rng))[0]
-    (screw,) = classify(tssm.lines(pose), tssm.length).gained
+    (screw,) = classify(tssm.lines(pose), tssm.length).uncontrolled
     w, v = screw.coordinates[:3], screw.coordinates[3:]
     turn = Rotation.from_euler("ZXZ", pose[3:]).as_matrix()
     velocity = v + np.cross(w, pose[:3])
@@ -199,7 +195,7 @@ def test_with_any_fifth_leg_the_first_case_is_a_hyperbolic_congruence():
                 normal = np.cross(lines[a].direction, lines[b].direction)
                 leg = lines[fifth]
                 s = normal @ (corners[corner] - leg.point) / (normal @ leg.direction)
-                director = Line.through(corners[corner], leg.point + s * leg.direction)
+                director = PlueckerLine.through(corners[corner], leg.point + s * leg.direction)
                 for line in (*lines[:4], leg):
                     assert mutual_moment(director, line) == pytest.approx(0.0, abs=1e-9 * np.abs(pose[:3]).max())
                 assert len(others) == 4
@@ -211,7 +207,7 @@ def test_in_the_second_case_leg_5_lies_in_the_platforms_plane():
         pose = SECOND.complete(tssm, _any_pose(rng))[0]
         lines, corners = tssm.lines(pose), tssm.corners(pose)
         directors = classify(lines, tssm.length).sets[0].directors
-        side = Line.through(corners[0], corners[1])
+        side = PlueckerLine.through(corners[0], corners[1])
         assert min(distance(side, line) for line in directors if are_coplanar(side, line, tssm.length, 1e-6)) < 1e-6
         assert len(transversals([lines[i] for i in (0, 1, 2, 4)], tssm.length).lines) == 2
         cut = np.cross(np.cross(corners[1] - corners[0], corners[2] - corners[0]), lines[4].direction)
@@ -227,7 +223,7 @@ def test_fichter_turns_the_papers_platform_by_a_quarter(psi):
     assert sorted(np.cos(poses[:, 3] + poses[:, 5])) == pytest.approx([0.0, 0.0], abs=1e-12)
     for pose in poses:
         found = classify(PAPER.lines(pose), PAPER.length)
-        assert found.variety is Variety.GENERAL_COMPLEX
+        assert found.grassmann_class is GrassmannClass.GENERAL_COMPLEX
         assert found.reason.startswith("all six legs belong to one linear complex, of pitch ")
 
 
@@ -236,7 +232,7 @@ def test_fichters_singularity_as_printed():
     pitches = []
     for pose in poses:
         assert FICHTER.residual(PAPER, pose) < 1e-12
-        (screw,) = classify(PAPER.lines(pose), PAPER.length).gained
+        (screw,) = classify(PAPER.lines(pose), PAPER.length).uncontrolled
         assert abs(screw.pitch) > 0.1
         pitches.append(screw.pitch)
     assert pitches[0] == pytest.approx(-pitches[1])  # one pose is the other in the robot's mirror
@@ -257,11 +253,11 @@ def test_hunts_legs_all_meet_a_side_of_the_platform():
     for tssm in _robots(rng):
         for pose in HUNT.complete(tssm, _any_pose(rng)):
             found = classify(tssm.lines(pose), tssm.length)
-            side = Line.through(*tssm.corners(pose)[:2])
+            side = PlueckerLine.through(*tssm.corners(pose)[:2])
             (axis,) = found.sets[0].directors
             assert distance(axis, side) < 1e-8
             assert abs(axis.direction @ side.direction) == pytest.approx(1.0)
-            assert found.gained[0].rotates
+            assert found.uncontrolled[0].rotates
 
 
 def test_the_special_row_has_the_line_from_the_base_lines_crossing():
@@ -342,7 +338,7 @@ def test_four_legs_in_the_base_are_coplanar():
     assert corners[:2, 2] == pytest.approx([0.0, 0.0], abs=1e-12)
     assert not np.allclose(turned, corners)
     found = classify(PAPER.lines(pose), PAPER.length)
-    assert found.variety is Variety.PLANE
+    assert found.grassmann_class is GrassmannClass.PLANE
     assert found.reason == "legs 1, 2, 3 and 4 lie in one plane, with normal (0, 0, 1) at 0 from the origin"
 
 

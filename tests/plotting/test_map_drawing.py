@@ -22,7 +22,7 @@ from cinegen.plotting.panel import wrapped
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.shades import differing
 from cinegen.plotting.solid import net
-from cinegen.singularities import Kind, singularity
+from cinegen.singularities import SingularityType, singularity
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import Extent, extent
 from cinegen.workspace.loci import loci
@@ -99,7 +99,7 @@ def test_a_five_bars_curves_are_circles(five_bar, robot):
     """Arms of 250 and 400 about (-150, 0) and (150, 0), stretched at 650 or folded at 150; and of type 2 those of 400
     about (0, 200) and (0, -200), where the elbows fall together."""
     curves = loci(five_bar)
-    first, second = points_of(curves, Kind.TYPE_1), points_of(curves, Kind.TYPE_2)
+    first, second = points_of(curves, SingularityType.TYPE_1), points_of(curves, SingularityType.TYPE_2)
     away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-0.15, 0.15)])
     assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
     for x in (-0.15, 0.15):
@@ -111,14 +111,14 @@ def test_a_five_bars_curves_are_circles(five_bar, robot):
     for curve in curves:
         for point, q in zip(curve.points[::5], curve.q[::5], strict=True):
             np.testing.assert_allclose(robot("five_bar").placement(q, "tool").translation[:2], point, atol=1e-7)
-            assert singularity(robot("five_bar"), q, tolerance=0.01).kind in (curve.kind, Kind.BOTH)
+            assert singularity(robot("five_bar"), q, tolerance=0.01).kind in (curve.kind, SingularityType.BOTH)
 
 
 def test_an_arm_of_two_links_is_singular_where_its_elbow_is_straight(wrist):
     """sin q2 = 0 on circles of 700 and 100 about (200, 0), all of them."""
     curves = loci(wrist)
-    assert {curve.kind for curve in curves} == {Kind.TYPE_1}
-    points = points_of(curves, Kind.TYPE_1)
+    assert {curve.kind for curve in curves} == {SingularityType.TYPE_1}
+    points = points_of(curves, SingularityType.TYPE_1)
     radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
     assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
     turned = np.sort(np.arctan2(points[:, 1], points[:, 0] - 0.2)[radii > 0.4])
@@ -130,7 +130,7 @@ def test_over_its_motors_it_is_singular_on_a_line(made):
     """Of place and direction in the plane: where joint 2 is 0, whatever joint 3 is."""
     turns = made("planar_3r", ("joint2", -0.8, 0.9, 12), ("joint3", -0.9, 0.8, 9), at={"joint1": 0.3})
     (curve,) = loci(turns)
-    assert (curve.kind, curve.border) == (Kind.TYPE_1, False)
+    assert (curve.kind, curve.border) == (SingularityType.TYPE_1, False)
     assert np.abs(curve.points[:, 0]).max() < 1e-6
     assert len(curve.points) == 9
     assert all(abs(b - a) == pytest.approx(1.7 / 9.0) for a, b in pairwise(curve.points[:, 1]))
@@ -139,7 +139,7 @@ def test_over_its_motors_it_is_singular_on_a_line(made):
 def test_a_joints_limit_is_no_singularity(made, robot):
     """Joint 2 within 5 to 170 degrees either way stops five_bar's arms before they are stretched."""
     curves = loci(made("five_bar", ("x", -0.5, 0.5, 25), ("y", 0.0, 0.7, 20), limits=True))
-    assert {(curve.kind, curve.border) for curve in curves} == {(Kind.NONE, True)}
+    assert {(curve.kind, curve.border) for curve in curves} == {(SingularityType.NONE, True)}
     model = robot("five_bar").model
     for curve in curves:
         near = np.minimum(curve.q - model.lowerPositionLimit, model.upperPositionLimit - curve.q).min(axis=1)
@@ -149,7 +149,7 @@ def test_a_joints_limit_is_no_singularity(made, robot):
 
 def test_a_fine_map_is_thinned(wrist, monkeypatch):
     monkeypatch.setattr("cinegen.workspace.loci.MOST", 19)
-    points = points_of(loci(wrist), Kind.TYPE_1)
+    points = points_of(loci(wrist), SingularityType.TYPE_1)
     radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
     assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6
     assert 20 < len(points) < 110
@@ -160,7 +160,7 @@ def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
     part["settled"][:, 18:] = 0
     part["reachable"][:, 18:] = False
     part["configuration"][:, 18:] = np.nan
-    points = points_of(loci(part), Kind.TYPE_1)
+    points = points_of(loci(part), SingularityType.TYPE_1)
     assert (points[:, 1] < 0.0).all()
     radii = np.hypot(points[:, 0] - 0.2, points[:, 1])
     assert np.abs(radii[:, None] - [0.7, 0.1]).min(axis=1).max() < 1e-6

@@ -10,7 +10,8 @@ import varieties
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cinegen.singularities.lines import Line, LineAtInfinity, LineError, Variety, classify, near, nearness
+from cinegen.singularities.grassmann import GrassmannClass, classify, near, nearness
+from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
 
 seeds = st.integers(0, 2**32 - 1)
 HOME, X, Y, Z = np.zeros(3), *np.eye(3)
@@ -34,12 +35,12 @@ def _off(line, ends):
 def test_lines_of_a_variety_are_recognised_among_others(maker, seed):
     given = varieties.placed(maker, np.random.default_rng(seed))
     found = classify(given.lines, given.length)
-    assert found.variety is given.built.variety
+    assert found.grassmann_class is given.built.grassmann_class
     assert len(found.sets) == 1
     assert found.lines == given.where
     assert found.sets[0].smallest == (given.where,)
     assert found.rank == len(given.lines) - 1
-    assert found.variety.rank == len(given.where) - 1
+    assert found.grassmann_class.rank == len(given.where) - 1
     assert found.sigma < 1e-12
 
 
@@ -48,7 +49,7 @@ def test_lines_of_a_variety_are_recognised_among_others(maker, seed):
 def test_what_defines_a_variety_is_found(maker, seed):
     given = varieties.placed(maker, np.random.default_rng(100 + seed))
     built, some = given.built, classify(given.lines, given.length).sets[0]
-    slack = (1e-5 if built.variety is Variety.PARABOLIC_CONGRUENCE else 1e-9) * given.length
+    slack = (1e-5 if built.grassmann_class is GrassmannClass.PARABOLIC_CONGRUENCE else 1e-9) * given.length
     finite = [point.xyz for point in some.points if not point.at_infinity]
     far = [point.xyz for point in some.points if point.at_infinity]
     for expected in built.points:
@@ -62,10 +63,10 @@ def test_what_defines_a_variety_is_found(maker, seed):
         assert some.screw.pitch == pytest.approx(built.pitch * given.length, rel=1e-9)
         directors = (some.screw.axis,)
         assert [line.coordinates.tolist() for line in some.directors] == (
-            [some.screw.axis.coordinates.tolist()] if built.variety is Variety.SPECIAL_COMPLEX else []
+            [some.screw.axis.coordinates.tolist()] if built.grassmann_class is GrassmannClass.SPECIAL_COMPLEX else []
         )
     assert len(directors) == len(built.directors) + len(built.normals)
-    near_lines = [line for line in directors if isinstance(line, Line)]
+    near_lines = [line for line in directors if isinstance(line, PlueckerLine)]
     far_lines = [line for line in directors if isinstance(line, LineAtInfinity)]
     for ends in built.directors:
         assert min(_off(line, [given.point(end) for end in ends]) for line in near_lines) < slack
@@ -96,8 +97,8 @@ def test_forces_of_the_coefficients_hold_each_other(maker):
 def test_the_gained_motion_lengthens_no_leg(maker, seed):
     given = varieties.placed(maker, np.random.default_rng(50 + seed))
     found = classify(given.lines, given.length)
-    assert len(found.gained) == 6 - found.rank
-    for screw in found.gained:
+    assert len(found.uncontrolled) == 6 - found.rank
+    for screw in found.uncontrolled:
         w, v = screw.coordinates[:3], screw.coordinates[3:]
         size = np.linalg.norm(v + np.cross(w, given.lines[0].point)) + given.length * np.linalg.norm(w)
         for line in given.lines:
@@ -109,7 +110,7 @@ def test_the_gained_motion_lengthens_no_leg(maker, seed):
 def test_lines_that_are_accurate_to_a_billionth_are_in_it_still(maker, seed):
     given = varieties.placed(maker, np.random.default_rng(200 + seed), noise=1e-9)
     found = classify(given.lines, given.length)
-    assert found.variety is given.built.variety
+    assert found.grassmann_class is given.built.grassmann_class
     assert found.lines == given.where
     assert found.sigma > 1e-13  # which is not what they are told by
 
@@ -120,7 +121,7 @@ def test_lines_beside_a_variety_are_near_not_in(maker, seed):
     given = varieties.placed(maker, np.random.default_rng(300 + seed), noise=1e-4)
     assert classify(given.lines, given.length) is None
     found = near(given.lines, given.length, 3e-3)
-    assert found.variety is given.built.variety
+    assert found.grassmann_class is given.built.grassmann_class
     assert found.lines == given.where
     assert 1e-7 < found.sigma < 3e-3
     assert found.reason.startswith("nearly: ")
@@ -128,29 +129,29 @@ def test_lines_beside_a_variety_are_near_not_in(maker, seed):
 
 
 SIGNATURES = {  # of the Klein form on the span: positive, negative, zero; that on its complement follows
-    Variety.ONE_LINE: {(0, 0, 1)},
-    Variety.FLAT_PENCIL: {(0, 0, 2)},
-    Variety.REGULUS: {(2, 1, 0), (1, 2, 0)},
-    Variety.TWO_PENCILS: {(1, 1, 1)},
-    Variety.BUNDLE: {(0, 0, 3)},
-    Variety.PLANE: {(0, 0, 3)},
-    Variety.ELLIPTIC_CONGRUENCE: {(3, 1, 0), (1, 3, 0)},
-    Variety.HYPERBOLIC_CONGRUENCE: {(2, 2, 0)},
-    Variety.PARABOLIC_CONGRUENCE: {(2, 1, 1), (1, 2, 1)},
-    Variety.DEGENERATE_CONGRUENCE: {(1, 1, 2)},
-    Variety.GENERAL_COMPLEX: {(3, 2, 0), (2, 3, 0)},
-    Variety.SPECIAL_COMPLEX: {(2, 2, 1)},
+    GrassmannClass.ONE_LINE: {(0, 0, 1)},
+    GrassmannClass.FLAT_PENCIL: {(0, 0, 2)},
+    GrassmannClass.REGULUS: {(2, 1, 0), (1, 2, 0)},
+    GrassmannClass.TWO_PENCILS: {(1, 1, 1)},
+    GrassmannClass.BUNDLE: {(0, 0, 3)},
+    GrassmannClass.PLANE: {(0, 0, 3)},
+    GrassmannClass.ELLIPTIC_CONGRUENCE: {(3, 1, 0), (1, 3, 0)},
+    GrassmannClass.HYPERBOLIC_CONGRUENCE: {(2, 2, 0)},
+    GrassmannClass.PARABOLIC_CONGRUENCE: {(2, 1, 1), (1, 2, 1)},
+    GrassmannClass.DEGENERATE_CONGRUENCE: {(1, 1, 2)},
+    GrassmannClass.GENERAL_COMPLEX: {(3, 2, 0), (2, 3, 0)},
+    GrassmannClass.SPECIAL_COMPLEX: {(2, 2, 1)},
 }
 
 
 @makers
 def test_the_klein_form_has_the_signature_of_the_variety(maker):
     built = maker(np.random.default_rng(3))
-    vectors = np.array([Line.through(*ends).coordinates for ends in built.segments])
-    basis = np.linalg.svd(vectors)[2][: built.variety.rank]
+    vectors = np.array([PlueckerLine.through(*ends).coordinates for ends in built.segments])
+    basis = np.linalg.svd(vectors)[2][: built.grassmann_class.rank]
     values = np.linalg.eigvalsh(basis @ np.roll(np.eye(6), 3, axis=0) @ basis.T)
     counts = (int((values > 1e-9).sum()), int((values < -1e-9).sum()), int((np.abs(values) <= 1e-9).sum()))
-    assert counts in SIGNATURES[built.variety]
+    assert counts in SIGNATURES[built.grassmann_class]
 
 
 # --- none, several, larger -------------------------------------------------------------------------------------------
@@ -160,7 +161,7 @@ def test_the_klein_form_has_the_signature_of_the_variety(maker):
 @given(seeds, st.integers(1, 6), st.floats(1e-3, 1e3))
 def test_lines_at_random_are_independent(seed, count, length):
     rng = np.random.default_rng(seed)
-    lines = [Line.through(*(length * rng.normal(size=(2, 3)))) for _ in range(count)]
+    lines = [PlueckerLine.through(*(length * rng.normal(size=(2, 3)))) for _ in range(count)]
     if nearness(lines, length) > 1e-5:  # all but one in a hundred thousand
         assert classify(lines, length) is None
         assert near(lines, length, 1e-5) is None
@@ -168,7 +169,7 @@ def test_lines_at_random_are_independent(seed, count, length):
 
 def test_a_thousand_random_sixes_are_independent():
     rng = np.random.default_rng(5)
-    lines = [[Line.through(*rng.normal(size=(2, 3))) for _ in range(6)] for _ in range(1000)]
+    lines = [[PlueckerLine.through(*rng.normal(size=(2, 3))) for _ in range(6)] for _ in range(1000)]
     assert min(nearness(six, 1.0) for six in lines) > 1e-6
 
 
@@ -184,7 +185,7 @@ def test_nothing_depends_on_where_and_in_which_unit(seed, maker, scale):
     given = varieties.placed(maker, rng, noise=1e-5)
     turn, shift = varieties.rotation(rng), given.length * rng.normal(size=3)
     moved = [
-        Line.along(scale * line.point, line.direction).moved(turn, scale * shift) for line in given.lines
+        PlueckerLine.along(scale * line.point, line.direction).moved(turn, scale * shift) for line in given.lines
     ]  # the same lines in other axes and another unit
     assert nearness(moved, scale * given.length) == pytest.approx(nearness(given.lines, given.length), abs=1e-12)
 
@@ -194,7 +195,7 @@ def test_two_sets_that_span_different_varieties_are_both_named():
     first, second = varieties.flat_pencil(rng), varieties.parallels_in_plane(rng)
     turn = varieties.rotation(rng)
     ends = first.segments + [tuple(turn @ end + [3, 1, 2] for end in segment) for segment in second.segments]
-    found = classify([Line.through(*ends[i]) for i in (0, 3, 1, 4, 2, 5)], 1.0)
+    found = classify([PlueckerLine.through(*ends[i]) for i in (0, 3, 1, 4, 2, 5)], 1.0)
     assert [some.lines for some in found.sets] == [(0, 2, 4), (1, 3, 5)]
     assert found.rank == 4
     assert found.reason.startswith("legs 1, 3 and 5 meet in one point")
@@ -216,9 +217,9 @@ def test_two_sets_that_span_different_varieties_are_both_named():
 )
 def test_more_lines_of_one_variety_are_one_set(maker, count):
     built = maker(np.random.default_rng(11), count)
-    found = classify([Line.through(*ends) for ends in built.segments], 1.0)
-    size = built.variety.rank + 1
-    assert found.variety is built.variety
+    found = classify([PlueckerLine.through(*ends) for ends in built.segments], 1.0)
+    size = built.grassmann_class.rank + 1
+    assert found.grassmann_class is built.grassmann_class
     assert [some.lines for some in found.sets] == [tuple(range(count))]
     assert len(found.sets[0].smallest) == math.comb(count, size)
     assert found.rank == size - 1
@@ -226,10 +227,10 @@ def test_more_lines_of_one_variety_are_one_set(maker, count):
 
 def test_three_lines_through_a_point_and_three_in_a_plane_through_it():
     rng = np.random.default_rng(2)
-    through = [Line.along([0, 0, 0], rng.normal(size=3)) for _ in range(3)]
-    inside = [Line.along([*rng.normal(size=2), 0], [*rng.normal(size=2), 0]) for _ in range(3)]
+    through = [PlueckerLine.along([0, 0, 0], rng.normal(size=3)) for _ in range(3)]
+    inside = [PlueckerLine.along([*rng.normal(size=2), 0], [*rng.normal(size=2), 0]) for _ in range(3)]
     found = classify(through + inside, 1.0)
-    assert found.variety is Variety.DEGENERATE_CONGRUENCE
+    assert found.grassmann_class is GrassmannClass.DEGENERATE_CONGRUENCE
     assert found.rank == 4
     assert found.lines == (0, 1, 2, 3, 4, 5)
     assert found.sets[0].groups == ((0, 1, 2), (3, 4, 5))
@@ -238,26 +239,29 @@ def test_three_lines_through_a_point_and_three_in_a_plane_through_it():
 def test_a_smaller_set_is_the_reason_though_all_are_in_a_larger_variety():
     """Four lines through a point of a line that two others meet: all six meet it, but four are dependent already."""
     rng = np.random.default_rng(1)
-    bundle = [Line.along([0, 0, 1], rng.normal(size=3)) for _ in range(4)]
-    others = [Line.along([0, 0, z], rng.normal(size=3)) for z in (3.0, -2.0)]
+    bundle = [PlueckerLine.along([0, 0, 1], rng.normal(size=3)) for _ in range(4)]
+    others = [PlueckerLine.along([0, 0, z], rng.normal(size=3)) for z in (3.0, -2.0)]
     found = classify(bundle + others, 1.0)
-    assert found.variety is Variety.BUNDLE
+    assert found.grassmann_class is GrassmannClass.BUNDLE
     assert found.lines == (0, 1, 2, 3)
     assert found.rank == 5
-    assert found.gained[0].rotates
-    assert found.gained[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert found.uncontrolled[0].rotates
+    assert found.uncontrolled[0].axis.nearest([0, 0, 0]) == pytest.approx(np.zeros(3), abs=1e-12)
 
 
 def test_what_the_smallest_set_does_not_explain_a_larger_one_does():
     """Of six lines that meet two lines three make a flat pencil: the rank is 4, not 5."""
     found = classify(
-        [Line.through(s * X, Z + t * Y) for s, t in ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))], 1.0
+        [PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (1, 2), (1, -1), (2, 3), (-1, 2), (-2, -3))], 1.0
     )
     assert found.rank == 4
-    assert [some.variety for some in found.sets] == [Variety.FLAT_PENCIL, Variety.HYPERBOLIC_CONGRUENCE]
+    assert [some.grassmann_class for some in found.sets] == [
+        GrassmannClass.FLAT_PENCIL,
+        GrassmannClass.HYPERBOLIC_CONGRUENCE,
+    ]
     assert [some.lines for some in found.sets] == [(0, 1, 2), (0, 1, 3, 4, 5)]
-    pencil = [Line.along(HOME, direction) for direction in (X, Y, X + Y, X - Y)]
-    found = classify([*pencil, Line.along(Z, X + Y), Line.along(Z, Y + Z)], 1.0)
+    pencil = [PlueckerLine.along(HOME, direction) for direction in (X, Y, X + Y, X - Y)]
+    found = classify([*pencil, PlueckerLine.along(Z, X + Y), PlueckerLine.along(Z, Y + Z)], 1.0)
     assert [some.lines for some in found.sets] == [(0, 1, 2, 3)]  # nothing is left to be explained
     assert found.rank == 4
 
@@ -271,7 +275,9 @@ def test_lines_must_change_by_at_least_their_nearness():
             (line.point - line.direction * given.length, line.point + line.direction * given.length)
             for line in given.lines
         ]
-        moved = [Line.through(*(end + size * given.length * rng.normal(size=3) for end in pair)) for pair in ends]
+        moved = [
+            PlueckerLine.through(*(end + size * given.length * rng.normal(size=3) for end in pair)) for pair in ends
+        ]
         origin = given.shift
         change = np.linalg.norm(_vectors(moved, given.length, origin) - _vectors(given.lines, given.length, origin))
         assert nearness(moved, given.length, origin) <= change * (1.0 + 1e-9)
@@ -281,7 +287,7 @@ def test_lines_must_change_by_at_least_their_nearness():
 
 
 def _along(*pairs):
-    return [Line.along(*pair) for pair in pairs]
+    return [PlueckerLine.along(*pair) for pair in pairs]
 
 
 @pytest.mark.parametrize(
@@ -336,8 +342,8 @@ def _along(*pairs):
         (
             _along((HOME, Y), (HOME, X + Y), (X, X + Z), (X, Z), (Z, X + 3 * Y + Z)),
             "legs 1 and 2 meet in one point, (0, 0, 0) mm, legs 3 and 4 meet in one point, (1, 0, 0) mm, and the planes"
-            " of both pairs hold the line through (0.4, 0, 0) mm along (1, 0, 0), on which these points lie (two flat"
-            " pencils with a common line)",
+            " of both pairs contain the line through (0.4, 0, 0) mm along (1, 0, 0), on which these points lie (two"
+            " flat pencils with a common line)",
         ),
         (
             _along((HOME, X + 2 * Z), (HOME, Y + 3 * Z), (HOME, X - 2 * Y + Z), (X, Y), (2 * X + Y, X + 3 * Y)),
@@ -345,21 +351,21 @@ def _along(*pairs):
             " (0, 0, 1) at 0 mm from the origin",
         ),
         (
-            [Line.through(s * X, Z + t * Y) for s, t in ((1, 1), (2, -1), (-1, 2), (3, 3), (-2, -3))],
+            [PlueckerLine.through(s * X, Z + t * Y) for s, t in ((1, 1), (2, -1), (-1, 2), (3, 3), (-2, -3))],
             "all five legs meet two lines, the line through (0.3, 0, 0) mm along (1, 0, 0) and the line through (0,"
             " 0.2, 1) mm along (0, 1, 0)",
         ),
     ],
 )
 def test_the_reason_in_words(lines, says):
-    assert classify(lines, 1.0).words(unit="mm") == says
+    assert classify(lines, 1.0).text(unit="mm") == says
 
 
 def test_names_nouns_and_units():
     lines = _along((Y, X), (Y, Y), (Y, Z), (HOME, X), (Y, X + Y + Z))
     found = classify(lines, 0.1, names=["front", "left", "right", "arm", "rear"])
     assert found.reason == "legs front, left, right and rear meet in one point, (0, 1, 0)"
-    assert found.words("line", "m") == "lines front, left, right and rear meet in one point, (0, 1, 0) m"
+    assert found.text("line", "m") == "lines front, left, right and rear meet in one point, (0, 1, 0) m"
 
 
 @pytest.mark.parametrize(
@@ -373,5 +379,5 @@ def test_names_nouns_and_units():
     ],
 )
 def test_what_can_not_be_asked_says_why(ask, says):
-    with pytest.raises(LineError, match=says):
+    with pytest.raises(PlueckerError, match=says):
         ask()

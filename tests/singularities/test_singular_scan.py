@@ -11,8 +11,8 @@ import pytest
 from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
 from cinegen.plotting.loci import draw_loci
-from cinegen.singularities import Kind, singularity
-from cinegen.singularities.scan import scan
+from cinegen.singularities import SingularityType, singularity
+from cinegen.singularities.loci import singular_loci
 from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError, about_home
 
 
@@ -20,13 +20,13 @@ from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError, ab
 def five_bar(robot):
     """The whole plane of the five-bar's tool."""
     of = Slice(robot("five_bar"), (Axis("x", -0.7, 0.7), Axis("y", -0.55, 0.72)))
-    return scan(of, 35)
+    return singular_loci(of, 35)
 
 
 def test_a_five_bar_is_singular_of_type_1_on_circles_about_its_motors(five_bar):
     """Arms of 250 and 400 about (-150, 0) and (150, 0): stretched at 650, folded at 150."""
-    curves = [curve for curve in five_bar.curves if curve.kind is Kind.TYPE_1]
-    assert {curve.kind for curve in five_bar.curves if curve.border} == {Kind.TYPE_1}
+    curves = [curve for curve in five_bar.curves if curve.kind is SingularityType.TYPE_1]
+    assert {curve.kind for curve in five_bar.curves if curve.border} == {SingularityType.TYPE_1}
     points = np.vstack([curve.points for curve in curves])
     away = np.array([np.hypot(points[:, 0] - x, points[:, 1]) for x in (-0.15, 0.15)])
     off = np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2))
@@ -45,32 +45,35 @@ def test_a_five_bar_is_singular_of_type_1_on_circles_about_its_motors(five_bar):
 
 def test_and_of_type_2_on_the_circle_about_elbows_that_fall_together(five_bar):
     """Inner bars of 250 let the elbows meet at (0, 200), and at (0, -200), whose circle is below this slice."""
-    curves = [curve for curve in five_bar.curves if curve.kind is Kind.TYPE_2]
+    curves = [curve for curve in five_bar.curves if curve.kind is SingularityType.TYPE_2]
     assert sum(len(curve.points) for curve in curves) > 5
     for curve in curves:
         for (u, v), q in zip(curve.points, curve.q, strict=True):
             assert np.hypot(u, v - 0.2) == pytest.approx(0.4, abs=1e-6)
-            assert singularity(five_bar.of.mechanism, q, tolerance=1e-5).kind in (Kind.TYPE_2, Kind.BOTH)
+            assert singularity(five_bar.of.mechanism, q, tolerance=1e-5).kind in (
+                SingularityType.TYPE_2,
+                SingularityType.BOTH,
+            )
             assert np.allclose(five_bar.of.mechanism.placement(q, "tool").translation[:2], (u, v), atol=1e-9)
 
 
 def test_fichters_curve_on_a_slice_of_the_tssm(robot):
     """At theta = phi = 0 the platform's turn alone makes it singular, at 90 degrees, wherever it is."""
     of = Slice(robot("tssm"), (Axis("x", -0.006, 0.006), Axis("rz", -2.2, 2.2)), {"rx": 0.0, "ry": 0.0, "z": 0.018})
-    assert set(of.held) == {"x", "y", "z", "rx", "ry", "rz"}
-    loci = scan(of, 9)
+    assert set(of.independent) == {"x", "y", "z", "rx", "ry", "rz"}
+    loci = singular_loci(of, 9)
     assert loci.reached.all()
-    points = np.vstack([curve.points for curve in loci.curves if curve.kind is Kind.TYPE_2])
+    points = np.vstack([curve.points for curve in loci.curves if curve.kind is SingularityType.TYPE_2])
     assert np.abs(np.abs(points[:, 1]) - 0.5 * math.pi).max() < 1e-6
     assert len(points) == 2 * 9  # once on each line of the grid, at both angles
-    assert not [curve for curve in loci.curves if curve.kind is Kind.TYPE_1]
+    assert not [curve for curve in loci.curves if curve.kind is SingularityType.TYPE_1]
 
 
 def test_over_two_motors_a_serial_arm_is_singular_where_it_is_stretched(robot):
     of = Slice(robot("planar_3r"), (Axis("joint2", -0.8, 0.9), Axis("joint3", -0.9, 0.8)), {"joint1": 0.3})
-    loci = scan(of, 8)
+    loci = singular_loci(of, 8)
     points = np.vstack([curve.points for curve in loci.curves])
-    assert {curve.kind for curve in loci.curves} == {Kind.TYPE_1}
+    assert {curve.kind for curve in loci.curves} == {SingularityType.TYPE_1}
     assert np.abs(points[:, 0]).max() < 1e-6  # of a 3R with its orientation: joint 2 alone decides
 
 
@@ -103,11 +106,13 @@ def test_coordinates_that_make_no_slice_are_told(robot, name, axes, fixed, words
 def test_a_slice_out_of_reach_and_a_range_without_extent_are_told(robot):
     far = Slice(robot("five_bar"), (Axis("x", 3.0, 4.0), Axis("y", -0.1, 0.1)))
     with pytest.raises(SliceError, match="no point of this slice over x and y can be reached from home"):
-        scan(far, 5)
+        singular_loci(far, 5)
     with pytest.raises(SliceError, match="x from 1 to 1 is no range"):
         Slice(robot("five_bar"), (Axis("x", 1.0, 1.0), Axis("y", -0.1, 0.1)))
     with pytest.raises(SliceError, match="a grid of 1 points has no cells"):
-        scan(Slice(robot("five_bar"), (about_home(robot("five_bar"), "x"), about_home(robot("five_bar"), "y"))), 1)
+        singular_loci(
+            Slice(robot("five_bar"), (about_home(robot("five_bar"), "x"), about_home(robot("five_bar"), "y"))), 1
+        )
 
 
 def test_motors_have_their_limits_about_home(robot):
@@ -151,7 +156,7 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     coordinates = Coordinates(mechanism, (*pose, "rz"))
     with MissionRecorder(tmp_path / "run.jsonl", {"tssm": mechanism}) as recorder:
         for k, turn in enumerate(turns):
-            recorder.write(float(k), {"tssm": RobotSample(coordinates.led({**pose, "rz": turn}), "IDLE")})
+            recorder.write(float(k), {"tssm": RobotSample(coordinates.from_home({**pose, "rz": turn}), "IDLE")})
     assert main(["singular", str(tmp_path / "run.jsonl"), "--json"]) == 0
     (report,) = json.loads(capsys.readouterr().out)
     (passed,) = [one for one in report["found"] if "passed" in one["kind"] and "type 2" in one["kind"]]
@@ -171,7 +176,7 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
         (["--at", "x=1,y"], "'y': write NAME=VALUE, such as x=100 or rz=15 (mm, degrees)"),
         (["--at", "x=nan"], "--at: 'nan' is not a number"),
         (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
-        (["--at", "jont1=10"], "or motors alone: joint1, joint3"),
+        (["--at", "jont1=10"], "or actuated joints alone: joint1, joint3"),
         (["--at", "joint1=10,jont3=10"], "no coordinate 'jont3' here (did you mean 'joint3'?)"),
         (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
         (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import cinegen
-from cinegen.singularities import Kind, leg_lines, singularity
-from cinegen.singularities.counted import counted
-from cinegen.singularities.lines import Line, Variety
+from cinegen.singularities import SingularityType, leg_lines, singularity
+from cinegen.singularities.ball_joints import counted
+from cinegen.singularities.grassmann import GrassmannClass
+from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
 
 CLOSED = ["five_bar", "four_bar", "planar_hybrid", "sr400", "hybrid", "delta4", "delta4_linear", "tssm", "gough"]
@@ -62,7 +63,7 @@ def test_random_poses_are_regular(robot, name, seed):
     q = mechanism.random_closed(1, seed)[0]
     found = singularity(mechanism, q)
     assert not found
-    assert found.kind is Kind.NONE
+    assert found.kind is SingularityType.NONE
     assert found.dependence is None or found.dependence.nearly
 
 
@@ -71,7 +72,7 @@ def test_the_gained_motion_opens_loops_least_and_moves_the_node_as_its_screw_say
     mechanism = robot(name)
     q = mechanism.random_closed(1, 7)[0]
     found = singularity(mechanism, q)
-    if found.gained is None:
+    if found.uncontrolled_dof is None:
         assert name == "delta4"  # it has one: never here
     step = 1e-6
     size = np.abs(found.motion / mechanism.scale).max()
@@ -83,7 +84,7 @@ def test_the_gained_motion_opens_loops_least_and_moves_the_node_as_its_screw_say
     v = (ends[1].translation - ends[0].translation) / (2.0 * step)
     p = mechanism.placement(q, mechanism.end).translation
     twist = np.concatenate([w, v + np.cross(p, w)])  # the origin's velocity
-    screw = found.gained.coordinates
+    screw = found.uncontrolled_dof.coordinates
     assert np.allclose(twist / np.linalg.norm(twist), screw / np.linalg.norm(screw), atol=1e-6 * size) or np.allclose(
         twist / np.linalg.norm(twist), -screw / np.linalg.norm(screw), atol=1e-6 * size
     )
@@ -100,29 +101,29 @@ def test_type_2_of_a_five_bar_is_where_its_outer_bars_are_in_line(robot):
     tool, elbow_at = mechanism.placement(q, "tool").translation, mechanism.placement(q, "link2").translation
     assert np.allclose(elbow_at, mechanism.placement(q, "link4").translation, atol=1e-9)
     found = singularity(mechanism, q)
-    assert found.kind is Kind.TYPE_2
+    assert found.kind is SingularityType.TYPE_2
     assert found.sigma[1] < 1e-12
     # the tool turns about the elbows, which are in one place
-    assert found.gained.pitch == pytest.approx(0.0, abs=1e-12)
-    assert np.allclose(found.gained.axis.nearest(np.zeros(3)), elbow_at, atol=1e-9)
+    assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-12)
+    assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3)), elbow_at, atol=1e-9)
     # ... and no force along its circle is borne
     along = np.cross([0.0, 0.0, 1.0], tool - elbow_at)
-    force = found.unheld.coordinates[:3]
+    force = found.unsupported_wrench.coordinates[:3]
     assert abs(force @ along) > 1e-3 * np.linalg.norm(along)
-    assert "with all motors held tool still makes a rotation about the axis" in found.words
+    assert "with all actuated joints locked tool can make a rotation about the axis" in found.message
 
 
 def test_type_1_of_a_five_bar_is_where_an_arm_is_stretched(robot):
     mechanism = robot("five_bar")
     q = mechanism.close(mechanism.configuration({"joint2": 0.0}), ["joint2"])
     found = singularity(mechanism, q)
-    assert found.kind is Kind.TYPE_1
+    assert found.kind is SingularityType.TYPE_1
     arm = mechanism.placement(q, "tool").translation - mechanism.placement(q, "link1").translation
-    assert found.lost.translates
-    lost = found.lost.axis.coordinates[3:]
+    assert found.lost_dof.translates
+    lost = found.lost_dof.axis.coordinates[3:]
     assert abs(lost @ arm) == pytest.approx(np.linalg.norm(arm), rel=1e-9)  # along the stretched arm
-    line = found.carried.axis
-    assert found.carried.pitch == pytest.approx(0.0, abs=1e-9)
+    line = found.supported_wrench.axis
+    assert found.supported_wrench.pitch == pytest.approx(0.0, abs=1e-9)
     assert np.allclose(np.cross(line.direction, arm), 0.0, atol=1e-9)  # which bears a force along itself
 
 
@@ -130,9 +131,9 @@ def test_a_3rrr_is_regular_where_its_outer_bars_go_nowhere_together(raff):
     mechanism = raff(three_rrr(ELBOWS, HEADS))
     assert mechanism.mobility == 3
     found = singularity(mechanism, mechanism.q_home)
-    assert found.kind is Kind.NONE
+    assert found.kind is SingularityType.NONE
     for line, elbow, head in zip(found.legs, ELBOWS, HEADS, strict=True):
-        expected = Line.through([*elbow, 0.0], [*head, 0.0])
+        expected = PlueckerLine.through([*elbow, 0.0], [*head, 0.0])
         assert np.allclose(line.coordinates, expected.coordinates, atol=1e-9) or np.allclose(
             line.coordinates, -expected.coordinates, atol=1e-9
         )
@@ -146,17 +147,17 @@ def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_paral
     elbows = heads + ways * np.array([[0.5], [0.6], [0.4]]) * (1.0 if parallel else 1.5)
     mechanism = raff(three_rrr(elbows, heads))
     found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
-    assert found.kind is Kind.TYPE_2
-    assert found.dependence.variety is Variety.FLAT_PENCIL
+    assert found.kind is SingularityType.TYPE_2
+    assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
     assert found.dependence.lines == (0, 1, 2)
     if parallel:
-        assert found.gained.translates
-        assert abs(found.gained.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
-        assert "parallel" in found.words
+        assert found.uncontrolled_dof.translates
+        assert abs(found.uncontrolled_dof.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
+        assert "parallel" in found.message
     else:
-        assert found.gained.pitch == pytest.approx(0.0, abs=1e-7)
-        assert np.allclose(found.gained.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
-        assert "meet in one point" in found.words
+        assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-7)
+        assert np.allclose(found.uncontrolled_dof.axis.nearest(np.zeros(3))[:2], centre, atol=1e-7)
+        assert "meet in one point" in found.message
 
 
 def test_a_3rrr_loses_a_motion_where_a_leg_is_stretched(raff):
@@ -165,13 +166,13 @@ def test_a_3rrr_loses_a_motion_where_a_leg_is_stretched(raff):
     elbows[0] = feet[0] + 0.55 * (heads[0] - feet[0])
     mechanism = raff(three_rrr(elbows, heads))
     found = singularity(mechanism, mechanism.q_home, tolerance=1e-7)
-    assert found.kind is Kind.TYPE_1
+    assert found.kind is SingularityType.TYPE_1
     # the structure bears a force along the stretched leg, and the lost motion does work on it
-    assert found.carried.pitch == pytest.approx(0.0, abs=1e-7)
+    assert found.supported_wrench.pitch == pytest.approx(0.0, abs=1e-7)
     along = heads[0] - feet[0]
-    expected = Line.along([*feet[0], 0.0], [*along, 0.0])
-    assert abs(found.carried.axis.direction @ expected.direction) == pytest.approx(1.0, abs=1e-12)
-    assert np.allclose(found.carried.axis.nearest(np.zeros(3)), expected.nearest(np.zeros(3)), atol=1e-7)
+    expected = PlueckerLine.along([*feet[0], 0.0], [*along, 0.0])
+    assert abs(found.supported_wrench.axis.direction @ expected.direction) == pytest.approx(1.0, abs=1e-12)
+    assert np.allclose(found.supported_wrench.axis.nearest(np.zeros(3)), expected.nearest(np.zeros(3)), atol=1e-7)
 
 
 # --- legs that are lines -----------------------------------------------------------------------------------------
@@ -180,7 +181,7 @@ def test_a_3rrr_loses_a_motion_where_a_leg_is_stretched(raff):
 def at(mechanism: cinegen.Mechanism, **pose: float) -> np.ndarray:
     """The configuration with the platform at a pose (mm, degrees)."""
     given = {name: value * (1e-3 if len(name) == 1 else math.pi / 180.0) for name, value in pose.items()}
-    q = Coordinates(mechanism, tuple(given)).led(given)
+    q = Coordinates(mechanism, tuple(given)).from_home(given)
     assert q is not None
     return q
 
@@ -194,7 +195,7 @@ def test_the_legs_are_the_lines_between_their_joints(robot):
     platform = mechanism.placement(q, "platform")
     found = singularity(mechanism, q)
     for line, foot, corner in zip(found.legs, feet, np.repeat(corners, 2, axis=0), strict=True):
-        expected = Line.through([*foot, 0.0], platform.act(corner)).coordinates
+        expected = PlueckerLine.through([*foot, 0.0], platform.act(corner)).coordinates
         assert np.allclose(line.coordinates, expected, atol=1e-8) or np.allclose(line.coordinates, -expected, atol=1e-8)
 
 
@@ -205,14 +206,14 @@ def test_fichters_singularity(robot, place, side):
     mechanism = robot("tssm")
     q = at(mechanism, x=place[0], y=place[1], z=place[2], rx=0.0, ry=0.0, rz=side)
     found = singularity(mechanism, q)
-    assert found.kind is Kind.TYPE_2
-    assert found.dependence.variety is Variety.GENERAL_COMPLEX
+    assert found.kind is SingularityType.TYPE_2
+    assert found.dependence.grassmann_class is GrassmannClass.GENERAL_COMPLEX
     assert found.dependence.lines == (0, 1, 2, 3, 4, 5)
     # what is gained does no work with forces along the legs (Merlet, section 3)
     for line in leg_lines(mechanism, q):
-        w, v = np.split(found.gained.coordinates, 2)
+        w, v = np.split(found.uncontrolled_dof.coordinates, 2)
         assert abs(line.direction @ v + line.moment @ w) < 1e-9
-    assert "all six legs belong to one linear complex" in found.words
+    assert "all six legs belong to one linear complex" in found.message
 
 
 def test_hunts_singularity(robot):
@@ -222,12 +223,12 @@ def test_hunts_singularity(robot):
     platform = mechanism.placement(q, "platform")
     side = [platform.act(1e-3 * np.array([x, -5.480722, 0.0])) for x in (4.822, -4.822)]
     found = singularity(mechanism, q)
-    assert found.kind is Kind.TYPE_2
-    assert found.dependence.variety is Variety.SPECIAL_COMPLEX
-    assert found.gained.pitch == pytest.approx(0.0, abs=1e-9)
+    assert found.kind is SingularityType.TYPE_2
+    assert found.dependence.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
+    assert found.uncontrolled_dof.pitch == pytest.approx(0.0, abs=1e-9)
     for corner in side:
-        assert np.linalg.norm(found.gained.axis.nearest(corner) - corner) < 1e-8
-    assert "special complex (5b): all six legs meet the line through" in found.words
+        assert np.linalg.norm(found.uncontrolled_dof.axis.nearest(corner) - corner) < 1e-8
+    assert "special complex (5b): all six legs meet the line through" in found.message
 
 
 @pytest.mark.parametrize("name", ["tssm", "gough"])
@@ -236,7 +237,7 @@ def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot, name):
     q = mechanism.close(mechanism.configuration({"joint5": 0.0}), ["joint5"])
     passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
     assert np.linalg.svd(passive, compute_uv=False)[-1] < 1e-12
-    assert singularity(mechanism, q).near is Kind.NONE
+    assert singularity(mechanism, q).near is SingularityType.NONE
 
 
 @pytest.mark.parametrize("name", ["tssm", "gough", "hybrid"])
@@ -255,9 +256,9 @@ def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, nam
 def test_a_stretched_arm_is_singular_of_type_1(robot):
     mechanism = robot("planar_3r")
     found = singularity(mechanism, np.zeros(3))
-    assert found.kind is Kind.TYPE_1
+    assert found.kind is SingularityType.TYPE_1
     assert found.second.size == 0
-    assert found.gained is None
+    assert found.uncontrolled_dof is None
     assert found.as_dict()["kind"] == "type 1"
 
 
@@ -265,5 +266,5 @@ def test_open_loops_are_told(robot):
     mechanism = robot("five_bar")
     q = mechanism.q_home.copy()
     q[0] += 0.1
-    with pytest.raises(cinegen.ClosureError, match=r"stand open by 0\.\d+ .*close\(q\) first"):
+    with pytest.raises(cinegen.ClosureError, match=r"are open by 0\.\d+ .*close\(q\) first"):
         singularity(mechanism, q)

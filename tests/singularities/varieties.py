@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.singularities.lines import Line, Variety
+from cinegen.singularities.grassmann import GrassmannClass
+from cinegen.singularities.pluecker import PlueckerLine
 
 Array = NDArray[np.float64]
 Segment = tuple[Array, Array]  # two points of a line
@@ -17,7 +18,7 @@ Segment = tuple[Array, Array]  # two points of a line
 class Built:
     """Segments of lines in a variety, and what defines it: points (also far ones, as directions) and segments."""
 
-    variety: Variety
+    grassmann_class: GrassmannClass
     segments: list[Segment]
     points: list[Array] = field(default_factory=list)
     directions: list[Array] = field(default_factory=list)  # points at infinity
@@ -54,19 +55,21 @@ Z = np.array([0.0, 0.0, 1.0])
 def one_line(rng, count=2):
     point, direction = rng.normal(size=3), _unit(rng)
     return Built(
-        Variety.ONE_LINE, [_at(point, direction, rng) for _ in range(count)], directors=[(point, point + direction)]
+        GrassmannClass.ONE_LINE,
+        [_at(point, direction, rng) for _ in range(count)],
+        directors=[(point, point + direction)],
     )
 
 
 def flat_pencil(rng, count=3):
     point = rng.normal(size=3) * [1, 1, 0]
-    return Built(Variety.FLAT_PENCIL, [_at(point, _in_plane(a), rng) for a in _turn(rng, count)], points=[point])
+    return Built(GrassmannClass.FLAT_PENCIL, [_at(point, _in_plane(a), rng) for a in _turn(rng, count)], points=[point])
 
 
 def parallels_in_plane(rng, count=3):
     offsets = np.linspace(-1.0, 1.0, count) + rng.uniform(-0.3, 0.3, count)
     segments = [_at(np.array([0.0, y, 0.0]), np.array([1.0, 0.0, 0.0]), rng) for y in offsets]
-    return Built(Variety.FLAT_PENCIL, segments, directions=[np.array([1.0, 0.0, 0.0])])
+    return Built(GrassmannClass.FLAT_PENCIL, segments, directions=[np.array([1.0, 0.0, 0.0])])
 
 
 def hyperboloid(rng, count=4):
@@ -75,14 +78,14 @@ def hyperboloid(rng, count=4):
     for t in 2.0 * _turn(rng, count):
         point = np.array([a * np.cos(t), b * np.sin(t), 0.0])
         segments.append(_at(point, np.array([-a * np.sin(t), b * np.cos(t), c]), rng))
-    return Built(Variety.REGULUS, segments)
+    return Built(GrassmannClass.REGULUS, segments)
 
 
 def paraboloid(rng, count=4):
     """Points of two skew lines joined in proportion."""
     p, d, q, e = np.zeros(3), np.array([1.0, 0.0, 0.3]), Z, np.array([0.2, 1.0, 0.0])
     stations = np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count)
-    return Built(Variety.REGULUS, [(p + s * d, q + s * e) for s in stations])
+    return Built(GrassmannClass.REGULUS, [(p + s * d, q + s * e) for s in stations])
 
 
 def two_pencils(rng, count=4):
@@ -92,7 +95,7 @@ def two_pencils(rng, count=4):
     segments = [_at(np.zeros(3), _in_plane(a), rng) for a in rng.uniform([0.5, 1.8], [1.2, 2.6])]
     for a in rng.uniform([0.5, 1.8], [1.2, 2.6]):
         segments.append(_at(far, np.array([np.cos(a), np.sin(a) * np.cos(tilt), np.sin(a) * np.sin(tilt)]), rng))
-    return Built(Variety.TWO_PENCILS, segments, points=[np.zeros(3), far], directors=[(np.zeros(3), far)])
+    return Built(GrassmannClass.TWO_PENCILS, segments, points=[np.zeros(3), far], directors=[(np.zeros(3), far)])
 
 
 def two_pencils_one_parallel(rng, count=4):
@@ -101,23 +104,25 @@ def two_pencils_one_parallel(rng, count=4):
     segments = [_at(np.zeros(3), _in_plane(a), rng) for a in rng.uniform([0.5, 1.8], [1.2, 2.6])]
     for y in rng.uniform([-1.2, 0.6], [-0.6, 1.2]):
         segments.append(_at(y * np.array([0.0, np.cos(tilt), np.sin(tilt)]), x, rng))
-    return Built(Variety.TWO_PENCILS, segments, points=[np.zeros(3)], directions=[x], directors=[(np.zeros(3), x)])
+    return Built(
+        GrassmannClass.TWO_PENCILS, segments, points=[np.zeros(3)], directions=[x], directors=[(np.zeros(3), x)]
+    )
 
 
 def bundle(rng, count=4):
     point = rng.normal(size=3)
-    return Built(Variety.BUNDLE, [_at(point, _unit(rng), rng) for _ in range(count)], points=[point])
+    return Built(GrassmannClass.BUNDLE, [_at(point, _unit(rng), rng) for _ in range(count)], points=[point])
 
 
 def parallels(rng, count=4):
     direction = _unit(rng)
     segments = [_at(rng.normal(size=3), direction, rng) for _ in range(count)]
-    return Built(Variety.BUNDLE, segments, directions=[direction])
+    return Built(GrassmannClass.BUNDLE, segments, directions=[direction])
 
 
 def plane(rng, count=4):
     flat = [1.0, 1.0, 0.0]
-    return Built(Variety.PLANE, [_at(rng.normal(size=3) * flat, _in_plane(a), rng) for a in _turn(rng, count)])
+    return Built(GrassmannClass.PLANE, [_at(rng.normal(size=3) * flat, _in_plane(a), rng) for a in _turn(rng, count)])
 
 
 def elliptic(rng, count=5):
@@ -127,7 +132,7 @@ def elliptic(rng, count=5):
     for _ in range(count):
         x, y = rng.normal(size=2)
         segments.append(_at(np.array([x, y, 0.0]), np.array([-y, x, c]), rng))
-    return Built(Variety.ELLIPTIC_CONGRUENCE, segments)
+    return Built(GrassmannClass.ELLIPTIC_CONGRUENCE, segments)
 
 
 def hyperbolic(rng, count=5):
@@ -135,7 +140,7 @@ def hyperbolic(rng, count=5):
     segments = []
     for s, t in rng.uniform(-2.0, 2.0, (count, 2)):
         segments.append((a[0] + s * (a[1] - a[0]), b[0] + t * (b[1] - b[0])))
-    return Built(Variety.HYPERBOLIC_CONGRUENCE, segments, directors=[a, b])
+    return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[a, b])
 
 
 def hyperbolic_one_far(rng, count=5):
@@ -143,7 +148,7 @@ def hyperbolic_one_far(rng, count=5):
     segments = [
         _at(s * a[1], _in_plane(t), rng) for s, t in zip(rng.uniform(-2, 2, count), _turn(rng, count), strict=True)
     ]
-    return Built(Variety.HYPERBOLIC_CONGRUENCE, segments, directors=[a], normals=[Z])
+    return Built(GrassmannClass.HYPERBOLIC_CONGRUENCE, segments, directors=[a], normals=[Z])
 
 
 def parabolic(rng, count=5):
@@ -153,7 +158,7 @@ def parabolic(rng, count=5):
     for z in np.linspace(-1.5, 1.5, count) + rng.uniform(-0.2, 0.2, count):
         across = np.array([k, z, 0.0]) / np.hypot(k, z)
         segments.append(_at(z * Z, across + rng.uniform(-1.5, 1.5) * Z, rng))
-    return Built(Variety.PARABOLIC_CONGRUENCE, segments, directors=[(np.zeros(3), Z)])
+    return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, directors=[(np.zeros(3), Z)])
 
 
 def parabolic_far(rng, count=5):
@@ -164,7 +169,7 @@ def parabolic_far(rng, count=5):
         along = np.array([k, z, 0.0]) / np.hypot(k, z)
         across = np.cross(Z, along)
         segments.append(_at(z * Z + rng.uniform(-1.5, 1.5) * across, along, rng))
-    return Built(Variety.PARABOLIC_CONGRUENCE, segments, normals=[Z])
+    return Built(GrassmannClass.PARABOLIC_CONGRUENCE, segments, normals=[Z])
 
 
 def _degenerate(rng, through):
@@ -172,7 +177,7 @@ def _degenerate(rng, through):
     segments = [_at(np.zeros(3), _unit(rng), rng) for _ in range(through)]
     for a in _turn(rng, 5 - through):
         segments.append(_at(rng.normal(size=3) * [1, 1, 0], _in_plane(a), rng))
-    return Built(Variety.DEGENERATE_CONGRUENCE, segments, points=[np.zeros(3)])
+    return Built(GrassmannClass.DEGENERATE_CONGRUENCE, segments, points=[np.zeros(3)])
 
 
 def degenerate_three_through(rng):
@@ -187,7 +192,7 @@ def degenerate_parallel(rng):
     x = np.array([1.0, 0.0, 0.0])
     segments = [_at(rng.normal(size=3), x, rng) for _ in range(3)]
     segments += [_at(rng.normal(size=3) * [1, 1, 0], _in_plane(a), rng) for a in rng.uniform([0.4, 1.7], [1.4, 2.7])]
-    return Built(Variety.DEGENERATE_CONGRUENCE, segments, directions=[x])
+    return Built(GrassmannClass.DEGENERATE_CONGRUENCE, segments, directions=[x])
 
 
 def general_complex(rng, count=6):
@@ -198,17 +203,17 @@ def general_complex(rng, count=6):
         point = rng.normal(size=3)
         across = np.cross(np.cross(Z, point) + pitch * Z, rng.normal(size=3))
         segments.append(_at(point, across / np.linalg.norm(across), rng))
-    return Built(Variety.GENERAL_COMPLEX, segments, directors=[(np.zeros(3), Z)], pitch=pitch)
+    return Built(GrassmannClass.GENERAL_COMPLEX, segments, directors=[(np.zeros(3), Z)], pitch=pitch)
 
 
 def special_complex(rng, count=6):
     segments = [_at(z * Z, _unit(rng), rng) for z in rng.uniform(-2.0, 2.0, count)]
-    return Built(Variety.SPECIAL_COMPLEX, segments, directors=[(np.zeros(3), Z)], pitch=0.0)
+    return Built(GrassmannClass.SPECIAL_COMPLEX, segments, directors=[(np.zeros(3), Z)], pitch=0.0)
 
 
 def special_complex_far(rng, count=6):
     segments = [_at(rng.normal(size=3), _in_plane(a), rng) for a in _turn(rng, count)]
-    return Built(Variety.SPECIAL_COMPLEX, segments, normals=[Z], pitch=np.inf)
+    return Built(GrassmannClass.SPECIAL_COMPLEX, segments, normals=[Z], pitch=np.inf)
 
 
 ALL = [
@@ -229,7 +234,7 @@ class Placed:
     """A variety's lines among others, turned, scaled, moved and shuffled."""
 
     built: Built
-    lines: list[Line]
+    lines: list[PlueckerLine]
     where: tuple[int, ...]  # of the variety's lines
     length: float
     turn: Array
@@ -239,7 +244,7 @@ class Placed:
         return self.turn @ (self.length * xyz) + self.shift
 
     def line(self, segment):
-        return Line.through(*(self.point(end) for end in segment))
+        return PlueckerLine.through(*(self.point(end) for end in segment))
 
 
 def _gap(lines, length, rank):
@@ -256,7 +261,7 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
         count = len(built.segments)
         extra = rng.integers(0, 7 - count) if others is None else others
         segments = built.segments + [tuple(rng.normal(size=(2, 3))) for _ in range(extra)]
-        plain = [Line.through(*ends) for ends in segments]
+        plain = [PlueckerLine.through(*ends) for ends in segments]
         if _gap(plain, 1.0, len(plain) - 1) < clear or any(np.linalg.norm(e) > 20.0 for s in segments for e in s):
             continue
         subsets = [[j for j in range(count) if j != i] for i in range(count)]
@@ -265,6 +270,6 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
     result = Placed(built, [], (), length, turn, shift)
     order = rng.permutation(len(segments))
     moved = [[result.point(end + noise * rng.normal(size=3)) for end in ends] for ends in segments]
-    result.lines = [Line.through(*moved[i]) for i in order]
+    result.lines = [PlueckerLine.through(*moved[i]) for i in order]
     result.where = tuple(int(i) for i in np.flatnonzero(order < count))
     return result

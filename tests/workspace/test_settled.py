@@ -6,7 +6,7 @@ import pytest
 from mapped import mapped, over
 
 from cinegen.model.load import build
-from cinegen.singularities import Kind
+from cinegen.singularities import SingularityType
 from cinegen.singularities.crossing import of_node
 from cinegen.workspace import MapError, MapSpecification
 from cinegen.workspace.loci import loci
@@ -64,7 +64,7 @@ def test_a_curve_on_the_middles_or_the_borders_of_cells_is_one_line(robot, tmp_p
     """An arm whose elbow is straight, over a range with that in its middle: at a point of the grid, or between two."""
     spec = MapSpecification(robot("planar_3r"), over(*((name, -1.0, 1.0, count) for name in names)), ("sigma_1",))
     curves = loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec)
-    (curve,) = [curve for curve in curves if curve.kind is Kind.TYPE_1]
+    (curve,) = [curve for curve in curves if curve.kind is SingularityType.TYPE_1]
     assert len(curve.points) == count
     np.testing.assert_allclose(curve.points[:, names.index("joint2")], 0.0, atol=1e-6)
 

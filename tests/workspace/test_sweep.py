@@ -15,7 +15,7 @@ import cinegen
 import raff2urdf
 from cinegen.plotting import DrawingError
 from cinegen.plotting.sweep import check_drawable, draw_table
-from cinegen.singularities.singularity import Kind
+from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.sweep import Box, Parameter, Variation, sweep, variants
 from cinegen.workspace.sweep.dexterity import dexterity
@@ -341,7 +341,7 @@ def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_
         assert stretched == bool((bent.min(axis=(0, 1)) * bent.max(axis=(0, 1)) < 0.0).any())
         found = of_box(spec, Box(), q)
         assert found.first == stretched
-        assert found.kind is (Kind.TYPE_1 if stretched else Kind.NONE)
+        assert found.kind is (SingularityType.TYPE_1 if stretched else SingularityType.NONE)
         assert bool(found) == (not stretched)
 
 

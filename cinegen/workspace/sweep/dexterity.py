@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import Sampler
-from cinegen.singularities.counted import balls
+from cinegen.singularities.ball_joints import balls
 from cinegen.workspace.measured import Cells, measured
 from cinegen.workspace.settled import How, Settled
 from cinegen.workspace.sweep.field import Field

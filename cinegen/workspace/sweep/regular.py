@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.singularities.crossing import Rows, crossings
-from cinegen.singularities.singularity import Kind
+from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.sweep.field import Field
 from cinegen.workspace.sweep.ways import JUMP
 
@@ -42,15 +42,17 @@ class Regularity:
     joined: bool
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> SingularityType:
         """Which singularities there are."""
-        return {(False, False): Kind.NONE, (True, False): Kind.TYPE_1, (False, True): Kind.TYPE_2}.get(
-            (self.first, self.second), Kind.BOTH
-        )
+        return {
+            (False, False): SingularityType.NONE,
+            (True, False): SingularityType.TYPE_1,
+            (False, True): SingularityType.TYPE_2,
+        }.get((self.first, self.second), SingularityType.BOTH)
 
     def __bool__(self) -> bool:
         """Whether there are none, and all points are on one branch."""
-        return self.joined and self.kind is Kind.NONE
+        return self.joined and self.kind is SingularityType.NONE
 
 
 def regularity(field: Field) -> Regularity:
@@ -58,7 +60,7 @@ def regularity(field: Field) -> Regularity:
     edges = field.lattice.edges
     edges = edges[field.reached[edges].all(axis=1)]
     joined, found = field.parts <= 1, {}
-    for kind, rows in ((Kind.TYPE_1, field.end), (Kind.TYPE_2, field.passive)):
+    for kind, rows in ((SingularityType.TYPE_1, field.end), (SingularityType.TYPE_2, field.passive)):
         found[kind] = False
         if rows is None:
             continue
@@ -69,7 +71,7 @@ def regularity(field: Field) -> Regularity:
             if crossed:
                 break
     joined = joined and all(field.end_of(*edge) is not None for edge in _far(field, edges))
-    return Regularity(found[Kind.TYPE_1], found[Kind.TYPE_2], joined)
+    return Regularity(found[SingularityType.TYPE_1], found[SingularityType.TYPE_2], joined)
 
 
 def _may_cross(field: Field, rows: Rows, edges: Ints) -> Iterator[tuple[int, int]]:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from cinegen.singularities.singularity import Kind
+from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.sweep.box import Box
 from cinegen.workspace.sweep.dexterity import Dexterity
@@ -54,8 +54,8 @@ class Row:
         """Whether there are singularities in what is reached of the wanted box, in words."""
         if self.regularity is None:
             return "-"
-        kind: Kind = self.regularity.kind
-        if kind is not Kind.NONE:
+        kind: SingularityType = self.regularity.kind
+        if kind is not SingularityType.NONE:
             return str(kind.value)
         return "no" if self.regularity.joined else "branches meet"
 

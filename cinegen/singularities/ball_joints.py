@@ -1,9 +1,9 @@
-"""Jacobians in which a ball joint is one joint, however it is written.
+"""Jacobians in which a ball joint counts as one joint, however it is written.
 
-A ball joint may be written as three joints that turn about axes through one point. Where two of these axes fall
-together (gimbal lock) they lose a freedom that the ball has: no singularity of the mechanism, only of how its joints
-are counted. Their three columns are linear in their axes, L a1, L a2, L a3 with the same L, for what lies between them
-carries nothing else; here L's own columns stand in their place: turns about the world's x, y and z.
+A ball joint may be written as three revolute joints with axes through one point. Where two of these axes coincide
+(gimbal lock) they lose a DoF that the ball has: no singularity of the mechanism, only of how its joints are written.
+Their three columns are linear in their axes, L a1, L a2, L a3 with the same L, as what lies between them carries
+nothing else; here they are replaced by L's own columns: rotations about the world's x, y and z.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from raff2urdf.residual import loop_residual
 Array = NDArray[np.float64]
 
 
-class Counted(NamedTuple):
-    """Jacobians at a configuration, without unit (lengths divided by the characteristic length).
+class CountedJacobians(NamedTuple):
+    """Jacobians at a configuration, dimensionless (lengths divided by the characteristic length).
 
     Attributes:
         loops: (rows, nv) of all loops.
@@ -40,24 +40,23 @@ _KNOWN: weakref.WeakKeyDictionary[Mechanism, tuple[tuple[str, ...], ...]] = weak
 
 
 def balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
-    """The joints, by threes, that are written for a ball joint each."""
+    """Return the joints, by threes, that are written for a ball joint each."""
     if mechanism not in _KNOWN:
         try:
             linkage = Linkage(mechanism)
         except ModesError:
             _KNOWN[mechanism] = ()
         else:
-            # A tree's joint is carried by the body that it moves; one that is cut is carried by another's.
-            threes = [
-                sorted(joint.carrier - 1 for joint in c.joints) for c in linkage.bodies.centres if len(c.joints) == 3
-            ]
+            # a joint of the tree is carried by the body that it moves; a cut one is carried by another's
+            centres = [centre for centre in linkage.bodies.centres if len(centre.joints) == 3]
+            threes = [sorted(joint.carrier - 1 for joint in centre.joints) for centre in centres]
             names = linkage.joint_names
             _KNOWN[mechanism] = tuple(tuple(names[k] for k in ks) for ks in threes if len(set(ks)) == 3 and ks[0] >= 0)
     return _KNOWN[mechanism]
 
 
-def counted(mechanism: Mechanism, q: Array, node: str) -> Counted:
-    """The Jacobians at q (nq,), loops closed."""
+def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
+    """Return the Jacobians at q (nq,), loops closed."""
     model, written = mechanism.model, balls(mechanism)
     placement = mechanism.placement(q, node)
     local = mechanism.jacobian(q, node) * mechanism.scale
@@ -67,49 +66,47 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> Counted:
     for names in written:
         columns, last, axes, centre = _ball(mechanism, names)
         moves = last in model.supports[end]
-        for column, turn in zip(columns, np.eye(3), strict=True):
-            linear = np.cross(turn, placement.translation - centre) / mechanism.length
-            of_node[:, column] = np.concatenate([linear, turn]) if moves else 0.0
+        for column, axis in zip(columns, np.eye(3), strict=True):
+            linear = np.cross(axis, placement.translation - centre) / mechanism.length
+            of_node[:, column] = np.concatenate([linear, axis]) if moves else 0.0
         joints[np.ix_(columns, columns)] = np.linalg.pinv(axes, rcond=1e-9)
-    return Counted(loops, of_node, joints)
+    return CountedJacobians(loops, of_node, joints)
 
 
 def counted_loops(mechanism: Mechanism, q: Array) -> Array:
-    """(rows, nv) of all loops at q (nq,), without unit."""
+    """Return the Jacobian (rows, nv) of all loops at q (nq,), dimensionless."""
     written = balls(mechanism)  # before the loops are evaluated: the first time it evaluates them elsewhere
     loops = mechanism.system.evaluate(q)[1]
     for names in written:
         columns, last, _, centre = _ball(mechanism, names)
-        turns = [pin.Motion(np.cross(centre, turn), turn) for turn in np.eye(3)]
-        loops[:, columns] = _opened(mechanism, last, turns)
+        rotations = [pin.Motion(np.cross(centre, axis), axis) for axis in np.eye(3)]
+        loops[:, columns] = _loop_rates(mechanism, last, rotations)
     return loops
 
 
 def _ball(mechanism: Mechanism, names: tuple[str, ...]) -> tuple[list[int], int, Array, Array]:
-    """Of a ball joint, where the loops were evaluated last: its columns, the joint that carries what it moves, its axes
-    (3, 3) by columns, and its centre (3,), in the world."""
+    """Return, where the loops were evaluated last, a ball joint's columns, the joint that carries what it moves, its
+    axes (3, 3) by columns, and its centre (3,), in the world."""
     data = mechanism.system.data
     columns = [mechanism.v_index(name) for name in names]
     numbers = [mechanism.model.getJointId(name) for name in names]
     axes = np.column_stack([data.J[3:, column] for column in columns])
-    return columns, numbers[-1], axes, _centre(data.oMi, numbers, axes)
-
-
-def _centre(placements: pin.StdVec_SE3, joints: list[int], axes: Array) -> Array:
-    """(3,) where the axes meet: the middle one is never along the others."""
+    # the middle axis is never along the others, so that their point is determined
     across = np.eye(3) - axes.T[:, :, None] * axes.T[:, None, :]
-    points = np.array([placements[joint].translation for joint in joints])
+    points = np.array([data.oMi[joint].translation for joint in numbers])
     right = (across @ points[:, :, None]).reshape(-1)
-    return np.asarray(np.linalg.lstsq(across.reshape(-1, 3), right, rcond=None)[0])
+    centre = np.asarray(np.linalg.lstsq(across.reshape(-1, 3), right, rcond=None)[0])
+    return columns, numbers[-1], axes, centre
 
 
-def _opened(mechanism: Mechanism, joint: int, turns: list[pin.Motion]) -> Array:
-    """(rows, len(turns)) how loops open, without unit, when what a joint carries moves by some twists."""
+def _loop_rates(mechanism: Mechanism, joint: int, twists: list[pin.Motion]) -> Array:
+    """Return the derivatives (rows, len(twists)) of the loops, dimensionless, when what a joint carries moves with some
+    twists."""
     model, system = mechanism.model, mechanism.system
     columns = []
-    for loop, (first, first_place, second, second_place) in zip(mechanism.loops, system.anchors, strict=True):
-        one, two = (system.data.oMi[j] * at for j, at in ((first, first_place), (second, second_place)))
+    for loop, (first, first_placement, second, second_placement) in zip(mechanism.loops, system.anchors, strict=True):
+        one, two = system.data.oMi[first] * first_placement, system.data.oMi[second] * second_placement
         sign = int(joint in model.supports[second]) - int(joint in model.supports[first])
         _, derivative = loop_residual(loop.kind, one.actInv(two).homogeneous, mechanism.length)
-        columns.append(sign * derivative @ np.column_stack([one.actInv(turn).vector for turn in turns]))
+        columns.append(sign * derivative @ np.column_stack([one.actInv(twist).vector for twist in twists]))
     return np.vstack(columns)

@@ -1,4 +1,4 @@
-"""`scan`: the curves on a slice of its workspace where a mechanism is singular, refined between the grid's points.
+"""`singular_loci`: the curves on a slice of its workspace where a mechanism is singular, refined between grid points.
 
 The configurations of a grid are solved from neighbour to neighbour, beginning near home, so that they are all on home's
 branch; `contour` finds the curves between them.
@@ -14,22 +14,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.singularities.contour import Curve, Grid, Node
+from cinegen.html_table import html_table
+from cinegen.singularities.contour import Node, SingularCurve, SingularityGrid
 from cinegen.singularities.crossing import of_end, of_passive_joints
 from cinegen.singularities.slice import Slice, SliceError
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class Loci:
+@dataclass(frozen=True, eq=False, repr=False)
+class SingularLoci:
     """Singularities on a slice.
 
     Attributes:
         of: the slice.
         u: (m,) values of the first axis.
         v: (n,) values of the second.
-        q: (m, n, nq) configurations; not a number where there is none on home's branch.
+        q: (m, n, nq) configurations; NaN where there is none on home's branch.
         first: (m, n) smallest singular values of type 1.
         second: (m, n) and of type 2.
         curves: all that were found.
@@ -41,43 +42,47 @@ class Loci:
     q: Array
     first: Array
     second: Array
-    curves: tuple[Curve, ...]
+    curves: tuple[SingularCurve, ...]
+
+    def __repr__(self) -> str:
+        axes = " and ".join(axis.name for axis in self.of.axes)
+        return f"<SingularLoci of {self.of.mechanism.name[:80]} over {axes[:60]}: {len(self.curves)} curves>"
+
+    def _repr_html_(self) -> str:
+        rows = [(c.kind.value, "branch ends" if c.border else "inside", len(c.points)) for c in self.curves]
+        return html_table(repr(self), ("type", "where", "points"), rows)
 
     @property
     def reached(self) -> NDArray[np.bool_]:
-        """(m, n) where there is a configuration."""
+        """(m, n) whether there is a configuration."""
         return np.asarray(np.isfinite(self.q).all(axis=2))
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON has it: m and rad."""
+        """Return what JSON shows: m and rad."""
+        curves = [
+            {"kind": c.kind.value, "border": c.border, "points": c.points.tolist(), "q": c.q.tolist()}
+            for c in self.curves
+        ]
         return {
             "robot": self.of.mechanism.name,
             "node": self.of.node,
             "axes": [axis.name for axis in self.of.axes],
-            "held": self.of.given(*self.of.start()),
+            "fixed": self.of.given(*self.of.start()),
             "u": self.u.tolist(),
             "v": self.v.tolist(),
             "type 1": _numbers(self.first),
             "type 2": _numbers(self.second),
-            "curves": [
-                {
-                    "kind": curve.kind.value,
-                    "border": curve.border,
-                    "points": curve.points.tolist(),
-                    "q": curve.q.tolist(),
-                }
-                for curve in self.curves
-            ],
+            "curves": curves,
         }
 
 
-def scan(of: Slice, count: int = 61, say: Callable[[float], None] | None = None) -> Loci:
-    """Singularities of a mechanism on a slice.
+def singular_loci(of: Slice, count: int = 61, report: Callable[[float], None] | None = None) -> SingularLoci:
+    """Find the singularities of a mechanism on a slice.
 
     Args:
         of: the slice.
         count: grid points along each axis.
-        say: is told which part is done, 0 to 1.
+        report: called with the part that is done, 0 to 1.
 
     Raises:
         SliceError: no point of the slice can be reached from home; or fewer than two grid points.
@@ -85,24 +90,21 @@ def scan(of: Slice, count: int = 61, say: Callable[[float], None] | None = None)
     if count < 2:
         raise SliceError(f"a grid of {count} points has no cells: give 2 or more")
     u, v = (np.linspace(axis.low, axis.high, count) for axis in of.axes)
-    say = say or (lambda _: None)
+    tell = report or (lambda _: None)
     passive = of_passive_joints(of.mechanism) if of.mechanism.passive_rank else None
-    grid = Grid(of, u, v, of_end(of.mechanism), passive)
-    _fill(grid, of, lambda part: say(0.6 * part))
-    return Loci(of, u, v, grid.q, *grid.values(), grid.curves(lambda part: say(0.6 + 0.4 * part)))
+    grid = SingularityGrid(of, u, v, of_end(of.mechanism), passive)
+    _fill(grid, of, lambda part: tell(0.6 * part))
+    return SingularLoci(of, u, v, grid.q, *grid.values(), grid.curves(lambda part: tell(0.6 + 0.4 * part)))
 
 
-# --- the wave ----------------------------------------------------------------------------------------------------
-
-
-def _fill(grid: Grid, of: Slice, say: Callable[[float], None]) -> None:
-    """Solves all points that the wave comes to."""
+def _fill(grid: SingularityGrid, of: Slice, report: Callable[[float], None]) -> None:
+    """Solve all points that can be reached from neighbour to neighbour."""
     waiting, done = deque([_first(grid, of)]), 0
     while waiting:
         here = waiting.popleft()
         done += 1
         if done % 64 == 0:
-            say(min(done / grid.q[..., 0].size, 1.0))
+            report(min(done / grid.q[..., 0].size, 1.0))
         for near in grid.near(*here):
             if np.isfinite(grid.q[near]).all():
                 continue
@@ -112,31 +114,29 @@ def _fill(grid: Grid, of: Slice, say: Callable[[float], None]) -> None:
                 waiting.append(near)
 
 
-def _first(grid: Grid, of: Slice) -> Node:
-    """The grid's point nearest to home, solved; others around it where that can't be reached."""
-    start = of.start()
-    home = of.mechanism.q_home
+def _first(grid: SingularityGrid, of: Slice) -> Node:
+    """Solve the grid's point nearest to home, or another one around it."""
+    start, home = of.start(), of.mechanism.q_home
     here = of.configuration(*start, home, np.inf)
     if here is None:
-        here = of.led(of.given(*start))
-    order = sorted(
-        np.ndindex(len(grid.u), len(grid.v)),
-        key=lambda ik: (grid.u[ik[0]] - start[0]) ** 2 + (grid.v[ik[1]] - start[1]) ** 2,
-    )
-    for i, k in order[:9]:
-        found = of.configuration(float(grid.u[i]), float(grid.v[k]), here) if here is not None else None
+        here = of.from_home(of.given(*start))
+    away = (grid.u[:, None] - start[0]) ** 2 + (grid.v - start[1]) ** 2
+    for index in np.argsort(away, axis=None, kind="stable")[:9]:
+        i, k = (int(part) for part in np.unravel_index(index, away.shape))
+        found = None if here is None else of.configuration(float(grid.u[i]), float(grid.v[k]), here)
         if found is not None:
             grid.q[i, k] = found
             return i, k
     axes = " and ".join(axis.name for axis in of.axes)
+    at = ", ".join(f"{name} {value:.4g}" for name, value in of.coordinates(home).items())
     raise SliceError(
         f"{of.mechanism.name}: no point of this slice over {axes} can be reached from home: choose one nearer to "
-        f"home, which is at {_listed(of.coordinates(home))}"
+        f"home, which is at {at}"
     )
 
 
-def _onward(grid: Grid, one: Node, other: Node) -> Array | None:
-    """From one point to its neighbour, in one step or in several."""
+def _onward(grid: SingularityGrid, one: Node, other: Node) -> Array | None:
+    """Return the configuration at a neighbour, reached in one step or in several."""
     for steps in (1, 4, 16):
         there: Array | None = grid.q[one]
         for x in np.linspace(0.0, 1.0, steps + 1)[1:]:
@@ -144,10 +144,6 @@ def _onward(grid: Grid, one: Node, other: Node) -> Array | None:
         if there is not None:
             return there
     return None
-
-
-def _listed(values: dict[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in values.items())
 
 
 def _numbers(values: Array) -> list[list[float | None]]:

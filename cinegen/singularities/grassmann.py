@@ -1,0 +1,499 @@
+"""Grassmann classes: the smallest sets of lines that are dependent, and the variety that each spans.
+
+Six legs constrain a platform unless their lines are dependent: where the variety that n of them span is of rank n - 1
+(J-P. Merlet, "Singular configurations of parallel manipulators and Grassmann geometry", Int. J. of Robotics Research
+8(5), 1989). Lines count as (d, m / length), with moments about one origin: "dependent" means that the smallest singular
+value of these vectors is at most a tolerance, and results do not depend on the frame and the unit of the lines.
+
+All lines of space, as Pluecker vectors, span rank 6; those that lie in a subspace of rank r make a variety of rank r,
+and r + 1 of them are dependent. Its class follows from the Klein form x.K.x = 2 d.m on the subspace V (F. Klein, "Zur
+Theorie der Liniencomplexe des ersten und zweiten Grades", Math. Annalen 2, 1870), or, as V's signature and that of its
+reciprocal complement W add up to (3, 3), on W. With a set of r + 1 lines of which every r are independent:
+
+    rank 1: the form vanishes on V                            one line
+    rank 2: ... too, as three of its vectors are lines        flat pencil
+    rank 3: (2, 1) or (1, 2) on V                             regulus
+            (1, 1) and one 0                                  two flat pencils that share a line
+            0 on V                                            bundle, or plane: incidence decides
+    rank 4: on W (2, 0) or (0, 2)                             elliptic congruence: no director
+            (1, 1)                                            hyperbolic congruence: two skew directors
+            one of 1 and one 0                                parabolic congruence: one director, counted twice
+            0                                                 degenerate congruence
+    rank 5: W is one screw, with a pitch                      general linear complex
+            without                                           special linear complex: the screw is a line
+
+Numbers can't distinguish a form that vanishes from one that nearly does. So incidence decides first wherever lines that
+meet show the special case: in a regulus no two lines meet, in two pencils one pair and its opposite pair, in bundles
+and planes all; a degenerate congruence has three lines through one point or in one plane and all others in one plane or
+through one point. The remaining cases are decided on W by how far the lines, moved by no more than they are known, can
+change the form (`KleinSpan.contains_line`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from enum import Enum
+from itertools import combinations
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.singularities import reason
+from cinegen.singularities.pluecker import (
+    AnyLine,
+    LineFrame,
+    LinePlane,
+    PlueckerError,
+    PlueckerLine,
+    ProjectivePoint,
+    Screw,
+    fit_plane,
+    fit_point,
+    sense,
+)
+
+Array = NDArray[np.float64]
+
+DEPENDENT = 1e-7
+"""Lines whose smallest singular value is at most this are dependent."""
+
+Circuit = tuple[int, ...]
+"""Lines that are dependent while no fewer of them are, counted from 0, in order."""
+
+KLEIN = np.kron([[0.0, 1.0], [1.0, 0.0]], np.eye(3))
+"""(6, 6) K, with x.K.y the mutual moment of x and y."""
+KLEIN.setflags(write=False)
+
+_NEW = 1e-6  # how much of a unit dependence must be no sum of others
+_MARGIN = 10.0  # lines may each be off by some multiple of their singular value
+_UNKNOWN = 1e-2  # inaccuracy of a span above which it is not known
+
+
+class GrassmannClass(Enum):
+    """A class of varieties by its number in Merlet's paper. (2a, two skew lines, contains no third line: no lines are
+    dependent in it.)"""
+
+    ONE_LINE = "1"
+    FLAT_PENCIL = "2b"
+    REGULUS = "3a"
+    TWO_PENCILS = "3b"
+    BUNDLE = "3c"
+    PLANE = "3d"
+    ELLIPTIC_CONGRUENCE = "4a"
+    HYPERBOLIC_CONGRUENCE = "4b"
+    PARABOLIC_CONGRUENCE = "4c"
+    DEGENERATE_CONGRUENCE = "4d"
+    GENERAL_COMPLEX = "5a"
+    SPECIAL_COMPLEX = "5b"
+
+    @property
+    def rank(self) -> int:
+        """The largest number of independent lines."""
+        return int(self.value[0])
+
+    @property
+    def title(self) -> str:
+        """Its name and number, such as `flat pencil (2b)`."""
+        return f"{self.name.lower().replace('_', ' ')} ({self.value})"
+
+
+@dataclass(frozen=True, eq=False)
+class DependentSet:
+    """Lines that span a variety too small for them. Lines are counted from 0.
+
+    Attributes:
+        lines: all that are in the smallest sets, and lie in the variety.
+        smallest: the sets of one line more than the rank, of which no fewer lines are dependent; if there is one, it is
+            `lines`.
+        grassmann_class: of the variety.
+        sigma: smallest singular value of the first smallest set.
+        coefficients: unit vector, for each line of the first smallest set: the sum of these times the lines' Pluecker
+            vectors is 0. Forces of these sizes along the lines are in equilibrium.
+        points: the vertex of a pencil, of each of two pencils, of a bundle, of a degenerate congruence.
+        planes: the plane of a pencil, of each of two pencils, of a plane, of a degenerate congruence.
+        directors: the line that all are; that two pencils share; the two, one or no lines that all of a congruence
+            meet; the line that all of a special complex meet.
+        groups: lines of each of two pencils; those through the point and those in the plane of a degenerate congruence.
+        screw: reciprocal to all lines of a complex: the motion that they leave free.
+        directions: number of independent directions of the lines.
+    """
+
+    lines: tuple[int, ...]
+    smallest: tuple[Circuit, ...]
+    grassmann_class: GrassmannClass
+    sigma: float
+    coefficients: Array
+    points: tuple[ProjectivePoint, ...]
+    planes: tuple[LinePlane, ...]
+    directors: tuple[AnyLine, ...]
+    groups: tuple[tuple[int, ...], ...]
+    screw: Screw | None
+    directions: int
+
+
+@dataclass(frozen=True, eq=False)
+class Dependence:
+    """The reason why lines are dependent.
+
+    Attributes:
+        rank: of all lines together.
+        sigma: the smallest singular value of all lines: how near to dependent they are.
+        names: of the lines.
+        sets: the sets that are dependent while no fewer of their lines are: all of the smallest size, then larger ones
+            until the rank is explained. Those that span the same count as one.
+        uncontrolled: screws that span all that is reciprocal to all lines: the motions that they leave free. One if the
+            rank is 5.
+        length: the characteristic length.
+        nearly: whether the lines are only near to it.
+    """
+
+    rank: int
+    sigma: float
+    names: tuple[str, ...]
+    sets: tuple[DependentSet, ...]
+    uncontrolled: tuple[Screw, ...]
+    length: float
+    nearly: bool = False
+
+    @property
+    def lines(self) -> tuple[int, ...]:
+        """The lines of the first set, counted from 0."""
+        return self.sets[0].lines
+
+    @property
+    def grassmann_class(self) -> GrassmannClass:
+        """Of the first set."""
+        return self.sets[0].grassmann_class
+
+    @property
+    def reason(self) -> str:
+        """The reason as a text, without unit."""
+        return self.text()
+
+    def text(self, noun: str = "leg", unit: str = "") -> str:
+        """Return the reason as a text.
+
+        Args:
+            noun: what the lines are.
+            unit: of length, as "mm".
+        """
+        reasons = "; ".join(reason.text(some, self.names, noun, unit, self.length) for some in self.sets)
+        return f"nearly: {reasons}" if self.nearly else reasons
+
+
+def nearness(lines: Sequence[PlueckerLine], length: float, origin: Array | None = None) -> float:
+    """Return the smallest singular value of the lines' (d, m / length), 0 if they are dependent.
+
+    To make them dependent, lines must change by at least as much, all changes together: sum |change|^2 >= sigma^2, in
+    rad for directions and in `length` for moments. So it bounds the distance of a pose from any singularity from below.
+
+    Args:
+        lines: one to six.
+        length: the characteristic length, as the platform's radius.
+        origin: (3,) about which moments are taken; see `classify`.
+    """
+    _check(lines)
+    vectors = LineFrame.of(lines, length, origin).coordinates(lines)
+    return float(np.linalg.svd(vectors, compute_uv=False)[-1])
+
+
+def classify(
+    lines: Sequence[PlueckerLine], length: float, names: Sequence[str] | None = None, tolerance: float = DEPENDENT,
+    origin: Array | None = None,
+) -> Dependence | None:  # fmt: skip
+    """Return why lines are dependent; None if they are not.
+
+    Args:
+        lines: one to six.
+        length: the characteristic length, as the platform's radius.
+        names: of the lines, for the text of the reason; "1", "2", ... if not given.
+        tolerance: how accurate the lines are: below it a singular value is 0, and lines meet.
+        origin: (3,) about which moments are taken; if not given, the centroid of the points at which the lines were
+            made (`LineFrame.of`).
+
+    Raises:
+        PlueckerError: more than six lines, or none; names that are not as many; a tolerance not between 0 and 1.
+    """
+    _check(lines)
+    if not 0.0 < tolerance < 1.0:
+        raise PlueckerError(f"the tolerance is {tolerance}; give one between 0 and 1, as {DEPENDENT}")
+    labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(lines)))
+    if len(labels) != len(lines):
+        raise PlueckerError(f"{len(lines)} lines have {len(labels)} names: {', '.join(labels)}; name each")
+    frame = LineFrame.of(lines, length, origin)
+    vectors = frame.coordinates(lines)
+    sigma = np.linalg.svd(vectors, compute_uv=False)
+    if sigma[-1] > tolerance:
+        return None
+    rank = int((sigma > tolerance).sum())
+    whole = span(vectors, rank)
+    accuracy = max(tolerance, _MARGIN * whole.vanishing)
+    screws = (frame.screw(s, whole.known(accuracy), whole.contains_line(s, accuracy)) for s in whole.reciprocal)
+    sets = (_named(frame, vectors, circuits, tolerance) for circuits in _reasons(vectors, rank, tolerance))
+    return Dependence(rank, float(sigma[-1]), labels, tuple(sets), tuple(screws), frame.length)
+
+
+def near(
+    lines: Sequence[PlueckerLine], length: float, within: float, names: Sequence[str] | None = None,
+    tolerance: float = DEPENDENT, origin: Array | None = None,
+) -> Dependence | None:  # fmt: skip
+    """Return the dependence that lines are near to without being in it; None if they are in one, or near to none.
+
+    It is classified as if the lines were only known to `within`: the smallest sets whose singular value is at most
+    that, and the most special variety that is no further away. `Dependence.sigma` says how near it is.
+
+    Args:
+        lines: one to six.
+        length: the characteristic length.
+        within: the largest singular value that is near, as 1e-2; more than `tolerance`.
+        names: of the lines.
+        tolerance: up to which lines are dependent, not near.
+        origin: (3,) about which moments are taken; see `classify`.
+    """
+    if nearness(lines, length, origin) <= tolerance:
+        return None
+    found = classify(lines, length, names, within, origin)
+    return found and replace(found, nearly=True)
+
+
+def _check(lines: Sequence[PlueckerLine]) -> None:
+    if not 1 <= len(lines) <= 6:
+        raise PlueckerError(f"{len(lines)} lines were given; one to six can be independent in space")
+
+
+# --- dependent sets ---------------------------------------------------------------------------------------------------
+
+
+def _reasons(vectors: Array, rank: int, tolerance: float) -> list[list[Circuit]]:
+    """Return the circuits, sets of lines that are dependent while no fewer of them are: all of the smallest size, then
+    larger ones until every dependence of the lines is a sum of theirs; those that span the same together."""
+    count = len(vectors)
+    found: list[list[Circuit]] = []
+    known: list[Circuit] = []
+    dependences = np.zeros((0, count))
+    for size in range(2, count + 1):
+        circuits = _circuits(vectors, size, known, tolerance)
+        for together in _merged(circuits):
+            grown = np.vstack([dependences, *(_dependence(vectors, circuit) for circuit in together)])
+            if not known or np.linalg.matrix_rank(grown, tol=_NEW) > np.linalg.matrix_rank(dependences, tol=_NEW):
+                found.append(together)
+                dependences = grown
+        known += circuits
+        if np.linalg.matrix_rank(dependences, tol=_NEW) >= count - rank:
+            break
+    return found or [[tuple(range(count))]]  # rounding parts the tests of all lines only
+
+
+def _circuits(vectors: Array, size: int, smaller: list[Circuit], tolerance: float) -> list[Circuit]:
+    """Return the dependent sets of a size that contain none of the smaller ones. A column more never raises the
+    smallest singular value, so each set that contains a dependent one is dependent."""
+    sets = [some for some in combinations(range(len(vectors)), size) if not any(set(c) <= set(some) for c in smaller)]
+    if not sets:
+        return []
+    sigma = np.linalg.svd(vectors[np.array(sets)], compute_uv=False)[:, -1]
+    return [some for some, value in zip(sets, sigma, strict=True) if value <= tolerance]
+
+
+def _dependence(vectors: Array, circuit: Circuit) -> Array:
+    """Return the coefficients (n,) with which the lines of a circuit add up to 0: a unit vector, the largest
+    positive."""
+    lines = list(circuit)
+    coefficients = np.zeros(len(vectors))
+    coefficients[lines] = np.linalg.svd(vectors[lines].T)[2][-1]
+    return coefficients * sense(coefficients)
+
+
+def _merged(circuits: list[Circuit]) -> list[list[Circuit]]:
+    """Return circuits in groups of those that span the same: two that differ in one line only."""
+    groups: list[list[Circuit]] = []
+    for some in circuits:
+        same = [group for group in groups if any(len(set(some) & set(other)) == len(some) - 1 for other in group)]
+        groups = [group for group in groups if group not in same]
+        groups.append([*(other for group in same for other in group), some])
+    return sorted((sorted(group) for group in groups), key=lambda group: (-len(group), group))
+
+
+def _named(frame: LineFrame, vectors: Array, circuits: list[Circuit], tolerance: float) -> DependentSet:
+    """Return the variety that some circuits span together."""
+    rank = len(circuits[0]) - 1
+    lines = tuple(sorted({line for circuit in circuits for line in circuit}))
+    if len(circuits) < comb(len(lines), rank + 1):  # some of the lines are in smaller circuits
+        lines, circuits = circuits[0], circuits[:1]
+    some, first = vectors[list(lines)], list(circuits[0])
+    spanned = span(some, rank)
+    accuracy = max(tolerance, _MARGIN * spanned.vanishing)
+    known, found = spanned.known(accuracy), variety(some, rank, accuracy)
+    special = found.grassmann_class is GrassmannClass.SPECIAL_COMPLEX
+    return DependentSet(
+        lines=lines,
+        smallest=tuple(circuits),
+        grassmann_class=found.grassmann_class,
+        sigma=float(np.linalg.svd(vectors[first], compute_uv=False)[-1]),
+        coefficients=_dependence(vectors, circuits[0])[first],
+        points=tuple(frame.point(point, accuracy) for point in found.points),
+        planes=tuple(frame.plane(plane) for plane in found.planes),
+        directors=tuple(frame.line(director, known) for director in found.directors),
+        groups=tuple(tuple(lines[i] for i in group) for group in found.groups),
+        screw=frame.screw(spanned.reciprocal[0], known, special) if rank == 5 else None,
+        directions=int((np.linalg.svd(some[:, :3], compute_uv=False) > accuracy).sum()),
+    )
+
+
+# --- the Klein form ---------------------------------------------------------------------------------------------------
+
+
+class KleinSpan(NamedTuple):
+    """The span of some Pluecker vectors, to a rank that is given.
+
+    Attributes:
+        basis: (rank, 6) orthonormal rows.
+        values: (rank,) the singular values that do not vanish, largest first.
+        vanishing: the largest of those that do, 0 if there is none.
+        reciprocal: (6 - rank, 6) orthonormal rows: all screws reciprocal to it.
+    """
+
+    basis: Array
+    values: Array
+    vanishing: float
+    reciprocal: Array
+
+    def known(self, accuracy: float) -> float:
+        """Return how well the span is known for vectors known to `accuracy`, rad; at most 0.01, above which it is
+        not."""
+        return float(min(accuracy / self.values[-1], _UNKNOWN))
+
+    def contains_line(self, screw: Array, accuracy: float) -> bool:
+        """Return whether a screw (6,) of unit size, reciprocal to the span, is a line within the accuracy.
+
+        To add t_j K b_j to it, with the basis b_j, makes it work on the vectors by |s_j t_j|, together, with the
+        singular values s_j; and changes its form, to first order, by 2 t_j b_j.x. So the form may be off by 2 |b_j.x /
+        s_j| times the accuracy.
+        """
+        slack = 2.0 * accuracy * float(np.linalg.norm(self.basis @ screw / self.values))
+        return abs(float(screw @ KLEIN @ screw)) <= max(slack, accuracy)
+
+    def directors(self, accuracy: float) -> Array | None:
+        """Return the real lines (k, 6), k = 0, 1 or 2, that meet all lines of this span of rank 4; None if every
+        combination of the two reciprocal screws is one, a flat pencil.
+
+        Among the combinations of these screws, with eigenvectors e, f of the form on them and eigenvalues a and b, it
+        is a s^2 + b t^2: the lines are sqrt(|b|) e +- sqrt(|a|) f for opposite signs, one if b is 0 within the
+        accuracy, none for like signs.
+        """
+        values, vectors = np.linalg.eigh(self.reciprocal @ KLEIN @ self.reciprocal.T)
+        screws = vectors.T @ self.reciprocal
+        lines = np.array([self.contains_line(screw, accuracy) for screw in screws])
+        if lines.any():
+            return None if lines.all() else screws[lines]
+        if values.prod() > 0.0:
+            return np.zeros((0, 6))
+        e, f = np.sqrt(np.abs(values[::-1]))[:, None] * screws
+        found = np.array([e + f, e - f])
+        return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+
+
+def span(vectors: Array, rank: int) -> KleinSpan:
+    """Return the span of vectors (n, 6), to a rank."""
+    _, sigma, vt = np.linalg.svd(vectors)
+    vanishing = float(sigma[rank]) if rank < len(sigma) else 0.0
+    return KleinSpan(vt[:rank], sigma[:rank], vanishing, vt[rank:] @ KLEIN)
+
+
+# --- varieties --------------------------------------------------------------------------------------------------------
+
+
+class LineVariety(NamedTuple):
+    """A variety and what defines it, in the coordinates of the lines.
+
+    Attributes:
+        grassmann_class: of the variety.
+        points: homogeneous (4,): a vertex for each pencil or bundle.
+        planes: homogeneous (4,): for each pencil or plane.
+        directors: (6,) the line itself, the line that two pencils share, the lines that all meet.
+        groups: positions of the lines that go through a point or lie in a plane apart from the others.
+    """
+
+    grassmann_class: GrassmannClass
+    points: tuple[Array, ...] = ()
+    planes: tuple[Array, ...] = ()
+    directors: tuple[Array, ...] = ()
+    groups: tuple[tuple[int, ...], ...] = ()
+
+
+def variety(lines: Array, rank: int, accuracy: float) -> LineVariety:
+    """Return the variety of rank `rank` that lines (n, 6) span, of which every `rank` are independent, n > rank.
+
+    Of several that fit, the most special one: lines of that variety exist within `accuracy` of the given ones.
+    """
+    if rank == 1:
+        return LineVariety(GrassmannClass.ONE_LINE, directors=(span(lines, 1).basis[0],))
+    if rank == 2:
+        points, planes = (fit_point(lines).homogeneous,), (fit_plane(lines).homogeneous,)
+        return LineVariety(GrassmannClass.FLAT_PENCIL, points, planes)
+    if rank == 5:
+        spanned = span(lines, 5)
+        screw = spanned.reciprocal[0]
+        if spanned.contains_line(screw, accuracy):
+            return LineVariety(GrassmannClass.SPECIAL_COMPLEX, directors=(screw,))
+        return LineVariety(GrassmannClass.GENERAL_COMPLEX)
+    return _of_three(lines, accuracy) if rank == 3 else _of_four(lines, accuracy)
+
+
+def _of_three(lines: Array, accuracy: float) -> LineVariety:
+    point, plane = fit_point(lines), fit_plane(lines)
+    if min(point.residual, plane.residual) <= accuracy:
+        if point.residual <= plane.residual:
+            return LineVariety(GrassmannClass.BUNDLE, points=(point.homogeneous,))
+        return LineVariety(GrassmannClass.PLANE, planes=(plane.homogeneous,))
+    if len(lines) == 4:  # of five, three would be in one of two pencils
+        moments = np.abs(lines @ KLEIN @ lines.T)
+        groups = min(
+            (((0, i), _others(4, (0, i))) for i in (1, 2, 3)), key=lambda pair: max(moments[pair[0]], moments[pair[1]])
+        )
+        if max(moments[groups[0]], moments[groups[1]]) <= accuracy:
+            return _two_pencils(lines, *groups)
+    return LineVariety(GrassmannClass.REGULUS)
+
+
+def _two_pencils(lines: Array, first: tuple[int, ...], second: tuple[int, ...]) -> LineVariety:
+    pairs = [lines[list(group)] for group in (first, second)]
+    coefficients = np.linalg.svd(lines.T)[2][-1]
+    shared = coefficients[list(first)] @ pairs[0]  # and the opposite of the same sum over the second
+    points, planes = (tuple(fit(pair).homogeneous for pair in pairs) for fit in (fit_point, fit_plane))
+    directors = (shared / np.linalg.norm(shared),)
+    return LineVariety(GrassmannClass.TWO_PENCILS, points, planes, directors, (first, second))
+
+
+def _of_four(lines: Array, accuracy: float) -> LineVariety:
+    fits = [fit for fit in _degenerate(lines) if fit[0] <= accuracy]
+    if fits:
+        return min(fits, key=lambda fit: fit[0])[1]
+    spanned = span(lines, 4)
+    found = spanned.directors(accuracy)
+    if found is None:  # W is next to a flat pencil, but no three lines show it
+        found = spanned.directors(0.0)
+    directors = () if found is None else tuple(found)
+    classes = (
+        GrassmannClass.ELLIPTIC_CONGRUENCE, GrassmannClass.PARABOLIC_CONGRUENCE, GrassmannClass.HYPERBOLIC_CONGRUENCE
+    )  # fmt: skip
+    return LineVariety(classes[len(directors)], directors=directors)
+
+
+def _degenerate(lines: Array) -> Iterator[tuple[float, LineVariety]]:
+    """Return all ways to part the lines into three through one point, or in one plane, and the others in one plane, or
+    through one point, with the point in the plane; each with the distance of the lines from it."""
+    for three in combinations(range(len(lines)), 3):
+        others = _others(len(lines), three)
+        for through, inside in ((three, others), (others, three)):
+            point, plane = fit_point(lines[list(through)]), fit_plane(lines[list(inside)])
+            x, n = point.homogeneous, plane.homogeneous
+            off = abs(float(x[:3] @ n[:3] - x[3] * n[3]))  # of the point from the plane
+            found = LineVariety(GrassmannClass.DEGENERATE_CONGRUENCE, (x,), (n,), groups=(through, inside))
+            yield max(point.residual, plane.residual, off), found
+
+
+def _others(count: int, some: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple(i for i in range(count) if i not in some)

@@ -1,0 +1,65 @@
+"""The lines of a parallel manipulator's legs: along its rods, or its actuators, from the base to the platform."""
+
+from __future__ import annotations
+
+import weakref
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.assembly.families import Rod, recognise
+from cinegen.assembly.linkage import Linkage, ModesError
+from cinegen.model import Mechanism
+from cinegen.singularities.pluecker import PlueckerLine
+
+Array = NDArray[np.float64]
+
+
+class LegEnd(NamedTuple):
+    """An end of a leg: the joint that moves its centre, and where it is in that joint's frame (m)."""
+
+    joint: int
+    local: Array
+
+
+_KNOWN: weakref.WeakKeyDictionary[Mechanism, tuple[tuple[LegEnd, LegEnd], ...]] = weakref.WeakKeyDictionary()
+
+
+def leg_lines(mechanism: Mechanism, q: Array) -> tuple[PlueckerLine, ...]:
+    """Return the lines along the legs that support the platform, in the order of their actuated joints; world, m.
+
+    Args:
+        mechanism: with six rods between base and platform, or a platform on three bars in a plane.
+        q: (nq,) loops closed.
+
+    Returns:
+        none if the mechanism belongs to neither family.
+    """
+    if mechanism not in _KNOWN:
+        _KNOWN[mechanism] = _legs(mechanism)
+    if not _KNOWN[mechanism]:
+        return ()
+    mechanism.system.evaluate(mechanism.checked(q))
+    placements = mechanism.system.data.oMi
+    ends = ((placements[end.joint].act(end.local) for end in pair) for pair in _KNOWN[mechanism])
+    return tuple(PlueckerLine.through(*pair) for pair in ends)
+
+
+def _legs(mechanism: Mechanism) -> tuple[tuple[LegEnd, LegEnd], ...]:
+    """Return the ends of each leg, on the base and on the platform."""
+    try:
+        linkage = Linkage(mechanism)
+    except ModesError:
+        return ()
+    family = recognise(linkage)
+    if family is None or (family.name, family.bound) not in (("hexapod", 40), ("triad", 6)):
+        return ()
+    return tuple((_end(linkage, rod, 0), _end(linkage, rod, 1)) for rod in family.rods)
+
+
+def _end(linkage: Linkage, rod: Rod, side: int) -> LegEnd:
+    centre = rod.ends[side]
+    carrier = centre.joints[0].carrier
+    local = linkage.bodies.local(carrier, centre.at) * linkage.mechanism.length
+    return LegEnd(carrier + linkage.root, local)
