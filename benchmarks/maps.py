@@ -22,8 +22,8 @@ from statistics import median
 import cinegen
 from cinegen.ik.batch import evaluate
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
+from cinegen.workspace.chunks import back_and_forth
 from cinegen.workspace.cluster import connected, each
-from cinegen.workspace.neighbours import to_and_fro
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"
@@ -53,8 +53,8 @@ def over(mechanism: cinegen.Mechanism, names: Sequence[str], side: int, node: st
 def alone(spec: MapSpecification) -> float:
     """Evaluations a second of `cinegen.evaluate`, at the same configurations."""
     region = spec.region
-    values = region.motors(spec.mechanism, tuple(slice(0, count) for count in region.shape))
-    values = values[to_and_fro(list(region.shape))]
+    values = region.joint_values(spec.mechanism, region.values(tuple(slice(0, n) for n in region.shape)))
+    values = values[back_and_forth(list(region.shape))]
     begin = time.perf_counter()
     for first in range(0, len(values), BATCH):
         evaluate(spec.mechanism, spec.node, values[first : first + BATCH], *spec.counted)
@@ -74,7 +74,7 @@ def steady(spec: MapSpecification, scheduler: str | None, skipped: int = 4) -> f
     with tempfile.TemporaryDirectory() as folder:
         told: list[tuple[float, int]] = []
         make_map(spec, Path(folder) / "map.zarr", workers=1, scheduler=scheduler,
-                 say=lambda done, _: told.append((time.perf_counter(), done)))  # fmt: skip
+                 report=lambda done, _: told.append((time.perf_counter(), done)))  # fmt: skip
         (first, before), (last, after) = told[skipped], told[-1]
         return (after - before) / (last - first)
 

@@ -5,12 +5,12 @@ import tempfile
 from pathlib import Path
 
 import cinegen
-from cinegen.plotting.sweep import draw_table
+from cinegen.plotting.sweep import draw_sweep
 from cinegen.workspace import GridAxis, Region
-from cinegen.workspace.sweep import Box, Variation, sweep
+from cinegen.workspace.sweep import Variation, WantedBox, sweep
 
 region = Region((GridAxis("x", -1.0, 1.0, 10), GridAxis("y", -1.0, 1.0, 10), GridAxis("z", -2.6, -1.4, 6)))
-wanted = Box({"x": (-0.8, 0.8), "y": (-0.8, 0.8), "z": (-2.4, -1.6)})
+wanted = WantedBox({"x": (-0.8, 0.8), "y": (-0.8, 0.8), "z": (-2.4, -1.6)})
 
 # %% What varies: the forearms of all three arms together, so that the robot stays symmetric. A map for each.
 forearms = Variation.parse("link4.d+link9.d+link15.d=2750..3750:5")  # mm
@@ -19,11 +19,11 @@ table = sweep("robots/delta4.raff", [forearms], region, folder, box=wanted)
 
 # %% What was found. 1/condition is 1 where the platform moves equally well in all directions, and 0 where it is stuck.
 print(table.text())
-draw_table(table).savefig(folder / "forearms.png")
+draw_sweep(table).savefig(folder / "forearms.png")
 
 # %% The decision: of those that do the whole task the one that moves best where it moves worst.
-best = max(table.good, key=lambda row: row.dexterity.conditioning.worst)
-print(f"{len(table.good)} of {len(table.rows)} do the whole task; {best.name} does it best")
+best = max(table.suitable, key=lambda row: row.dexterity.conditioning.worst)
+print(f"{len(table.suitable)} of {len(table.rows)} do the whole task; {best.name} does it best")
 print("    1/condition at worst", round(best.dexterity.conditioning.worst, 2), "and it reaches", best.extent)
 
 # %% The result is a robot like any other.

@@ -21,7 +21,7 @@ def run(
 ) -> int:
     """Compare two maps: cells that both or only one reaches, and differences of quantities."""
     from cinegen.workspace import open_map
-    from cinegen.workspace.compare import compare
+    from cinegen.workspace.comparison import compare
 
     one, other = open_map(first), open_map(second)
     found = compare(one, other)

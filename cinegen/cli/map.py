@@ -95,7 +95,7 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
         _confirm(spec, options)
     try:
         with Progress() as progress:
-            found = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, say=progress.cells)
+            found = make_map(spec, path, workers=options.workers, scheduler=options.scheduler, report=progress.cells)
     except KeyboardInterrupt:
         print(f"{path}: finished cells are kept; the same command continues", file=sys.stderr)
         raise
@@ -162,8 +162,8 @@ def _obstacles(mechanism: Mechanism, file: Path, ignore_loops: bool) -> dict[str
 
 def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, options: MapOptions) -> int:
     """Map all variants and print their table."""
-    from cinegen.plotting.sweep import check_drawable, draw_table
-    from cinegen.workspace.sweep import Box, Variation, sweep
+    from cinegen.plotting.sweep import check_drawable, draw_sweep
+    from cinegen.workspace.sweep import Variation, WantedBox, sweep
 
     for other, value in {"loop": robots.loop, "ignore_loops": robots.ignore_loops, "view": options.view}.items():
         exclude(vary=True, **{other: value})
@@ -176,8 +176,8 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     box = {key: interval(ends, "--box") for key, ends in named(options.box, "--box", "x=-0.3..0.3").items()}
     with Progress() as progress:
         table = sweep(
-            file, variations, spec.region, folder, box=Box(box), robot=robots.robot, workers=options.workers,
-            scheduler=options.scheduler, say=progress.cells, node=spec.node, limits=spec.limits,
+            file, variations, spec.region, folder, box=WantedBox(box), robot=robots.robot, workers=options.workers,
+            scheduler=options.scheduler, report=progress.cells, node=spec.node, limits=spec.limits,
             quantities=spec.quantities, starts=spec.starts, along=spec.along, scene=spec.scene, folder=spec.folder,
         )  # fmt: skip
     if options.json:
@@ -185,7 +185,7 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     else:
         print(f"{table.text()}\nvariants, maps and table.csv: {folder}")
     if options.plot:
-        write_figure(options.plot, draw_table(table))
+        write_figure(options.plot, draw_sweep(table))
         if not options.json:
             print(f"picture: {options.plot}")
     return 0
@@ -199,12 +199,12 @@ def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None
     """
     if maps * spec.region.size <= _SURELY:
         return
-    from cinegen.workspace.estimate import estimate
+    from cinegen.workspace.evaluator import estimate
 
     found, cores = estimate(spec, maps), options.workers or os.cpu_count() or 1
     if found.seconds / cores <= _LONG and found.size <= _LARGE:
         return
-    words = found.words(cores)
+    words = found.text(cores)
     if not sys.stdin.isatty():
         raise CinegenError(f"{words}. Add --yes to start it, or use a coarser --grid")
     print(words, file=sys.stderr)
@@ -223,10 +223,10 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
     """Return the summary of a map for JSON: m, rad and sr; null for values without bound."""
     import numpy as np
 
-    from cinegen.workspace import How
+    from cinegen.workspace import CellStatus
     from cinegen.workspace.extent import extent
 
-    counts = np.bincount(found["settled"].values.ravel(), minlength=len(How))
+    counts = np.bincount(found["status"].values.ravel(), minlength=len(CellStatus))
     measured = extent(found)
     quantities = {}
     for name in spec.quantities:
@@ -245,7 +245,7 @@ def summary(found: xarray.Dataset, spec: MapSpecification) -> dict[str, Any]:
         "at": dict(spec.region.at),
         "cells": spec.region.size,
         "reachable": int(found["reachable"].values.sum()),
-        "status": {how.words: int(number) for how, number in zip(How, counts, strict=True) if number},
+        "status": {status.label: int(number) for status, number in zip(CellStatus, counts, strict=True) if number},
         "quantities": quantities,
         "extent": {"value": measured.value, "error": measured.error, "unit": measured.unit},
     }
@@ -256,7 +256,7 @@ def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[st
     what = f"{name}: {shape} cells over {', '.join(spec.region.names)}"
     if spec.region.at:
         what += f", at {', '.join(f'{key} = {value:.4g}' for key, value in spec.region.at.items())}"
-    if not spec.of_motors:
+    if not spec.over_joints:
         orientation = {0: "free", 2: "of its z axis given", 3: "given"}[spec.rotation]
         what += f"; of {spec.node}, orientation {orientation}"
     share = 100.0 * result["reachable"] / result["cells"]

@@ -38,7 +38,7 @@ def region(
     Raises:
         CinegenError: an option is wrong.
     """
-    from cinegen.workspace import Region, straight
+    from cinegen.workspace import Region, line_region
 
     given = values(at, "--at", "z=-0.9, z=-900mm or rz=15deg", si)
     fixed = "fixed" if orientation == "home" else orientation
@@ -47,7 +47,8 @@ def region(
         if found is None:
             raise CinegenError(f"--line {line}: write X,Y,Z..X,Y,Z or X,Y,Z..X,Y,Z:COUNT, such as 0,0,-1..0.5,0,-1:200")
         count = int(found[3] or grid or CELLS[1])
-        return straight(point(found[1], "--line"), point(found[2], "--line"), count, at=given, orientation=fixed)
+        ends = point(found[1], "--line"), point(found[2], "--line")
+        return line_region(*ends, count, at=given, orientation=fixed)
     names = [
         name for part in parts(over)
         for name in (part if re.fullmatch("[xyz]{2,3}", part) and part not in mechanism.joints else [part])
@@ -62,13 +63,13 @@ def region(
 def _translations(mechanism: Mechanism, node: str | None, given: dict[str, float]) -> list[str]:
     """Return the translations that the node can make, without those whose value is given."""
     from cinegen.workspace import MapError
-    from cinegen.workspace.about import about
+    from cinegen.workspace.default_range import default_range
 
     found = []
     for name in ("x", "y", "z"):
         if name not in given:
             try:
-                about(mechanism, name, node)
+                default_range(mechanism, name, node)
             except MapError:
                 continue
             found.append(name)
@@ -79,11 +80,11 @@ def _axis(
     mechanism: Mechanism, text: str, node: str | None, count: int, centre: tuple[float, float, float]
 ) -> GridAxis:
     from cinegen.workspace import GridAxis
-    from cinegen.workspace.about import about
+    from cinegen.workspace.default_range import default_range
 
     text, colon, cells = text.partition(":")
     name, equals, ends = text.partition("=")
-    low, high = interval(ends, "--over") if equals else about(mechanism, name, node, centre)
+    low, high = interval(ends, "--over") if equals else default_range(mechanism, name, node, centre)
     if colon and not re.fullmatch(r"\d{1,18}", cells):
         raise CinegenError(f"--over: '{text}:{cells}': '{cells}' is not a number of cells, as in x=-0.3..0.3:60")
     return GridAxis(name, low, high, int(cells) if colon else count)

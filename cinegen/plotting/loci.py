@@ -1,4 +1,4 @@
-"""Singular curves on a slice of the workspace, over how far from singular its points are."""
+"""`draw_loci`: singular curves on a slice of the workspace, over the singular values of its points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.stick import FAINT, INK
-from cinegen.plotting.units import user_scale
+from cinegen.plotting.units import rounded, user_scale
 from cinegen.singularities.contour import SingularCurve
 from cinegen.singularities.loci import SingularLoci
 from cinegen.singularities.singularity import SingularityType
@@ -23,10 +23,10 @@ TYPE_1, TYPE_2 = "#0072b2", "#d55e00"
 
 
 def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
-    """A picture: curves of both kinds, shaded by the smaller of both singular values; mm and degrees.
+    """Draw curves of both types, shaded by the smaller of both singular values, in mm and degrees.
 
     Args:
-        loci: what was found.
+        loci: the curves and the singular values of a slice.
         size: width, inches.
     """
     from matplotlib.figure import Figure
@@ -38,7 +38,7 @@ def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
     nearness = np.fmin(loci.first, loci.second)
     shade = axes.pcolormesh(u, v, nearness.T, shading="nearest", cmap="Greys_r", vmin=0.0, alpha=0.55, rasterized=True)
     bar = figure.colorbar(shade, ax=axes, shrink=0.8)
-    bar.set_label("smallest singular value of both types, without unit")
+    bar.set_label("smallest singular value of both types, dimensionless")
     scale = np.array([units[0][0], units[1][0]])
     for curve in loci.curves:
         _paint(axes, curve, curve.points * scale)
@@ -72,11 +72,6 @@ def _title(loci: SingularLoci) -> str:
     given = loci.of.given(*loci.of.start())
     others = [name for name in given if name not in (axis.name for axis in loci.of.axes)]
     units = {name: user_scale(loci.of.mechanism, name) for name in others}
-    said = ", ".join(f"{name} {_quiet(given[name] * scale):.4g} {unit}" for name, (scale, unit) in units.items())
+    at = ", ".join(f"{name} {rounded(given[name] * scale, 6):.4g} {unit}" for name, (scale, unit) in units.items())
     what = loci.of.mechanism.name if loci.of.over_joints else f"{loci.of.node} of {loci.of.mechanism.name}"
-    return f"Singularities of {what}" + (f" at {said}" if said else "")
-
-
-def _quiet(value: float) -> float:
-    """Rounding is not worth reading."""
-    return value if abs(value) > 1e-6 else 0.0
+    return f"Singularities of {what}" + (f" at {at}" if at else "")

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cinegen.plotting.plane import Plane
 from cinegen.plotting.shades import OUT, Shades
 from cinegen.plotting.stick import INK
+from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.region import GridAxis
-from cinegen.workspace.settled import How
 
 if TYPE_CHECKING:
     import xarray
@@ -35,7 +35,7 @@ _COLUMNS = 5  # of a legend, most
 
 def out_of_reach(dataset: xarray.Dataset) -> NDArray[np.bool_]:
     """Return the cells that were evaluated and are not reachable."""
-    return np.asarray(~dataset["reachable"].values & (dataset["settled"].values != How.NOT_YET))
+    return np.asarray(~dataset["reachable"].values & (dataset["status"].values != CellStatus.NOT_EVALUATED))
 
 
 def spans(cells: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -46,7 +46,7 @@ def spans(cells: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 def panel(plane: Plane, axes: Axes, dataset: xarray.Dataset, values: Array, look: Shades) -> Any:
     """Colour a map of two axes; return the object that a colour bar explains."""
-    if look.name != "settled":
+    if look.name != "status":
         plane.fill(axes, out_of_reach(dataset), OUT, "out of reach")
     return plane.shade(axes, values, look)
 

@@ -199,7 +199,7 @@ class Plane:
         from matplotlib.lines import Line2D
         from matplotlib.patheffects import Normal, Stroke
 
-        if self.spec.of_motors or not all(name in _SIDES for name in self.region.names):
+        if self.spec.over_joints or not all(name in _SIDES for name in self.region.names):
             return False
         sides = np.eye(3)[[_SIDES.index(name) for name in self.region.names]]
         view = Projection("", np.array([*sides, np.cross(*sides)]) * self.scales[0], np.zeros(3))

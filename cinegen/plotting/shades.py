@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.quantities import QUANTITIES
-from cinegen.workspace.settled import How
 from raff2urdf.errors import did_you_mean
 
 if TYPE_CHECKING:
@@ -31,9 +31,14 @@ _MOST = 0.99  # of all values: those beyond are shown as one
 _FAR = 0.4  # of the largest: where all values are above, colours don't begin at 0
 _DARKEST = 0.12  # of viridis: lines are to be seen on it
 _KINDS = {
-    How.NOT_YET: "#ffffff", How.NEIGHBOUR: "#56b4e9", How.SEARCH: "#0072b2", How.GIVEN: "#56b4e9",
-    How.OPEN: "#d9cbb8", How.NOT_FOUND: "#d3d7dc", How.TOO_FAR: OUT, How.BEYOND: "#c4b3cf",
-}  # fmt: skip
+    CellStatus.NOT_EVALUATED: "#ffffff",
+    CellStatus.REACHABLE: "#56b4e9",
+    CellStatus.REACHABLE_BY_SEARCH: "#0072b2",
+    CellStatus.UNREACHABLE_PROVED: OUT,
+    CellStatus.UNREACHABLE_NOT_FOUND: "#d3d7dc",
+    CellStatus.LOOPS_OPEN: "#d9cbb8",
+    CellStatus.BEYOND_LIMITS: "#c4b3cf",
+}
 _ALMOST = 1e-9
 _DIGITS = 3
 
@@ -81,9 +86,9 @@ def chosen(dataset: xarray.Dataset, name: str | None) -> str:
     Raises:
         MapError: the map does not tell it.
     """
-    known = [key for key in (*QUANTITIES, "reachable", "settled") if key in dataset]
+    known = [key for key in (*QUANTITIES, "reachable", "status") if key in dataset]
     if name is None:
-        return "sigma_1" if "sigma_1" in known else "settled"
+        return "sigma_1" if "sigma_1" in known else "status"
     if name not in known:
         raise MapError(f"this map tells no '{name}'{did_you_mean(name, known)}")
     return name
@@ -93,7 +98,7 @@ def values_of(dataset: xarray.Dataset, name: str) -> Array:
     """A quantity in a map's cells, in the order of its axes; not a number where there is none to be shown: out of
     reach, or infinite."""
     values = dataset[name].values.astype(float)
-    if name == "settled":
+    if name == "status":
         return values
     reached = dataset["reachable"].values
     return np.where(reached & np.isfinite(values), values, np.nan)
@@ -109,7 +114,7 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
     """
     told = dataset[name].attrs
     words = _worded(name, str(told.get("long_name", name)), str(told.get("units", "1")))
-    if name == "settled":
+    if name == "status":
         return _kinds(name, words, values)
     if name == "reachable":
         return _classes(name, words, [REACHED], ["reached"], np.ones(1))
@@ -145,8 +150,9 @@ def _worded(name: str, words: str, unit: str) -> str:
 
 
 def _kinds(name: str, words: str, values: Array) -> Shades:
-    there = [how for how in How if (values == how).any()]
-    return _classes(name, words, [_KINDS[how] for how in there], [how.words for how in there], np.array(there, float))
+    there = [status for status in CellStatus if (values == status).any()]
+    labels = [status.label.replace(" (", "\n(") for status in there]
+    return _classes(name, words, [_KINDS[status] for status in there], labels, np.array(there, float))
 
 
 def _counts(name: str, words: str, known: Array) -> Shades:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from cinegen.plotting.shades import Shades
 from cinegen.plotting.stick import INK
 from cinegen.plotting.units import user_scale
-from cinegen.workspace.region import AROUND, Region
+from cinegen.workspace.region import SPHERICAL, Region
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
@@ -151,7 +151,7 @@ def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array
 
 def _coordinates(spec: MapSpecification) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
     """Names, what SI values are multiplied by, and units, of what a solid is drawn over."""
-    spherical = set(spec.region.names) == set(AROUND)
+    spherical = set(spec.region.names) == set(SPHERICAL)
     names = ("x", "y", "z") if spherical else spec.region.names
     scales, units = zip(*(user_scale(spec.mechanism, name) for name in names), strict=True)
     return names, np.array(scales), units
@@ -161,9 +161,9 @@ def _places(spec: MapSpecification, cells: Array) -> Array:
     """(n, 3) of what a solid is drawn over, m and rad, for places (n, 3) in cells."""
     region = spec.region
     given = np.column_stack([axis.low + (cells[:, k] + 0.5) * axis.width for k, axis in enumerate(region.axes)])
-    if set(region.names) != set(AROUND):
+    if set(region.names) != set(SPHERICAL):
         return given
-    return region.poses_at(spec.home, given)[0]
+    return region.poses(spec.home, given)[0]
 
 
 def _on_seam(region: Region, outside: Ints, shape: tuple[int, ...]) -> Bools:

@@ -87,7 +87,7 @@ class Cloud:
         size: m, from one cell to the next.
         quantities: of the map.
         values: of each quantity (n,).
-        done: cells of the map that are settled.
+        done: number of evaluated cells of the map.
         cells: of the map in all.
     """
 
@@ -116,9 +116,9 @@ class ShownMap:
 
     def __init__(self, path: str | Path, most: int = MOST) -> None:
         from cinegen.workspace import open_map
-        from cinegen.workspace.storage.store import Store
+        from cinegen.workspace.zarr_store import MapStore
 
-        self._store = Store(Path(path).absolute())
+        self._store = MapStore(Path(path).absolute())
         self._dataset: Any = open_map(path)
         self._most = most
         self._lock = threading.Lock()
@@ -133,7 +133,7 @@ class ShownMap:
         """The cells as they are now; read again only where the map has grown."""
         with self._lock:
             if self._cloud is None or self._cloud.done < self._cloud.cells:
-                done = self._done()
+                done = self._store.done
                 if self._cloud is None or self._cloud.done < done:
                     self._cloud = self._read(done)
             return self._cloud
@@ -147,9 +147,6 @@ class ShownMap:
         with self._lock:
             q = np.asarray(self._dataset["configuration"][at].values, dtype=float)
         return q if np.isfinite(q).all() else None
-
-    def _done(self) -> int:
-        return sum(self._store.size(index) for index, there in self._store.look() if there)
 
     # --- reading -------------------------------------------------------------------------------------------------
 
@@ -167,17 +164,17 @@ class ShownMap:
         indices = np.argwhere(reached)
         own = indices * every + [one // 2 for one in every]
         at = first + indices * widths
-        if self.spec.of_motors:
+        if self.spec.over_joints:
             points = self._led(self._of("configuration", every)[reached])
         elif any(places):
-            points = region.poses_at(self.spec.home, at)[0]
+            points = region.poses(self.spec.home, at)[0]
         else:
             points = self._turned(at, first + np.argwhere(np.full(reached.shape, True)) * widths)
         values, quantities = self._quantities(reached, every)
         return Cloud(
             tuple(
                 AxisShown(name, self._dataset[name].attrs["units"], low, float(width), count, one,
-                          moves or self.spec.of_motors)
+                          moves or self.spec.over_joints)
                 for name, low, width, count, one, moves in zip(
                     region.names, first, widths, reached.shape, every, places, strict=True
                 )
@@ -205,9 +202,9 @@ class ShownMap:
             everywhere: likewise, all.
         """
         region, spec = self.spec.region, self.spec
-        spread = region.poses_at(spec.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
+        spread = region.poses(spec.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
         axis = int(2 - np.argmax(spread[::-1] > 0.5 * spread.max()))  # that which moves most is what one sees
-        points, rotations = region.poses_at(spec.home, at)
+        points, rotations = region.poses(spec.home, at)
         return points + _BALL * spec.mechanism.length * rotations[:, :, axis]
 
     def _led(self, configurations: Array) -> Array:
@@ -225,7 +222,7 @@ class ShownMap:
             return None
         edges = []
         for half in 0.5 * np.diag(widths)[places]:
-            before, behind = (self.spec.region.poses_at(self.spec.home, at + way * half)[0] for way in (-1.0, 1.0))
+            before, behind = (self.spec.region.poses(self.spec.home, at + way * half)[0] for way in (-1.0, 1.0))
             edges.append(behind - before)
         return np.stack(edges, axis=1)
 
@@ -260,7 +257,7 @@ class ShownMap:
         return values, tuple(found)
 
 
-_PLACES = ("x", "y", "z", "azimuth", "elevation", "radius", "way")
+_PLACES = ("x", "y", "z", "azimuth", "elevation", "radius", "distance")
 """Coordinates that say where a node is."""
 
 

@@ -29,12 +29,12 @@ def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanis
         MapError: there is no map.
         SetupError: the map has no such quantity, or is of another robot.
     """
-    from cinegen.workspace.storage.store import Store
+    from cinegen.workspace.zarr_store import MapStore
 
     where = Path(path).absolute()
     with warnings.catch_warnings():  # they were issued when it was made
         warnings.simplefilter("ignore", CinegenWarning)
-        spec = Store(where).spec
+        spec = MapStore(where).spec
     if quantity is not None and quantity not in spec.quantities:
         known = f"it has {', '.join(spec.quantities) or 'none'}"
         raise SetupError(f"{path}: no quantity '{quantity}'{did_you_mean(quantity, spec.quantities)}; {known}")

@@ -1,4 +1,4 @@
-"""Maps: where a mechanism reaches, how well, and where it fails."""
+"""Maps: where a robot reaches, how well, and where it is singular."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from typing import TYPE_CHECKING
 from cinegen.lazy import lazy_names
 
 if TYPE_CHECKING:
+    from cinegen.workspace.cells import CellStatus as CellStatus
     from cinegen.workspace.errors import MapError as MapError
-    from cinegen.workspace.make import make_map as make_map
-    from cinegen.workspace.make import open_map as open_map
+    from cinegen.workspace.maps import make_map as make_map
+    from cinegen.workspace.maps import open_map as open_map
     from cinegen.workspace.quantities import QUANTITIES as QUANTITIES
     from cinegen.workspace.region import GridAxis as GridAxis
     from cinegen.workspace.region import Region as Region
-    from cinegen.workspace.region import straight as straight
-    from cinegen.workspace.settled import How as How
+    from cinegen.workspace.region import line_region as line_region
     from cinegen.workspace.specification import MapSpecification as MapSpecification
 
 __all__, __getattr__, __dir__ = lazy_names(
     __name__,
     {
+        "cinegen.workspace.cells": ["CellStatus"],
         "cinegen.workspace.errors": ["MapError"],
-        "cinegen.workspace.make": ["make_map", "open_map"],
+        "cinegen.workspace.maps": ["make_map", "open_map"],
         "cinegen.workspace.quantities": ["QUANTITIES"],
-        "cinegen.workspace.region": ["GridAxis", "Region", "straight"],
-        "cinegen.workspace.settled": ["How"],
+        "cinegen.workspace.region": ["GridAxis", "Region", "line_region"],
         "cinegen.workspace.specification": ["MapSpecification"],
     },
 )

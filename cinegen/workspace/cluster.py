@@ -214,5 +214,5 @@ def _check(future: Any) -> None:
         error = future.exception()
         if isinstance(error, CinegenError):
             raise error
-        raise MapError(f"a task could not be done: {error}. What was finished stays") from error
-    raise MapError("the Dask scheduler is gone. What was finished stays: give the same command again")
+        raise MapError(f"a task could not be done: {error}. Complete chunks stay") from error
+    raise MapError("the Dask scheduler is gone. Complete chunks stay: give the same command again")

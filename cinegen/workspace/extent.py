@@ -1,7 +1,7 @@
-"""`extent`: how long, large or spacious that part of a region is which is reached, or where a condition holds.
+"""`extent`: the length, area or volume of the reachable part of a region, or of the part where a condition holds.
 
-A cell counts as a whole, by what was found at its middle. So the sum of all cells that count is wrong by no more than
-the cells that the true border goes through. Where the border is flat over a cell and its neighbours, these have a
+A cell counts as a whole, by the value at its middle. So the sum of all cells that count is wrong by no more than the
+cells that the true border goes through. Where the border is flat over a cell and its neighbours, these have a
 neighbour, across a side, an edge or a corner, that is of the other kind: let n >= 0 be the border's normal, in widths
 of a cell; it cuts a cell where it passes its middle within sum(n) / 2, and so leaves the middle of the neighbour across
 the corner that n points to, at sum(n), on its other side. So the true extent lies between that of the cells that count
@@ -9,24 +9,26 @@ without those that have such a neighbour, and that of all cells that count with 
 the outer Jordan sums of what is seen: erosion and dilation by a cell; J. Serra, "Image analysis and mathematical
 morphology", 1982.)
 
-That assumes that nothing, and no gap in it, is thinner than a cell: what falls between all middles is not seen. Nothing
-is known, and nothing counts, beyond the region. Its own edge adds nothing to the bound; where the true border meets it,
-less than half a cell may be cut off without being seen.
+That assumes that nothing, and no gap in it, is thinner than a cell: what lies between all middles is not seen. Nothing
+counts beyond the region. Its own edge adds nothing to the bound; where the true border meets it, less than half a cell
+may be cut off without being seen.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter
 
+from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.region import Region
-from cinegen.workspace.settled import How
-from cinegen.workspace.storage.dataset import specification_of
+from cinegen.workspace.specification import specification_of
 
 if TYPE_CHECKING:
     import xarray
@@ -38,14 +40,14 @@ _AT_ONCE = 4_000_000  # cells in memory
 
 @dataclass(frozen=True)
 class Extent:
-    """Of a part of a region, in what its cells are measured: m, m^2, m^3, each times rad for each turn.
+    """Extent of a part of a region, in the unit of its cells: m, m^2, m^3, each times rad for each rotation.
 
     Attributes:
-        value: the sum of the cells that count.
-        low: without those on the border.
-        high: with those beyond the border that touch it, and with all that nobody has looked at.
+        value: sum of the cells that count.
+        low: without those at the border.
+        high: with those that touch them, and with all cells that are not evaluated.
         unit: of these.
-        cells: how many count.
+        cells: number of cells that count.
     """
 
     value: float
@@ -56,11 +58,11 @@ class Extent:
 
     @property
     def error(self) -> float:
-        """What the value can be wrong by, to either side, if nothing is thinner than a cell."""
+        """Largest error of the value to either side, if nothing is thinner than a cell."""
         return max(self.value - self.low, self.high - self.value)
 
     def __str__(self) -> str:
-        """The value with as many digits as the error leaves."""
+        """Return the value with as many digits as the error leaves."""
         if not self.error:
             return f"{self.value:.4g} {self.unit}"
         digits = max(0, 1 - math.floor(math.log10(self.error)))
@@ -68,20 +70,20 @@ class Extent:
         return f"{size} {self.unit}" if digits < 7 else f"{self.value:.4g} ± {self.error:.2g} {self.unit}"
 
     def as_dict(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return JSON values."""
         return {"value": self.value, "error": self.error, "low": self.low, "high": self.high, "unit": self.unit,
                 "cells": self.cells}  # fmt: skip
 
 
 def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Extent:
-    """The extent of what a map shows as reached, or of where a condition holds.
+    """Return the extent of the reachable part of a map, or of the part where a condition holds.
 
     Args:
-        dataset: a map, finished or not.
-        where: bool, of the map's cells, such as `dataset.sigma_1 > 0.1`; `dataset.reachable` unless given.
+        dataset: a map, complete or not.
+        where: bool, over the map's cells, such as `dataset.sigma_1 > 0.1`; `dataset.reachable` unless given.
 
     Raises:
-        MapError: this is no map; or a condition on something else.
+        MapError: the dataset is not a map, or the condition is not over its cells.
     """
     spec = specification_of(dataset)
     region = spec.region
@@ -92,90 +94,80 @@ def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Ex
             f"{', '.join(region.names)}, such as dataset.sigma_1 > 0.1"
         )
     if where.dtype != bool:
-        raise MapError(f"a condition is true or false, and this is {where.dtype}: write dataset.sigma_1 > 0.1")
-    where, settled = where.transpose(*region.names), dataset["settled"]
-
-    def slab(rows: slice) -> tuple[Bools, Bools]:
-        return where[rows].values, settled[rows].values == How.NOT_YET
-
-    return _measured(region, spec.region.unit(spec.mechanism), slab)
+        raise MapError(f"a condition is true or false, not {where.dtype}: write for instance dataset.sigma_1 > 0.1")
+    counts, status = where.transpose(*region.names), dataset["status"].transpose(*region.names)
+    return _in_slabs(
+        region, region.unit(spec.mechanism),
+        lambda rows: (counts[rows].values, status[rows].values == CellStatus.NOT_EVALUATED),
+    )  # fmt: skip
 
 
 def bounds(region: Region, counts: Bools, unknown: Bools | None = None) -> tuple[Bools, Bools]:
-    """Cells that are whole in what counts, and cells that any of it may be in, if nothing is thinner than a cell.
+    """Return the cells that count for certain as a whole, and those that may count in part, if nothing is thinner than
+    a cell.
 
     Args:
-        region: which.
-        counts: of the region's shape, the cells that count.
-        unknown: likewise, cells of which it is not known; none unless given.
+        region: the grid.
+        counts: (*region.shape) bool, the cells that count.
+        unknown: (*region.shape) bool, the cells of which it is not known; none unless given.
     """
-    around = _is_round(region)
-    maybe = counts if unknown is None else counts | unknown
-    surely = counts if unknown is None else counts & ~unknown
-    return ~_grown(~surely, around), _grown(maybe, around)
+    return _bounds(_periodic(region), counts, np.zeros_like(counts) if unknown is None else unknown)
 
 
 def extent_of(region: Region, unit: str, counts: Bools, low: Bools, high: Bools) -> Extent:
-    """The extent of cells that count, between two others (`bounds`), all of the region's shape.
+    """Return the extent of cells that count between two others (`bounds`), all (*region.shape) bool.
 
     Args:
-        region: which.
-        unit: of what its cells measure, see `Region.unit`.
-        counts: the cells.
-        low: those that surely count as a whole.
-        high: those that may.
+        region: the grid.
+        unit: of the size of its cells, see `Region.unit`.
+        counts: the cells that count.
+        low: the cells that count for certain.
+        high: the cells that may count.
     """
-    value, least, most = (_sum(list(region.sizes), cells) for cells in (counts, low & counts, high | counts))
+    value, least, most = (_sum(region.sizes, cells) for cells in (counts, low & counts, high | counts))
     return Extent(value, least, most, unit, int(counts.sum()))
 
 
-def _measured(region: Region, unit: str, slab: Any) -> Extent:
-    """In slabs along the first axis, so that a large map needs no more memory than a small one."""
-    first, rows = region.axes[0], max(1, _AT_ONCE * region.shape[0] // region.size)
-    is_round, *around = _is_round(region)
+def _in_slabs(region: Region, unit: str, slab: Callable[[NDArray[np.intp]], tuple[Bools, Bools]]) -> Extent:
+    """Return the extent, computed slab by slab along the first axis, so that large maps take no more memory.
+
+    Args:
+        region: the grid.
+        unit: of the size of its cells.
+        slab: returns for some rows of the first axis which cells count, and which are unknown.
+    """
+    count, thickness = region.shape[0], max(1, _AT_ONCE * region.shape[0] // region.size)
+    first, *others = _periodic(region)
     sums, cells = np.zeros(3), 0
-    for start in range(0, first.count, rows):
-        stop = min(start + rows, first.count)
-        before, after = max(0, start - 1), min(first.count, stop + 1)
-        inside, unknown = slab(slice(before, after))
-        if is_round:  # the cells at both ends are neighbours
-            ends = [slab(slice(k % first.count, k % first.count + 1)) for k in (start - 1, stop)]
-            parts = [ends[0]] * (start == 0) + [(inside, unknown)] + [ends[1]] * (stop == first.count)
-            inside, unknown = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-            before -= start == 0
-        mine = slice(start - before, stop - before)
-        inside = inside & ~unknown
-        kept = ~_grown(~inside, [False, *around])[mine]
-        most = _grown(inside | unknown, [False, *around])[mine]
-        sizes = [region.sizes[0][start:stop], *region.sizes[1:]]
-        counted = inside[mine]
-        sums += [_sum(sizes, cells_of) for cells_of in (counted, counted & kept, most)]
-        cells += int(counted.sum())
+    for start in range(0, count, thickness):
+        stop = min(start + thickness, count)
+        rows = np.arange(start - 1, stop + 1)  # with those next to it
+        rows = rows % count if first else rows[(rows >= 0) & (rows < count)]
+        counts, unknown = slab(rows)
+        low, high = _bounds([False, *others], counts, unknown)
+        own = slice(int(first or start > 0), None)
+        counts, low, high = (part[own][: stop - start] for part in (counts & ~unknown, low, high))
+        sizes = (region.sizes[0][start:stop], *region.sizes[1:])
+        sums += [_sum(sizes, part) for part in (counts, low & counts, high | counts)]
+        cells += int(counts.sum())
     return Extent(float(sums[0]), float(sums[1]), float(sums[2]), unit, cells)
 
 
-def _is_round(region: Region) -> list[bool]:
-    """For each axis whether it is a whole turn about a centre, whose two ends are one."""
+def _periodic(region: Region) -> list[bool]:
+    """Return for each axis whether it is a whole revolution about a centre, so that its ends meet."""
     return [axis.name == "azimuth" and axis.high - axis.low > 2.0 * math.pi - 1e-9 for axis in region.axes]
 
 
-def _grown(cells: Bools, around: list[bool]) -> Bools:
-    """With all neighbours, across sides, edges and corners."""
-    found = cells
-    for axis, is_round in enumerate(around):
-        there = np.moveaxis(found, axis, 0)
-        grown = there.copy()
-        grown[1:] |= there[:-1]
-        grown[:-1] |= there[1:]
-        if is_round:
-            grown[0] |= there[-1]
-            grown[-1] |= there[0]
-        found = np.moveaxis(grown, 0, axis)
-    return found
+def _bounds(periodic: list[bool], counts: Bools, unknown: Bools) -> tuple[Bools, Bools]:
+    modes = ["wrap" if ends_meet else "constant" for ends_meet in periodic]
+
+    def dilated(cells: Bools) -> Bools:
+        return np.asarray(maximum_filter(cells, size=3, mode=modes))
+
+    return ~dilated(unknown | ~counts), dilated(counts | unknown)
 
 
-def _sum(sizes: list[NDArray[np.float64]], cells: Bools) -> float:
-    """Of the products of sizes."""
+def _sum(sizes: tuple[NDArray[np.float64], ...], cells: Bools) -> float:
     found: NDArray[np.float64] = cells.astype(float)
     for one in reversed(sizes):
         found = found @ one

@@ -1,42 +1,185 @@
-"""What a map can tell of each cell: the names of quantities, their units and what they are.
+"""Quantities of a map's cells: their names, units and how they are computed; each is one function and one entry.
 
-Singular values are those of `cinegen.singularity`, without unit: lengths are divided by the mechanism's
-characteristic length, which makes them commensurable with angles. What counts of the node, its place or also how it is
-turned, is `MapSpecification.counted`. How each is computed stands in `cinegen.workspace.measured`.
+Singular values are those of `cinegen.singularity`, dimensionless: lengths are divided by the mechanism's characteristic
+length, which makes them commensurable with angles. `MapSpecification.counted` says which motions of the node count.
+Every map also has `reachable`, `status` and `configuration`.
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from cinegen.collision.clearance import Clearance
+    from cinegen.workspace.cells import Cells
+    from cinegen.workspace.specification import MapSpecification
+
+Array = NDArray[np.float64]
+Values = NDArray[Any]
+
+_UNIT_LIMIT = 1.0  # rad/s, m/s, N m or N: of actuated joints whose speed or effort is not limited
+_SINGULAR = 1e12  # condition numbers beyond are rounding
+_NO_EFFORT = 1e-12  # N m or N for 1 N: less is rounding
+
+
+def _solutions(cells: Cells) -> Values:
+    assert cells.solutions is not None
+    return cells.solutions
+
+
+def _sigma_1(cells: Cells) -> Values:
+    return cells.evaluations.singular_values[:, cells.spec.rank - 1]
+
+
+def _sigma_2(cells: Cells) -> Values:
+    return cells.evaluations.second
+
+
+def _actuated_singular_values(cells: Cells) -> Array:
+    """Return the singular values (n, rank), largest first, of the node's motions by the actuated joints."""
+    spec, mechanism, done = cells.spec, cells.spec.mechanism, cells.evaluations
+    if not mechanism.loops and len(mechanism.actuated) == mechanism.model.nv:
+        return done.singular_values[:, : spec.rank]
+    scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
+    units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
+    matrices = (done.jacobians * units)[:, : sum(spec.counted)]
+    found = np.full((len(matrices), min(matrices.shape[1:])), np.nan)
+    finite = np.isfinite(matrices).all(axis=(1, 2))
+    if finite.any():
+        found[finite] = np.linalg.svd(matrices[finite], compute_uv=False)
+    return found[:, : spec.rank]
+
+
+def _condition(cells: Cells) -> Values:
+    values = _actuated_singular_values(cells)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        found = np.asarray(values[:, 0] / values[:, -1])
+    return np.where(found > _SINGULAR, np.inf, found)
+
+
+def _manipulability(cells: Cells) -> Values:
+    return np.asarray(np.prod(_actuated_singular_values(cells), axis=1))
+
+
+def _margin(cells: Cells) -> Values:
+    limits, q = cells.spec.mechanism.limits, cells.evaluations.q
+    low, high = limits.lower, limits.upper
+    limited = np.isfinite(low) & np.isfinite(high) & (high > low) & _moves_node(cells.spec)
+    if not limited.any():
+        return np.where(np.isfinite(q[:, 0]), 1.0, np.nan)
+    q, low, high = q[:, limited], low[limited], high[limited]
+    return np.asarray((np.minimum(q - low, high - q) / (0.5 * (high - low))).min(axis=1))
+
+
+def _moves_node(spec: MapSpecification) -> NDArray[np.bool_]:
+    """Return (nq,) whether each joint variable has to do with the pose of the node: those of fingers have not."""
+    mechanism = spec.mechanism
+    model, system = mechanism.model, mechanism.system
+    ends = [model.frames[mechanism.frame_id(spec.node)].parentJoint]
+    for first, _, second, _ in system.anchors:
+        ends += [first, second]
+    found = np.zeros(model.nq, dtype=bool)
+    for joint in {joint for end in ends for joint in model.supports[end] if joint > 0}:
+        found[model.joints[joint].idx_q : model.joints[joint].idx_q + model.joints[joint].nq] = True
+    return found
+
+
+def _velocity(cells: Cells) -> Values:
+    """Return (n,) the largest u . J w, m/s, for joint speeds w within their limits; NaN where J is undetermined.
+
+    It is the largest component of the node's velocity along u: the node may translate sideways and rotate meanwhile.
+    """
+    return np.asarray(_projections(cells) @ _actuated(cells.spec, cells.spec.mechanism.limits.velocity))
+
+
+def _force(cells: Cells) -> Values:
+    """Return (n,) the largest force f, N, along u that efforts within their limits balance: |J^T u| f <= limits.
+
+    It is infinite where the structure bears it alone, and NaN where J is undetermined.
+    """
+    efforts, limits = _projections(cells), _actuated(cells.spec, cells.spec.mechanism.limits.effort)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        forces = np.where(efforts > _NO_EFFORT, limits / efforts, np.inf).min(axis=1)
+    return np.where(np.isfinite(efforts).all(axis=1), forces, np.nan)
+
+
+def _projections(cells: Cells) -> Array:
+    """Return |J^T u| (n, actuated), u the specification's direction; NaN in each row where J is undetermined."""
+    spec, mechanism, model = cells.spec, cells.spec.mechanism, cells.spec.mechanism.model
+    jacobians = cells.evaluations.jacobians[:, :3]
+    chain = model.supports[model.frames[mechanism.frame_id(spec.node)].parentJoint]
+    moving = {model.names[joint] for joint in chain if joint > int(mechanism.floating)}
+    if not mechanism.loops and not moving <= set(mechanism.actuated):
+        return np.full((len(jacobians), len(mechanism.actuated)), np.nan)
+    along = cells.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(spec.along)  # in the node's axes
+    with np.errstate(invalid="ignore"):
+        found = np.abs((jacobians.transpose(0, 2, 1) @ along[:, :, None])[:, :, 0])
+    return np.where(np.isfinite(found).all(axis=1, keepdims=True), found, np.nan)
+
+
+def _actuated(spec: MapSpecification, limits: Array) -> Array:
+    """Return those (actuated,) of limits (nv,) of all joints; `_UNIT_LIMIT` where there is none."""
+    columns = [spec.mechanism.v_index(name) for name in spec.mechanism.actuated]
+    return np.where(np.isfinite(limits), limits, _UNIT_LIMIT)[columns]
+
+
+def _solid_angle(cells: Cells) -> Values:
+    assert cells.solid_angle is not None
+    return cells.solid_angle
+
+
+def _clearance(cells: Cells) -> Values:
+    clearance = _surroundings(cells.spec)
+    return np.array([clearance.least(q) if np.isfinite(q[0]) else np.nan for q in cells.evaluations.q])
+
+
+@lru_cache(maxsize=2)
+def _surroundings(spec: MapSpecification) -> Clearance:
+    """Return the obstacles, kept from chunk to chunk: shapes take time to load."""
+    from cinegen.collision import scene_of, surroundings
+
+    assert spec.scene is not None
+    return surroundings(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism))[0]
 
 
 class Quantity(NamedTuple):
-    """What a map can tell.
+    """A quantity of a map's cells.
 
     Attributes:
-        unit: "1" where it has none.
-        words: what it is.
-        dtype: how it is stored.
+        unit: "1" if dimensionless.
+        description: what it is.
+        values: function that returns the values (n,) of cells.
+        dtype: type of the stored values.
     """
 
     unit: str
-    words: str
+    description: str
+    values: Callable[[Cells], Values]
     dtype: str = "float32"
 
+    def of(self, cells: Cells) -> Values:
+        """Return the values (n,) of cells, as they are stored."""
+        return np.asarray(self.values(cells), dtype=self.dtype)
 
-QUANTITIES: dict[str, Quantity] = {
-    "solutions": Quantity("1", "inverse solutions, or of motors assembly modes", "int32"),
-    "sigma_1": Quantity("1", "smallest singular value of type 1: the node loses a freedom at 0"),
-    "sigma_2": Quantity("1", "smallest singular value of type 2: motors lose hold of the node at 0"),
-    "condition": Quantity("1", "condition of how motors move the node, 1 at best"),
-    "manipulability": Quantity("1", "Yoshikawa's: the volume that unit velocities of the motors span"),
-    "margin": Quantity("1", "joint-limit margin: 1 in the middle of all ranges, 0 at a limit"),
-    "velocity": Quantity("m s-1", "largest component of the node's velocity along the direction"),
-    "force": Quantity("N", "largest force of the node along the direction"),
-    "solid_angle": Quantity("sr", "directions that the node's z can have here (dexterous solid angle)"),
-    "clearance": Quantity("m", "least distance to the scene's obstacles and between links"),
+
+QUANTITIES = {
+    "solutions": Quantity("1", "inverse solutions; over actuated joints, assembly modes", _solutions, "int32"),
+    "sigma_1": Quantity("1", "smallest singular value of type 1: the node loses a degree of freedom at 0", _sigma_1),
+    "sigma_2": Quantity("1", "smallest singular value of type 2: the node is not controlled at 0", _sigma_2),
+    "condition": Quantity("1", "condition number of the node's motions by the actuated joints, 1 at best", _condition),
+    "manipulability": Quantity("1", "Yoshikawa's manipulability: product of all singular values", _manipulability),
+    "margin": Quantity("1", "joint-limit margin: 1 in the middle of all ranges, 0 at a limit", _margin),
+    "velocity": Quantity("m s-1", "largest component of the node's velocity along the direction", _velocity),
+    "force": Quantity("N", "largest force of the node along the direction", _force),
+    "solid_angle": Quantity("sr", "possible directions of the node's z axis (dexterous solid angle)", _solid_angle),
+    "clearance": Quantity("m", "smallest distance to obstacles and between links", _clearance),
 }
-"""By name. `reachable`, `settled` and `configuration` are in every map."""
+"""All quantities by name."""
 
 DIRECTED = frozenset({"velocity", "force"})
-"""Those that are meant along a direction."""
+"""Quantities along a direction."""

@@ -1,13 +1,13 @@
-"""`MapSpecification`: all that determines a map: of which robot, over what, which quantities, and how thoroughly."""
+"""`MapSpecification`: everything that determines a map: its robot, its grid, its quantities and how long to search."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cached_property
-from typing import Any
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,36 +23,38 @@ from cinegen.workspace.region import Region
 from raff2urdf.closure import rank
 from raff2urdf.errors import did_you_mean
 
+if TYPE_CHECKING:
+    import xarray
+
 Array = NDArray[np.float64]
 
-VERSION = 4
-"""Of what stands in a map's folder, and how: changes when the same specification would give other numbers."""
-
-_UNIT = 1e-12  # by which a unit vector may be longer or shorter
-_MOVES = 1e-9  # rad or lengths for each: less is rounding
-
-_TAKEN = (*QUANTITIES, "configuration", "reachable", "settled", "joint")
+VERSION = 5
+"""Version of a map's folder: changes when its layout changes, or when the same specification gives other numbers."""
 
 STARTS = 6
-"""From how many configurations a pose is looked for that no neighbour leads to, unless said."""
+"""Default number of starts of a search."""
+
+_ROUNDING = 1e-12  # by which the length of a unit vector may differ from 1
+_MOVES = 1e-9  # rad or characteristic lengths for each: less is rounding
+_RESERVED = (*QUANTITIES, "configuration", "reachable", "status", "joint")
 
 
 @dataclass(frozen=True, eq=False)
 class MapSpecification:
-    """All that determines a map. What it takes to make it (processes, machines) is no part of it.
+    """Everything that determines a map. The processes and machines that make it are no part of it.
 
     Attributes:
-        mechanism: which.
+        mechanism: the robot.
         region: the grid.
-        quantities: names of what is wanted in each cell, see `cinegen.workspace.quantities`.
-        node: whose pose is meant, and whose motions; the mechanism's end unless given.
-        limits: whether joints must keep to their position limits, where poses are looked for.
-        starts: from how many configurations a pose is looked for, where no neighbour's leads there.
-        directions: into how many directions a sphere is divided, for the dexterous solid angle.
-        along: (3,) in the world, along which speeds and forces are meant; unless given the first of z, x and y along
-            which the node can move.
-        scene: obstacles, as `cinegen.planning.Scene.document` has them, for the clearance; none unless given.
-        folder: where the scene's files are looked for.
+        quantities: names of the quantities of each cell, see `cinegen.workspace.quantities`.
+        node: base, link or frame whose pose is mapped; the mechanism's end unless given.
+        limits: whether joints stay within their position limits.
+        starts: number of starts of a search, for each cell that no neighbour leads to.
+        directions: number of directions that the sphere is divided into, for the dexterous solid angle.
+        along: (3,) direction in the world of velocities and forces; unless given the first of z, x and y along which
+            the node can move.
+        scene: obstacles for the clearance, as a document of `cinegen.collision.scene`; none unless given.
+        folder: where the scene's files are.
 
     Raises:
         UnknownNameError: no such node.
@@ -77,121 +79,104 @@ class MapSpecification:
         if self.starts < 0 or self.directions < 1:
             raise MapError(f"starts ({self.starts}) must be 0 or more, and directions ({self.directions}) 1 or more")
         if not self.along:
-            object.__setattr__(self, "along", self._usual_direction())
+            object.__setattr__(self, "along", self._default_direction())
         length = math.hypot(*self.along)
         if not (len(self.along) == 3 and 0.0 < length < math.inf):
             raise MapError(f"along {self.along}: give a direction, three numbers")
-        if abs(length - 1.0) > _UNIT:  # else it is one, and stays as it is to the last bit
+        if abs(length - 1.0) > _ROUNDING:  # else it stays as it is to the last bit
             object.__setattr__(self, "along", tuple(float(x) / length for x in self.along))
-        self._check_names()
-        self._check_independent()
-        object.__setattr__(self, "quantities", _checked(self))
-
-    def _check_names(self) -> None:
-        """Whether motors can stand beside all else that a map holds."""
         for name in self.region.names:
-            if name in _TAKEN or "/" in name:
-                why = "has a /" if "/" in name else "is that of something else in every map"
-                raise MapError(f"{self.mechanism.name}: no map over motor '{name}', whose name {why}: rename it")
+            if name in _RESERVED or "/" in name:
+                reason = "contains a /" if "/" in name else "is reserved in maps"
+                raise MapError(f"{self.mechanism.name}: the name of joint '{name}' {reason}: rename it")
+        if not self.over_joints:
+            self._check_independent()
+        object.__setattr__(self, "quantities", _checked_quantities(self))
+
+    def __repr__(self) -> str:
+        return f"<MapSpecification of {self.mechanism.name}, {self.node}: {self.region!r}>"
 
     def _check_independent(self) -> None:
-        """Whether the coordinates can be given at all."""
-        mechanism, region = self.mechanism, self.region
-        if self.of_motors:
-            return
-        home = self.home
+        """Check that the node can move along each given coordinate."""
+        region, home = self.region, self.home
         for k, name in enumerate(POSE):
             given = region.at.get(name)
-            if given is None and name not in region.names:
-                continue
-            if self._moves(k):
+            if (given is None and name not in region.names) or self._moves(k):
                 continue
             value = float(np.r_[home.translation, pin.rpy.matrixToRpy(home.rotation)][k])
             if name in region.names or not math.isclose(float(given or 0.0), value, abs_tol=1e-9):
                 raise MapError(
-                    f"{mechanism.name}: {self.node} can't move along {name}: it stays at {value + 0.0:g}. Leave it out"
+                    f"{self.mechanism.name}: {self.node} can't move along {name}: it stays at {value + 0.0:g}. "
+                    "Leave it out"
                 )
 
-    def _usual_direction(self) -> tuple[float, ...]:
+    def _default_direction(self) -> tuple[float, ...]:
         axes = (2, 0, 1) if DIRECTED & set(self.quantities) else (2,)
         return tuple(np.eye(3)[next((k for k in axes if self._moves(k)), 2)])
 
     def _moves(self, k: int) -> bool:
-        """Whether a coordinate of the node's pose can change at all."""
-        for q, rows in self._moved:
-            at = self.mechanism.placement(q, self.node).rotation
-            changed = at @ rows[:3] if k < 3 else _rates(at) @ rows[3:]
+        """Return whether a coordinate of the node's pose can change."""
+        for q, rows in self._motions:
+            rotation = self.mechanism.placement(q, self.node).rotation
+            changed = rotation @ rows[:3] if k < 3 else _rpy_rates(rotation) @ rows[3:]
             if np.abs(changed[k % 3]).max(initial=0.0) > _MOVES:
                 return True
         return False
 
     @cached_property
-    def _moved(self) -> list[tuple[Array, Array]]:
-        """Some configurations, the base at rest, and how the node moves there (6, freedoms), in its own axes, without
-        unit, by all motions that loops leave."""
-        from cinegen.ik.resolve import free_motions
+    def _motions(self) -> list[tuple[Array, Array]]:
+        """Sample configurations (nq,), the base at rest, and the node's motions (6, nv) there along all motions that
+        close the loops, dimensionless, in the node's axes."""
+        from cinegen.singularities.crossing import of_node
 
-        mechanism, found = self.mechanism, []
-        units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * mechanism.scale
-        resting = 6 if mechanism.floating else 0
-        for sample in mechanism.samples:
-            q = np.r_[mechanism.q_home[:7], sample[7:]] if mechanism.floating else sample
-            loops = mechanism.system.evaluate(q)[1][:, resting:]
-            motions = free_motions(loops, mechanism.loop_rank)[0]
-            found.append((q, (mechanism.jacobian(q, self.node) * units)[:, resting:] @ motions))
-        return found
+        mechanism, base = self.mechanism, 7 * self.mechanism.floating
+        jacobian = of_node(mechanism, self.node, 6)
+        samples = [np.r_[mechanism.q_home[:base], q[base:]] for q in mechanism.samples]
+        return [(q, jacobian(q)) for q in samples]
 
     @cached_property
-    def freedoms(self) -> int:
-        """How many ways the mechanism can move in, its base at rest."""
+    def dof(self) -> int:
+        """Degrees of freedom of the mechanism with its base at rest."""
         return self.mechanism.mobility - 6 * self.mechanism.floating
 
     @cached_property
-    def of_motors(self) -> bool:
-        """Whether it is over values of motors, else over poses."""
-        return self.region.of_motors(self.mechanism)
+    def over_joints(self) -> bool:
+        """Whether the map is over values of actuated joints, not over poses."""
+        return self.region.is_over_joints(self.mechanism)
 
     @cached_property
     def home(self) -> pin.SE3:
-        """The node's pose at home."""
+        """Pose of the node in the home configuration."""
         return self.mechanism.placement(self.mechanism.q_home, self.node)
 
     @cached_property
     def rotation(self) -> int:
-        """How many rotations of the node are given: 0, 2 (the direction of its z) or 3."""
+        """Number of given rotations of the node: 0, 2 (the direction of its z axis) or 3."""
         region = self.region
         turned = any(name in (*region.names, *region.at) for name in POSE[3:])
         return {"free": 3 if turned else 0, "axis": 2, "fixed": 3}[region.orientation]
 
     @cached_property
     def counted(self) -> tuple[int, int]:
-        """How many translations and rotations of the node count for singular values: those that are given; of motors
-        all that don't follow from others, as `cinegen.singularity` counts them."""
-        turns = 3 if self.of_motors else self.rotation
-        return (3, turns) if turns and self._rank(3 + turns) > self._rank(3) else (3, 0)
+        """Number of translations and of rotations of the node that singular values are computed from.
+
+        They are those that are given; over actuated joints all, but rotations that follow from translations.
+        """
+        rotations = 3 if self.over_joints else self.rotation
+        return (3, rotations) if rotations and self._rank(3 + rotations) > self._rank(3) else (3, 0)
 
     @cached_property
     def rank(self) -> int:
-        """Of the node's motions that count: generic."""
+        """Generic rank of these motions."""
         return self._rank(sum(self.counted))
 
     def _rank(self, rows: int) -> int:
-        found = 0
-        for _, moved in self._moved:
-            found = max(found, rank(moved[:rows]))
-        return found
+        return max((rank(motions[:rows]) for _, motions in self._motions), default=0)
 
-    # --- words ---------------------------------------------------------------------------------------------------
+    # --- JSON ----------------------------------------------------------------------------------------------------
 
     @cached_property
-    def robot(self) -> dict[str, Any]:
-        """What the map's numbers depend on of the robot: how it moves; where distances are asked for also its shapes,
-        which are files that lie somewhere else on another machine."""
-        moves = self._motion
-        return moves if self.scene is None else {**moves, "urdf": self.mechanism.source.urdf}
-
-    @cached_property
-    def _motion(self) -> dict[str, Any]:
+    def _kinematics(self) -> dict[str, Any]:
         source = self.mechanism.source
         return {
             "urdf": kinematics_of(source.urdf, source.name),
@@ -200,14 +185,15 @@ class MapSpecification:
 
     @cached_property
     def robot_hash(self) -> str:
-        """SHA-256 of how the robot moves, shapes left out: the same on any machine."""
-        return fingerprint(**self._motion)
+        """SHA-256 of the robot's kinematics, without shapes: the same on every machine."""
+        return fingerprint(**self._kinematics)
 
     def document(self) -> dict[str, Any]:
-        """As JSON has it."""
+        """Return the specification as JSON values; with a scene, the robot includes its shapes."""
+        shapes = {} if self.scene is None else {"urdf": self.mechanism.source.urdf}
         return {
             "version": VERSION,
-            "robot": self.robot,
+            "robot": {**self._kinematics, **shapes},
             "node": self.node,
             "region": self.region.document(),
             "quantities": list(self.quantities),
@@ -220,49 +206,91 @@ class MapSpecification:
 
     @property
     def text(self) -> str:
-        """The document, always the same way: two specifications are the same where their texts are."""
-        return _text(self.document())
+        """The document as canonical JSON text: equal for equal specifications."""
+        return _json(self.document())
 
     @property
     def attributes(self) -> dict[str, str]:
-        """What is written into a map for `of_attributes`: the text, and where robot and scene are found here."""
+        """Attributes of a map that `of_attributes` reads: the text, and where the robot and the scene are here."""
         source = self.mechanism.source
-        found = {"urdf": source.urdf, "constraints": source.constraints, "folder": source.folder, "name": source.name}
-        return {"specification": self.text, "source": _text(found), "folder": self.folder}
+        robot = {"urdf": source.urdf, "constraints": source.constraints, "folder": source.folder, "name": source.name}
+        return {"specification": self.text, "source": _json(robot), "folder": self.folder}
 
     @classmethod
     def of_attributes(cls, attributes: Mapping[str, Any]) -> MapSpecification:
-        """What `attributes` has written.
+        """Return the specification that `attributes` wrote; the robot is built once for equal attributes.
 
         Raises:
-            KeyError, TypeError, ValueError: it is something else.
-            LoadError: the robot can't be built from it.
-            MapError: by another version; or robot and specification don't belong together.
+            KeyError, TypeError, ValueError: they are something else.
+            LoadError: the robot can't be built.
+            MapError: another version wrote them; or robot and specification don't belong together.
         """
-        document = json.loads(attributes["specification"])
-        if document.get("version") != VERSION:
-            raise MapError(f"this map is of version {document.get('version')}, and {VERSION} is read here")
-        from cinegen.model.load import build
+        return _parsed(*(str(attributes[name]) for name in ("specification", "source", "folder")))
 
-        spec = cls(
-            build(**json.loads(attributes["source"])),
-            Region.of_document(document["region"]),
-            tuple(document["quantities"]),
-            document["node"],
-            document["limits"],
-            document["starts"],
-            document["directions"],
-            tuple(document["along"]),
-            document["scene"],
-            attributes["folder"],
+
+@lru_cache(maxsize=4)
+def _parsed(text: str, source: str, folder: str) -> MapSpecification:
+    from cinegen.model.load import build
+
+    document = json.loads(text)
+    if document.get("version") != VERSION:
+        raise MapError(f"the map has version {document.get('version')}; this program reads version {VERSION}")
+    spec = MapSpecification(
+        build(**json.loads(source)),
+        Region.of_document(document["region"]),
+        tuple(document["quantities"]),
+        along=tuple(document["along"]),
+        folder=folder,
+        **{name: document[name] for name in ("node", "limits", "starts", "directions", "scene")},
+    )
+    if spec.text != text:
+        raise MapError("its robot and its specification do not belong together")
+    return spec
+
+
+def specification_of(dataset: xarray.Dataset) -> MapSpecification:
+    """Return the specification of a map.
+
+    Args:
+        dataset: as `open_map` and `make_map` return it, whole.
+
+    Raises:
+        MapError: it is not a map, or only a part of one.
+    """
+    try:
+        spec = MapSpecification.of_attributes(dataset.attrs)
+    except KeyError:
+        raise MapError("this dataset is not a map: give what open_map or make_map returned") from None
+    shape = tuple(dataset.sizes.get(name, 0) for name in spec.region.names)
+    if shape != spec.region.shape:
+        raise MapError(
+            f"this is a part of a map, {' x '.join(map(str, shape))} of its {' x '.join(map(str, spec.region.shape))}"
+            " cells: give all of it, and select cells by a condition"
         )
-        if spec.text != attributes["specification"]:
-            raise MapError("what it says of its robot and of its making does not belong together")
-        return spec
+    return spec
 
 
-def _rates(rotation: Array) -> Array:
-    """(3, 3) how fast roll, pitch and yaw change, by angular velocities in the axes that they lead to."""
+def map_slice(
+    dataset: xarray.Dataset, spec: MapSpecification, cells: Mapping[str, int]
+) -> tuple[xarray.Dataset, MapSpecification]:
+    """Return a slice of a map, and the specification that would have made it.
+
+    Args:
+        dataset: the map.
+        spec: its specification.
+        cells: for each axis that is fixed, the number of the cell; one axis at least must remain.
+
+    Raises:
+        MapError: none remains.
+    """
+    region = spec.region
+    at = {axis.name: float(axis.middles()[cells[axis.name]]) for axis in region.axes if axis.name in cells}
+    axes = tuple(axis for axis in region.axes if axis.name not in cells)
+    return dataset.isel(cells), replace(spec, region=replace(region, axes=axes, at={**region.at, **at}))
+
+
+def _rpy_rates(rotation: Array) -> Array:
+    """Return the matrix (3, 3) from angular velocities in the rotated axes to rates of roll, pitch and yaw."""
     roll, pitch, _ = pin.rpy.matrixToRpy(rotation)
     sin, cos, tan = math.sin(roll), math.cos(roll), math.tan(pitch)
     return np.array(
@@ -270,63 +298,52 @@ def _rates(rotation: Array) -> Array:
     )
 
 
-def _text(document: Any) -> str:
+def _json(document: Any) -> str:
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
 
-def _checked(spec: MapSpecification) -> tuple[str, ...]:
-    """The names of a specification's quantities, each once, in the order of `QUANTITIES`.
+def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
+    """Return the names of a specification's quantities, each once, in the order of `QUANTITIES`.
 
     Raises:
-        MapError: unknown; or it makes no sense there.
+        MapError: a quantity is unknown, or makes no sense in this map.
     """
     mechanism, wanted = spec.mechanism, set(spec.quantities)
     for name in spec.quantities:
         if name not in QUANTITIES:
-            raise MapError(f"no quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
+            raise MapError(f"unknown quantity '{name}'{did_you_mean(name, tuple(QUANTITIES))}")
     if not mechanism.passive_rank:
-        wanted.discard("sigma_2")  # nothing is passive, nothing can be of type 2
-    if "clearance" in wanted and spec.scene is None:
-        raise MapError("clearance is that in a scene: say which (--scene)")
+        wanted.discard("sigma_2")  # without passive joints in loops there are no singularities of type 2
     if "clearance" in wanted:
-        _read_scene(spec)
-    if "solid_angle" in wanted and (spec.of_motors or spec.rotation):
-        raise MapError("solid_angle asks which directions the node can have: leave its orientation free")
-    if "solutions" in wanted and spec.of_motors and mechanism.loops:
-        _check_motors(mechanism)
-    if "solutions" in wanted and not spec.of_motors:
-        free, held = spec.freedoms, spec.rank
-        if free > held:
-            raise MapError(
-                f"{mechanism.name} has infinitely many solutions here: it can move in {free} ways, and the pose of "
-                f"{spec.node} takes {held} of them. Leave 'solutions' out, or give its orientation too"
-            )
+        _check_scene(spec)
+    if "solid_angle" in wanted and (spec.over_joints or spec.rotation):
+        raise MapError("solid_angle counts possible directions of the node: leave its orientation free")
+    if "solutions" in wanted and spec.over_joints and mechanism.loops:
+        from cinegen.assembly.linkage import Linkage, ModesError
+
+        try:
+            Linkage(mechanism)
+        except ModesError as error:
+            raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None
+    if "solutions" in wanted and not spec.over_joints and spec.dof > spec.rank:
+        raise MapError(
+            f"{mechanism.name} has infinitely many solutions here: it has {spec.dof} degrees of freedom, and the pose "
+            f"of {spec.node} takes {spec.rank} of them. Leave 'solutions' out, or give its orientation too"
+        )
     return tuple(name for name in QUANTITIES if name in wanted)
 
 
-def _read_scene(spec: MapSpecification) -> None:
-    """Whether it can be read.
+def _check_scene(spec: MapSpecification) -> None:
+    """Check that the scene can be read.
 
     Raises:
-        MapError: it can't.
+        MapError: there is none, or it can't be read.
     """
     from cinegen.collision import AvoidError, scene_of
 
+    if spec.scene is None:
+        raise MapError("clearance needs obstacles: give a scene (--scene)")
     try:
-        scene_of(dict(spec.scene or {}), spec.folder, mechanism=spec.mechanism)
+        scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism)
     except AvoidError as error:
         raise MapError(f"the scene can't be read: {error}") from None
-
-
-def _check_motors(mechanism: Mechanism) -> None:
-    """Whether motors determine it, so that its assembly modes can be counted.
-
-    Raises:
-        MapError: they don't.
-    """
-    from cinegen.assembly.linkage import Linkage, ModesError
-
-    try:
-        Linkage(mechanism)
-    except ModesError as error:
-        raise MapError(f"its assembly modes can't be counted: {error}. Leave 'solutions' out") from None

@@ -25,7 +25,7 @@ from cinegen.cockpit.film import FilmError, _output
 from cinegen.devices import Reading, ReadingRecorder, RecordError
 from cinegen.devices.replay import load_readings
 from cinegen.mission import MissionRecorder, Recording, RobotSample
-from cinegen.workspace.sweep.sweep import _write as write_part_of_sweep
+from cinegen.workspace.sweep.run import _write as write_part_of_sweep
 
 
 def _is_png(content: bytes) -> bool:

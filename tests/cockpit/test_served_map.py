@@ -73,7 +73,7 @@ def test_of_a_map_that_grows_the_page_gets_what_belongs_together(path, tmp_path)
     where = tmp_path / "growing.zarr"
     shutil.copytree(path, where)
     setup = map_setup(where)
-    taken = [file for name in ("settled", "reachable") for file in (where / name).glob("c.*")]
+    taken = [file for name in ("status", "reachable") for file in (where / name).glob("c.*")]
     kept = [file.rename(tmp_path / f"{file.parent.name} {file.name}") for file in taken]
     served = ServedMap(setup.map)
     told = json.loads(served.about())

@@ -26,7 +26,7 @@ from cinegen.singularities import SingularityType, singularity
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import Extent, extent
 from cinegen.workspace.loci import loci
-from cinegen.workspace.storage.dataset import specification_of
+from cinegen.workspace.specification import specification_of
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +157,7 @@ def test_a_fine_map_is_thinned(wrist, monkeypatch):
 
 def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
     part = wrist.load().copy(deep=True)
-    part["settled"][:, 18:] = 0
+    part["status"][:, 18:] = 0
     part["reachable"][:, 18:] = False
     part["configuration"][:, 18:] = np.nan
     points = points_of(loci(part), SingularityType.TYPE_1)
@@ -167,7 +167,7 @@ def test_beside_what_nobody_has_looked_at_nothing_ends(wrist):
 
 
 def test_a_line_has_no_curves(made):
-    with pytest.raises(MapError, match="a map of two axes with two cells or more, and this has x, 3 cells"):
+    with pytest.raises(MapError, match="maps over two axes with two cells or more each; this one has 3 cells over x"):
         loci(made("planar_3r", ("x", 0.2, 0.4, 3)))
 
 
@@ -232,7 +232,7 @@ def test_each_quantity_has_its_scale(made, five_bar):
     reachable = draw_map(modes, "reachable", curves=False)
     assert len(reachable.axes) == 1  # one colour needs no bar
     settled = draw_map(modes, None, curves=False)
-    assert {"neighbour", "search"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
+    assert {"reachable", "reachable\n(by search)"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
     with pytest.raises(MapError, match="this map tells no 'sigma_3': did you mean 'sigma_2'"):
         draw_map(five_bar, "sigma_3")
 
@@ -268,7 +268,7 @@ def test_a_long_name_takes_nothing_from_the_picture(made, sides):
     """And neither it nor any other word sticks out of the sheet."""
     axes = [(name, -0.5 * side, 0.5 * side, 4) for name, side in zip("xy", sides, strict=True)]
     region = made("planar_3r", *axes, at={"rz": 0.0}, quantities=("solutions", "sigma_1"))
-    short, long = (rendered(draw_map(region, "settled", curves=False, name=name)) for name in ("arm", "a_name" * 20))
+    short, long = (rendered(draw_map(region, "status", curves=False, name=name)) for name in ("arm", "a_name" * 20))
     sizes = [figure.axes[0].get_window_extent().size for figure in (short, long)]
     np.testing.assert_allclose(*sizes, rtol=0.02)
     assert sizes[0].max() > 0.45 * min(short.bbox.size)
@@ -483,8 +483,8 @@ def test_two_maps_show_what_each_reaches_alone(made, wrist):
     assert shades.norm.vmin == -shades.norm.vmax
     said = words(figure)
     assert "both" in said
-    assert "alone" in said
-    with pytest.raises(MapError, match="both maps don't tell 'force'"):
+    assert "only" in said
+    with pytest.raises(MapError, match="the maps don't both have 'force'"):
         draw_comparison(wrist, other, "force")
 
 

@@ -75,7 +75,7 @@ def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot
 def test_a_map_that_is_being_made_is_shown_as_far_as_it_is(robot, tmp_path):
     path = tmp_path / "growing.zarr"
     make_map(MapSpecification(robot("delta4"), Region(BOX), ("sigma_1",)), path, workers=1, most=60)
-    taken = [chunk for name in ("settled", "reachable", "configuration", "sigma_1")
+    taken = [chunk for name in ("status", "reachable", "configuration", "sigma_1")
              for chunk in (path / name).glob("c.0.*")]  # fmt: skip
     kept = {chunk: tmp_path / f"kept {k}" for k, chunk in enumerate(taken)}
     for chunk, there in kept.items():

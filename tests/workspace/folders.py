@@ -24,10 +24,10 @@ def files(folder: Path) -> dict[str, tuple[int, int]]:
     return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in found.items()}
 
 
-def of_motors(
+def over_joints(
     mechanism: Mechanism, side: int = 5, quantities: tuple[str, ...] = ("sigma_1", "margin")
 ) -> MapSpecification:
-    """Over its first three motors, about home; not all cells are within limits."""
+    """Over its first three actuated joints, about home; not all cells are within limits."""
     home = {name: float(mechanism.q_home[mechanism.q_index(name)]) for name in mechanism.actuated[:3]}
     axes = tuple(GridAxis(name, at - 2.1, at + 1.9, side) for name, at in home.items())
     return MapSpecification(mechanism, Region(axes), quantities)

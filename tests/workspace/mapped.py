@@ -1,22 +1,24 @@
-"""A map's values without a file: what its pieces come to, put together."""
+"""A map's values without a file: those of all its chunks."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
 from cinegen.workspace import GridAxis, MapSpecification, Region
-from cinegen.workspace.region import piece, pieces
-from cinegen.workspace.work import Surveyor
+from cinegen.workspace.chunks import chunk_cells, chunk_counts, cube_shape
+from cinegen.workspace.evaluator import ChunkEvaluator
 
 
 def mapped(spec: MapSpecification, most: int = 10**6) -> dict[str, np.ndarray]:
-    """By name (*shape, ...), in pieces of at most so many cells."""
-    surveyor, region = Surveyor(spec), spec.region
-    chunks = region.blocks(most)
+    """By name (*shape, ...), in chunks of at most so many cells."""
+    evaluator, region = ChunkEvaluator(spec), spec.region
+    chunks = cube_shape(region.shape, most)
     found: dict[str, np.ndarray] = {}
-    for index in pieces(region.shape, chunks):
-        cells = piece(index, region.shape, chunks)
-        for name, values in surveyor.values(cells).items():
+    for chunk in range(math.prod(chunk_counts(region.shape, chunks))):
+        cells = chunk_cells(chunk, region.shape, chunks)
+        for name, values in evaluator.values(cells).items():
             whole = found.setdefault(name, np.zeros((*region.shape, *values.shape[1:]), values.dtype))
             whole[cells] = values.reshape(*(s.stop - s.start for s in cells), *values.shape[1:])
     return found

@@ -11,7 +11,7 @@ from mapped import mapped, middles, over
 from scipy.ndimage import label, maximum_filter, minimum_filter
 
 from cinegen.assembly import assembly_modes
-from cinegen.workspace import GridAxis, How, MapError, MapSpecification, Region, make_map, straight
+from cinegen.workspace import CellStatus, GridAxis, MapError, MapSpecification, Region, line_region, make_map
 from cinegen.workspace.reach_bounds import ReachBounds
 
 
@@ -28,9 +28,9 @@ def agree(got, wanted, few=0.02):
 
 def searched(found):
     """Whoever is out of reach was looked for, or that is certain; there are configurations of all others alone."""
-    settled = found["settled"]
-    assert np.isin(settled[~found["reachable"]], (How.NOT_FOUND, How.TOO_FAR)).all()
-    assert np.isin(settled[found["reachable"]], (How.NEIGHBOUR, How.SEARCH)).all()
+    status = found["status"]
+    assert np.isin(status[~found["reachable"]], (CellStatus.UNREACHABLE_NOT_FOUND, CellStatus.UNREACHABLE_PROVED)).all()
+    assert np.isin(status[found["reachable"]], (CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH)).all()
     assert (np.isfinite(found["configuration"][..., 0]) == found["reachable"]).all()
 
 
@@ -103,13 +103,15 @@ def test_gough_at_a_fixed_orientation_reaches_what_is_in_six_shells(robot, raff,
         mechanism = raff(re.sub(r"(type 2\s+pred \d+\s+)limits \{[^}]*\}", r"\1", text))
     region = over(("x", -0.8, 0.81, 50), ("y", -0.8, 0.82, 50), at=at, orientation="fixed")
     found = mapped(MapSpecification(mechanism, region, ()))
-    points, rotations = region.poses(mechanism.placement(mechanism.q_home, "platform"), (slice(None), slice(None)))
+    points, rotations = region.poses(
+        mechanism.placement(mechanism.q_home, "platform"), region.values((slice(None), slice(None)))
+    )
     wanted = gough(points, rotations[0], passive).reshape(region.shape)
     if passive:
         agree(found["reachable"], wanted)
     else:
         np.testing.assert_array_equal(found["reachable"], wanted)
-        np.testing.assert_array_equal(found["settled"] == How.TOO_FAR, ~wanted)
+        np.testing.assert_array_equal(found["status"] == CellStatus.UNREACHABLE_PROVED, ~wanted)
     searched(found)
 
 
@@ -130,7 +132,7 @@ def test_gough_s_orientations_at_a_point(robot):
 
 
 def test_a_line(robot):
-    region = straight((-0.8, 0.1, 0.0), (0.8, 0.5, 0.0), 200)
+    region = line_region((-0.8, 0.1, 0.0), (0.8, 0.5, 0.0), 200)
     found = mapped(MapSpecification(robot("five_bar"), region, ("solutions",), limits=False))
     way = middles(region)[0] / math.hypot(1.6, 0.4)
     agree(found["solutions"], five_bar(-0.8 + 1.6 * way, 0.1 + 0.4 * way, limits=False))
@@ -156,7 +158,7 @@ def test_a_layer_that_is_one_cell_thin(robot):
 def test_rx90_s_full_pose_at_a_fixed_orientation(robot, limits):
     region = over(("x", -1.0, 1.0, 9), ("y", -1.0, 1.1, 9), ("z", -1.0, 1.0, 8), at={"rx": 0.4, "ry": 1.9, "rz": -0.3})
     found = mapped(MapSpecification(robot("rx90"), region, ("solutions",), limits=limits))
-    points, rotations = region.poses(pin.SE3.Identity(), (slice(None),) * 3)
+    points, rotations = region.poses(pin.SE3.Identity(), region.values((slice(None),) * 3))
     agree(found["solutions"], rx90(points, rotations, limits).reshape(region.shape))
 
 
@@ -164,7 +166,9 @@ def test_rx90_s_axis_at_a_point(robot):
     at = {"x": 0.5, "y": -0.1, "z": 0.5}
     region = over(("rx", -math.pi, math.pi, 24), ("ry", -1.5, 1.5, 12), at=at, orientation="axis")
     found = mapped(MapSpecification(robot("rx90"), region, ()))
-    points, rotations = region.poses(robot("rx90").placement(robot("rx90").q_home, "tool"), (slice(None),) * 2)
+    points, rotations = region.poses(
+        robot("rx90").placement(robot("rx90").q_home, "tool"), region.values((slice(None),) * 2)
+    )
     agree(found["reachable"], rx90(points, rotations, order=False).reshape(region.shape))
 
 
@@ -278,7 +282,7 @@ def test_five_bar_s_motors_close_it_on_home_s_side(robot, limits, most):
         for motor, low, high in ((left, 60, 200), (right, -20, 120)):
             wanted &= (motor >= math.radians(low)) & (motor <= math.radians(high))
     np.testing.assert_array_equal(found["reachable"], wanted)
-    assert (found["settled"] == np.where(wanted, How.GIVEN, How.BEYOND)).all()
+    assert (found["status"] == np.where(wanted, CellStatus.REACHABLE, CellStatus.BEYOND_LIMITS)).all()
     mechanism = robot("five_bar")
     for q, x, y in zip(found["configuration"][wanted], tool[0][wanted], tool[1][wanted], strict=True):
         np.testing.assert_allclose(mechanism.placement(q, "tool").translation, [x, y, 0.0], atol=1e-9)
@@ -295,7 +299,7 @@ def test_motors_have_as_many_assembly_modes_as_two_circles_have_points_in_common
     assert set(np.unique(wanted)) == {0, 2}
     np.testing.assert_array_equal(found["solutions"], wanted)
     np.testing.assert_array_equal(found["reachable"], wanted > 0)
-    assert (found["settled"][wanted == 0] == How.OPEN).all()
+    assert (found["status"][wanted == 0] == CellStatus.LOOPS_OPEN).all()
 
 
 def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_common(robot):
@@ -312,7 +316,7 @@ def test_delta4_s_motors_have_as_many_modes_as_three_spheres_have_points_in_comm
         middle = np.linalg.solve(gram, [one @ one / 2.0, two @ two / 2.0]) @ np.array([one, two])  # of the circumcircle
         wanted.append(2 if np.linalg.norm(middle) < 3.5 else 0)
     assert set(wanted) == {0, 2}
-    values = region.motors(robot("delta4"), (slice(None),) * 3)
+    values = region.joint_values(robot("delta4"), region.values((slice(None),) * 3))
     for count, level, motors in zip(found["solutions"].ravel(), wanted, values, strict=True):
         if count != level:  # there is none with the platform level, and one in which it has turned
             (q,) = assembly_modes(robot("delta4"), motors)
@@ -335,7 +339,7 @@ def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
     far = over(("x", 3.0, 4.0, 5), ("y", 3.0, 4.0, 5))
     found = mapped(MapSpecification(robot("five_bar"), far, ("solutions", "sigma_1", "sigma_2", "velocity", "margin")))
     assert not found["reachable"].any()
-    assert (found["settled"] == How.TOO_FAR).all()
+    assert (found["status"] == CellStatus.UNREACHABLE_PROVED).all()
     assert (found["solutions"] == 0).all()
     assert all(np.isnan(found[name]).all() for name in ("sigma_1", "sigma_2", "velocity", "margin"))
 
@@ -345,7 +349,7 @@ def test_a_region_out_of_reach_is_a_map_without_a_cell(robot):
     [
         ("five_bar", over(("z", 0.0, 1.0, 3)), (), {}, "can't move along z"),
         ("five_bar", over(("x", 0.0, 1.0, 3), at={"z": 0.1}), (), {}, "can't move along z"),
-        ("five_bar", over(("x", 0.0, 1.0, 3)), ("sigma",), {}, "no quantity 'sigma'"),
+        ("five_bar", over(("x", 0.0, 1.0, 3)), ("sigma",), {}, "unknown quantity 'sigma'"),
         ("arm7", over(("x", 0.0, 1.0, 3)), ("solutions",), {}, "infinitely many solutions"),
         ("planar_3r", over(("x", 0.0, 1.0, 3)), ("solutions",), {}, "infinitely many solutions"),
         ("rx90", over(("x", 0.0, 1.0, 3)), ("clearance",), {}, "clearance"),

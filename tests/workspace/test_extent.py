@@ -9,9 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import cinegen.workspace.extent as module
-from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
+from cinegen.workspace import CellStatus, GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import Extent, bounds, extent, extent_of
-from cinegen.workspace.settled import How
 
 
 def measured(region, inside):
@@ -137,7 +136,7 @@ def test_slabs_count_as_the_whole_does(monkeypatch, names, at_once):
     cells, unknown = (np.abs(u) > 2.0) & (np.abs(v) < 1.0), rng.random(region.shape) < 0.02
     whole = extent_of(region, "m^2", cells & ~unknown, *bounds(region, cells, unknown))
     monkeypatch.setattr(module, "_AT_ONCE", at_once)
-    slabs = module._measured(region, "m^2", lambda rows: (cells[rows], unknown[rows]))
+    slabs = module._in_slabs(region, "m^2", lambda rows: (cells[rows], unknown[rows]))
     assert (slabs.value, slabs.low, slabs.high, slabs.cells) == pytest.approx(
         (whole.value, whole.low, whole.high, whole.cells)
     )
@@ -145,9 +144,9 @@ def test_slabs_count_as_the_whole_does(monkeypatch, names, at_once):
 
 def test_what_nobody_has_looked_at_may_be_there(wrist):
     part = wrist.load().copy(deep=True)
-    gone = np.zeros(part.settled.shape, dtype=bool)
+    gone = np.zeros(part.status.shape, dtype=bool)
     gone[30:40, 20:40] = True
-    part["settled"] = part.settled.where(~gone, How.NOT_YET).astype("uint8")
+    part["status"] = part.status.where(~gone, CellStatus.NOT_EVALUATED).astype("uint8")
     part["reachable"] = part.reachable & ~gone
     found, all_of_it = extent(part), extent(wrist)
     assert found.value < all_of_it.value
@@ -170,10 +169,10 @@ def test_as_many_digits_are_said_as_are_worth_it(value, error, says):
 @pytest.mark.parametrize(
     ("ask", "says"),
     [
-        (lambda m: extent(m, m.manipulability), r"true or false, and this is float32: write dataset.sigma_1 > 0.1"),
+        (lambda m: extent(m, m.manipulability), r"true or false, not float32: write .* dataset.sigma_1 > 0.1"),
         (lambda m: extent(m, m.reachable.isel(x=0)), "a condition over y: make it of this map's own cells, over x, y"),
         (lambda m: extent(m.isel(x=slice(3))), "a part of a map, 3 x 60 of its 76 x 60 cells"),
-        (lambda m: extent(m.drop_attrs()), "this dataset is no map"),
+        (lambda m: extent(m.drop_attrs()), "this dataset is not a map"),
     ],
 )
 def test_what_makes_no_sense_is_refused(wrist, ask, says):

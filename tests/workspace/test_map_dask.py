@@ -11,13 +11,13 @@ import warnings
 from pathlib import Path
 
 import pytest
-from folders import digest, files, of_delta, of_motors
+from folders import digest, files, of_delta, over_joints
 
 from cinegen.workspace import MapError, cluster, make_map, open_map
-from cinegen.workspace.storage import store
+from cinegen.workspace.zarr_store import MapStore
 
 HERE = Path(__file__).parent
-MOST = 10  # cells of a piece
+MOST = 10  # cells of a chunk
 PATIENCE = 60.0  # s, on a busy machine
 
 
@@ -38,7 +38,7 @@ def address(client):
 
 @pytest.fixture(scope="module")
 def spec(robot):
-    return of_motors(robot("planar_3r"), 6)
+    return over_joints(robot("planar_3r"), 6)
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +51,8 @@ def whole(spec, tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def small_tasks(monkeypatch):
-    monkeypatch.setattr("cinegen.workspace.make.BY_MOTORS", MOST)
-    monkeypatch.setattr("cinegen.workspace.make._QUICK", 2)
+    monkeypatch.setattr("cinegen.workspace.maps.OVER_JOINTS", MOST)
+    monkeypatch.setattr("cinegen.workspace.maps._QUICK", 2)
 
 
 def until(true):
@@ -78,14 +78,14 @@ def children(pid):
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
-@pytest.mark.parametrize(("name", "of"), [("planar_3r", of_motors), ("delta4", of_motors), ("delta4", of_delta)])
+@pytest.mark.parametrize(("name", "of"), [("planar_3r", over_joints), ("delta4", over_joints), ("delta4", of_delta)])
 def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capfd, name, of):
     spec = of(robot(name))
     make_map(spec, tmp_path / "one.zarr", workers=1, most=MOST)
     told = []
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        make_map(spec, tmp_path / "two.zarr", scheduler=address, most=MOST, say=lambda *done: told.append(done))
+        make_map(spec, tmp_path / "two.zarr", scheduler=address, most=MOST, report=lambda *done: told.append(done))
     assert digest(tmp_path / "one.zarr") == digest(tmp_path / "two.zarr")
     assert [told[0], told[-1]] == [
         (0, spec.region.size),
@@ -96,7 +96,7 @@ def test_two_processes_make_the_same_bytes_as_one(robot, address, tmp_path, capf
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(spec, whole, client, address, tmp_path, capfd):
+def test_a_process_that_is_killed_is_replaced_and_its_chunks_are_made(spec, whole, client, address, tmp_path, capfd):
     before, killed = pids(client), []
 
     def kill(done, size):
@@ -104,7 +104,7 @@ def test_a_process_that_is_killed_is_replaced_and_its_pieces_are_made(spec, whol
             killed.append(min(before))
             os.kill(killed[0], signal.SIGKILL)
 
-    make_map(spec, tmp_path / "map.zarr", scheduler=address, most=MOST, say=kill)
+    make_map(spec, tmp_path / "map.zarr", scheduler=address, most=MOST, report=kill)
     assert killed
     assert digest(tmp_path / "map.zarr") == digest(whole)
     assert capfd.readouterr() == ("", "")
@@ -122,30 +122,30 @@ def test_a_disk_that_is_full_for_others_is_said_here_and_what_was_finished_stays
 
     def fill(done, _):
         if done and not before:
-            before.update(files(path / "settled"))
+            before.update(files(path / "status"))
             client.run(limit, 50)
 
-    with pytest.raises(MapError, match=r"map.zarr can't be written: File too large. What was finished stays"):
-        make_map(spec, path, scheduler=address, most=MOST, say=fill)
+    with pytest.raises(MapError, match=r"map.zarr can't be written: File too large. Complete chunks stay"):
+        make_map(spec, path, scheduler=address, most=MOST, report=fill)
     client.run(limit, resource.RLIM_INFINITY)
-    assert 0 < store.Store(path).done < spec.region.size
+    assert 0 < MapStore(path).done < spec.region.size
     make_map(spec, path, scheduler=address, most=MOST)
     assert digest(path) == digest(whole)
-    assert before.items() <= files(path / "settled").items()
+    assert before.items() <= files(path / "status").items()
     assert capfd.readouterr() == ("", "")
 
 
-def test_damaged_pieces_are_found_by_those_who_read(spec, whole, address, tmp_path):
+def test_damaged_chunks_are_found_by_those_who_read(spec, whole, address, tmp_path):
     path = Path(shutil.copytree(whole, tmp_path / "map.zarr"))
     (path / "margin/c.0.2.0").write_bytes(b"")
-    store.Store(path).forget((0, 0, 0))
+    MapStore(path).discard(0)
     before = files(path)
     make_map(spec, path, scheduler=address)
     assert digest(path) == digest(whole)
     changed = {name for name, file in files(path).items() if before.get(name) != file}
     assert changed == {f"{name}/c.{index}{more}" for index in ("0.0.0", "0.2.0")
                        for name, more in (("sigma_1", ""), ("margin", ""), ("configuration", ".0"), ("reachable", ""),
-                                          ("settled", ""))}  # fmt: skip
+                                          ("status", ""))}  # fmt: skip
 
 
 def test_few_tasks_are_under_way_however_many_there_are(client):
@@ -167,7 +167,7 @@ def test_few_tasks_are_under_way_however_many_there_are(client):
 
 
 def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
-    with pytest.raises(MapError, match=r"a task could not be done: .*division.*What was finished stays"):
+    with pytest.raises(MapError, match=r"a task could not be done: .*division.*Complete chunks stay"):
         list(cluster.each(client, divmod, [0], 1))
     with pytest.raises(MapError, match="there is no map at /proc/nowhere"):
         list(cluster.each(client, open_map, ["/proc/nowhere"]))
@@ -188,14 +188,14 @@ SCRIPT = f"""
 import sys
 sys.path.insert(0, {str(HERE)!r})
 import cinegen
-from cinegen.workspace import make, make_map
-from folders import of_motors
-make.BY_MOTORS, make._QUICK = {MOST}, 2
+from cinegen.workspace import make_map, maps
+from folders import over_joints
+maps.OVER_JOINTS, maps._QUICK = {MOST}, 2
 def say(done, size):
     print(done, flush=True)
     if done:
         input()
-make_map(of_motors(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most={MOST}, say=say)
+make_map(over_joints(cinegen.load(sys.argv[1]), 6), sys.argv[2], workers=2, most={MOST}, report=say)
 """
 
 
@@ -218,10 +218,10 @@ def test_a_script_without_a_guard_that_is_stopped_takes_its_processes_along(spec
         assert process.returncode == -how
         assert said.count("Traceback") == (how == signal.SIGINT)  # Python's own
         assert said.rstrip().endswith("KeyboardInterrupt" if how == signal.SIGINT else "")
-        done = store.Store(path).done
+        done = MapStore(path).done
         assert 0 < done < spec.region.size
-        before = files(path / "settled")
+        before = files(path / "status")
         make_map(spec, path, scheduler=address)
         assert digest(path) == digest(whole)
-        assert before.items() <= files(path / "settled").items()
+        assert before.items() <= files(path / "status").items()
     assert set(os.listdir(tmp_path)) == {"script.py", f"{signal.SIGKILL}.zarr", f"{signal.SIGINT}.zarr"}

@@ -20,9 +20,9 @@ import cinegen
 from cinegen.model.load import build
 from cinegen.singularities import singularity
 from cinegen.workspace import QUANTITIES, MapError, MapSpecification, make_map
-from cinegen.workspace.by_pose import sphere
+from cinegen.workspace.by_pose import fibonacci_sphere
 
-SURVEYS = {
+SPECIFICATIONS = {
     "five_bar": over(("x", -0.5, 0.5, 6), ("y", -0.5, 0.5, 6)),
     "delta4": over(("x", -1.5, 1.4, 4), ("y", -1.5, 1.3, 4), ("z", -3.0, -1.0, 3)),
     "gough": over(("x", -0.3, 0.3, 5), ("rz", -0.3, 0.3, 5)),
@@ -60,10 +60,10 @@ def by_motors(spec, q):
     return mechanism.jacobian(q, spec.node) @ moved
 
 
-@pytest.mark.parametrize("name", SURVEYS)
+@pytest.mark.parametrize("name", SPECIFICATIONS)
 def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot, name):
     mechanism = robot(name)
-    region = SURVEYS[name]
+    region = SPECIFICATIONS[name]
     spec = MapSpecification(mechanism, region, ("sigma_1", "sigma_2"))
     assert ("sigma_2" in spec.quantities) == bool(mechanism.passive_rank)
     for q, values in cells(spec):
@@ -74,9 +74,9 @@ def test_smallest_singular_values_are_those_of_the_study_of_singularities(robot,
             assert values["sigma_2"] == pytest.approx(studied.sigma[1], rel=1e-5, abs=1e-7)
 
 
-@pytest.mark.parametrize("name", SURVEYS)
+@pytest.mark.parametrize("name", SPECIFICATIONS)
 def test_condition_and_manipulability_are_numpy_s(robot, name):
-    spec = MapSpecification(robot(name), SURVEYS[name], ("sigma_1", "condition", "manipulability"))
+    spec = MapSpecification(robot(name), SPECIFICATIONS[name], ("sigma_1", "condition", "manipulability"))
     straight, turn = spec.counted
     length = spec.mechanism.length
     scale = spec.mechanism.scale[[spec.mechanism.v_index(n) for n in spec.mechanism.actuated]]
@@ -172,12 +172,12 @@ def greatest_force(mechanism, q, node, along):
     return -best.fun
 
 
-@pytest.mark.parametrize("name", SURVEYS)
+@pytest.mark.parametrize("name", SPECIFICATIONS)
 def test_speeds_and_forces_are_those_of_linear_programmes(robot, name):
     """In all joints' velocities and all loops' forces, not in what motors do."""
     along = (0.48, 0.6, 0.64) if name not in ("five_bar", "planar_3r") else (0.6, 0.8, 0.0)
     mechanism = robot(name)
-    spec = MapSpecification(mechanism, SURVEYS[name], ("velocity", "force"), along=along)
+    spec = MapSpecification(mechanism, SPECIFICATIONS[name], ("velocity", "force"), along=along)
     for q, values in cells(spec):
         assert values["velocity"] == pytest.approx(greatest_speed(mechanism, q, spec.node, along), rel=1e-4)
         assert values["force"] == pytest.approx(greatest_force(mechanism, q, spec.node, along), rel=1e-4)
@@ -219,7 +219,7 @@ def test_a_scissor_lift_rises_as_fast_as_finite_differences_say(raff, motor, low
 
 def test_no_motors_at_random_are_faster_and_some_are_as_fast(robot):
     """Of the redundant arm: speeds are greatest at the corners of what limits allow."""
-    spec = MapSpecification(robot("planar_3r"), SURVEYS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
+    spec = MapSpecification(robot("planar_3r"), SPECIFICATIONS["planar_3r"], ("velocity",), along=(1.0, 0.0, 0.0))
     limits = robot("planar_3r").model.upperVelocityLimit
     for q, values in cells(spec):
         jacobian = (robot("planar_3r").placement(q, "tool").rotation @ by_motors(spec, q)[:3])[0]
@@ -248,10 +248,10 @@ def test_an_arm_that_is_stretched_can_t_move_outward(robot):
 # --- limits, directions, obstacles -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SURVEYS)
+@pytest.mark.parametrize("name", SPECIFICATIONS)
 def test_margin_is_the_least_of_all_joints(robot, name):
     mechanism = robot(name)
-    for q, values in cells(MapSpecification(mechanism, SURVEYS[name], ("margin",))):
+    for q, values in cells(MapSpecification(mechanism, SPECIFICATIONS[name], ("margin",))):
         margins = []
         for joint in mechanism.joints:
             low, high = (getattr(mechanism.model, f"{end}PositionLimit")[mechanism.q_index(joint)]
@@ -270,7 +270,7 @@ def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
     angles = mapped(spec)["solid_angle"]
     if not limits:
         np.testing.assert_allclose(angles, 4.0 * math.pi, rtol=1e-6)
-    turns = np.array([pin.Quaternion.FromTwoVectors(np.eye(3)[2], d).matrix() for d in sphere(80)])
+    turns = np.array([pin.Quaternion.FromTwoVectors(np.eye(3)[2], d).matrix() for d in fibonacci_sphere(80)])
     for x, angle in zip(*middles(region), angles, strict=True):
         points = np.tile([x, 0.1, -0.3], (80, 1))
         wanted = rx90(points, turns, limits, order=False).mean() * 4.0 * math.pi
@@ -278,7 +278,7 @@ def test_a_wrist_points_everywhere_but_where_its_limits_forbid(robot, limits):
 
 
 def test_directions_are_even_and_of_unit_length():
-    directions = sphere(500)
+    directions = fibonacci_sphere(500)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
     np.testing.assert_allclose(directions.mean(axis=0), 0.0, atol=5e-3)
     np.testing.assert_allclose(3.0 * directions.T @ directions / 500, np.eye(3), atol=2e-2)
@@ -291,7 +291,7 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
         "obstacle": [{"kind": "sphere", "radius": size, "point": ball.tolist()}],
     }
     mechanism = robot("arm7")
-    spec = MapSpecification(mechanism, SURVEYS["arm7"], ("clearance",), scene=scene)
+    spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
     from cinegen.collision.around import links_of
 
     bodies, links = links_of(mechanism)
@@ -323,7 +323,7 @@ def test_all_quantities_in_one_pass_are_those_one_by_one(robot):
 
 
 def test_a_mechanism_of_another_process_says_the_same(robot):
-    spec = MapSpecification(robot("five_bar"), SURVEYS["five_bar"], ("sigma_1", "velocity"))
+    spec = MapSpecification(robot("five_bar"), SPECIFICATIONS["five_bar"], ("sigma_1", "velocity"))
     again = MapSpecification.of_attributes(spec.attributes)
     assert isinstance(again.mechanism, cinegen.Mechanism)
     one, two = mapped(spec), mapped(again)
@@ -380,10 +380,10 @@ def _slide(name):
     )
 
 
-@pytest.mark.parametrize("name", ["sigma_1", "settled", "joint", "left/elbow"])
+@pytest.mark.parametrize("name", ["sigma_1", "status", "joint", "left/elbow"])
 def test_a_motor_whose_name_a_map_can_t_hold_is_refused(name):
     arm = _slide(name)
-    with pytest.raises(MapError, match=f"no map over motor '{name}', whose name .*: rename it"):
+    with pytest.raises(MapError, match=f"the name of joint '{name}' .*: rename it"):
         MapSpecification(arm, over((name, -0.5, 0.5, 3)))
     assert MapSpecification(arm, over(("x", -0.5, 0.5, 3))).region.size == 3
 

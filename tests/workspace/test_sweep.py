@@ -14,14 +14,12 @@ from hypothesis import strategies as st
 import cinegen
 import raff2urdf
 from cinegen.plotting import DrawingError
-from cinegen.plotting.sweep import check_drawable, draw_table
+from cinegen.plotting.sweep import check_drawable, draw_sweep
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
-from cinegen.workspace.sweep import Box, Parameter, Variation, sweep, variants
-from cinegen.workspace.sweep.dexterity import dexterity
-from cinegen.workspace.sweep.field import Field
-from cinegen.workspace.sweep.parameter import KLEINFINGER
-from cinegen.workspace.sweep.regular import Regularity, regularity
+from cinegen.workspace.sweep import Parameter, Variation, WantedBox, sweep, variants
+from cinegen.workspace.sweep.box_analysis import BoxConfigurations, Regularity, dexterity, regularity
+from cinegen.workspace.sweep.variants import KLEINFINGER
 
 ARM = """RAFF Arm
 robot arm {{
@@ -84,8 +82,8 @@ def test_one_value_needs_no_range():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("link2.d", "says no values"),
-        ("link2.d=100..200", "how many values: write such as link2.d=100..200:5"),
+        ("link2.d", "has no values"),
+        ("link2.d=100..200", "lacks the number of values: write for instance link2.d=100..200:5"),
         ("link2.d=100..200:some", "'some' is no number of values"),
         ("link2.d=100..200:0", "0 values"),
         ("link2.d=100..200:1", "one value can't go from 100 to 200"),
@@ -95,9 +93,9 @@ def test_one_value_needs_no_range():
         ("link2.d=0..inf:2", "no range of numbers"),
         ("link2.lenght=1..2:2", "no parameter 'lenght'"),
         ("link2.alfa=1..2:2", "did you mean 'alpha'"),
-        ("link2=1..2:2", "names no parameter"),
+        ("link2=1..2:2", "is no parameter"),
         ("link2.d+link2.d=1..2:2", "named twice"),
-        ("=1..2:2", "names no parameter"),
+        ("=1..2:2", "is no parameter"),
     ],
 )
 def test_what_makes_no_variation_is_said(text, words):
@@ -177,7 +175,7 @@ def test_a_planar_arm_reaches_an_annulus_and_moves_as_known(arm, tmp_path):
         assert row.values == {"tool.d": 1000 * d}
         area = 4.0 * math.pi * 0.4 * d  # pi (sum^2 - difference^2)
         assert abs(row.extent.value - area) <= row.extent.error < 0.3 * area
-        assert not row.whole
+        assert not row.covers_box
         assert row.dexterity.reached == pytest.approx(row.extent.value / 1.6**2)
         # A configuration's condition, from its Jacobian by hand (Salisbury and Craig's example).
         dataset = open_map(tmp_path / "out" / row.name / "map.zarr")
@@ -194,31 +192,31 @@ def test_a_planar_arm_reaches_an_annulus_and_moves_as_known(arm, tmp_path):
 
 
 def test_a_wanted_box_is_wholly_reached_or_not(arm, tmp_path):
-    box = Box({"x": (0.3, 0.5), "y": (-0.1, 0.1)})  # its far corners are at 510 mm, the near side at 300
+    box = WantedBox({"x": (0.3, 0.5), "y": (-0.1, 0.1)})  # its far corners are at 510 mm, the near side at 300
     table = sweep(arm, parse("tool.d=50..250:3"), square(0.6, 24), tmp_path / "out", box=box, workers=1)
-    assert [row.whole for row in table.rows] == [False, True, True]
-    assert [row.good for row in table.rows] == [False, True, True]
-    assert table.good == table.rows[1:]
+    assert [row.covers_box for row in table.rows] == [False, True, True]
+    assert [row.suitable for row in table.rows] == [False, True, True]
+    assert table.suitable == table.rows[1:]
     assert table.rows[0].dexterity.reached == pytest.approx(0.5, abs=0.2)
 
 
 def test_of_a_box_that_is_out_of_reach_nothing_is_known(arm, tmp_path):
-    box = Box({"x": (0.6, 0.7), "y": (0.6, 0.7)})
+    box = WantedBox({"x": (0.6, 0.7), "y": (0.6, 0.7)})
     (row,) = sweep(arm, parse("tool.d=250"), square(0.7, 14), tmp_path / "out", box=box, workers=1).rows
-    assert (row.dexterity.reached, row.whole, row.good, row.singular) == (0.0, False, False, "-")
+    assert (row.dexterity.reached, row.covers_box, row.suitable, row.singular) == (0.0, False, False, "-")
     assert row.as_dict()["sigma_1_worst"] is None
 
 
 def test_cells_of_a_box_are_those_that_it_touches():
     region = Region((GridAxis("x", -1.0, 1.0, 20), GridAxis("y", 0.0, 0.3, 3)))
-    assert Box().cells(region) == (slice(0, 20), slice(0, 3))
-    assert Box({"x": (-0.3, 0.1), "y": (0.1, 0.2)}).cells(region) == (slice(7, 11), slice(1, 2))
-    assert Box({"x": (-0.31, 0.11)}).cells(region)[0] == slice(6, 12)
+    assert WantedBox().cells(region) == (slice(0, 20), slice(0, 3))
+    assert WantedBox({"x": (-0.3, 0.1), "y": (0.1, 0.2)}).cells(region) == (slice(7, 11), slice(1, 2))
+    assert WantedBox({"x": (-0.31, 0.11)}).cells(region)[0] == slice(6, 12)
     for box, words in (({"z": (0.0, 1.0)}, "no axis 'z'"), ({"x": (0.0, 1.2)}, "goes beyond the maps")):
         with pytest.raises(MapError, match=words):
-            Box(box).cells(region)
+            WantedBox(box).cells(region)
     with pytest.raises(MapError, match="lower end first"):
-        Box({"x": (1.0, 0.0)})
+        WantedBox({"x": (1.0, 0.0)})
 
 
 @given(st.data())
@@ -231,17 +229,17 @@ def test_points_of_a_box_are_all_over_it_and_on_its_borders(data):
         if last - first > 1e-3:
             ranges[name] = (low + first, low + last)
     region = Region(tuple(axes))
-    lattice = Box(ranges).lattice(region)
-    assert len(lattice.values) == lattice.size == math.prod(lattice.shape)
+    grid = WantedBox(ranges).grid(region)
+    assert len(grid.values) == grid.size == math.prod(grid.shape)
     for k, axis in enumerate(axes):
-        values = np.unique(lattice.values[:, k])
+        values = np.unique(grid.values[:, k])
         assert [values[0], values[-1]] == list(ranges.get(axis.name, (axis.low, axis.high)))
         assert (np.diff(values) > 0.0).all()
         assert np.diff(values).max() <= axis.width * (1.0 + 1e-9)
     area = math.prod(high - low for low, high in (ranges.get(axis.name, (axis.low, axis.high)) for axis in axes))
-    assert lattice.sizes.sum() == pytest.approx(area, rel=1e-6)
-    whole = ~lattice.cut
-    np.testing.assert_array_equal(lattice.values[lattice.middles][whole], region.values(lattice.cells)[whole])
+    assert grid.sizes.sum() == pytest.approx(area, rel=1e-6)
+    whole = ~grid.cut
+    np.testing.assert_array_equal(grid.values[grid.middles][whole], region.values(grid.cells)[whole])
 
 
 @pytest.fixture(scope="module")
@@ -257,13 +255,13 @@ def coarse(tmp_path_factory):
 @given(st.floats(0.2, 0.65), st.floats(-0.4, 0.35), st.floats(0.01, 0.3), st.floats(0.01, 0.3))
 def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high):
     spec, q = coarse
-    box = Box({"x": (x, min(x + wide, 0.7)), "y": (y, min(y + high, 0.4))})
-    lattice = box.lattice(spec.region)
+    box = WantedBox({"x": (x, min(x + wide, 0.7)), "y": (y, min(y + high, 0.4))})
+    grid = box.grid(spec.region)
     far = math.hypot(box.ranges["x"][1], max(map(abs, box.ranges["y"])))
     if abs(far - 0.65) < 1e-3:  # just stretched
         return
-    touched = q[lattice.cells]
-    field = Field(spec, lattice, touched)
+    touched = q[grid.cells]
+    field = BoxConfigurations(spec, grid, touched)
     if far > 0.65:
         assert not field.reached.all()
     elif np.isfinite(touched).all():
@@ -277,13 +275,13 @@ def test_a_box_is_reached_as_far_as_its_far_corners_are(coarse, x, y, wide, high
 def test_an_arm_that_is_too_short_for_a_corner_is_not_good(root, tmp_path):
     """Of a five-bar: the far corner is 559 mm from a motor, beyond the middle of the last cell."""
     region = Region((GridAxis("x", -0.42, 0.42, 20), GridAxis("y", 0.0, 0.72, 20)))
-    box = Box({"x": (-0.1, 0.1), "y": (0.4, 0.5)})
+    box = WantedBox({"x": (-0.1, 0.1), "y": (0.4, 0.5)})
     five_bar = root / "robots" / "five_bar.raff"
     table = sweep(five_bar, parse("link5.d+tool.d=304..314:3"), region, tmp_path / "out", box=box, workers=1)
     long = [0.25 + row.values["link5.d+tool.d"] / 1000 >= math.hypot(0.25, 0.5) for row in table.rows]
     assert long == [False, False, True]
-    assert [row.whole for row in table.rows] == [row.good for row in table.rows] == long
-    assert [row.as_dict()["whole"] for row in table.rows] == long
+    assert [row.covers_box for row in table.rows] == [row.suitable for row in table.rows] == long
+    assert [row.as_dict()["covers_box"] for row in table.rows] == long
     assert [" 100 %" in line and "< 100 %" not in line for line in table.text().splitlines()[1:]] == long
 
 
@@ -297,8 +295,8 @@ def five_bar_map(robot, tmp_path, region, **more):
 
 
 def of_box(spec, box, configurations) -> Regularity:
-    lattice = box.lattice(spec.region)
-    return regularity(Field(spec, lattice, configurations[lattice.cells]))
+    grid = box.grid(spec.region)
+    return regularity(BoxConfigurations(spec, grid, configurations[grid.cells]))
 
 
 def between_bars(q):
@@ -318,8 +316,8 @@ def test_motors_lose_hold_of_a_five_bar_where_its_outer_bars_are_in_line(robot, 
         if not np.isfinite(q[cells]).all():
             continue
         borders = (axis.borders[part.start : part.stop + 1] for axis, part in zip(region.axes, cells, strict=True))
-        box = Box({name: (at[0], at[-1]) for name, at in zip("xy", borders, strict=True)})
-        field = Field(spec, box.lattice(region), q[cells])
+        box = WantedBox({name: (at[0], at[-1]) for name, at in zip("xy", borders, strict=True)})
+        field = BoxConfigurations(spec, box.grid(region), q[cells])
         found = regularity(field)
         if not found.joined or found.first:
             continue
@@ -339,7 +337,7 @@ def test_over_motors_a_node_loses_a_motion_where_an_arm_is_stretched(robot, tmp_
         q = dataset.configuration.values
         bent = np.sin(q[..., [1, 3]])  # at the elbows
         assert stretched == bool((bent.min(axis=(0, 1)) * bent.max(axis=(0, 1)) < 0.0).any())
-        found = of_box(spec, Box(), q)
+        found = of_box(spec, WantedBox(), q)
         assert found.first == stretched
         assert found.kind is (SingularityType.TYPE_1 if stretched else SingularityType.NONE)
         assert bool(found) == (not stretched)
@@ -350,10 +348,10 @@ def test_a_singularity_on_the_rim_of_a_region_or_within_its_last_cells_is_seen(a
     region = Region((GridAxis("joint1", -1.0, 1.0, 2), GridAxis("joint2", low, low + 1.0, 5)))
     spec = MapSpecification(cinegen.load(arm), region, ("sigma_1",))
     q = make_map(spec, tmp_path / "map.zarr", workers=1).configuration.values
-    found = of_box(spec, Box(), q)
+    found = of_box(spec, WantedBox(), q)
     assert found.first == (low <= 0.0 <= low + 1.0)
     assert bool(found) != found.first
-    inside = Box({"joint2": (low + 0.03, low + 0.97)})
+    inside = WantedBox({"joint2": (low + 0.03, low + 0.97)})
     assert of_box(spec, inside, q).first == (low + 0.03 <= 0.0 <= low + 0.97)
 
 
@@ -378,10 +376,10 @@ def test_numbers_are_those_of_the_branch_that_is_judged(robot, tmp_path):
     spec, dataset = five_bar_map(robot, tmp_path, region, limits=False)
     mechanism, q = spec.mechanism, dataset.configuration.values
     other = np.array([bent_the_other_way(mechanism, one) for one in q.reshape(-1, q.shape[-1])]).reshape(q.shape)
-    lattice, right = Box().lattice(region), np.arange(6)[:, None, None] >= 3
+    grid, right = WantedBox().grid(region), np.arange(6)[:, None, None] >= 3
     found = []
     for held in (q, np.where(right, other, q), other, np.where(right, q, other)):
-        field = Field(spec, lattice, held)
+        field = BoxConfigurations(spec, grid, held)
         assert regularity(field)
         numbers = dexterity(field)
         second = [field.passive.sigma(field.passive.of(one)[None])[0] for one in field.q]
@@ -401,7 +399,7 @@ def test_configurations_on_two_branches_are_led_on_to_one(arm, tmp_path):
     x, y = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
     mirrored = np.stack([2.0 * np.arctan2(y, x) - q[..., 0], -q[..., 1]], axis=-1)
     for given_ in (q, mirrored, np.where(np.arange(6)[:, None, None] < 3, q, mirrored)):
-        assert of_box(spec, Box(), given_)
+        assert of_box(spec, WantedBox(), given_)
 
 
 def test_a_box_through_which_a_limit_goes_is_reached_but_not_on_one_branch(arm, tmp_path):
@@ -411,13 +409,13 @@ def test_a_box_through_which_a_limit_goes_is_reached_but_not_on_one_branch(arm, 
     boxes = []
     for angle in (behind, behind + 0.8):
         x, y = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
-        boxes.append(Box({"x": (x - 0.05, x + 0.05), "y": (y - 0.05, y + 0.05)}))
+        boxes.append(WantedBox({"x": (x - 0.05, x + 0.05), "y": (y - 0.05, y + 0.05)}))
     rows = [
         sweep(arm, parse("tool.d=250"), square(0.6, 40), tmp_path / "out", box=box, workers=1).rows[0] for box in boxes
     ]
-    assert [row.whole for row in rows] == [True, True]
+    assert [row.covers_box for row in rows] == [True, True]
     assert [row.singular for row in rows] == ["branches meet", "no"]
-    assert [row.good for row in rows] == [False, True]
+    assert [row.suitable for row in rows] == [False, True]
 
 
 @pytest.mark.parametrize("limits", [True, False])
@@ -436,19 +434,19 @@ def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(tmp_pat
     said = []
     region = Region((GridAxis("joint1", math.radians(60), math.radians(80), 8),))
     table = sweep(
-        path, parse("link3.d=20..80:4"), region, tmp_path / "out", workers=1, say=lambda *done: said.append(done)
+        path, parse("link3.d=20..80:4"), region, tmp_path / "out", workers=1, report=lambda *done: said.append(done)
     )
     closed = [d <= 50.0 for d in (20.0, 40.0, 60.0, 80.0)]  # the longest bar against the others: 30 + 10 + 10
     assert [row.dexterity is not None for row in table.rows] == closed
     assert "the mechanism can't be closed: 'frame4-coupler'" in table.rows[-1].remark
     assert "\n" not in table.rows[-1].remark
-    assert not table.rows[-1].good
+    assert not table.rows[-1].suitable
     assert said[-1] == (32, 32)
     assert "'frame4-coupler'" in table.text().splitlines()[-1]
     rows = list(csv.DictReader(io.StringIO((tmp_path / "out" / "table.csv").read_text())))
     assert [bool(row["extent"]) for row in rows] == closed
     assert json.loads(json.dumps(table.as_dict()))["rows"][-1]["extent"] is None
-    draw_table(table)
+    draw_sweep(table)
 
 
 # --- the folder -------------------------------------------------------------------------------------------------------
@@ -460,22 +458,22 @@ def test_a_sweep_goes_on_and_its_variants_can_be_loaded(arm, tmp_path):
     assert sorted(path.name for path in out.iterdir()) == sorted(
         ["sweep.json", "table.csv", *(row.name for row in first.rows)]
     )
-    written = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/settled/c.*")}
+    written = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/status/c.*")}
     assert len(written) >= 4
     for row in first.rows:
         there = raff2urdf.load(out / row.name / "robot.raff").robot().nodes
         assert (there[2].parameters.d, there[20].parameters.d) == tuple(row.values.values())
     text = (out / "table.csv").read_bytes()
-    for path in (out / first.rows[2].name / "map.zarr" / "settled").glob("c.*"):
+    for path in (out / first.rows[2].name / "map.zarr" / "status").glob("c.*"):
         path.unlink()  # as if it had been stopped there
     (out / "table.csv").unlink()
     assert sweep(arm, over, square(0.7, 12), out, workers=1) == first
     assert (out / "table.csv").read_bytes() == text
-    kept = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/settled/c.*")}
+    kept = {path: path.stat().st_mtime_ns for path in out.rglob("map.zarr/status/c.*")}
     assert {path.parents[2].name for path in written if kept[path] != written[path]} == {first.rows[2].name}
-    other = sweep(arm, over, square(0.7, 12), out, box=Box({"x": (0.4, 0.45), "y": (0.0, 0.1)}), workers=1)
+    other = sweep(arm, over, square(0.7, 12), out, box=WantedBox({"x": (0.4, 0.45), "y": (0.0, 0.1)}), workers=1)
     assert [row.extent for row in other.rows] == [row.extent for row in first.rows]
-    assert all(row.whole for row in other.rows)
+    assert all(row.covers_box for row in other.rows)
 
 
 @pytest.mark.parametrize("over", [("tool.d=1..2:2", "frame20.d=3..4:2"), ("tool.d+-frame20.d=1..2:2",)])
@@ -502,20 +500,20 @@ def test_a_folder_of_something_else_is_refused_and_left_alone(arm, tmp_path):
     assert before == {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "letter.txt").write_text("dear")
-    with pytest.raises(MapError, match="something else than a sweep"):
+    with pytest.raises(MapError, match="something other than a sweep"):
         sweep(arm, over, square(0.7, 6), tmp_path / "mine")
     (out / "sweep.json").write_text("{broken")
-    with pytest.raises(MapError, match="can't be gone on with"):
+    with pytest.raises(MapError, match="can't be resumed"):
         sweep(arm, over, square(0.7, 6), out)
-    with pytest.raises(MapError, match=r"can't be (written|gone on with)"):
+    with pytest.raises(MapError, match=r"can't be (written|resumed)"):
         sweep(arm, over, square(0.7, 6), arm)
 
 
 def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
     out, over = tmp_path / "out", parse("link2.d=300..400:2")
     for call, words in (
-        (lambda: sweep(arm, over, square(0.7, 6), out, quantities=("sigma_3",)), "no quantity 'sigma_3'"),
-        (lambda: sweep(arm, over, square(0.7, 6), out, box=Box({"x": (0.0, 2.0)})), "goes beyond the maps"),
+        (lambda: sweep(arm, over, square(0.7, 6), out, quantities=("sigma_3",)), "unknown quantity 'sigma_3'"),
+        (lambda: sweep(arm, over, square(0.7, 6), out, box=WantedBox({"x": (0.0, 2.0)})), "goes beyond the maps"),
         (lambda: sweep(arm, over, square(0.7, 6), out, workers=0), "workers"),
         (lambda: sweep(arm, parse("link9.d=1..2:2"), square(0.7, 6), out), "no link or frame 'link9'"),
         (lambda: sweep(arm, over, Region((GridAxis("z", 0.0, 1.0, 3),)), out), "can't move along z"),
@@ -528,7 +526,7 @@ def test_what_makes_no_sense_is_said_before_anything_is_written(arm, tmp_path):
 def test_side_by_side_processes_find_the_same(arm, tmp_path):
     over, said = parse("link2.d=300..400:2", "tool.d=200..250:2"), []
     one = sweep(arm, over, square(0.7, 8), tmp_path / "one", workers=1)
-    two = sweep(arm, over, square(0.7, 8), tmp_path / "two", workers=2, say=lambda *done: said.append(done))
+    two = sweep(arm, over, square(0.7, 8), tmp_path / "two", workers=2, report=lambda *done: said.append(done))
     assert two == one
     assert (tmp_path / "one" / "table.csv").read_bytes() == (tmp_path / "two" / "table.csv").read_bytes()
     assert said == [(64 * k, 256) for k in range(5)]
@@ -546,15 +544,15 @@ def test_graphics_are_found_from_a_variant(root, tmp_path):
 
 def test_the_picture_shows_what_the_table_says(arm, tmp_path):
     one = sweep(arm, parse("tool.d=200..300:3"), square(0.7, 6), tmp_path / "one", workers=1)
-    above, below = draw_table(one).axes
+    above, below = draw_sweep(one).axes
     np.testing.assert_allclose(above.lines[0].get_ydata(), [row.extent.value for row in one.rows])
     np.testing.assert_allclose(below.lines[0].get_ydata(), [row.dexterity.conditioning.worst for row in one.rows])
     assert "(mm)" in below.get_xlabel()
     two = sweep(arm, parse("tool.d=200..300:3", "link2.d=300..400:2"), square(0.7, 6), tmp_path / "two", workers=1)
-    image = draw_table(two).axes[0].images[0].get_array()
+    image = draw_sweep(two).axes[0].images[0].get_array()
     np.testing.assert_allclose(np.asarray(image).T.ravel(), [row.extent.value for row in two.rows])
     with pytest.raises(DrawingError, match="here 0 do"):
-        draw_table(replace(one, rows=one.rows[:1]))
+        draw_sweep(replace(one, rows=one.rows[:1]))
 
 
 @pytest.mark.parametrize(
@@ -571,5 +569,5 @@ def test_whether_there_is_a_picture_is_known_before_maps_are_made(texts, drawn):
     if drawn:
         check_drawable(parse(*texts))
     else:
-        with pytest.raises(DrawingError, match=r"of one parameter that varies, or of two; here \d do"):
+        with pytest.raises(DrawingError, match=r"over one parameter that varies, or two; here \d do"):
             check_drawable(parse(*texts))

@@ -1,10 +1,8 @@
-"""Design sweeps: a parameter of a robot varies, and each variant gets a map and a row in a table."""
+"""Design sweeps: a parameter of a robot varies, and each variant gets a map and a result."""
 
-from cinegen.workspace.sweep.box import Box
-from cinegen.workspace.sweep.parameter import Parameter
-from cinegen.workspace.sweep.sweep import sweep
-from cinegen.workspace.sweep.table import Row, Table
-from cinegen.workspace.sweep.variant import Variant, variants
-from cinegen.workspace.sweep.variation import Variation
+from cinegen.workspace.sweep.box import WantedBox
+from cinegen.workspace.sweep.result import SweepResult, VariantResult
+from cinegen.workspace.sweep.run import sweep
+from cinegen.workspace.sweep.variants import Parameter, Variant, Variation, variants
 
-__all__ = ["Box", "Parameter", "Row", "Table", "Variant", "Variation", "sweep", "variants"]
+__all__ = ["Parameter", "SweepResult", "Variant", "VariantResult", "Variation", "WantedBox", "sweep", "variants"]

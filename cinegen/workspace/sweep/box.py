@@ -1,28 +1,35 @@
-"""`Box`: that part of a region which a task wants."""
+"""`WantedBox`: the part of a region that a task needs; `BoxGrid`: points in it at which a map is judged."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property, reduce
+
+import numpy as np
+from numpy.typing import NDArray
 
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.region import GridAxis, Region
-from cinegen.workspace.sweep.lattice import Lattice
 from raff2urdf.errors import did_you_mean
 
+Array = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
 _EDGE = 1e-9  # of a cell's width: a box that ends on a border does not touch the next cell
+_WHOLE = 1e-6  # of a cell's width: less is not cut off
 
 
 @dataclass(frozen=True)
-class Box:
-    """Ranges of a region's axes; an axis that is not named is wanted as long as it is.
+class WantedBox:
+    """Ranges of a region's axes; an axis that is not named is wanted over its whole length.
 
     Attributes:
-        ranges: low and high by the axis' name, m or rad.
+        ranges: lower and upper end by the name of the axis, m or rad.
 
     Raises:
-        MapError: a range that goes nowhere.
+        MapError: a range is empty.
     """
 
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
@@ -33,23 +40,23 @@ class Box:
                 raise MapError(f"wanted box: {name} from {low:g} to {high:g} is no range: give the lower end first")
 
     def cells(self, region: Region) -> tuple[slice, ...]:
-        """The cells that it touches, for each axis.
+        """Return the cells that the box touches, for each axis.
 
         Raises:
-            MapError: it names an axis that the region does not have, or goes beyond it.
+            MapError: the box names an axis that the region does not have, or goes beyond it.
         """
         for name in self.ranges:
             if name not in region.names:
                 raise MapError(f"wanted box: the maps have no axis '{name}'{did_you_mean(name, region.names)}")
         return tuple(self._touched(axis) for axis in region.axes)
 
-    def lattice(self, region: Region) -> Lattice:
-        """Points all over it, on its borders too.
+    def grid(self, region: Region) -> BoxGrid:
+        """Return points in the whole box, also on its faces.
 
         Raises:
-            MapError: as of `cells`.
+            MapError: as `cells`.
         """
-        return Lattice(region, self.cells(region), tuple(self._range(axis) for axis in region.axes))
+        return BoxGrid(region, self.cells(region), tuple(self._range(axis) for axis in region.axes))
 
     def _range(self, axis: GridAxis) -> tuple[float, float]:
         return self.ranges.get(axis.name, (axis.low, axis.high))
@@ -60,10 +67,84 @@ class Box:
         if first < -_EDGE or last > axis.count + _EDGE:
             raise MapError(
                 f"wanted box: {axis.name} from {low:g} to {high:g} goes beyond the maps, which end at {axis.low:g} "
-                f"and {axis.high:g}: make these larger"
+                f"and {axis.high:g}: make the maps larger"
             )
         return slice(max(0, math.floor(first + _EDGE)), min(axis.count, math.ceil(last - _EDGE)))
 
-    def document(self) -> dict[str, list[float]]:
-        """As JSON has it, m and rad."""
-        return {name: [low, high] for name, (low, high) in sorted(self.ranges.items())}
+
+@dataclass(frozen=True)
+class BoxGrid:
+    """The middles of the parts of cells that are in a box, and points on its faces, edges and corners next to them.
+
+    Points and cells are numbered with the last axis fastest.
+
+    Attributes:
+        region: the grid of the map.
+        cells: the cells that the box touches, for each axis.
+        ranges: lower and upper end of the box for each axis, m or rad.
+    """
+
+    region: Region
+    cells: tuple[slice, ...]
+    ranges: tuple[tuple[float, float], ...]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of points along each axis."""
+        return tuple(len(values) for values in self._axes)
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return math.prod(self.shape)
+
+    @cached_property
+    def values(self) -> Array:
+        """(n, axes) coordinates of the points, m or rad."""
+        return np.column_stack([values.ravel() for values in np.meshgrid(*self._axes, indexing="ij")])
+
+    @cached_property
+    def middles(self) -> Ints:
+        """(cells,) number of the point in the middle of the part of each cell that is in the box."""
+        numbers = np.arange(self.size).reshape(self.shape)
+        return numbers[(slice(1, -1),) * len(self.shape)].ravel()
+
+    @cached_property
+    def cut(self) -> NDArray[np.bool_]:
+        """(cells,) whether only a part of each cell is in the box."""
+        return np.asarray((self.values[self.middles] != self.region.values(self.cells)).any(axis=1))
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(cells,) size of the part of each cell that is in the box, in the unit of `Region.sizes`."""
+        along = [
+            sizes[cells] * np.diff(borders) / axis.width
+            for axis, cells, sizes, borders in zip(
+                self.region.axes, self.cells, self.region.sizes, self._borders, strict=True
+            )
+        ]
+        return np.asarray(reduce(np.multiply.outer, along)).ravel()
+
+    @property
+    def edges(self) -> Ints:
+        """(m, 2) numbers of neighbouring points, the smaller one first."""
+        numbers, pairs = np.arange(self.size).reshape(self.shape), []
+        for axis in range(len(self.shape)):
+            moved = np.moveaxis(numbers, axis, 0)
+            pairs.append(np.column_stack([moved[:-1].ravel(), moved[1:].ravel()]))
+        return np.concatenate(pairs)
+
+    @cached_property
+    def _axes(self) -> tuple[Array, ...]:
+        found = []
+        for axis, cells, borders in zip(self.region.axes, self.cells, self._borders, strict=True):
+            whole = np.diff(borders) >= (1.0 - _WHOLE) * axis.width
+            middles = np.where(whole, axis.middles(cells), 0.5 * (borders[:-1] + borders[1:]))
+            found.append(np.r_[borders[0], middles, borders[-1]])
+        return tuple(found)
+
+    @cached_property
+    def _borders(self) -> tuple[Array, ...]:
+        """Borders of the cells along each axis, cut off at the box."""
+        parts = zip(self.region.axes, self.cells, self.ranges, strict=True)
+        return tuple(np.clip(axis.borders[cells.start : cells.stop + 1], *ends) for axis, cells, ends in parts)

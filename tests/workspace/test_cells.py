@@ -8,9 +8,8 @@ from mapped import mapped, over
 from cinegen.model.load import build
 from cinegen.singularities import SingularityType
 from cinegen.singularities.crossing import of_node
-from cinegen.workspace import MapError, MapSpecification
+from cinegen.workspace import MapError, MapSpecification, make_map
 from cinegen.workspace.loci import loci
-from cinegen.workspace.make import make_map
 
 FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link name="a"/><link name="tool"/>
   <joint name="free" type="floating"><parent link="world"/><child link="base"/></joint>

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
-from cinegen.workspace.compare import compare
+from cinegen.workspace.comparison import compare
 
 LENS = 2.0 * 0.7**2 * math.acos(0.2 / 0.7) - 0.2 * math.sqrt(4.0 * 0.7**2 - 0.4**2)
 """Of two discs of 700 whose middles are 400 apart: r^2 2 acos(d / 2r) - d/2 sqrt(4r^2 - d^2)."""
@@ -57,7 +57,7 @@ def test_quantities_differ_as_the_closed_form_says(both, robot):
 
     difference = found.differences["manipulability"]
     np.testing.assert_allclose(difference.values, manipulability(-0.2) - manipulability(0.2), atol=1e-6)
-    least, median, most = difference.spread
+    least, median, most = difference.range
     assert least == pytest.approx(-most, abs=1e-6)  # mirrored
     assert median == pytest.approx(0.0, abs=1e-6)
 
@@ -66,7 +66,7 @@ def test_a_map_and_itself_differ_in_nothing(both):
     found = compare(both[0], both[0])
     assert found.both.value == found.first.value
     assert found.only_first.cells == found.only_second.cells == 0
-    assert found.differences["manipulability"].spread == (0.0, 0.0, 0.0)
+    assert found.differences["manipulability"].range == (0.0, 0.0, 0.0)
     assert not found.remarks
 
 
@@ -93,7 +93,7 @@ def test_grids_that_are_parts_of_one_agree_to_the_bit(made, both):
     found = compare(both[0], part)
     assert found.region.shape == (20, 50)
     assert (found.only_first.cells, found.only_second.cells) == (0, 0)
-    assert max(map(abs, found.differences["manipulability"].spread)) < 1e-6
+    assert max(map(abs, found.differences["manipulability"].range)) < 1e-6
 
 
 def test_it_is_said_in_words_and_as_json(both):
@@ -102,15 +102,15 @@ def test_it_is_said_in_words_and_as_json(both):
     assert "50 x 50 cells over x -1 to 1, y -1 to 1" in said
     lines = {line.split("  ")[1]: line for line in said.splitlines() if line.startswith("  ")}
     assert lines["both"].endswith(f"  {found.both}")
-    assert "second less first" in lines["manipulability"]
+    assert "second minus first" in lines["manipulability"]
     told = json.loads(json.dumps(found.as_dict()))
     assert told["extents"]["both"]["value"] == found.both.value
-    assert told["differences"]["manipulability"]["least"] == found.differences["manipulability"].spread[0]
+    assert told["differences"]["manipulability"]["min"] == found.differences["manipulability"].range[0]
 
 
 def test_what_nobody_has_looked_at_is_in_the_bound(both):
     part = both[1].load().copy(deep=True)
-    part["settled"][20:30] = 0
+    part["status"][20:30] = 0
     part["reachable"][20:30] = False
     found, whole = compare(both[0], part), compare(*both)
     assert found.both.value < whole.both.value <= found.both.high

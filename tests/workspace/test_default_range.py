@@ -8,7 +8,7 @@ import pytest
 from mapped import mapped, over
 
 from cinegen.workspace import MapError, MapSpecification
-from cinegen.workspace.about import about
+from cinegen.workspace.default_range import default_range
 
 
 @pytest.mark.parametrize("name", ["delta4", "five_bar", "gough", "planar_3r", "rx90"])
@@ -25,9 +25,9 @@ def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can
         values = np.array(places)[:, k]
         if np.ptp(values) < 1e-9:
             with pytest.raises(MapError, match=f"can't move along {coordinate}"):
-                about(mechanism, coordinate)
+                default_range(mechanism, coordinate)
             continue
-        first, last = about(mechanism, coordinate)
+        first, last = default_range(mechanism, coordinate)
         assert first <= values.min()
         assert values.max() <= last
         assert f"{first:.4g}" == f"{first}".removesuffix(".0")  # easily read
@@ -35,23 +35,23 @@ def test_what_is_reached_from_home_lies_in_the_range_of_each_coordinate_that_can
 
 def test_motors_go_as_far_as_their_limits_or_half_a_turn(robot):
     five_bar = robot("five_bar")
-    assert about(five_bar, "joint1") == pytest.approx((math.radians(60.0), math.radians(200.0)))
+    assert default_range(five_bar, "joint1") == pytest.approx((math.radians(60.0), math.radians(200.0)))
 
 
 def test_turns_are_at_most_half_a_turn_and_a_sphere_is_whole(robot):
     gough = robot("gough")
     for name in ("rx", "ry", "rz"):
-        low, high = about(gough, name)
+        low, high = default_range(gough, name)
         assert -math.pi <= low < high <= math.pi
-    assert about(gough, "azimuth") == (-math.pi, math.pi)
-    assert about(gough, "elevation") == (-math.pi / 2, math.pi / 2)
+    assert default_range(gough, "azimuth") == (-math.pi, math.pi)
+    assert default_range(gough, "elevation") == (-math.pi / 2, math.pi / 2)
     home = pin.SE3(gough.placement(gough.q_home, gough.end)).translation
-    assert about(gough, "radius")[1] > np.linalg.norm(home)
+    assert default_range(gough, "radius")[1] > np.linalg.norm(home)
 
 
 def test_what_there_is_not_is_said(robot):
-    with pytest.raises(MapError, match="no coordinate 'q'"):
-        about(robot("gough"), "q")
+    with pytest.raises(MapError, match="unknown coordinate 'q'"):
+        default_range(robot("gough"), "q")
 
 
 @pytest.mark.parametrize("name", ["tssm", "sr400", "gough", "hybrid"])
@@ -60,7 +60,7 @@ def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(ro
     mechanism = robot(name)
     axes = []
     for coordinate in "xyz":
-        low, high = about(mechanism, coordinate)
+        low, high = default_range(mechanism, coordinate)
         axes.append((coordinate, low - 0.3 * (high - low), high + 0.3 * (high - low), 8))
     reached = mapped(MapSpecification(mechanism, over(*axes), ()))["reachable"]
     outside = [
@@ -73,6 +73,6 @@ def test_a_range_holds_what_is_reached_also_where_few_configurations_are_seen(ro
 def test_a_radius_reaches_to_all_places_from_any_centre(robot, centre):
     arm7 = robot("arm7")
     places = [arm7.placement(q, arm7.end).translation for q in arm7.random_closed(100, seed=3)]
-    low, high = about(arm7, "radius", centre=centre)
+    low, high = default_range(arm7, "radius", centre=centre)
     assert low == 0.0
     assert np.linalg.norm(np.array(places) - centre, axis=1).max() <= high

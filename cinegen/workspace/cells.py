@@ -1,0 +1,71 @@
+"""Evaluated cells of a chunk: their status, their configurations, and what the quantities are computed from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.ik.batch import Evaluations
+from cinegen.workspace.specification import MapSpecification
+
+Array = NDArray[np.float64]
+
+
+class CellStatus(IntEnum):
+    """Whether a cell is reachable, and how that was found out."""
+
+    NOT_EVALUATED = 0
+    REACHABLE = 1
+    """Continued from a neighbouring cell or, over actuated joints, from the cell before."""
+    REACHABLE_BY_SEARCH = 2
+    """Found from another start."""
+    UNREACHABLE_PROVED = 3
+    """The links are too short or too long (`ReachBounds`)."""
+    UNREACHABLE_NOT_FOUND = 4
+    """Neither a neighbour nor any other start leads there."""
+    LOOPS_OPEN = 5
+    """Over actuated joints: the loops can't be closed on the branch of the home configuration."""
+    BEYOND_LIMITS = 6
+    """Over actuated joints: a joint is beyond its limits."""
+
+    @property
+    def reachable(self) -> bool:
+        """Whether such a cell has a configuration."""
+        return self in (CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH)
+
+    @property
+    def label(self) -> str:
+        """Text for people, such as `unreachable (proved)`."""
+        return _LABELS.get(self, self.name.lower().replace("_", " "))
+
+
+_LABELS = {
+    CellStatus.REACHABLE_BY_SEARCH: "reachable (by search)",
+    CellStatus.UNREACHABLE_PROVED: "unreachable (proved)",
+    CellStatus.UNREACHABLE_NOT_FOUND: "unreachable (not found)",
+    CellStatus.LOOPS_OPEN: "unreachable (loops open)",
+    CellStatus.BEYOND_LIMITS: "unreachable (beyond limits)",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Cells with their configurations; arrays have one row for each cell, the last axis of the chunk fastest.
+
+    Attributes:
+        spec: specification of the map.
+        status: (n,) values of `CellStatus`.
+        evaluations: (n,) configurations, placements, Jacobians and singular values; NaN for unreachable cells.
+        solutions: (n,) number of inverse solutions that differ in their actuated joints by more than whole turns; over
+            actuated joints, number of assembly modes. None unless asked for.
+        solid_angle: (n,) sr, directions that the node's z axis can have. None unless asked for.
+    """
+
+    spec: MapSpecification
+    status: NDArray[np.uint8]
+    evaluations: Evaluations
+    solutions: NDArray[np.int32] | None = None
+    solid_angle: Array | None = None

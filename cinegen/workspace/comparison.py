@@ -1,0 +1,244 @@
+"""`compare`: what two maps over the same coordinates have in common, and how they differ where both reach.
+
+They are compared cell by cell on a common grid: their own where it is the same; else the part that both cover, in cells
+as wide as those of the coarser one, each looked up in both maps at its middle.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.workspace.cells import CellStatus
+from cinegen.workspace.errors import MapError
+from cinegen.workspace.extent import Extent, bounds, extent_of
+from cinegen.workspace.region import GridAxis, Region
+from cinegen.workspace.specification import MapSpecification, specification_of
+
+if TYPE_CHECKING:
+    import xarray
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+_SAME = 1e-9  # of a cell's width
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class QuantityDifference:
+    """How a quantity differs, second map minus first, in cells that both reach.
+
+    Attributes:
+        unit: of the quantity; "1" if dimensionless.
+        description: of the quantity.
+        values: (*region.shape); NaN where a map does not reach, or is infinite.
+    """
+
+    unit: str
+    description: str
+    values: Array
+
+    @cached_property
+    def range(self) -> tuple[float, float, float]:
+        """Minimum, median and maximum; NaN if there is no cell."""
+        known = self.values[np.isfinite(self.values)]
+        if not known.size:
+            return math.nan, math.nan, math.nan
+        return float(known.min()), float(np.median(known)), float(known.max())
+
+    def __str__(self) -> str:
+        """Return the range for people."""
+        least, median, most = self.range
+        if not math.isfinite(median):
+            return "there is no cell that both maps reach and where it is finite"
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"second minus first: {least:+.3g} to {most:+.3g}, median {median:+.3g}{unit}"
+
+    def __repr__(self) -> str:
+        return f"<QuantityDifference {self}>"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON values."""
+        values = zip(("min", "median", "max"), self.range, strict=True)
+        return {"unit": self.unit, **{name: x if math.isfinite(x) else None for name, x in values}}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison:
+    """Two maps on a common grid.
+
+    Attributes:
+        names: of both maps, different where they can be.
+        region: the common grid, with the fixed coordinates of the first map.
+        cells: two (*region.shape) bool, the cells that each map reaches.
+        first: extent of what the first map reaches, on this grid.
+        second: of what the second map reaches.
+        only_first: of what only the first map reaches.
+        only_second: of what only the second map reaches.
+        both: of what both reach.
+        differences: by name, of each quantity that both maps have.
+        remarks: other differences between the two specifications.
+    """
+
+    names: tuple[str, str]
+    region: Region
+    cells: tuple[Bools, Bools]
+    first: Extent
+    second: Extent
+    only_first: Extent
+    only_second: Extent
+    both: Extent
+    differences: Mapping[str, QuantityDifference]
+    remarks: tuple[str, ...]
+
+    @property
+    def extents(self) -> dict[str, Extent]:
+        """The extents by a label for people."""
+        one, other = self.names
+        return {one: self.first, other: self.second, f"only {one}": self.only_first,
+                f"only {other}": self.only_second, "both": self.both}  # fmt: skip
+
+    def __repr__(self) -> str:
+        one, other = (name[:50] for name in self.names)
+        return f"<Comparison of {one} and {other} on {self.region!r}>"
+
+    def __str__(self) -> str:
+        """Return lines for people."""
+        ranges = ", ".join(f"{axis.name} {axis.low:.4g} to {axis.high:.4g}" for axis in self.region.axes)
+        shape = " x ".join(map(str, self.region.shape))
+        rows: dict[str, Extent | QuantityDifference] = {**self.extents, **self.differences}
+        wide = max(map(len, rows))
+        lines = [f"{self.names[0]} and {self.names[1]}: {shape} cells over {ranges}"]
+        lines += [f"  {remark}" for remark in self.remarks]
+        return "\n".join([*lines, *(f"  {name:<{wide}}  {row}" for name, row in rows.items())])
+
+    def _repr_html_(self) -> str:
+        rows: dict[str, Extent | QuantityDifference] = {**self.extents, **self.differences}
+        cells = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(str(row))}</td></tr>" for name, row in rows.items())
+        return f"<table><caption>{html.escape(repr(self))}</caption>{''.join(cells)}</table>"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON values, m and rad."""
+        return {
+            "maps": list(self.names),
+            "over": {axis.name: [axis.low, axis.high, axis.count] for axis in self.region.axes},
+            "remarks": list(self.remarks),
+            "extents": {name: getattr(self, name).as_dict()
+                        for name in ("first", "second", "only_first", "only_second", "both")},
+            "differences": {name: difference.as_dict() for name, difference in self.differences.items()},
+        }  # fmt: skip
+
+
+def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
+    """Compare two maps. They may be of different robots and settings; `Comparison.remarks` lists the differences.
+
+    Args:
+        first: a map; cells that are not evaluated count as unknown.
+        second: another map over the same coordinates.
+
+    Raises:
+        MapError: they are over other coordinates, in other units, or have no cell in common.
+    """
+    one, other = specification_of(first), specification_of(second)
+    region = _common(one, other)
+    unit = region.unit(one.mechanism)
+    a, b = (_looked_up(dataset, spec.region, region) for dataset, spec in ((first, one), (second, other)))
+    in_a, in_b = a["reachable"].values, b["reachable"].values
+    (a_low, a_high), (b_low, b_high) = (
+        bounds(region, cells["reachable"].values, cells["status"].values == CellStatus.NOT_EVALUATED)
+        for cells in (a, b)
+    )
+    differences = {}
+    for name in one.quantities:
+        attributes = first[name].attrs
+        if name not in other.quantities or attributes.get("units") != second[name].attrs.get("units"):
+            continue
+        with np.errstate(invalid="ignore"):
+            values = np.where(in_a & in_b, b[name].values.astype(float) - a[name].values.astype(float), np.nan)
+        values[~np.isfinite(values)] = np.nan
+        description = str(attributes.get("long_name", name))
+        differences[name] = QuantityDifference(str(attributes.get("units", "1")), description, values)
+    parts = (
+        (in_a, a_low, a_high), (in_b, b_low, b_high),
+        (in_a & ~in_b, a_low & ~b_high, a_high & ~b_low), (in_b & ~in_a, b_low & ~a_high, b_high & ~a_low),
+        (in_a & in_b, a_low & b_low, a_high & b_high),
+    )  # fmt: skip
+    names = ("first", "second", "only_first", "only_second", "both")
+    extents = {name: extent_of(region, unit, *part) for name, part in zip(names, parts, strict=True)}
+    return Comparison(
+        _names(first, second), region, (in_a, in_b), differences=differences, remarks=_remarks(one, other), **extents
+    )
+
+
+def _common(one: MapSpecification, other: MapSpecification) -> Region:
+    """Return a grid that both maps fill.
+
+    Raises:
+        MapError: there is none.
+    """
+    first, second = one.region, other.region
+    if set(first.names) != set(second.names):
+        raise MapError(
+            f"a map over {', '.join(first.names)} can't be compared with one over {', '.join(second.names)}: make both "
+            "over the same coordinates"
+        )
+    units = first.unit(one.mechanism), second.unit(other.mechanism)
+    if units[0] != units[1]:
+        raise MapError(f"one map's cells are measured in {units[0]}, the other's in {units[1]}: they can't be compared")
+    radii = [region.at.get("radius") for region in (first, second)]
+    if "elevation" in first.names and "radius" not in first.names and radii[0] != radii[1]:
+        raise MapError(f"maps of spheres of radius {radii[0]} and {radii[1]} m: make both at the same radius")
+    axes = []
+    for axis in first.axes:
+        same = second.axes[second.names.index(axis.name)]
+        low, high = max(axis.low, same.low), min(axis.high, same.high)
+        width = max(axis.width, same.width)
+        if high - low < width * (1.0 - _SAME):
+            raise MapError(
+                f"{axis.name} goes from {axis.low:g} to {axis.high:g} in one map and from {same.low:g} to "
+                f"{same.high:g} in the other: they have no cell in common"
+            )
+        count = math.floor((high - low) / width + _SAME * axis.count + _SAME)
+        axes.append(GridAxis(axis.name, low, min(low + count * width, high), count))
+    return Region(tuple(axes), first.at, first.orientation, first.centre, first.ends)
+
+
+def _looked_up(dataset: xarray.Dataset, region: Region, common: Region) -> xarray.Dataset:
+    """Return a map's values on a common grid: in each cell those of the map's cell that its middle is in."""
+    numbers = {}
+    for axis in common.axes:
+        own = region.axes[region.names.index(axis.name)]
+        cells = np.floor((axis.middles() - own.low) / own.width + _SAME).astype(np.intp)
+        numbers[axis.name] = np.clip(cells, 0, own.count - 1)
+    found: xarray.Dataset = dataset.drop_vars("configuration").transpose(*common.names).isel(numbers)
+    return found.load()
+
+
+def _names(first: xarray.Dataset, second: xarray.Dataset) -> tuple[str, str]:
+    """Return the names of the robots where they are different, else of the files, else with their order."""
+    robots = [str(dataset.attrs["robot"]) for dataset in (first, second)]
+    files = [Path(dataset.encoding.get("source", "")).stem.removesuffix("-map") for dataset in (first, second)]
+    for one, other in (robots, files):
+        if one and other and one != other:
+            return one, other
+    return f"first {robots[0]}", f"second {robots[1]}"
+
+
+def _remarks(one: MapSpecification, other: MapSpecification) -> tuple[str, ...]:
+    """Return what differs between two specifications, apart from their grids and quantities."""
+    found = ["the robots are different"] if one.robot_hash != other.robot_hash else []
+    pairs: list[tuple[str, Any, Any]] = [
+        (name, getattr(one, name), getattr(other, name)) for name in ("node", "limits", "along", "starts", "directions")
+    ]
+    a, b = one.region, other.region
+    pairs += [(f"region's {name}", getattr(a, name), getattr(b, name)) for name in ("orientation", "centre", "ends")]
+    pairs += [(name, a.at.get(name, "as at home"), b.at.get(name, "as at home")) for name in sorted({*a.at, *b.at})]
+    return (*found, *(f"{name}: {first} and {second}" for name, first, second in pairs if first != second))

@@ -1,0 +1,250 @@
+"""`make_map`: evaluates all chunks of a map in this process, on this machine's cores or on a cluster."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import lru_cache, partial
+from pathlib import Path
+from socket import gethostname
+from threading import Lock
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.workspace.chunks import cube_shape, line_shape
+from cinegen.workspace.cluster import connected, each
+from cinegen.workspace.errors import MapError
+from cinegen.workspace.evaluator import ChunkEvaluator
+from cinegen.workspace.specification import MapSpecification
+
+if TYPE_CHECKING:
+    import xarray
+
+    from cinegen.workspace.zarr_store import MapStore
+
+OVER_POSES, OVER_JOINTS = 6_000, 20_000
+"""Default number of cells of a chunk, and of a task: 0.1 to 1 s of work ..."""
+_QUICK = 3  # ... but of a task so many times more without loops, as it takes 2 ms to hand it out
+
+_MANY = 100_000  # chunks: maps with more have larger chunks, so that there are fewer files ...
+_LARGEST = 200_000  # ... up to so many cells
+
+_READ = 2_000_000  # cells of a task that only reads
+_WORTH = 4  # tasks for each process, from which on processes are worth starting
+
+Chunks = list[int]
+Report = Callable[[int, int], None]
+Task = Callable[["MapFolder", Chunks], None]
+
+
+def make_map(
+    spec: MapSpecification,
+    path: str | Path,
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    most: int | None = None,
+    report: Report | None = None,
+) -> xarray.Dataset:
+    """Make a map, or resume one that was begun. Complete chunks are never evaluated again.
+
+    Whenever it is stopped, even killed, the same call resumes where it stopped, and the files are the same in the end,
+    byte for byte, whichever processes made them. A resumed map is checked first: chunks with damaged files are
+    evaluated again.
+
+    Args:
+        spec: specification of the map.
+        path: folder of the map, .zarr.
+        workers: number of processes on this machine; one for each core unless given, and this process alone for a small
+            map.
+        scheduler: address of a Dask scheduler, such as tcp://node1:8786; its workers must see the path too.
+        most: number of cells of a chunk, at most; a resumed map keeps its own. Unless given as many as take about a
+            second, and more in maps of more than 10^9 cells.
+        report: called with the number of evaluated cells and the number of all cells.
+
+    Returns:
+        the map, see `open_map`.
+
+    Raises:
+        MapError: there is something else at the path, or it can't be written, or the cluster does not answer.
+    """
+    from cinegen.workspace.zarr_store import open_for_writing
+
+    where = Path(path).absolute()
+    usual = OVER_JOINTS if spec.over_joints else OVER_POSES
+    if min(workers or 1, most or 1) < 1 or 0 in (workers, most):
+        raise MapError(f"workers ({workers}) and cells of a chunk ({most}) must be 1 or more")
+    divide = line_shape if spec.over_joints else cube_shape
+    with open_for_writing(where, spec, divide(spec.region.shape, most or chunk_size(spec.region.size, usual))) as store:
+        if store.text != spec.text:
+            raise MapError(f"{where} is another map: {_difference(store.spec, spec)}. Give another -o")
+        quick = spec.over_joints and not spec.mechanism.loops
+        _make(store, _QUICK * usual if quick else usual, workers, scheduler, report or (lambda *_: None))
+    return open_map(where)
+
+
+def open_map(path: str | Path) -> xarray.Dataset:
+    """Open a map on disk, complete or not, without loading its values. The status of missing cells is 0.
+
+    Raises:
+        MapError: there is no map; or, later, where values are loaded, a file is damaged.
+    """
+    from cinegen.workspace.zarr_store import open_dataset
+
+    dataset: xarray.Dataset = open_dataset(Path(path).absolute())
+    return dataset
+
+
+def chunk_size(cells: int, usual: int) -> int:
+    """Return the number of cells of a chunk, at most, for a map of so many cells."""
+    return min(max(usual, cells // _MANY), _LARGEST)
+
+
+def _make(store: MapStore, usual: int, workers: int | None, scheduler: str | None, report: Report) -> None:
+    complete, size = store.complete(), store.spec.region.size
+    left = size - store.done
+    wanted = workers or min(os.cpu_count() or 1, max(1, left // (_WORTH * usual)))
+    if not left or (scheduler is None and wanted == 1):
+        scheduler, wanted, usual = None, 1, 1  # each chunk is reported
+    with _runner(store, scheduler, wanted) as run:
+        if left < size:
+            for _ in run(_discard_damaged, _lists(store, np.flatnonzero(complete), _READ)):
+                pass
+        done = store.done
+        report(done, size)
+        for chunks in run(_evaluate, _lists(store, np.flatnonzero(~store.complete()), usual)):
+            done += int(store.sizes(np.asarray(chunks)).sum())
+            report(done, size)
+
+
+def _lists(store: MapStore, chunks: NDArray[np.intp], most: int) -> Iterator[Chunks]:
+    """Divide chunks (n,) into lists with at most so many cells each, unless a chunk has more."""
+    some, cells = Chunks(), 0
+    for first in range(0, len(chunks), _MANY):
+        part = chunks[first : first + _MANY]
+        for chunk, size in zip(part.tolist(), store.sizes(part).tolist(), strict=True):
+            if some and cells + size > most:
+                yield some
+                some, cells = [], 0
+            some.append(chunk)
+            cells += size
+    if some:
+        yield some
+
+
+@contextmanager
+def _runner(
+    store: MapStore, scheduler: str | None, workers: int
+) -> Iterator[Callable[[Task, Iterable[Chunks]], Iterator[Chunks]]]:
+    """Return what runs a task on lists of chunks and yields each when it is done: this process, others or a cluster."""
+    folder = MapFolder(str(store.path), store.digest, store.chunk_shape)
+    if scheduler is None and workers == 1:
+        yield partial(_in_turn, folder)
+        return
+    from cinegen.ik.batch import Sampler
+
+    Sampler(store.spec.mechanism, store.spec.node)  # compiles, if necessary, before all processes do so at once
+    with connected(scheduler, workers) as client:
+        yield lambda task, lists: (chunks for chunks, _ in each(client, task, lists, folder))
+
+
+def _in_turn(folder: MapFolder, task: Task, lists: Iterable[Chunks]) -> Iterator[Chunks]:
+    for chunks in lists:
+        task(folder, chunks)
+        yield chunks
+
+
+# --- tasks, in any process of any machine -----------------------------------------------------------------------
+
+
+class MapFolder(NamedTuple):
+    """A map as tasks find it.
+
+    Attributes:
+        path: its folder.
+        digest: SHA-256 of its specification's text.
+        chunk_shape: number of cells along each axis of a chunk.
+    """
+
+    path: str
+    digest: str
+    chunk_shape: tuple[int, ...]
+
+
+_ONE = Lock()  # an evaluator has memory of its own, and is used by one thread at a time
+
+
+def _evaluate(folder: MapFolder, chunks: Chunks) -> None:
+    """Evaluate and write chunks, unless they are complete.
+
+    Raises:
+        MapError: the map can't be read or written.
+    """
+    with _ONE:
+        store = _store(folder)
+        for chunk in chunks:
+            if not store.is_complete(chunk):  # a process that was thought dead may have written it
+                store.write(chunk, _evaluator(folder).values(store.cells(chunk)))
+
+
+def _discard_damaged(folder: MapFolder, chunks: Chunks) -> None:
+    """Read complete chunks, and mark as incomplete those whose files are damaged.
+
+    Raises:
+        MapError: the map can't be read or written.
+    """
+    store = _store(folder)
+    for chunk in chunks:
+        if not store.is_sound(chunk):
+            store.discard(chunk)
+
+
+@lru_cache(maxsize=2)
+def _store(folder: MapFolder) -> MapStore:
+    from cinegen.workspace.zarr_store import MapStore
+
+    if not Path(folder.path).exists():
+        raise MapError(f"{gethostname()} sees no map at {folder.path}: all machines must see it at the same path")
+    store = MapStore(folder.path)
+    if (store.digest, store.chunk_shape) != folder[1:]:
+        raise MapError(f"{gethostname()} sees another map at {folder.path}: all machines must see the same one there")
+    return store
+
+
+@lru_cache(maxsize=2)
+def _evaluator(folder: MapFolder) -> ChunkEvaluator:
+    return ChunkEvaluator(_store(folder).spec)
+
+
+# --- differences -------------------------------------------------------------------------------------------------
+
+
+def _difference(there: MapSpecification, asked: MapSpecification) -> str:
+    """Return what differs between two specifications, for people."""
+    one, other = there.document(), asked.document()
+    if one["robot"] != other["robot"]:
+        return f"of another robot, or of another version of it ({there.mechanism.name})"
+    one, other = _flat(one), _flat(other)
+    return "; ".join(
+        f"{name} is {one.get(name, 'left out')}, not {other.get(name, 'left out')}"
+        for name in sorted({*one, *other})
+        if one.get(name) != other.get(name)
+    )
+
+
+def _flat(document: Mapping[str, Any]) -> dict[str, str]:
+    """Return the specification's values as text by name, those of its region among them."""
+    region = document["region"]
+    found = {axis["name"]: f"{axis['low']:g}..{axis['high']:g}:{axis['count']}" for axis in region["axes"]}
+    found |= {name: f"{value:g}" for name, value in region["at"].items()}
+    others = {
+        name: value for name, value in (region | document).items() if name not in ("axes", "at", "region", "robot")
+    }
+    return found | {name: _text(value) for name, value in others.items()}
+
+
+def _text(value: Any) -> str:
+    return ", ".join(map(_text, value)) if isinstance(value, (list, tuple)) else str(value)

@@ -1,1 +1,0 @@
-"""Maps on disk: zarr groups that xarray opens, written chunk by chunk."""

@@ -1,0 +1,169 @@
+"""`SweepResult`: what a design sweep found, one `VariantResult` for each variant."""
+
+from __future__ import annotations
+
+import csv
+import html
+import io
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from cinegen.singularities.singularity import SingularityType
+from cinegen.workspace.extent import Extent
+from cinegen.workspace.sweep.box import WantedBox
+from cinegen.workspace.sweep.box_analysis import Dexterity, Regularity
+from raff2urdf.writer import number
+
+
+@dataclass(frozen=True)
+class VariantResult:
+    """What was found of a variant.
+
+    Attributes:
+        name: such as `link2.d=1500`.
+        values: by the heading of each variation, in the unit of the RAFF file.
+        extent: of what it reaches in the whole region; None where there is no map.
+        length: its characteristic length, m, by which lengths are divided in singular values.
+        dexterity: in the wanted box; None where there is no map.
+        regularity: of the part of the wanted box that is reached; None where nothing is.
+        remark: why there is no map, or warnings.
+    """
+
+    name: str
+    values: Mapping[str, float]
+    extent: Extent | None = None
+    length: float = math.nan
+    dexterity: Dexterity | None = None
+    regularity: Regularity | None = None
+    remark: str = ""
+
+    def __repr__(self) -> str:
+        return f"<VariantResult {self.name[:100]}: {self.extent or 'no map'}{', suitable' if self.suitable else ''}>"
+
+    @property
+    def covers_box(self) -> bool:
+        """Whether the whole wanted box is reached."""
+        return self.dexterity is not None and self.dexterity.whole
+
+    @property
+    def suitable(self) -> bool:
+        """Whether the whole wanted box is reached, on one branch, and is free of singularities."""
+        return self.covers_box and bool(self.regularity)
+
+    @property
+    def singular(self) -> str:
+        """Singularities in the part of the wanted box that is reached, for people."""
+        if self.regularity is None:
+            return "-"
+        kind: SingularityType = self.regularity.kind
+        if kind is not SingularityType.NONE:
+            return str(kind.value)
+        return "no" if self.regularity.joined else "branches meet"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return flat JSON values, with the names of the columns of a CSV file; None where there is no number."""
+        known, regular = self.dexterity, self.regularity
+        nan = math.nan
+        numbers = {
+            "extent": self.extent.value if self.extent else nan,
+            "extent_error": self.extent.error if self.extent else nan,
+            "length_m": self.length,
+            "reached": known.reached if known else nan,
+            "sigma_1_worst": known.sigma_1.worst if known else nan,
+            "sigma_1_mean": known.sigma_1.mean if known else nan,
+            "conditioning_worst": known.conditioning.worst if known else nan,
+            "conditioning_mean": known.conditioning.mean if known else nan,
+            "sigma_2_worst": known.sigma_2 if known else nan,
+        }
+        return {
+            **self.values,
+            **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
+            "covers_box": self.covers_box,
+            "type_1": regular.first if regular is not None else None,
+            "type_2": regular.second if regular is not None else None,
+            "one_branch": regular.joined if regular is not None else None,
+            "suitable": self.suitable,
+            "remark": self.remark,
+        }
+
+    def cells(self) -> list[str]:
+        """Return the columns of a table for people, but for the remark."""
+        values, known = [number(value) for value in self.values.values()], self.dexterity
+        if known is None:
+            return [*values, "-", *[""] * 7]
+        tenths = math.floor(1000.0 * known.reached)  # rounded down: 100 % is all of it
+        reached = "< 100 %" if tenths == 1000 and not known.whole else f"{tenths / 10.0:g} %"
+        measures = (known.sigma_1.worst, known.sigma_1.mean, known.conditioning.worst, known.conditioning.mean)
+        short = [f"{value:.3f}" if math.isfinite(value) else "-" for value in (*measures, known.sigma_2)]
+        return [*values, str(self.extent), reached, *short, self.singular]
+
+
+_COLUMNS = ("reaches", "of the box", "sigma 1 worst", "mean", "1/condition worst", "mean", "sigma 2 worst", "singular")
+
+
+@dataclass(frozen=True)
+class SweepResult:
+    """What a sweep found.
+
+    Attributes:
+        robot: name of the robot.
+        units: of lengths in its RAFF file.
+        headings: of the variations.
+        box: the wanted box.
+        rows: one for each variant, the last variation fastest.
+    """
+
+    robot: str
+    units: str
+    headings: tuple[str, ...]
+    box: WantedBox
+    rows: tuple[VariantResult, ...]
+
+    def __repr__(self) -> str:
+        return f"<SweepResult of {self.robot[:60]}: {len(self.rows)} variants, {len(self.suitable)} suitable>"
+
+    def _repr_html_(self) -> str:
+        def row(tag: str, texts: list[str]) -> str:
+            return f"<tr>{''.join(f'<{tag}>{html.escape(text)}</{tag}>' for text in texts)}</tr>"
+
+        body = [row("td", [*result.cells(), result.remark]) for result in self.rows]
+        return f"<table>{row('th', [*self.headings, *_COLUMNS, 'remark'])}{''.join(body)}</table>"
+
+    @property
+    def unit(self) -> str:
+        """Unit of extents; empty where there is none."""
+        return next((row.extent.unit for row in self.rows if row.extent), "")
+
+    @property
+    def suitable(self) -> tuple[VariantResult, ...]:
+        """Variants that reach the whole wanted box without a singularity."""
+        return tuple(row for row in self.rows if row.suitable)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return JSON values."""
+        return {
+            "robot": self.robot,
+            "varied": list(self.headings),
+            "units": self.units,
+            "extent_unit": self.unit,
+            "box": {name: list(ends) for name, ends in sorted(self.box.ranges.items())},
+            "rows": [{"variant": row.name, **row.as_dict()} for row in self.rows],
+        }
+
+    def csv(self) -> str:
+        """Return a file of comma-separated values, empty where there is no number."""
+        out = io.StringIO()
+        writer = csv.DictWriter(out, ["variant", *(self.rows[0].as_dict() if self.rows else ())], lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.as_dict()["rows"])
+        return out.getvalue()
+
+    def text(self) -> str:
+        """Return a table for people, with the first remark of each variant."""
+        lines = [[*self.headings, *_COLUMNS], *(row.cells() for row in self.rows)]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        shown = ["  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
+        remarks = ["", *(f"  {row.remark.partition('; ')[0]}" for row in self.rows)]
+        return "\n".join((line + remark).rstrip() for line, remark in zip(shown, remarks, strict=True))

@@ -1,0 +1,279 @@
+"""`sweep`: a map and a result for each variant of a robot, in a folder from which it can be resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import raff2urdf
+from cinegen.errors import ClosureError
+from cinegen.model.load import load
+from cinegen.workspace.cluster import connected, each
+from cinegen.workspace.errors import MapError
+from cinegen.workspace.extent import extent
+from cinegen.workspace.maps import OVER_POSES, Report, make_map
+from cinegen.workspace.region import Region
+from cinegen.workspace.specification import MapSpecification
+from cinegen.workspace.sweep.box import WantedBox
+from cinegen.workspace.sweep.box_analysis import BoxConfigurations, dexterity, regularity
+from cinegen.workspace.sweep.result import SweepResult, VariantResult
+from cinegen.workspace.sweep.variants import Variation, variants
+from raff2urdf.document import Document, RaffRobot
+from raff2urdf.files import write_all
+from raff2urdf.reader import parse, read
+from raff2urdf.writer import write
+
+_KIND, _VERSION = "cinegen sweep", 2
+_LONGEST = 200  # bytes of a folder's name
+_WORTH = 4  # chunks for each process, from which on processes are worth starting
+_NEEDED = ("sigma_1", "sigma_2", "condition")
+
+_Task = tuple[str, dict[str, float], Path]
+"""A variant's name, its values and its folder."""
+
+
+def sweep(
+    path: str | Path,
+    variations: Sequence[Variation],
+    region: Region,
+    out: str | Path,
+    *,
+    box: WantedBox | None = None,
+    robot: str | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    report: Report | None = None,
+    **settings: Any,
+) -> SweepResult:
+    """Make a map of each variant of a robot, or resume where that was stopped, and compare them.
+
+    Each variant gets a folder in `out`, such as `link2.d=1500`, with its `robot.raff` and its `map.zarr`; `table.csv`
+    next to them has all results. The same maps can be judged again for another box.
+
+    Args:
+        path: the robot's RAFF file.
+        variations: what varies; all combinations are made.
+        region: the grid of all maps.
+        out: the folder of the sweep.
+        box: the wanted part of the region; all of it unless given.
+        robot: the robot that varies, of a file that holds several; the first unless given.
+        workers: number of processes on this machine; one for each core unless given, and this process alone for small
+            maps.
+        scheduler: address of a Dask scheduler, whose workers must see the folder too.
+        report: called with the number of evaluated cells of all maps, and the number of all their cells.
+        settings: other arguments of `MapSpecification`: node, limits, quantities (those of the result are always among
+            them) and so on.
+
+    Raises:
+        RaffError: the file is wrong.
+        MapError: parameters, a box or settings that make no sense; or the folder is of something else, or can't be
+            written; or the cluster does not answer.
+        UnknownNameError: no such node.
+    """
+    if workers is not None and workers < 1:
+        raise MapError(f"workers ({workers}) must be 1 or more")
+    source, here = Path(path), Path(out).absolute()
+    document = parse(read(source), str(source))
+    raff2urdf.check(document)
+    found = variants(document, variations, robot)
+    plan = _SweepSettings(region, box or WantedBox(), robot, settings)
+    plan.check(source)
+    _begin(here, _description(document, variations, plan))
+    tasks: list[_Task] = []
+    for k, variant in enumerate(found):
+        folder = here / (variant.name if len(variant.name.encode()) <= _LONGEST else f"variant {k}")
+        moved = replace(variant, document=_in_folder(folder, source, variant.document))
+        _write(folder / "robot.raff", moved.raff())
+        tasks.append((variant.name, dict(variant.values), folder))
+    rows = _rows(plan, tasks, workers, scheduler, report or (lambda *_: None))
+    headings = tuple(variation.heading for variation in variations)
+    result = SweepResult(document.robot(robot).name, document.units, headings, plan.box, tuple(rows))
+    _write(here / "table.csv", result.csv())
+    return result
+
+
+@dataclass(frozen=True)
+class _SweepSettings:
+    """What is done with each variant.
+
+    Attributes:
+        region: the grid of all maps.
+        box: the wanted box.
+        robot: of a file that holds several.
+        settings: others of `MapSpecification`.
+    """
+
+    region: Region
+    box: WantedBox
+    robot: str | None
+    settings: dict[str, Any]
+
+    def spec(self, path: Path) -> MapSpecification:
+        """Return the specification of the map of a variant's RAFF file.
+
+        Raises:
+            ClosureError: its loops can't be closed.
+            MapError: settings that make no sense for it.
+        """
+        settings = {**self.settings, "quantities": (*_NEEDED, *self.settings.get("quantities", ()))}
+        return MapSpecification(load(path, self.robot), self.region, **settings)
+
+    def check(self, path: Path) -> None:
+        """Check the settings with the robot as it is, unless its loops can't be closed.
+
+        Raises:
+            MapError: they make no sense.
+            UnknownNameError: no such node.
+        """
+        self.box.cells(self.region)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # each variant reports its own
+            try:
+                self.spec(path)
+            except ClosureError:
+                return
+
+
+def _rows(
+    plan: _SweepSettings, tasks: list[_Task], workers: int | None, scheduler: str | None, report: Report
+) -> list[VariantResult]:
+    """Return the result of each variant. Several processes work on different variants or, if there are fewer variants
+    than processes, together on one after the other."""
+    size = plan.region.size
+    wanted = workers or min(os.cpu_count() or 1, max(1, len(tasks) * size // OVER_POSES // _WORTH))
+    report(0, len(tasks) * size)
+    if scheduler is None and wanted == 1:
+        return list(_in_turn(plan, tasks, size, report))
+    with connected(scheduler, wanted) as client:
+        if len(tasks) < len(client.ncores()):
+            address = client.scheduler.address  # type: ignore[union-attr]
+            return list(_in_turn(plan, tasks, size, report, str(address)))
+        rows = dict[str, VariantResult]()
+        for (name, *_), future in each(client, _judged, tasks, plan):
+            rows[name] = future.result()
+            report(len(rows) * size, len(tasks) * size)
+    return [rows[name] for name, *_ in tasks]
+
+
+def _in_turn(
+    plan: _SweepSettings, tasks: list[_Task], size: int, report: Report, scheduler: str | None = None
+) -> Iterator[VariantResult]:
+    for number, task in enumerate(tasks):
+
+        def report_all(done: int, _: int, before: int = number * size) -> None:
+            report(before + done, len(tasks) * size)
+
+        row = _judged(plan, task, scheduler, report_all)
+        if row.dexterity is None:
+            report_all(size, size)
+        yield row
+
+
+def _judged(
+    plan: _SweepSettings, task: _Task, scheduler: str | None = None, report: Report | None = None
+) -> VariantResult:
+    """Make the map of a variant, by a cluster or by this process alone, and judge it in the wanted box.
+
+    Raises:
+        MapError: the map can't be made.
+    """
+    name, values, folder = task
+    with warnings.catch_warnings(record=True) as warned:
+        warnings.simplefilter("always")
+        try:
+            spec = plan.spec(folder / "robot.raff")
+        except ClosureError as error:
+            return VariantResult(name, values, remark=_one_line(*(problem.message for problem in error.problems)))
+        except MapError as error:
+            return VariantResult(name, values, remark=_one_line(str(error)))
+    dataset = make_map(spec, folder / "map.zarr", workers=1, scheduler=scheduler, report=report)
+    grid = plan.box.grid(plan.region)
+    touched = dataset["configuration"].isel(dict(zip(plan.region.names, grid.cells, strict=True)))
+    box = BoxConfigurations(spec, grid, touched.values)
+    return VariantResult(
+        name,
+        values,
+        extent(dataset),
+        spec.mechanism.length,
+        dexterity(box),
+        regularity(box) if box.parts else None,
+        _one_line(*(str(warning.message) for warning in warned)),
+    )
+
+
+def _one_line(*texts: str) -> str:
+    lines = (line for text in texts for line in text.splitlines())
+    return "; ".join(" ".join(line.split()) for line in lines if line.strip())
+
+
+# --- the folder -------------------------------------------------------------------------------------------------------
+
+
+def _description(document: Document, variations: Sequence[Variation], plan: _SweepSettings) -> dict[str, Any]:
+    """Return everything that determines the maps, as JSON values."""
+    described = {
+        "kind": _KIND,
+        "version": _VERSION,
+        "raff": write(document),
+        "robot": plan.robot,
+        "varied": [str(variation) for variation in variations],
+        "region": plan.region.document(),
+        "settings": plan.settings,
+    }
+    return dict(json.loads(json.dumps(described)))
+
+
+def _begin(out: Path, asked: dict[str, Any]) -> None:
+    """Create the folder, or check that this sweep was begun there.
+
+    Raises:
+        MapError: it is of something else, or can't be written.
+    """
+    at, there = out / "sweep.json", None
+    try:
+        if at.exists():
+            there = json.loads(at.read_text(encoding="utf-8"))
+        elif out.exists() and any(out.iterdir()):
+            raise MapError(f"{out} holds something other than a sweep: give an empty folder, or a new one")
+    except (OSError, ValueError) as error:
+        raise MapError(f"{out} can't be resumed: {error}. Give another folder") from None
+    if there is None:
+        _write(at, json.dumps(asked, indent=1, sort_keys=True) + "\n")
+        return
+    if not isinstance(there, dict) or there.get("kind") != _KIND:
+        raise MapError(f"{at} is not the description of a sweep: give another folder")
+    if differs := [key for key in sorted({*asked, *there}) if asked.get(key) != there.get(key)]:
+        texts = ["the RAFF file" if key == "raff" else f"{key} ({there.get(key)}, not {asked.get(key)})"
+                 for key in differs]  # fmt: skip
+        raise MapError(f"{out} holds another sweep, which differs in {', '.join(texts)}. Give another folder")
+
+
+def _in_folder(folder: Path, source: Path, document: Document) -> Document:
+    """Return a document for another folder: its graphics are where they were."""
+
+    def moved(robot: RaffRobot) -> RaffRobot:
+        if not any(part.filenames for part in (robot.base, *robot.parts)):
+            return robot
+        there = source.parent.absolute() / Path(robot.path or "").expanduser()
+        return replace(robot, path=Path(os.path.relpath(there, folder)).as_posix())
+
+    return replace(document, robots=tuple(map(moved, document.robots)))
+
+
+def _write(path: Path, text: str) -> None:
+    """Write a file as a whole, unless it already has that text.
+
+    Raises:
+        MapError: it can't be written.
+    """
+    try:
+        if path.is_file() and path.read_text(encoding="utf-8") == text:
+            return
+        write_all({path: text.encode()})
+    except (OSError, ValueError) as error:
+        raise MapError(f"{path} can't be written: {error}") from None

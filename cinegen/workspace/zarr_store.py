@@ -1,0 +1,391 @@
+"""Maps on disk: zarr groups that xarray opens as a `Dataset`, written chunk by chunk.
+
+zarr writes each chunk of an array to a file of its own, compressed and with a CRC-32C: first to a temporary file, which
+it renames, so that a file is complete or absent. `status` is the last array that is written: a chunk of the map is
+complete where its file exists. Nothing waits for the disk (fsync): written data outlive the process, and after a power
+failure the checksums tell which files are damaged.
+
+Import this module where it is needed, not at the top of others: it imports zarr, which takes half a second.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import google_crc32c
+import numpy as np
+import zarr
+from filelock import FileLock, Timeout
+from numpy.typing import NDArray
+from zarr.codecs import Crc32cCodec, ZstdCodec
+from zarr.storage import LocalStore, MemoryStore
+
+from cinegen.workspace.cells import CellStatus
+from cinegen.workspace.chunks import chunk_cells, chunk_counts
+from cinegen.workspace.errors import MapError
+from cinegen.workspace.quantities import QUANTITIES
+from cinegen.workspace.specification import VERSION, MapSpecification
+
+if TYPE_CHECKING:
+    from zarr.abc.store import ByteRequest
+    from zarr.core.buffer import Buffer, BufferPrototype
+
+Values = np.ndarray[Any, np.dtype[Any]]
+
+KIND = "cinegen map"
+LAST = "status"
+"""The array that is written last in each chunk."""
+
+_ADVICE = "Give another path, or delete it"
+_ERRORS = (KeyError, OSError, RecursionError, RuntimeError, TypeError, ValueError)  # of zarr, for damaged files
+_CRC = 4  # bytes, at the end of a chunk's file
+_CONFIG: Any = {"write_empty_chunks": True}  # a chunk is complete where its file exists
+_ENCODING: dict[str, Any] = {
+    "chunk_key_encoding": {"name": "default", "separator": "."},  # one folder for each array: more take longer
+    "compressors": (ZstdCodec(level=0, checksum=False), Crc32cCodec()),
+    "config": _CONFIG,
+}
+
+
+class MapStore:
+    """A map's folder, which exists.
+
+    Attributes:
+        path: the folder.
+        spec: the map's specification.
+        text: the specification as JSON text.
+        chunk_shape: number of cells along each axis of a chunk.
+
+    Raises:
+        MapError: the folder is missing, is not a map or is damaged.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        group = _open_group(self.path)
+        try:
+            attributes: dict[str, Any] = group.attrs.asdict()
+            self.text = str(attributes["specification"])
+            self.spec = MapSpecification.of_attributes(attributes)
+            self.chunk_shape = tuple(int(width) for width in attributes["chunks"])
+            expected = _template(self.spec, self.chunk_shape)
+        except MapError as error:
+            raise MapError(f"{self.path}: {error}") from None
+        except _ERRORS as error:
+            raise MapError(f"{self.path} is damaged: its description is invalid ({error}). {_ADVICE}") from None
+        self._arrays = {}
+        for name in (*self.spec.region.names, *_data_arrays(self.spec)):
+            self._arrays[name] = self._checked(name, group, expected)
+        for axis in self.spec.region.axes:
+            try:
+                sound = np.array_equal(self._arrays.pop(axis.name)[:], axis.middles())
+            except _ERRORS:
+                sound = False
+            if not sound:
+                raise MapError(f"{self.path} is damaged: the values of {axis.name} are missing or wrong. {_ADVICE}")
+
+    def _checked(self, name: str, group: zarr.Group, expected: zarr.Group) -> Any:
+        """Return an array of the group, once its type, shape and encoding are as expected."""
+        try:
+            found: Any = group[name]
+            layouts = [array.metadata.to_dict() | {"attributes": {}} for array in (found, expected[name])]
+        except _ERRORS:
+            layouts = [{}, {"": ""}]
+        if layouts[0] != layouts[1]:
+            raise MapError(f"{self.path} is damaged: {name} is missing, or its description is wrong. {_ADVICE}")
+        return found.with_config(_CONFIG)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the specification's text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @property
+    def chunk_counts(self) -> tuple[int, ...]:
+        """Number of chunks along each axis."""
+        return chunk_counts(self.spec.region.shape, self.chunk_shape)
+
+    def cells(self, chunk: int) -> tuple[slice, ...]:
+        """Return the cells of a chunk, given by its number (C order)."""
+        return chunk_cells(chunk, self.spec.region.shape, self.chunk_shape)
+
+    def sizes(self, chunks: NDArray[np.intp]) -> NDArray[np.int64]:
+        """Return the number of cells (n,) of each of some chunks (n,)."""
+        index = np.unravel_index(chunks, self.chunk_counts)
+        widths = zip(index, self.chunk_shape, self.spec.region.shape, strict=True)
+        return np.asarray(math.prod(np.minimum(width, count - i * width) for i, width, count in widths), dtype=np.int64)
+
+    def complete(self) -> NDArray[np.bool_]:
+        """Return whether each chunk (n,) is complete. Lists a folder, which is faster than asking for each file."""
+        found = np.zeros(self.chunk_counts, dtype=bool)
+        for entry in os.scandir(self.path / LAST):
+            first, *index = entry.name.split(".")
+            if first == "c" and len(index) == found.ndim and all(map(str.isdecimal, index)):
+                found[tuple(map(int, index))] = True
+        return found.ravel()
+
+    @property
+    def done(self) -> int:
+        """Number of evaluated cells: those of all complete chunks."""
+        return int(self.sizes(np.flatnonzero(self.complete())).sum())
+
+    def is_complete(self, chunk: int) -> bool:
+        """Return whether a chunk is complete."""
+        return self._file(LAST, chunk).exists()
+
+    def is_sound(self, chunk: int) -> bool:
+        """Return whether all files of a chunk exist, with the right checksums."""
+        return all(_is_sound(_read(self._file(name, chunk))) for name in self._arrays)
+
+    def discard(self, chunk: int) -> None:
+        """Mark a chunk as incomplete.
+
+        Raises:
+            MapError: the map can't be written.
+        """
+        try:
+            self._file(LAST, chunk).unlink(missing_ok=True)
+        except OSError as error:
+            raise write_error(self.path, error) from None
+
+    def write(self, chunk: int, values: Mapping[str, Values]) -> None:
+        """Write a chunk.
+
+        Args:
+            chunk: its number.
+            values: by the name of each array (n, ...) the values of its n cells, the last axis fastest.
+
+        Raises:
+            MapError: the map can't be written. Complete chunks stay.
+        """
+        cells = self.cells(chunk)
+        shape = [part.stop - part.start for part in cells]
+        try:
+            for name, array in self._arrays.items():
+                array[cells] = values[name].reshape(*shape, *values[name].shape[1:])
+        except OSError as error:
+            raise write_error(self.path, error) from None
+
+    def _file(self, name: str, chunk: int) -> Path:
+        array = self._arrays[name]
+        index = [int(k) for k in np.unravel_index(chunk, self.chunk_counts)]
+        index += [0] * (array.ndim - len(index))
+        return self.path / name / str(array.metadata.encode_chunk_key(tuple(index)))
+
+
+@contextmanager
+def open_for_writing(path: Path, spec: MapSpecification, chunk_shape: tuple[int, ...]) -> Iterator[MapStore]:
+    """Lock a map against other writers while it is open; create it, empty, where there is none.
+
+    The map appears complete with its description, and temporary files are removed in the end.
+
+    Raises:
+        MapError: another process writes the map; the path holds something else; or it can't be written.
+    """
+    where = path.resolve()  # of a link, the target: a rename does not leave the file system
+    new = where.with_name(f".{where.name}.new")
+    try:
+        where.parent.mkdir(parents=True, exist_ok=True)
+        with _locked(where):
+            shutil.rmtree(new, ignore_errors=True)
+            if not os.path.lexists(path):
+                try:
+                    _create(LocalStore(new), spec, chunk_shape)
+                    new.rename(where)
+                finally:
+                    shutil.rmtree(new, ignore_errors=True)
+            store = MapStore(path)
+            try:
+                yield store
+            finally:
+                for name in _data_arrays(store.spec):  # left by writers that were killed
+                    for entry in os.scandir(path / name):
+                        if entry.name.endswith(".partial"):
+                            os.unlink(entry)
+    except OSError as error:
+        raise write_error(path, error) from None
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Hold the lock of a map: a file next to it. The system releases it however the process ends.
+
+    Raises:
+        MapError: another process holds it.
+        OSError: the file can't be created.
+    """
+    lock = FileLock(path.with_name(f".{path.name}.lock"), blocking=False)
+    try:
+        with lock:
+            try:
+                yield
+            finally:
+                Path(lock.lock_file).unlink()
+    except Timeout:
+        raise MapError(f"another process makes {path}: wait until it has finished") from None
+
+
+def open_dataset(path: Path) -> Any:
+    """Open a map as an `xarray.Dataset` without loading its values.
+
+    Raises:
+        MapError: there is no map; or, later, where values are loaded, a file is damaged.
+    """
+    import xarray
+
+    store = MapStore(path)
+    try:
+        dataset = xarray.open_zarr(_CheckedFiles(store.path, read_only=True), consolidated=False, chunks=None)
+    except (*_ERRORS, AttributeError) as error:
+        raise MapError(f"{store.path} is damaged: zarr can't open it ({error}). {_ADVICE}") from None
+    dataset.encoding["source"] = str(store.path)
+    return dataset
+
+
+class _CheckedFiles(LocalStore):
+    """A map's folder whose damaged files are reported by name. Plain zarr reads missing chunks as fill values."""
+
+    async def get(
+        self, key: str, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        return self._checked(key, await super().get(key, prototype, byte_range))
+
+    def get_sync(
+        self, key: str, *, prototype: BufferPrototype | None = None, byte_range: ByteRequest | None = None
+    ) -> Buffer | None:
+        return self._checked(key, super().get_sync(key, prototype=prototype, byte_range=byte_range))
+
+    def _checked(self, key: str, found: Buffer | None) -> Buffer | None:
+        name, _, chunk = key.rpartition("/")
+        index = chunk.split(".")
+        if index[0] != "c":
+            return found
+        status = self.root / LAST / ".".join(index[: -1 if name == "configuration" else None])
+        if found is None and (name == LAST or not status.exists()):
+            return None
+        if found is None or not _is_sound(found.to_bytes()):
+            raise MapError(
+                f"{self.root / key} is {'missing' if found is None else 'damaged'}: repeat the command that made the "
+                f"map, which evaluates this chunk again; or delete {status}, which marks it as not evaluated"
+            )
+        return found
+
+
+def _read(path: Path) -> bytes:
+    """Return the content of a file; nothing where there is no file.
+
+    Raises:
+        MapError: it can't be read.
+    """
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        raise MapError(f"{path} can't be read: {error.strerror}") from None
+
+
+def _is_sound(data: bytes) -> bool:
+    """Return whether the content of a chunk's file ends with its checksum."""
+    return len(data) > _CRC and google_crc32c.value(data[:-_CRC]).to_bytes(_CRC, "little") == data[-_CRC:]
+
+
+def write_error(path: Path, error: OSError) -> MapError:
+    """Return the error of a map that can't be written."""
+    return MapError(
+        f"{path} can't be written: {error.strerror or error}. Complete chunks stay: solve the problem, then repeat the "
+        "command"
+    )
+
+
+# --- layout ----------------------------------------------------------------------------------------------------------
+
+
+def _open_group(path: Path) -> zarr.Group:
+    if not path.exists():
+        raise MapError(f"there is no map at {path}")
+    if not path.is_dir():
+        raise MapError(f"{path} is a file, not a map: maps are folders. Give another path")
+    try:
+        group = zarr.open_group(path, mode="r+", zarr_format=3)
+        kind = group.attrs.get("kind")
+    except PermissionError as error:
+        raise MapError(f"{path} can't be read: {error.strerror}") from None
+    except _ERRORS:
+        raise MapError(f"{path} is not a zarr group, so not a map, or can't be read. Give another path") from None
+    if kind != KIND:
+        raise MapError(f"{path} is a zarr group, but not a map of cinegen. Give another path")
+    return group
+
+
+def _create(store: LocalStore | MemoryStore, spec: MapSpecification, chunk_shape: tuple[int, ...]) -> zarr.Group:
+    """Write a map without values, but for the coordinates.
+
+    Raises:
+        OSError: it can't be written.
+    """
+    mechanism, region = spec.mechanism, spec.region
+    group = zarr.create_group(store, attributes={
+        "kind": KIND,
+        "title": f"{mechanism.name} over {', '.join(region.names)}",
+        "robot": mechanism.name,
+        "robot_sha256": spec.robot_hash,
+        "node": spec.node,
+        "characteristic_length_m": mechanism.length,
+        "counted": f"{spec.counted[0]} translations, {spec.counted[1]} rotations of {spec.node}",
+        "version": VERSION,
+        "chunks": list(chunk_shape),
+        **spec.attributes,
+    })  # fmt: skip
+    for axis, unit in zip(region.axes, region.units(mechanism), strict=True):
+        group.create_array(
+            axis.name, data=axis.middles(), chunks=(axis.count,), dimension_names=(axis.name,),
+            attributes={"units": unit, "cell_width": axis.width}, **_ENCODING,
+        )  # fmt: skip
+    for name, (dtype, attributes) in _data_arrays(spec).items():
+        joints = (mechanism.model.nq,) if name == "configuration" else ()
+        group.create_array(
+            name, shape=(*region.shape, *joints), chunks=(*chunk_shape, *joints), dtype=dtype,
+            fill_value=math.nan if dtype.startswith("float") else 0, attributes=attributes,
+            dimension_names=(*region.names, *("joint" for _ in joints)), **_ENCODING,
+        )  # fmt: skip
+    return group
+
+
+@lru_cache(maxsize=4)
+def _template(spec: MapSpecification, chunk_shape: tuple[int, ...]) -> zarr.Group:
+    """Return an empty map in memory."""
+    return _create(MemoryStore(), spec, chunk_shape)
+
+
+def _data_arrays(spec: MapSpecification) -> dict[str, tuple[str, dict[str, Any]]]:
+    """Return the type and the attributes of each array of cells, by name, in the order in which they are written."""
+    model = spec.mechanism.model
+    found: dict[str, tuple[str, dict[str, Any]]] = {}
+    for name in spec.quantities:
+        quantity = QUANTITIES[name]
+        found[name] = quantity.dtype, {"units": quantity.unit, "long_name": quantity.description}
+    joints = [
+        name if joint.nq == 1 else f"{name}.{k}"
+        for name, joint in zip(model.names[1:], model.joints[1:], strict=True)
+        for k in range(joint.nq)
+    ]
+    found["configuration"] = (
+        "float64",
+        {"units": "rad or m", "long_name": "configuration, loops closed", "joints": joints},
+    )
+    found["reachable"] = "bool", {"units": "1", "long_name": "whether there is a configuration"}
+    found[LAST] = "uint8", {
+        "units": "1", "long_name": "status of the cell",
+        "flag_values": [int(status) for status in CellStatus],
+        "flag_meanings": " ".join(status.name.lower() for status in CellStatus),
+    }  # fmt: skip
+    return found
