@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.hexapod import SolutionCounts
-from cinegen.html_table import html_table
+from cinegen.html import table
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -84,7 +84,7 @@ class AssemblyModes(Sequence[Array]):
             values = *(f"{1e3 * value:.3f}" for value in placement.translation), *(f"{angle:.2f}" for angle in angles)
             rows.append((number, *values, count))
         header = "mode", "x (mm)", "y (mm)", "z (mm)", "roll (°)", "pitch (°)", "yaw (°)", "solutions"
-        return html_table(f"{self!r}: {self.mechanism.end}. {self.method}", header, rows)
+        return table(f"{self!r}: {self.mechanism.end}. {self.method}", header, rows)
 
     def placements(self, node: str | None = None) -> list[pin.SE3]:
         """Return the placement of a node, by default the mechanism's end, in the world, mode by mode.

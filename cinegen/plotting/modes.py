@@ -31,21 +31,21 @@ _LARGE, _SMALL = 1.9, 1.25  # inches of a panel's longer side: of few modes, and
 _TITLE, _GAP, _MARGIN = 0.38, 0.3, 0.35  # inches: above a mode, between two, around all
 _HEAD, _FOOT = 0.8, 0.85  # inches
 _LETTERS = 19.0  # of 7 points to an inch, about
-_NARROW, _NARROWEST = 2.3, 5.0  # inches: of a mode, whose words need room; of all
+_NARROW, _NARROWEST = 2.3, 5.0  # inches: least width of a mode with its text; of all
 
 
 class DrawingError(CinegenError):
-    """What can't be drawn; says why."""
+    """A picture that can't be drawn; the message says why."""
 
 
 def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None = None) -> Figure:
-    """All modes side by side, each in perspective, from the top and from the side; in one view where all parts move in
-    a plane. All have the same scale. A plate shows by its colour whether it is seen from the side that is up at home.
+    """Draw all modes side by side, each in perspective, from the top and from the side; in one view if all parts move
+    in a plane. All have the same scale. The colour of a plate shows whether the side that is up at home is visible.
 
     Args:
         modes: at least one.
-        node: whose place is said, and marked; the mechanism's end unless given.
-        name: of the robot in the title; its own unless given.
+        node: whose position is written, and marked; the mechanism's end by default.
+        name: of the robot in the title; its own by default.
 
     Returns:
         a matplotlib figure with one axes for each mode and view, mode by mode: `figure.savefig("modes.png")`.
@@ -76,12 +76,12 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
             axes.set_xlim(*across)
             axes.set_ylim(*upright)
             paint(axes, pose, view, sheet.pen)
-    _Words(figure, sheet).write(modes, node, name or modes.mechanism.name, poses)
+    _Texts(figure, sheet).write(modes, node, name or modes.mechanism.name, poses)
     return figure
 
 
 class _Sheet:
-    """Where everything stands on the paper, inches from its lower left corner.
+    """The layout of the paper, inches from its lower left corner.
 
     Modes fill rows; each view has one width in all of them, and a row is as high as its modes need.
 
@@ -89,7 +89,7 @@ class _Sheet:
         views: of each mode.
         scale: inches for a metre.
         pen: for the skeletons.
-        columns: how many modes there are in a row.
+        columns: number of modes in a row.
         width, height: of the paper.
     """
 
@@ -113,13 +113,13 @@ class _Sheet:
         self.height = sum(self._rows) + _GAP * (len(rows) - 1) + _HEAD + _FOOT
 
     def block(self, k: int) -> tuple[float, float, float]:
-        """Left, top and right of a mode."""
+        """Return left, top and right of a mode."""
         row, column = divmod(k, self.columns)
         left = _MARGIN + column * (self._block + _GAP)
         return left, self.height - _HEAD - sum(self._rows[:row]) - row * _GAP, left + self._block
 
     def panel(self, k: int, v: int) -> tuple[float, float, float, float]:
-        """Left, bottom, width and height of a view of a mode; the views of a row stand on the middle of it."""
+        """Return left, bottom, width and height of a view of a mode; the views of a row are centred vertically."""
         left, top, right = self.block(k)
         sizes = self.scale * np.ptp(self._across, axis=1)
         wide, high = float(sizes[v]), self.scale * float(np.ptp(self._upright[k // self.columns][v]))
@@ -128,40 +128,40 @@ class _Sheet:
         return left + spare / 2.0 + float(sizes[:v].sum()), middle - high / 2.0, wide, high
 
     def shows(self, k: int, v: int) -> tuple[Array, Array]:
-        """What a view of a mode shows, m: left and right; lower and upper."""
+        """Return the range that a view of a mode shows, m: left and right; lower and upper."""
         return self._across[v], self._upright[k // self.columns][v]
 
 
 def _bounds(view: Projection, poses: list[Pose]) -> Array:
-    """(2, 2) lower left and upper right corner of what a view has to show of some poses, m."""
+    """Return the lower left and upper right corner (2, 2) of some poses in a view, with a margin, m."""
     flat = np.vstack([view.project(pose.points)[0] for pose in poses])
     low, high = flat.min(axis=0), flat.max(axis=0)
     room = _ROOM * float((high - low).max())
     return np.array([low - room, high + room])
 
 
-class _Words:
-    """What is written on the paper."""
+class _Texts:
+    """The texts on the paper."""
 
     def __init__(self, figure: Figure, sheet: _Sheet) -> None:
         self._figure, self._sheet = figure, sheet
 
     def write(self, modes: AssemblyModes, node: str, name: str, poses: list[Pose]) -> None:
-        """All of it."""
+        """Write all texts."""
         sheet, mechanism, count = self._sheet, modes.mechanism, len(modes)
         right, top = sheet.width - _MARGIN, sheet.height
         self._put(f"{name}: {count} assembly mode{'s' * (count != 1)}", _MARGIN, top - 0.34, INK, 13.0, weight="bold")
-        motors = zip(mechanism.actuated, modes.actuated, strict=True)
-        values = ", ".join(f"{joint} {value_text(mechanism, joint, value)}" for joint, value in motors)
+        joints = zip(mechanism.actuated, modes.actuated, strict=True)
+        values = ", ".join(f"{joint} {value_text(mechanism, joint, value)}" for joint, value in joints)
         self._put(_cut(values, right - _MARGIN), _MARGIN, top - 0.56, FAINT, 8.0)
         for k, note in enumerate(_notes(modes)):
             self._above(k, modes.placements(node)[k].translation, note)
         found = ("All there are: " if modes.complete else "There may be more: ") + modes.method
         if max(modes.coincident) > 1:
-            found = "×2: two solutions meet there. " + found
+            found = "×2: two solutions coincide. " + found
         for line, text in enumerate(textwrap.wrap(found, int((right - _MARGIN) * _LETTERS))[:2]):
             self._put(text, _MARGIN, 0.32 - 0.13 * line, FAINT, 7.0)
-        marks = [(MOTOR, "motor", "o"), (END, node, "o")]
+        marks = [(MOTOR, "actuated joint", "o"), (END, node, "o")]
         if any(part.normal is not None and not part.is_base for part in poses[0].parts):
             marks += [(FRONT, "side that is up at home", "s"), (BACK, "its other side", "s")]
         x = _MARGIN
@@ -173,12 +173,12 @@ class _Words:
         self._line([right - length * sheet.scale, right], 0.55, color=INK, linewidth=1.5)
         self._put(f"{1e3 * length:g} mm", right - length * sheet.scale / 2.0, 0.6, INK, 7.0, ha="center")
 
-    def _above(self, k: int, place: Array, note: str) -> None:
-        """Over a mode its number, where its end is and what is the matter; over the first row what is seen."""
+    def _above(self, k: int, position: Array, note: str) -> None:
+        """Write a mode's number, the position of its end and a note above it; above the first row the views' names."""
         sheet = self._sheet
         left, top, right = sheet.block(k)
-        digits = 1 if np.abs(place).max() >= 0.1 else 2
-        x, y, z = (f"{rounded(1e3 * value, digits):.{digits}f}" for value in place)
+        digits = 1 if np.abs(position).max() >= 0.1 else 2
+        x, y, z = (f"{rounded(1e3 * value, digits):.{digits}f}" for value in position)
         self._put(str(k + 1), left, top - 0.12, INK, 10.0, weight="bold")
         self._put(f"{x}   {y}   {z} mm", left + 0.28, top - 0.12, FAINT, 7.0)
         self._put(note, right, top - 0.12, END, 7.0, ha="right")
@@ -199,21 +199,21 @@ class _Words:
 
 
 def _notes(modes: AssemblyModes) -> list[str]:
-    """What is the matter with each mode."""
+    """Return a note on each mode: coinciding solutions, joint limits."""
     notes = []
     for q, count in zip(modes, modes.coincident, strict=True):
-        meeting = [f"×{count}"] if count > 1 else []
-        notes.append(", ".join(meeting + (["outside limits"] if modes.mechanism.limits.outside(q) else [])))
+        coincident = [f"×{count}"] if count > 1 else []
+        notes.append(", ".join(coincident + (["outside limits"] if modes.mechanism.limits.outside(q) else [])))
     return notes
 
 
 def _cut(text: str, inches: float) -> str:
-    """As much of a line of 8 points as fits."""
+    """Return as much of a line of 8 points as fits."""
     most = int(inches * _LETTERS * 7.0 / 8.0)
     return text if len(text) <= most else text[: most - 5].rpartition(",")[0] + ", ..."
 
 
 def _round_length(metres: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not longer."""
+    """Return the largest 1, 2 or 5 times a power of ten that is not longer."""
     power = 10.0 ** math.floor(math.log10(metres))
     return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= metres * (1.0 + 1e-9))

@@ -1,4 +1,4 @@
-"""`Shades`: in which colours a map's quantity is shown, from where to where, and which of its levels are drawn."""
+"""`Shades`: colours, range and contour levels by which a map's quantity is shown."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 OUT = "#e9ebee"
-"""Of cells that are out of reach."""
+"""Colour of unreachable cells."""
 
 REACHED = "#7fa8c9"
-"""Of those that are reached, where nothing else is told of them."""
+"""Colour of reachable cells without another quantity."""
 
 _LOGARITHMIC = ("condition", "force")
-_SPAN = 4.0  # times: what varies less is shown on a straight scale all the same
+_SPAN = 4.0  # ratio of values: smaller ones are shown on a linear scale
 _MOST = 0.99  # of all values: those beyond are shown as one
-_FAR = 0.4  # of the largest: where all values are above, colours don't begin at 0
-_DARKEST = 0.12  # of viridis: lines are to be seen on it
+_FAR = 0.4  # of the largest: if all values are above, colours don't begin at 0
+_DARKEST = 0.12  # of viridis: lines must be visible on it
 _KINDS = {
     CellStatus.NOT_EVALUATED: "#ffffff",
     CellStatus.REACHABLE: "#56b4e9",
@@ -45,17 +45,17 @@ _DIGITS = 3
 
 @dataclass(frozen=True, eq=False)
 class Shades:
-    """Of a quantity.
+    """Colours, range and levels of a quantity.
 
     Attributes:
         name: of the quantity.
-        words: what it is, and its unit.
+        words: description and unit.
         colours: a matplotlib colormap.
         norm: from values to it.
-        levels: that are drawn as lines; none where they make no sense.
-        ticks: values that have a word.
-        labels: these words; none where the numbers are the words.
-        extend: on which side there are values beyond what is shown, as matplotlib's colour bars say it.
+        levels: drawn as lines; none if they make no sense.
+        ticks: values with a label.
+        labels: of the ticks; none if the numbers are the labels.
+        extend: sides on which values exceed the range, as for matplotlib's colour bars.
     """
 
     name: str
@@ -69,13 +69,13 @@ class Shades:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether equal steps are equal factors."""
+        """Whether the scale is logarithmic."""
         from matplotlib.colors import LogNorm
 
         return isinstance(self.norm, LogNorm)
 
     def number(self, value: float) -> str:
-        """A level's, short, in as many digits as tell all ticks apart."""
+        """Return a level as a short text, with as many digits as distinguish all ticks."""
         apart = (n for n in range(_DIGITS, 17) if len({f"{tick:.{n}g}" for tick in self.ticks}) == len(self.ticks))
         return f"{value:.{next(apart, 17)}g}".replace("-", "−")
 
@@ -125,7 +125,7 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
 
 
 def differing(words: str, unit: str, name: str, values: Array) -> Shades:
-    """How the difference of a quantity is shown: white is none."""
+    """Return shades for the difference of a quantity: white is none."""
     import matplotlib
     from matplotlib.colors import Normalize
 
@@ -139,7 +139,7 @@ def differing(words: str, unit: str, name: str, values: Array) -> Shades:
 
 
 def pretty(name: str) -> str:
-    """A quantity's name for paper."""
+    """Return a quantity's name for paper."""
     return name.replace("sigma_1", "σ₁").replace("sigma_2", "σ₂").replace("_", " ")
 
 
@@ -164,7 +164,7 @@ def _counts(name: str, words: str, known: Array) -> Shades:
 
 
 def _classes(name: str, words: str, colours: list[object], labels: list[str], numbers: Array) -> Shades:
-    """Each number a colour of its own."""
+    """Return shades with a colour for each number."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     between = 0.5 * (numbers[1:] + numbers[:-1])
@@ -196,7 +196,7 @@ def _continuous(name: str, words: str, known: Array) -> Shades:
 
 
 def _straight(low: float, high: float) -> Array:
-    """Round numbers in a range."""
+    """Return round numbers in a range."""
     from matplotlib.ticker import MaxNLocator
 
     ticks = np.asarray(MaxNLocator(6, steps=[1, 2, 5, 10]).tick_values(low, high))
@@ -205,7 +205,7 @@ def _straight(low: float, high: float) -> Array:
 
 
 def _steps(low: float, high: float) -> Array:
-    """1, 2, 5, 10, ... in a range; 1, 10, 100, ... in a long one."""
+    """Return 1, 2, 5, 10, ... in a range; 1, 10, 100, ... in a long one."""
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
     parts = (1.0, 2.0, 5.0) if last - first <= 3 else (1.0,)
     ticks = np.array([part * 10.0**power for power in range(first, last + 1) for part in parts])

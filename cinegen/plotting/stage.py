@@ -1,4 +1,4 @@
-"""`Stage`: what is drawn of a plan, from where it is seen, and where that stands on the paper."""
+"""`Stage`: the contents, views and layout of a picture of a plan."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_MOMENTS, _FEWER = 15, 10  # at which the robot is drawn: in a plane, and in space
+_MOMENTS, _FEWER = 15, 10  # configurations that are drawn: in a plane, and in space
 _ROOM = 0.05  # of what is drawn, around it
-_BEYOND = 0.6  # of the robot's room, around it: obstacles are drawn so far
+_BEYOND = 0.6  # of the robot's extent, around it: obstacles are drawn within
 _WIDE, _STRIP = 6.6, 1.5  # inches: of a map, and the height of the clearance below
 _TALL = (2.2, 6.2)  # inches: of a map, at least and at most
 _SHEET, _LEAST, _MOST = 8.6, 5.0, 10.0  # inches: of three views, and their height
-_WORDS = 0.9  # inches: above and below
+_TEXT = 0.9  # inches: above and below
 _X, _Y, _Z = np.eye(3)
 
 TOP, FRONT, RIGHT = np.array([_X, _Y]), np.array([_X, _Z]), np.array([_Y, _Z])
@@ -37,18 +37,18 @@ TOP, FRONT, RIGHT = np.array([_X, _Y]), np.array([_X, _Z]), np.array([_Y, _Z])
 
 
 class Stage:
-    """What is drawn, and from where it is seen.
+    """The contents of a picture, and its views.
 
     Attributes:
         plan: that is drawn.
         views: (2, 3) each: unit vectors to the right, and up.
         robot: bodies of the robot.
         path: (n, nq) configurations, near each other.
-        trace: (n, 3) where the node goes, m.
+        trace: (n, 3) positions of the node, m.
         clearances: (n,) the shortest distance at each, m.
-        gone: (n,) how far the joints have moved, in rad and characteristic lengths.
-        moments: numbers of the configurations that are drawn, about equally far from each other.
-        low, high: (3,) corners of what has to be seen, m.
+        gone: (n,) distance that the joints have moved, in rad and characteristic lengths.
+        moments: indices of the configurations that are drawn, at about equal distances.
+        low, high: (3,) corners of the visible box, m.
     """
 
     def __init__(self, plan: Plan) -> None:
@@ -68,12 +68,12 @@ class Stage:
         self.low, self.high = self._bounds(scene)
 
     def placements(self, q: Array) -> list[pin.SE3]:
-        """Of the robot's bodies' joints at q (nq,)."""
+        """Return the placements of the robot's bodies' joints at q (nq,)."""
         pin.forwardKinematics(self.plan.scene.mechanism.model, self._data, q)
         return [pin.SE3(self._data.oMi[body.joint]) for body in self.robot]
 
     def _bounds(self, scene: Scene) -> tuple[Array, Array]:
-        """The robot's room, and as much of the obstacles as is near it."""
+        """Return the corners of a box around the robot's path and the obstacles near it."""
         corners = [scene.goal.translation[None], self.trace]
         for q in self.path[self.moments]:
             for body, placement in zip(self.robot, self.placements(q), strict=True):
@@ -90,7 +90,7 @@ class Stage:
         return low - room, high + room
 
     def shows(self, view: Array) -> tuple[Array, Array]:
-        """(2,) left and right, (2,) lower and upper end of a view, m."""
+        """Return the left and right (2,), and the lower and upper end (2,) of a view, m."""
         ends = np.sort(np.stack([view @ self.low, view @ self.high]), axis=0)
         return ends[:, 0], ends[:, 1]
 
@@ -98,9 +98,9 @@ class Stage:
     def size(self) -> tuple[float, float]:
         """Of the paper, inches."""
         if len(self.views) == 1:
-            return _WIDE, self._tall + _STRIP + _WORDS
+            return _WIDE, self._tall + _STRIP + _TEXT
         x, y, z = self.high - self.low
-        return _SHEET, float(np.clip(_SHEET * (y + z) / (x + y), _LEAST, _MOST)) + _WORDS
+        return _SHEET, float(np.clip(_SHEET * (y + z) / (x + y), _LEAST, _MOST)) + _TEXT
 
     @property
     def _tall(self) -> float:
@@ -108,8 +108,8 @@ class Stage:
         return float(np.clip(_WIDE * up / across, *_TALL))
 
     def panels(self, figure: Figure) -> tuple[list[Any], Any]:
-        """Axes for each view, and for the clearance: below a map; of three views the top one stands over the front,
-        and the right one beside it."""
+        """Return axes for each view, and for the clearance: below a map; of three views the top one is above the front
+        one, and the right one next to it."""
         if len(self.views) == 1:
             top, below = figure.subplots(2, 1, height_ratios=[self._tall, _STRIP])
             return [top], below
@@ -120,7 +120,7 @@ class Stage:
 
 
 def _flat(normal: Array) -> Array:
-    """(2, 3) a view along a normal: y, or else z, is up, and what is to the right is positive."""
+    """Return a view (2, 3) along a normal: y, or else z, is up, and the axis to the right is positive."""
     up = _Y if abs(normal[2]) > 0.9 else _Z
     up = up - normal * (up @ normal)
     up = up / np.linalg.norm(up)
@@ -129,12 +129,12 @@ def _flat(normal: Array) -> Array:
 
 
 def _gone(mechanism: Mechanism, path: Array) -> Array:
-    """(n,) along a path (n, nq)."""
+    """Return the distance (n,) along a path (n, nq)."""
     steps = (mechanism.scaled_difference(a, b) for a, b in itertools.pairwise(path))
     return np.concatenate([[0.0], np.cumsum([np.linalg.norm(step) for step in steps])])
 
 
 def _box(body: Body, placement: pin.SE3) -> Array:
-    """(2, 3) corners of a box around a body."""
+    """Return the corners (2, 3) of a box around a body."""
     flat, upright = outline(body, placement, TOP), outline(body, placement, FRONT)
     return np.array([[*end(flat, axis=0), end(upright[:, 1])] for end in (np.min, np.max)])

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.html_table import html_table
+from cinegen.html import table
 from cinegen.singularities.contour import Node, SingularCurve, SingularityGrid
 from cinegen.singularities.crossing import of_end, of_passive_joints
 from cinegen.singularities.slice import Slice, SliceError
@@ -50,7 +50,7 @@ class SingularLoci:
 
     def _repr_html_(self) -> str:
         rows = [(c.kind.value, "branch ends" if c.border else "inside", len(c.points)) for c in self.curves]
-        return html_table(repr(self), ("type", "where", "points"), rows)
+        return table(repr(self), ("type", "where", "points"), rows)
 
     @property
     def reached(self) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import ClosureError
-from cinegen.html_table import html_table
+from cinegen.html import table
 from cinegen.ik.resolve import free_motions
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import CountedJacobians, counted
@@ -92,7 +92,7 @@ class Singularity:
 
     def _repr_html_(self) -> str:
         title, *rows = self.message.split("; ")
-        return html_table(title, ["reason"], [[row] for row in rows])
+        return table(title, ["reason"], [[row] for row in rows])
 
     @property
     def sigma(self) -> tuple[float, float]:

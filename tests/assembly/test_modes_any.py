@@ -362,3 +362,11 @@ def test_threads_may_share_a_mechanism_and_it_is_not_kept_alive(root):
     gone = shared()
     gc.collect()
     assert gone() is None
+
+
+def test_a_short_text_and_a_table_show_modes(robot):
+    modes = assembly_modes(robot("gough"))
+    assert repr(modes) == "<8 assembly modes of hexapod, proved to be all>"
+    shown = modes._repr_html_()
+    assert shown.count("<tr>") == 1 + len(modes)
+    assert "40 of 40 distinct regular solutions" in shown

@@ -192,3 +192,9 @@ def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, a
     monkeypatch.chdir(tmp_path)
     assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 1
     assert words in capsys.readouterr().err
+
+
+def test_a_short_text_and_a_table_show_loci(five_bar):
+    assert repr(five_bar).startswith("<SingularLoci of ")
+    assert len(repr(five_bar)) < 200
+    assert five_bar._repr_html_().count("<tr>") == 1 + len(five_bar.curves)

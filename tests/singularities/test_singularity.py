@@ -268,3 +268,14 @@ def test_open_loops_are_told(robot):
     q[0] += 0.1
     with pytest.raises(cinegen.ClosureError, match=r"are open by 0\.\d+ .*close\(q\) first"):
         singularity(mechanism, q)
+
+
+def test_a_short_text_and_a_table_show_singularities(robot):
+    mechanism = robot("tssm")
+    here = singularity(mechanism, mechanism.q_home)
+    assert repr(here).startswith("<Singularity: regular (smallest singular values: ")
+    assert len(repr(here)) < 200
+    turned = Coordinates(mechanism, ("rx", "ry", "rz")).from_home({"rx": 0.0, "ry": 0.0, "rz": math.pi / 2})
+    shown = singularity(mechanism, turned)._repr_html_()
+    assert "general complex (5a)" in shown
+    assert "type 2" in shown
