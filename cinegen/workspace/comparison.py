@@ -6,7 +6,6 @@ as wide as those of the coarser one, each looked up in both maps at its middle.
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.html import table
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import Extent, bounds, extent_of
@@ -122,8 +122,7 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         rows: dict[str, Extent | QuantityDifference] = {**self.extents, **self.differences}
-        cells = (f"<tr><th>{html.escape(name)}</th><td>{html.escape(str(row))}</td></tr>" for name, row in rows.items())
-        return f"<table><caption>{html.escape(repr(self))}</caption>{''.join(cells)}</table>"
+        return table(repr(self), ("", "reachable, or difference"), rows.items())
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values, m and rad."""

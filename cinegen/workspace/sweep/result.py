@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-import html
 import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from cinegen.html import table
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.sweep.box import WantedBox
@@ -125,11 +125,8 @@ class SweepResult:
         return f"<SweepResult of {self.robot[:60]}: {len(self.rows)} variants, {len(self.suitable)} suitable>"
 
     def _repr_html_(self) -> str:
-        def row(tag: str, texts: list[str]) -> str:
-            return f"<tr>{''.join(f'<{tag}>{html.escape(text)}</{tag}>' for text in texts)}</tr>"
-
-        body = [row("td", [*result.cells(), result.remark]) for result in self.rows]
-        return f"<table>{row('th', [*self.headings, *_COLUMNS, 'remark'])}{''.join(body)}</table>"
+        rows = ([*row.cells(), row.remark] for row in self.rows)
+        return table(repr(self), [*self.headings, *_COLUMNS, "remark"], rows)
 
     @property
     def unit(self) -> str:
