@@ -1,9 +1,9 @@
-"""A smooth curve through points, by its arc length, with a normal everywhere.
+"""`SeamCurve`: a smooth curve through points, parametrised by arc length, with a normal everywhere.
 
 Between points that are not evenly spaced a Catmull-Rom spline needs the centripetal parameter: with it, and no other of
-its family, there are no cusps and no loops between two points (C. Yuksel, S. Schaefer, J. Keyser: Parameterization and
-applications of Catmull-Rom curves. Computer-Aided Design 43 (2011), 747-755), and a long straight part between short
-ones stays nearly straight.
+its family, there are no cusps and no self-intersections between two points (C. Yuksel, S. Schaefer, J. Keyser:
+Parameterization and applications of Catmull-Rom curves. Computer-Aided Design 43 (2011), 747-755), and a long straight
+part between short ones stays nearly straight.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from cinegen.sensor import SensorError
 Array = NDArray[np.float64]
 
 CORNER = math.radians(30.0)
-"""Where a line through points bends by more at a point, there is a corner, else the curve is smooth there."""
+"""Larger changes of direction of the line through the points are corners, where the curve is not smooth."""
 
-_STEEP = math.radians(5.0)  # at least so far apart must the curve and its normal be
-_OPPOSITE = math.radians(175.0)  # between two normals that are further apart there is no shortest way
-_SAME = 1e-9  # m, and of normals: less is no difference
-_UNEVEN = 1e-6  # by how much the speed along a curve may differ from 1
-_FINEST, _MOST = 512, 1 << 19  # parts between two points, and of a curve; less even ones are good enough then
+_STEEP = math.radians(5.0)  # smallest angle between the curve and its normal
+_OPPOSITE = math.radians(175.0)  # largest angle between successive normals: beyond, the rotation is ambiguous
+_SAME = 1e-9  # m, and of unit normals: less is no difference
+_UNEVEN = 1e-6  # largest deviation of the speed along a curve from 1
+_FINEST, _MOST = 512, 1 << 19  # largest number of parts between two points, and of a curve
 
-# Gauss's rule with three abscissae, on 0 to 1.
+# Gauss quadrature with three abscissae, on 0 to 1.
 _ABSCISSAE = 0.5 + math.sqrt(0.15) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
 
 
 class PointError(SensorError):
-    """A point that no curve can go through.
+    """A point that a curve can't go through.
 
     Attributes:
         index: of the point, from 0.
@@ -49,21 +49,21 @@ class PointError(SensorError):
         return type(self), (self.index, self.message)
 
 
-class Curve:
-    """Goes through points with a tangent that never jumps; its normal turns evenly from each point to the next.
+class SeamCurve:
+    """A curve through points with a continuous tangent; its normal rotates at constant rate from point to point.
 
     Args:
-        points: (n, 3) m, at least two, none where the one before is.
+        points: (n, 3) m, at least two, successive ones different.
         normals: (n, 3) of length 1.
-        numbers: (n,) what the points are called in errors.
-        before: (3,) a point that it comes from, smoothly; none unless given.
-        behind: (3,) a point that it goes on to.
+        numbers: (n,) numbers of the points in errors.
+        before: (3,) m, a point before the first, for a smooth start; none unless given.
+        behind: (3,) m, a point after the last, likewise.
 
     Attributes:
-        length: m.
+        length: arc length, m.
 
     Raises:
-        PointError: the normal turns by half a turn between two points, or the curve goes along it.
+        PointError: successive normals are opposite, or the curve is parallel to its normal.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Curve:
         self._check_sides(numbers)
 
     def _check_sides(self, numbers: NDArray[np.intp]) -> None:
-        """Whether curve and normal are apart, everywhere."""
+        """Check that the curve is nowhere parallel to its normal."""
         spans = np.arange(len(self._cubics)) // self._parts
         angles = self._angles[spans] * (self._along[:-1] - self._along[spans * self._parts]) / self._spans[spans]
         first, aside = np.moveaxis(self._normals[spans], 1, 0)
@@ -92,12 +92,10 @@ class Curve:
         apart = np.linalg.norm(np.cross(np.vstack([self._cubics[:, 2], tangent]), np.vstack([normals, normal])), axis=1)
         for i in np.flatnonzero(apart < math.sin(_STEEP))[:1]:
             which = round(float(i) / self._parts)  # the nearest
-            raise PointError(
-                int(numbers[which]), "the seam goes along its normal here: there is no side that a tool could stand on"
-            )
+            raise PointError(int(numbers[which]), "the seam is parallel to its normal here: a tool can't point at it")
 
     def at(self, along: float) -> tuple[Array, Array, Array]:
-        """Point (3,), tangent (3,) and normal (3,) at an arc length (m), which is cut to the curve's."""
+        """Return point (3,) m, unit tangent (3,) and normal (3,) at an arc length (m), clipped to the curve's."""
         i = min(max(bisect_right(self._knots, along) - 1, 0), len(self._cubics) - 1)
         d = min(max(along, 0.0), self.length) - self._knots[i]
         a, b, c, e = self._cubics[i]
@@ -109,24 +107,25 @@ class Curve:
         return point, tangent / math.sqrt(tangent @ tangent), math.cos(angle) * first + math.sin(angle) * aside
 
 
-def smooth_runs(points: Array, normals: Array) -> list[Curve]:
-    """Curves through points, one after the other: each ends where the next begins, at a corner or an edge.
+def smooth_runs(points: Array, normals: Array) -> list[SeamCurve]:
+    """Return successive curves through points: each ends where the next begins, at a corner or an edge.
 
-    A corner is where the line bends by more than `CORNER`. An edge is a point that stands twice, with two normals. A
-    line that ends where it began, without a corner, is as smooth there as anywhere.
+    At a corner the line changes its direction by more than `CORNER`. An edge is a point that is given twice, with two
+    normals. A closed line without a corner at its ends is smooth there, too.
 
     Args:
         points: (n, 3) m.
         normals: (n, 3) of length 1.
 
     Raises:
-        PointError: there is no curve through a point.
+        PointError: a point that a curve can't go through.
+        SensorError: fewer than two different points.
     """
     if len(points) < 2:
         raise SensorError("a seam needs two points at least")
     moved = np.linalg.norm(np.diff(points, axis=0), axis=1) > _SAME
     turned = np.linalg.norm(np.diff(normals, axis=0), axis=1) > _SAME
-    numbers = np.flatnonzero(np.concatenate([[True], moved | turned]))  # without those that say the same again
+    numbers = np.flatnonzero(np.concatenate([[True], moved | turned]))  # without repetitions
     points, normals = points[numbers], normals[numbers]
     last = len(points) - 1
     if not moved.any():
@@ -155,26 +154,26 @@ def smooth_runs(points: Array, normals: Array) -> list[Curve]:
         if start == end:
             raise PointError(
                 int(numbers[start]),
-                "it stands where its neighbour stands: a point with two normals is an edge, but one with three is not, "
-                "nor one at an end",
+                "it is where its neighbour is: a point with two normals is an edge, not one with three normals, nor "
+                "one at an end",
             )
         part = slice(start, end + 1)
         before = points[-2] if closed and start == 0 else None
         behind = points[1] if closed and end == last else None
-        curves.append(Curve(points[part], normals[part], numbers[part], before, behind))
+        curves.append(SeamCurve(points[part], normals[part], numbers[part], before, behind))
     return curves
 
 
 def angle(a: Array, b: Array) -> Array:
-    """Between vectors (..., 3), from 0 to pi."""
+    """Return the angle between vectors (..., 3), 0 to pi."""
     return np.asarray(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, axis=-1)))
 
 
 def _turns(normals: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array]:
-    """How a normal turns from each point to the next, in the plane of both: first cos(angle) + aside sin(angle).
+    """Return the rotation of the normal from each point to the next: first cos(angle) + aside sin(angle).
 
     Returns:
-        The whole angles (n - 1,), rad, and first and aside (n - 1, 2, 3).
+        The angles (n - 1,), rad, and first and aside (n - 1, 2, 3).
     """
     cosines = np.sum(normals[:-1] * normals[1:], axis=1)
     aside = normals[1:] - cosines[:, None] * normals[:-1]
@@ -186,11 +185,11 @@ def _turns(normals: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array]:
 
 
 def _by_length(spline: CubicHermiteSpline) -> tuple[Array, Array]:
-    """A curve in small parts, the same number between all points, so that its parameter is its length.
+    """Return a curve in small parts, the same number between all points, parametrised by arc length.
 
     Returns:
-        Where the parts begin and end (m + 1,), m, and the cubics on them (m, 4, 3), of the distance from the beginning,
-        highest power first.
+        Ends of the parts (m + 1,), m, and the cubics on them (m, 4, 3) in the distance from their beginning, highest
+        power first.
     """
     parts, u = 4, spline.x
     while True:
@@ -209,7 +208,7 @@ def _by_length(spline: CubicHermiteSpline) -> tuple[Array, Array]:
 
 
 def _catmull_rom(points: Array, before: Array | None, behind: Array | None) -> CubicHermiteSpline:
-    """In each point the tangent of the parabola through it and its neighbours; at an end, the next one mirrored."""
+    """Return the spline with tangents of the parabolas through a point and its neighbours; mirrored at the ends."""
     around = points
     if before is not None:
         around = np.vstack([before, around])
@@ -228,5 +227,5 @@ def _catmull_rom(points: Array, before: Array | None, behind: Array | None) -> C
 
 
 def _mirrored(tangent: Array, chord: Array) -> Array:
-    """The tangent at a chord's other end, if both were on a circle."""
+    """Return the tangent at the other end of a chord of a circle."""
     return np.asarray(2.0 * (tangent @ chord) / (chord @ chord) * chord - tangent)

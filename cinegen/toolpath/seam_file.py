@@ -1,10 +1,9 @@
-"""A seam by its URL: a file of points and normals, and how the tool goes along them. In the units of the workshop.
+"""`open_seam`: a seam by its URL, `seam:FILE?options`: a file of points and normals, and how the tool moves along them.
 
-The file is CSV: a line that names the columns, then a line for each point. x, y, z are in mm, in the world; nx, ny, nz
-is the surface's normal, of any length but 0. Other columns are not looked at; neither is what stands behind a `#`.
+The file is CSV: a line with the names of the columns, then a line for each point. x, y, z are in mm, in the world; nx,
+ny, nz is the normal of the surface, of any length but 0. Other columns, and comments after `#`, are ignored.
 
-The URL is `seam:FILE`, with options behind a `?`, parted by `&`: lengths in mm, angles in degrees, speeds in mm/s and
-degrees/s, times in s.
+Options are separated by `&`: lengths in mm, angles in degrees, speeds in mm/s and degrees/s, times in s.
 """
 
 from __future__ import annotations
@@ -38,16 +37,16 @@ OPTIONS: Mapping[str, float] = {
     "ramp": 1.0,
     "wait": 1.0,
 }
-"""What may stand behind the `?` with a number, and its unit in SI; `again` may too, with a word."""
+"""Options with a number, and their units in SI; `again` takes a word."""
 
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
 
 
 def open_seam(url: str) -> Seam:
-    """A seam by its URL, `seam:weld.csv?distance=10&speed=20`.
+    """Return a seam by its URL, such as `seam:weld.csv?distance=10&speed=20`.
 
     Raises:
-        SensorError: the URL or the file is wrong; says where.
+        SensorError: the URL or the file is wrong; gives the line.
     """
     name, _, query = url.removeprefix("seam:").partition("?")
     if not name:
@@ -63,17 +62,17 @@ def open_seam(url: str) -> Seam:
 
 
 def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
-    """Points (n, 3) m, normals (n, 3) and the lines (n,) that they stand on, from 1.
+    """Return points (n, 3) m, normals (n, 3) and the numbers of their lines (n,), from 1.
 
     Raises:
-        SensorError: the file can't be read, or holds something else; says in which line.
+        SensorError: the file can't be read, or is wrong; gives the line.
     """
     try:
         text = Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise SensorError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
     except UnicodeDecodeError:
-        raise SensorError(f"{path}: is no text (UTF-8)") from None
+        raise SensorError(f"{path}: is not UTF-8 text") from None
     where: list[int] = []  # of the columns
     width = 0
     rows: list[list[float]] = []
@@ -94,13 +93,13 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
             raise SensorError(f"{path}:{number}: {error}") from None
         lines.append(number)
     if not where:
-        raise SensorError(f"{path}: is empty; it begins with a line x,y,z,nx,ny,nz")
+        raise SensorError(f"{path}: is empty; begin it with a line x,y,z,nx,ny,nz")
     values = np.array(rows).reshape(-1, 6)
     return _MM * values[:, :3], values[:, 3:], lines
 
 
 def _header(cells: list[str]) -> list[int]:
-    """Where the columns stand."""
+    """Return the positions of the columns."""
     names = [cell.lower() for cell in cells]
     for name in _COLUMNS:
         if name not in names:
@@ -114,22 +113,22 @@ def _number(text: str, name: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        raise SensorError(f"{name}: '{text[:40]}' is no number") from None
+        raise SensorError(f"{name}: '{text[:40]}' is not a number") from None
     if not math.isfinite(value):
         raise SensorError(f"{name}: '{text[:40]}' is not finite")
     return value
 
 
 def _options(url: str, query: str) -> dict[str, Any]:
-    """What stands behind the `?`, in SI."""
+    """Return the options of a URL, in SI."""
     found: dict[str, Any] = {}
     for text in filter(None, query.split("&")):
         name, _, value = text.partition("=")
         if name in found:
-            raise SensorError(f"'{url}': {name} stands there twice")
+            raise SensorError(f"'{url}': {name} is given twice")
         if name == "again":
             if value not in AGAIN:
-                raise SensorError(f"'{url}': again: no '{value}'{did_you_mean(value, AGAIN)}")
+                raise SensorError(f"'{url}': unknown value '{value}' of again{did_you_mean(value, AGAIN)}")
             found[name] = value
         elif name in OPTIONS:
             try:
@@ -137,5 +136,5 @@ def _options(url: str, query: str) -> dict[str, Any]:
             except SensorError as error:
                 raise SensorError(f"'{url}': {error}") from None
         else:
-            raise SensorError(f"'{url}': no option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
+            raise SensorError(f"'{url}': unknown option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
     return found

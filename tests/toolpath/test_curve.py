@@ -1,4 +1,4 @@
-"""Curves through points by arc length, and stretches from rest to rest."""
+"""Curves through points by arc length, and speed profiles from rest to rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from scipy.optimize import minimize_scalar
 
 from cinegen.devices import SensorError
 from cinegen.toolpath.curve import PointError, smooth_runs
-from cinegen.toolpath.stretch import Stretch
+from cinegen.toolpath.seam import SpeedProfile
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -21,13 +21,13 @@ UP = np.array([0.0, 0.0, 1.0])
 def wandering(seed: int, bend: float, count: int = 9) -> np.ndarray:
     """(count, 3) m: points that bend by less than an angle (rad), at very uneven distances."""
     random = np.random.default_rng(seed)
-    way = np.array([1.0, 0.0, 0.0])
+    path = np.array([1.0, 0.0, 0.0])
     points = [random.normal(size=3)]
     for _ in range(count - 1):
-        aside = np.cross(way, random.normal(size=3))
+        aside = np.cross(path, random.normal(size=3))
         turn = random.uniform(0, bend)
-        way = math.cos(turn) * way + math.sin(turn) * aside / np.linalg.norm(aside)
-        points.append(points[-1] + 10.0 ** random.uniform(-3, -0.5) * way)
+        path = math.cos(turn) * path + math.sin(turn) * aside / np.linalg.norm(aside)
+        points.append(points[-1] + 10.0 ** random.uniform(-3, -0.5) * path)
     return np.array(points)
 
 
@@ -102,13 +102,13 @@ def test_long_straight_parts_stay_so_and_short_ones_do_no_harm():
 @given(st.integers(0, 100), st.floats(-2.9, 2.9))
 def test_normals_turn_evenly_about_one_axis(seed, turn):
     random = np.random.default_rng(seed)
-    way = random.normal(size=3)
-    way /= np.linalg.norm(way)
-    first = np.cross(way, random.normal(size=3))
+    path = random.normal(size=3)
+    path /= np.linalg.norm(path)
+    first = np.cross(path, random.normal(size=3))
     first /= np.linalg.norm(first)
-    aside = np.cross(way, first)
+    aside = np.cross(path, first)
     last = math.cos(turn) * first + math.sin(turn) * aside
-    (curve,) = smooth_runs(np.array([0 * way, 0.3 * way]), np.array([first, last]))
+    (curve,) = smooth_runs(np.array([0 * path, 0.3 * path]), np.array([first, last]))
     for part in (0.0, 0.1, 0.5, 0.77, 1.0):
         expected = math.cos(part * turn) * first + math.sin(part * turn) * aside
         assert curve.at(0.3 * part)[2] == pytest.approx(expected, abs=1e-9)
@@ -135,9 +135,9 @@ def test_edges_and_points_that_stand_twice():
     assert second.at(0.0)[2] == pytest.approx([0, 1, 0])
     normals[4:] = UP
     assert len(smooth_runs(points, normals)) == 3
-    with pytest.raises(PointError, match=r"point 1: it stands where its neighbour stands"):
+    with pytest.raises(PointError, match=r"point 1: it is where its neighbour is"):
         smooth_runs(points[1:], normals[1:])
-    with pytest.raises(PointError, match=r"point 3: it stands where"):
+    with pytest.raises(PointError, match=r"point 3: it is where"):
         smooth_runs(points[[0, 1, 1, 1, 3]], np.array([UP, UP, [0, 1, 0], [0, 0, -1], [0, 0, -1]]))
 
 
@@ -149,31 +149,31 @@ def test_what_no_curve_goes_through():
     assert (again.index, str(again)) == (2, str(caught.value))
     for number, normals in ((1, [[1, 0, 0.05], UP, UP]), (2, [UP, [1, 0, 0], UP]), (3, [UP, UP, [-1, 0, 0.01]])):
         unit = np.array(normals) / np.linalg.norm(normals, axis=1)[:, None]
-        with pytest.raises(PointError, match=f"point {number}: the seam goes along its normal here"):
+        with pytest.raises(PointError, match=f"point {number}: the seam is parallel to its normal here"):
             smooth_runs(points, unit)
     for few in (points[:1], points[:0], points[[0, 0, 0]]):
         with pytest.raises(SensorError, match="two points at least"):
             smooth_runs(few, flat(few))
 
 
-stretches = st.builds(Stretch, st.floats(1e-6, 10), st.floats(1e-4, 10), st.floats(0, 3))
+profiles = st.builds(SpeedProfile, st.floats(1e-6, 10), st.floats(1e-4, 10), st.floats(0, 3))
 
 
-@given(stretches)
-def test_a_stretch_begins_and_ends_at_rest(stretch):
-    length, duration = stretch.length, stretch.duration
-    assert (stretch.at(-1.0), stretch.at(0.0)) == (0.0, 0.0)
-    assert stretch.at(duration) == stretch.at(duration + 1.0) == length
-    assert stretch.at(0.5 * duration) == pytest.approx(0.5 * length, rel=1e-9)
+@given(profiles)
+def test_a_profile_begins_and_ends_at_rest(profile):
+    length, duration = profile.length, profile.duration
+    assert (profile.at(-1.0), profile.at(0.0)) == (0.0, 0.0)
+    assert profile.at(duration) == profile.at(duration + 1.0) == length
+    assert profile.at(0.5 * duration) == pytest.approx(0.5 * length, rel=1e-9)
     times = np.linspace(0, duration, 1001)
-    way = np.array([stretch.at(time) for time in times])
-    speeds = np.diff(way) / np.diff(times)
-    assert speeds.min() >= -1e-9 * stretch.top
-    assert speeds.max() <= stretch.speed * (1 + 1e-6)
-    if stretch.ramp > 0.01 * duration:
-        assert speeds[0] < 0.1 * stretch.top  # from rest
-        assert np.abs(np.diff(speeds)).max() < 1.6 * stretch.top / stretch.ramp * (times[1] - times[0]) + 1e-9
-    if duration > 2.5 * stretch.ramp:
-        assert stretch.at(0.5 * duration + 1e-3 * duration) - stretch.at(0.5 * duration) == pytest.approx(
-            stretch.speed * 1e-3 * duration, rel=1e-6
+    path = np.array([profile.at(time) for time in times])
+    speeds = np.diff(path) / np.diff(times)
+    assert speeds.min() >= -1e-9 * profile.top
+    assert speeds.max() <= profile.speed * (1 + 1e-6)
+    if profile.ramp > 0.01 * duration:
+        assert speeds[0] < 0.1 * profile.top  # from rest
+        assert np.abs(np.diff(speeds)).max() < 1.6 * profile.top / profile.ramp * (times[1] - times[0]) + 1e-9
+    if duration > 2.5 * profile.ramp:
+        assert profile.at(0.5 * duration + 1e-3 * duration) - profile.at(0.5 * duration) == pytest.approx(
+            profile.speed * 1e-3 * duration, rel=1e-6
         )

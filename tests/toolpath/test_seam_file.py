@@ -67,7 +67,7 @@ FIRST = "0,0,0,0,0,1\n"
 @pytest.mark.parametrize(
     ("text", "why"),
     [
-        ("", "weld.csv: is empty; it begins with a line x,y,z,nx,ny,nz"),
+        ("", "weld.csv: is empty; begin it with a line x,y,z,nx,ny,nz"),
         ("# nothing\n", "weld.csv: is empty"),
         (HEAD, "'seam:weld.csv': a seam needs two points at least"),
         (HEAD + FIRST, "two points at least"),
@@ -76,15 +76,15 @@ FIRST = "0,0,0,0,0,1\n"
         ("x;y;z;nx;ny;nz\n", "weld.csv:1: no column 'x'"),
         ("x,y,z,nx,ny,nz,x\n", "weld.csv:1: two columns 'x'"),
         (HEAD + FIRST + "1,0,0,0,0\n", "weld.csv:3: 5 values, but 6 columns are named"),
-        (HEAD + FIRST + "#\n1,0,l,0,0,1\n", "weld.csv:4: z: 'l' is no number"),
-        (HEAD + "0,0,0,0,,1\n", "weld.csv:2: ny: '' is no number"),
+        (HEAD + FIRST + "#\n1,0,l,0,0,1\n", "weld.csv:4: z: 'l' is not a number"),
+        (HEAD + "0,0,0,0,,1\n", "weld.csv:2: ny: '' is not a number"),
         (HEAD + FIRST + "1,0,nan,0,0,1\n", "weld.csv:3: z: 'nan' is not finite"),
         (HEAD + FIRST + "1,0,0,0,0,1e999\n", "weld.csv:3: nz: '1e999' is not finite"),
         (HEAD + FIRST + "\n\n1,0,0,0,0,0 # no\n", "weld.csv:5: its normal is 0 0 0"),
-        (HEAD + FIRST + "# \n1,0,0,1,0,0\n", "weld.csv:4: the seam goes along its normal here"),
+        (HEAD + FIRST + "# \n1,0,0,1,0,0\n", "weld.csv:4: the seam is parallel to its normal here"),
         (HEAD + FIRST + "1,0,0,0,0,-1\n", "weld.csv:3: its normal is opposite"),
         (HEAD + FIRST + "1e12,0,0,0,0,1\n", r"weld.csv:3: it is more than 1e\+06 m away"),
-        (HEAD + "0,0,0,0,0,1\n" * 2 + "0,0,0,0,1,0\n9,0,0,0,1,0\n", "weld.csv:2: it stands where its neighbour stands"),
+        (HEAD + "0,0,0,0,0,1\n" * 2 + "0,0,0,0,1,0\n9,0,0,0,1,0\n", "weld.csv:2: it is where its neighbour is"),
     ],
 )
 def test_what_is_wrong_with_a_file_is_said_with_its_line(weld, text, why):
@@ -95,15 +95,15 @@ def test_what_is_wrong_with_a_file_is_said_with_its_line(weld, text, why):
 @pytest.mark.parametrize(
     ("query", "why"),
     [
-        ("distanec=10", r"'seam:weld.csv\?distanec=10': no option 'distanec': did you mean 'distance'\?"),
-        ("foo=1", r"no option 'foo' \(known: distance, work, .*again\)"),
-        ("distance=ten", r"'seam:weld.csv\?distance=ten': distance: 'ten' is no number"),
-        ("distance", "distance: '' is no number"),
+        ("distanec=10", r"'seam:weld.csv\?distanec=10': unknown option 'distanec': did you mean 'distance'\?"),
+        ("foo=1", r"unknown option 'foo' \(known: distance, work, .*again\)"),
+        ("distance=ten", r"'seam:weld.csv\?distance=ten': distance: 'ten' is not a number"),
+        ("distance", "distance: '' is not a number"),
         ("work=nan", "work: 'nan' is not finite"),
-        ("work=90", r"'seam:weld.csv\?work=90': work must be less than 90 degrees"),
+        ("work=90", r"'seam:weld.csv\?work=90': work must be between -90 and 90 degrees"),
         ("speed=0", "speed must be more than 0"),
-        ("speed=1&speed=2", "speed stands there twice"),
-        ("again=bck", "again: no 'bck': did you mean 'back'"),
+        ("speed=1&speed=2", "speed is given twice"),
+        ("again=bck", "unknown value 'bck' of again: did you mean 'back'"),
     ],
 )
 def test_what_is_wrong_with_a_url(weld, query, why):
@@ -122,5 +122,5 @@ def test_files_that_are_none(weld, tmp_path):
             open_sensor(url)
     weld()
     (tmp_path / "weld.csv").write_bytes(b"\xff\xfe\x00x")
-    with pytest.raises(SensorError, match="is no text"):
+    with pytest.raises(SensorError, match="is not UTF-8 text"):
         open_sensor("seam:weld.csv")
