@@ -30,6 +30,7 @@ import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
+from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
@@ -37,6 +38,9 @@ import numpy as np
 from random_scenes import FAMILIES
 
 from cinegen.planning import plan, rrt_connect
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "papers"))
+from literal_vortices import plan_literally
 
 METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect")
 
@@ -59,6 +63,8 @@ def result(family: str, number: int, method: str) -> Result:
     begin = time.perf_counter()
     if method == "rrtconnect":
         found = rrt_connect(scene, seconds=10.0)
+    elif method == "literal":
+        found = plan_literally(scene)
     elif method == "vortex 1":
         found = plan(scene, attempts=1)
     else:

@@ -21,10 +21,10 @@ import numpy as np
 import pinocchio as pin
 from random_scenes import clear_posture, clearance, posture, robot, scene
 
-from cinegen.collision import Scene, surroundings
+from cinegen.collision import Scene, clearance_of
 from cinegen.ik import Solver
 from cinegen.planning import AvoidingSolver
-from cinegen.planning.keep import Keep, part_in
+from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction
 
 DT, NODE = 1e-3, "tool"
 DRAG, TICKS = 1000, 8000
@@ -55,13 +55,13 @@ def drag(number: int) -> Scene:
 
 def dragged(given: Scene, way: str) -> tuple[bool, float, list[float]]:
     """Whether it arrived, its least clearance, m, and what ticks took, s."""
-    near, around = surroundings(given)
+    near = clearance_of(given)
     if way == "avoiding":
-        solver: Solver = AvoidingSolver(given.mechanism, DT, near, around, given.safety, q=given.start)
+        solver: Solver = AvoidingSolver(near, DT, given.safety, q=given.start)
     else:
         solver = Solver(given.mechanism, DT, given.start)
         if way == "damper":
-            solver.barriers = (Keep(near, given.safety, part_in(DT)),)
+            solver.barriers = (ClearanceBarrier(near, given.safety, approach_fraction(DT)),)
     solver.gain = GAIN
     task = solver.add_task(NODE, translation=3, rotation=0)
     begin, times, least = task.target.copy(), [], np.inf

@@ -24,9 +24,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull
 
 import cinegen
-from cinegen.collision.around import surroundings
-from cinegen.collision.clearance import Clearance
-from cinegen.collision.scene import Scene, scene_of
+from cinegen.collision import Clearance, Scene, clearance_of, scene_of
 from cinegen.ik import FrameTask
 from cinegen.ik.seeker import Seeker
 from cinegen.model import Mechanism
@@ -52,7 +50,7 @@ def scene(mechanism: Mechanism, name: str, obstacles: list[Entry], start: Entry,
 
 
 def clearance(mechanism: Mechanism, obstacles: list[Entry]) -> Clearance:
-    return surroundings(scene(mechanism, "looked at", obstacles, {}, np.zeros(3)))[0]
+    return clearance_of(scene(mechanism, "looked at", obstacles, {}, np.zeros(3)))
 
 
 def posture(mechanism: Mechanism, q: Array) -> Entry:

@@ -1,4 +1,4 @@
-"""A seven-joint arm with a wall in its way: over it by vortices, and how clear of everything it stays all along."""
+"""A seven-joint arm with a wall in its path: vortices guide it over the wall, at a safety distance from everything."""
 
 import tempfile
 from pathlib import Path
@@ -14,25 +14,25 @@ scene = scene_of(
     {
         "name": "wall",
         "robot": "robots/arm7.raff",
-        "safety": 0.02,  # m, to be kept
+        "safety": 0.02,  # m, safety distance
         "start": {"joints": {"joint1": -0.6}},
         "goal": {"point": [0.5, 0.35, 0.3]},  # of the tool, whatever its orientation
         "obstacle": [{"name": "wall", "kind": "box", "size": [0.7, 0.04, 0.45], "point": [0.55, 0.0, 0.225]}],
     }
 )
 
-way = plan(scene)
-for attempt in way.attempts:
-    print(f"{attempt.words}: {attempt.status.value} after {len(attempt.path) - 1} steps")
-print(f"{way}, {1000 * way.clearance:.0f} mm clear of everything all along; the tool goes {way.length:.2f} m")
+path = plan(scene)
+for attempt in path.attempts:
+    print(f"{attempt.strategy}: {attempt.status.value} after {len(attempt.path) - 1} steps")
+print(f"{path}, clearance {1000 * path.clearance:.0f} mm everywhere; the tool moves {path.length:.2f} m")
 
 folder = Path(tempfile.mkdtemp())
-draw_plan(way).savefig(folder / "wall.png")
-record_plan(way, folder / "wall.jsonl")  # for `cinegen replay` and `cinegen export`
-print(f"{Recording.load(folder / 'wall.jsonl').seconds:.1f} s, as fast as its joints may go")
+draw_plan(path).savefig(folder / "wall.png")
+record_plan(path, folder / "wall.jsonl")  # for `cinegen replay` and `cinegen export`
+print(f"{Recording.load(folder / 'wall.jsonl').seconds:.1f} s at the largest joint speeds")
 
 try:
     other = rrt_connect(scene, seconds=5)  # on the same distances
-    print(f"RRT-Connect: {other}, joints move by {other.motion:.1f} rad instead of {way.motion:.1f}")
+    print(f"RRT-Connect: {other}, joints move by {other.motion:.1f} rad instead of {path.motion:.1f}")
 except CinegenError as error:  # without the package ompl
     print(error)

@@ -33,9 +33,9 @@ _WIDTH = 100  # columns
 def run(
     page: PageOptions,
     scene: Path = typer.Argument(..., metavar="SCENE", help="robot, obstacles, start and goal: a .toml or .json file"),
-    field: Literal["vortex", "firas", "spherical", "elliptical", "literal"] = option(
+    field: Literal["vortex", "firas", "spherical", "elliptical"] = option(
         None,
-        "field around obstacles; for comparison: repulsive potentials, and the vortices exactly as published",
+        "field around obstacles; for comparison: repulsive potentials",
         "vortex",
     ),
     planner: Literal["vortex", "rrtconnect"] = option(
@@ -71,9 +71,9 @@ def run(
         from cinegen.planning import plan, rrt_connect
 
         if planner == "rrtconnect":
-            found = rrt_connect(loaded, seconds=seconds, say=progress.text)
+            found = rrt_connect(loaded, seconds=seconds, report=progress.text)
         else:
-            found = plan(loaded, field=field, say=progress.text)
+            found = plan(loaded, field=field, report=progress.text)
     if json:
         print_json({"file": str(scene), "planner": planner, **_document(found)})
     else:
@@ -131,7 +131,7 @@ def _result(found: Plan) -> list[str]:
     if found.attempts:
         lines += textwrap.wrap(f"  meshes     {_meshes(found)}", _WIDTH, subsequent_indent=" " * 13)
         rows = [("status", "steps", "strategy")]
-        rows += [(one.status.value, str(len(one.path) - 1), one.words) for one in found.attempts]
+        rows += [(one.status.value, str(len(one.path) - 1), one.strategy) for one in found.attempts]
         status, steps = (max(len(row[k]) for row in rows) for k in (0, 1))
         numbers = ["attempt", *map(str, range(1, len(rows)))]
         lines += [""] + [
@@ -153,15 +153,15 @@ def _status(found: Plan) -> str:
     here = found.trace[-1][: scene.translation]
     left = math.dist(here, scene.goal.translation[: scene.translation])
     text = f"{found.status.value}: {scene.node} at {_point(here)}, {_mm(left)} from its goal: {found.reason}"
-    complete = found.attempts[-1].held_by or (found.field is not None and found.field.value in _POTENTIALS)
+    complete = found.attempts[-1].blocked_by or found.field in _POTENTIALS
     return text if complete else text + _nearest(found)
 
 
 def _nearest(found: Plan) -> str:
     """Return which two bodies are nearest to each other at the end of the path."""
-    from cinegen.collision.around import surroundings
+    from cinegen.collision import clearance_of
 
-    clearance, _ = surroundings(found.scene)
+    clearance = clearance_of(found.scene)
     distances = clearance.distances(found.path[-1])
     if not len(distances):
         return ""
@@ -228,10 +228,10 @@ def _length(found: Plan) -> float:
     """Return the length of the node's path, m; between configurations it may be curved."""
     import numpy as np
 
-    from cinegen.planning.fine import fine
+    from cinegen.planning.planner import refined
 
     mechanism, node = found.scene.mechanism, found.scene.node
-    trace = np.array([mechanism.placement(q, node).translation for q in fine(mechanism, found.path)])
+    trace = np.array([mechanism.placement(q, node).translation for q in refined(mechanism, found.path)])
     return float(np.linalg.norm(np.diff(trace, axis=0), axis=1).sum())
 
 
@@ -251,7 +251,7 @@ def _document(found: Plan) -> dict[str, Any]:
     return {
         "scene": scene.name,
         "robot": mechanism.name,
-        "field": None if found.field is None else found.field.value,
+        "field": found.field,
         "status": found.status.value,
         "reason": found.reason,
         "node": scene.node,
@@ -267,10 +267,10 @@ def _document(found: Plan) -> dict[str, Any]:
         "motion": found.motion,
         "attempts": [
             {
-                "strategy": one.words,
+                "strategy": one.strategy,
                 "status": one.status.value,
                 "steps": len(one.path) - 1,
-                "blocked_by": [list(pair) for pair in one.held_by],
+                "blocked_by": [list(pair) for pair in one.blocked_by],
                 "reason": one.reason,
             }
             for one in found.attempts

@@ -1,23 +1,28 @@
-"""What a robot may hit: the shapes of its links, scenes with obstacles, and distances between them."""
+"""Collision geometry: shapes of links, scenes with obstacles, and the distances between them."""
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
-from cinegen.collision.errors import AvoidError, SceneError
+from cinegen.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from cinegen.collision.around import surroundings
-    from cinegen.collision.scene import Scene, load_scene, scene_of
+    from cinegen.collision.clearance import Clearance as Clearance
+    from cinegen.collision.clearance import clearance_of as clearance_of
+    from cinegen.collision.errors import PlanningError as PlanningError
+    from cinegen.collision.errors import SceneError as SceneError
+    from cinegen.collision.obstacle import Obstacle as Obstacle
+    from cinegen.collision.scene import Scene as Scene
+    from cinegen.collision.scene_file import load_scene as load_scene
+    from cinegen.collision.scene_file import scene_of as scene_of
 
-__all__ = ["AvoidError", "Scene", "SceneError", "load_scene", "scene_of", "surroundings"]
-
-
-def __getattr__(name: str) -> object:
-    """Load scenes when they are asked for: a distance needs none."""
-    if name == "surroundings":
-        return import_module("cinegen.collision.around").surroundings
-    if name in __all__:
-        return getattr(import_module("cinegen.collision.scene"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__all__, __getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "cinegen.collision.clearance": ["Clearance", "clearance_of"],
+        "cinegen.collision.errors": ["PlanningError", "SceneError"],
+        "cinegen.collision.obstacle": ["Obstacle"],
+        "cinegen.collision.scene": ["Scene"],
+        "cinegen.collision.scene_file": ["load_scene", "scene_of"],
+    },
+)

@@ -1,27 +1,42 @@
-"""A solid on a joint of a robot, or in the world: what distances are measured between."""
+"""Bodies between which distances are measured: convex shapes on the joints of a robot, or in the world."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
+from typing import NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.model.mechanism import Mechanism
+
 Array = NDArray[np.float64]
+Pairs = Sequence[tuple[int, int]]
+"""Indices of two bodies each."""
+
+
+class PlacedShape(NamedTuple):
+    """A convex shape (m) and its pose in some frame."""
+
+    placement: pin.SE3
+    shape: coal.ShapeBase
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A solid, fixed on a joint.
+    """A shape that moves with a joint.
 
     Attributes:
-        name: what reports call it.
-        joint: Pinocchio's number of the joint that it moves with; 0 is the world.
-        placement: of the shape, in the frame of that joint.
-        shape: as coal measures it, in m. Clearance takes convex ones: a ball, a box, a capsule, a hull ...
+        name: name in reports.
+        joint: Pinocchio's index of the joint; 0 is the world.
+        placement: pose of the shape in the frame of that joint.
+        shape: coal's shape, m. `Clearance` takes convex ones: sphere, box, capsule, hull ...
     """
 
     name: str
@@ -31,17 +46,18 @@ class Body:
 
     @cached_property
     def centre(self) -> Array:
-        """(3,) the middle of its bounding ball, in the frame of its joint, m; of a half-space, a point of its plane."""
-        return np.asarray(self.placement.act(_ball(self.shape)[0]))
+        """(3,) centre of the bounding ball in the frame of the joint, m; for a half-space, a point of its plane."""
+        return np.asarray(self.placement.act(_bounding_ball(self.shape)[0]))
 
     @cached_property
     def radius(self) -> float:
-        """Of its bounding ball, m: the smallest for balls, capsules, boxes and cylinders; infinite for a half-space."""
-        return _ball(self.shape)[1]
+        """Radius of the bounding ball, m: the smallest for spheres, capsules, boxes and cylinders; infinite for a
+        half-space."""
+        return _bounding_ball(self.shape)[1]
 
 
-def _ball(shape: coal.CollisionGeometry) -> tuple[Array, float]:
-    """A ball that holds a shape: its centre (3,) in the shape's frame, and its radius."""
+def _bounding_ball(shape: coal.CollisionGeometry) -> tuple[Array, float]:
+    """Return the centre (3,), in the shape's frame, and the radius of a ball that contains a shape."""
     middle, swept = np.zeros(3), float(shape.getSweptSphereRadius()) if isinstance(shape, coal.ShapeBase) else 0.0
     match shape:
         case coal.Halfspace() | coal.Plane():
@@ -58,5 +74,66 @@ def _ball(shape: coal.CollisionGeometry) -> tuple[Array, float]:
             corners = np.array(shape.points())
             middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
             return middle, float(np.linalg.norm(corners - middle, axis=1).max()) + swept
-    shape.computeLocalAABB()  # with what is swept
+    shape.computeLocalAABB()  # includes the swept radius
     return np.array(shape.aabb_local.center()), float(shape.aabb_radius)
+
+
+def rounded_hull(shape: coal.ShapeBase, sides: int) -> tuple[Array, float]:
+    """Return points (n, 3) in the shape's frame and a radius, m: the convex hull of the points, grown by the radius,
+    contains the shape.
+
+    It is the shape itself for spheres, capsules, boxes and convex hulls; the circumscribed prism for a cylinder; the
+    bounding box for other shapes.
+
+    Args:
+        shape: any but a half-space or a plane.
+        sides: number of sides of the prism around a cylinder.
+    """
+    swept = float(shape.getSweptSphereRadius())
+    match shape:
+        case coal.Sphere():
+            return np.zeros((1, 3)), float(shape.radius) + swept
+        case coal.Capsule():
+            return np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]) * shape.halfLength, float(shape.radius) + swept
+        case coal.Box():
+            return box_corners(-np.array(shape.halfSide), np.array(shape.halfSide)), swept
+        case coal.Convex():
+            return np.array(shape.points()), swept
+        case coal.Cylinder():
+            angles = (np.arange(sides) + 0.5) * (2.0 * math.pi / sides)
+            ring = np.column_stack([np.cos(angles), np.sin(angles)]) * shape.radius / math.cos(math.pi / sides)
+            ends = (np.column_stack([ring, np.full(sides, z * shape.halfLength)]) for z in (-1.0, 1.0))
+            return np.vstack([*ends]), swept
+    shape.computeLocalAABB()  # includes the swept radius
+    return box_corners(np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)), 0.0
+
+
+def box_corners(low: Array, high: Array) -> Array:
+    """Return the corners (8, 3) of a box with extreme corners (3,)."""
+    return np.array(list(product(*zip(low, high, strict=True))))
+
+
+def geometry_model(
+    mechanism: Mechanism, bodies: Sequence[Body], obstacles: Sequence[Body] = (), pairs: Pairs = ()
+) -> pin.GeometryModel:
+    """Return bodies and obstacles as Pinocchio's geometry, for `pin.computeDistances`.
+
+    Args:
+        mechanism: robot whose joints carry the bodies.
+        bodies: bodies of the robot, see `link_bodies`.
+        obstacles: bodies on joint 0; their placements may be changed in the result.
+        pairs: pairs of the robot's bodies, see `collision_pairs`.
+
+    Returns:
+        geometry objects: the bodies, then the obstacles, named `<index> <name>`. Collision pairs: `pairs`, in their
+        order; then each body that is not fixed in the world with each obstacle, body by body.
+    """
+    geometry = pin.GeometryModel()
+    for i, body in enumerate((*bodies, *obstacles)):
+        geometry.addGeometryObject(pin.GeometryObject(f"{i} {body.name}", body.joint, body.placement, body.shape))
+    for first, second in pairs:
+        geometry.addCollisionPair(pin.CollisionPair(first, second))
+    for i, body in enumerate(bodies):
+        for k in range(len(obstacles)) if body.joint != 0 else ():
+            geometry.addCollisionPair(pin.CollisionPair(i, len(bodies) + k))
+    return geometry

@@ -1,13 +1,13 @@
-"""What can be wrong with a scene, or with planning in it."""
+"""Errors of scenes and of motion planning."""
 
 from __future__ import annotations
 
 from cinegen.errors import CinegenError
 
 
-class AvoidError(CinegenError):
-    """Root of every error of `cinegen.planning`."""
+class PlanningError(CinegenError):
+    """Root of every error of `cinegen.collision` and `cinegen.planning`."""
 
 
-class SceneError(AvoidError):
-    """A scene that can't be used: says which file and which key, what is wrong, and what would be right."""
+class SceneError(PlanningError):
+    """An invalid scene; the message names the file and the key, what is wrong, and what is valid."""

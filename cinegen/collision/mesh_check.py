@@ -15,9 +15,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.bodies import geometry_model, sorted_pairs
-from cinegen.collision.body import Body
+from cinegen.collision.body import Body, geometry_model
 from cinegen.collision.scene import Scene
+from cinegen.collision.self_collision import classified_pairs
 from cinegen.errors import ClosureError
 from cinegen.model import Mechanism
 
@@ -46,7 +46,7 @@ class MeshCheck:
     """Checks a scene's robot for contact with itself and with the obstacles.
 
     Pairs of links are left out where they are adjacent by structure, where their meshes touch in every sampled
-    configuration (`sorted_pairs`), and where the scene allows their collision.
+    configuration (`classified_pairs`), and where the scene allows their collision.
 
     Args:
         scene: with the robot; a mobile robot is checked as the disc that it is.
@@ -67,14 +67,14 @@ class MeshCheck:
         self.unchecked = tuple(dict.fromkeys((self._names[i], self._names[k]) for i, k in always))
         self.step = STEP * mechanism.length
         self._model, self._data = mechanism.model, mechanism.model.createData()
-        own = scene.without_allowed(self._bodies, pairs)
+        own = scene.checked_pairs(self._bodies, pairs)
         self._geometry = geometry_model(mechanism, self._bodies, obstacles, own)
         self._shapes = self._geometry.createData()
         self._centres = np.array([body.centre for body in self._bodies]).reshape(-1, 3)
         self._radii = np.array([body.radius for body in self._bodies])
 
     def contact(self, q: Array) -> str:
-        """Return which two shapes touch at q (nq,), in words; empty where none do."""
+        """Return which two shapes touch at q (nq,), as text; empty if none do."""
         if not pin.computeCollisions(self._model, self._data, self._geometry, self._shapes, q, True):
             return ""
         pairs = zip(self._geometry.collisionPairs, self._shapes.collisionResults, strict=True)
@@ -82,7 +82,7 @@ class MeshCheck:
         return f"'{self._names[pair.first]}' touches '{self._names[pair.second]}'"
 
     def first_contact(self, path: Array) -> Contact | None:
-        """Return the first contact on a path (n, nq), None where there is none.
+        """Return the first contact on a path (n, nq); None if there is none.
 
         Joints move on straight lines between the configurations of the path, and loops are closed. Configurations are
         checked so densely that no shape moves by more than `step` from one to the next.
@@ -134,4 +134,4 @@ def _meshes_of(
         Body(frames[piece.parentFrame].name, piece.parentJoint, piece.placement, piece.geometry)
         for piece in mechanism.collision.geometryObjects
     )
-    return bodies, *sorted_pairs(mechanism, bodies)
+    return bodies, *classified_pairs(mechanism, bodies)

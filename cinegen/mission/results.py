@@ -15,7 +15,7 @@ from cinegen.joints import translations
 from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample
 from cinegen.mission.recorder import MissionRecorder
 from cinegen.model import Mechanism
-from cinegen.planning.planner import Plan
+from cinegen.planning import Plan
 
 Array = NDArray[np.float64]
 

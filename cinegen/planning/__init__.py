@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING
 
+from cinegen.lazy import lazy_names
+
 if TYPE_CHECKING:
-    from cinegen.planning.hand import AvoidingSolver
-    from cinegen.planning.planner import Plan, PlanStatus, plan, rrt_connect
+    from cinegen.planning.attempt import PlanStatus as PlanStatus
+    from cinegen.planning.planner import Plan as Plan
+    from cinegen.planning.planner import plan as plan
+    from cinegen.planning.rrt_planner import rrt_connect as rrt_connect
+    from cinegen.planning.safe_drag import AvoidingSolver as AvoidingSolver
 
-__all__ = ["AvoidingSolver", "Plan", "PlanStatus", "plan", "rrt_connect"]
-
-
-def __getattr__(name: str) -> object:
-    """Load planners when they are asked for: a field needs none."""
-    if name == "AvoidingSolver":
-        return import_module("cinegen.planning.hand").AvoidingSolver
-    if name in __all__:
-        return getattr(import_module("cinegen.planning.planner"), name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__all__, __getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "cinegen.planning.attempt": ["PlanStatus"],
+        "cinegen.planning.planner": ["Plan", "plan"],
+        "cinegen.planning.rrt_planner": ["rrt_connect"],
+        "cinegen.planning.safe_drag": ["AvoidingSolver"],
+    },
+)

@@ -1,4 +1,4 @@
-"""`Vortices`: turn what leads a mechanism around the obstacles that are in its way."""
+"""`Vortices`: deflect the motion of a mechanism around the obstacles that obstruct it."""
 
 from __future__ import annotations
 
@@ -6,121 +6,166 @@ from collections.abc import Callable
 from enum import Enum
 
 import numpy as np
+from numba import types
 from numpy.typing import NDArray
 
-from cinegen.collision._kernels.turn import AWAKE, AXIS, STATE_WIDTH
 from cinegen.collision.clearance import Clearance
-from cinegen.planning.fields import folding, turning_axis
-from cinegen.planning.keep import stop
-from cinegen.planning.planar import plane_of
+from cinegen.ik.resolve import free_motions
+from cinegen.jit.compiled import TABLE, prepare
+from cinegen.loops._kernels.memory import address
+from cinegen.model.motion_plane import motion_plane
+from cinegen.planning._kernels.vortex import ACTIVE, AXIS, STATE_WIDTH, deflect
+from cinegen.planning.clearance_barrier import stop_distance
+from cinegen.planning.vortex_field import folding, rotation_axis
 
 Array = NDArray[np.float64]
 
 STRENGTH = 1.5
-"""Of a vortex by what leads to the same point, where links are stopped: more than 1, or it would not get round."""
+"""Strength of a vortex relative to the attraction at the same point, at the stop distance: above 1, or links would not
+get around."""
 
 
-class Turning(Enum):
-    """Which way a link goes round what it meets; the value says it in words."""
+class DetourDirection(Enum):
+    """Direction in which links pass an obstacle; the value is its description."""
 
     FOLDING = "toward the base"
-    SHORTER = "the shorter way"
-    LONGER = "the other way"
+    SHORTER = "along the shorter side"
+    LONGER = "along the longer side"
     UP = "upward"
     DOWN = "downward"
-    ASIDE = "aside"
+    ASIDE = "sideways"
 
 
 class Vortices:
-    """Around each obstacle one, that turns while the obstacle is in the way.
+    """One vortex around each obstacle, which acts while the obstacle obstructs the motion.
 
     What the paper leaves open, and what experience added:
 
-    - Only what is in the way turns. A vortex wakes when a link comes within its reach, is led into the obstacle, and
-      going on without it would hit. It rests when no link is led into the obstacle any more: the paper's point Q.
-    - The axis is chosen when it wakes, and kept. All links go round an obstacle about the same axis.
-    - What leads a link's nearest point is how the mechanism's motion moves that point, J_i dq, not the tool's.
-    - The strength of a vortex is relative to that: no gain has to be tuned, nor does it depend on units.
+    - Only obstructing obstacles have an active vortex. It is activated when a link within its reach moves toward the
+      obstacle, and the motion without it would come too near. It is deactivated when no link moves toward the obstacle
+      any more: the paper's point Q.
+    - The axis is chosen at activation, and kept. All links pass an obstacle about the same axis.
+    - The attraction at a link's nearest point is how the mechanism's motion moves that point, J_i dq, not the tool's.
+    - The strength is relative to that attraction: there is no gain to tune, and it does not depend on units.
 
     Args:
-        clearance: of the mechanism.
-        around: for each pair the number of what it goes round.
-        reach: m: from where on vortices act.
-        safety: m: the distance that is kept.
-        turning: which way round.
-        strength: of vortices; 0 and none turns.
-        up: (3,) which way is up; along z unless given.
+        clearance: distances of the mechanism.
+        reach: distance at which vortices start to act, m.
+        safety: safety distance, m.
+        direction: direction in which links pass obstacles.
+        strength: relative strength; 0 disables vortices.
+        up: (3,) direction upward; along z unless given.
 
     Attributes:
-        states: (vortices, 4) whether each turns, and its axis.
-        turning: which way those go round that wake from now on.
-        plane: (3,) normal of the plane in which all moves; None in space.
+        states: (vortices, 4) whether each is active, and its axis; numbered as `Clearance.groups`.
+        direction: direction of vortices that are activated from now on.
+        plane: (3,) normal of the plane of motion; None in space.
     """
 
     def __init__(
         self,
         clearance: Clearance,
-        around: NDArray[np.int64],
         reach: float,
         safety: float,
-        turning: Turning = Turning.SHORTER,
+        direction: DetourDirection = DetourDirection.SHORTER,
         strength: float = STRENGTH,
         up: Array | None = None,
     ) -> None:
-        self.clearance, self.around, self.turning, self.strength = clearance, around, turning, strength
-        self.safety, self.stop = safety, stop(clearance.mechanism, safety)
+        prepare_vortices()
+        self.clearance, self.direction, self.strength, self.safety = clearance, direction, strength, safety
+        mechanism = clearance.mechanism
+        self.stop = stop_distance(mechanism, safety)
         self.reach = max(reach, 2.0 * self.stop)
-        self.states = np.zeros((int(around.max(initial=-1)) + 1, STATE_WIDTH))
-        self.plane = plane_of(clearance.mechanism)
+        self.states = np.zeros((int(clearance.groups.max(initial=-1)) + 1, STATE_WIDTH))
+        self.plane = motion_plane(mechanism)
         self._up = np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up)
-        model = clearance.mechanism.model
+        model = mechanism.model
         self._base = np.array(model.jointPlacements[min(1, model.njoints - 1)].translation)
+        self._scale, self._all_free = np.ascontiguousarray(mechanism.scale), np.zeros((0, model.nv))
+        self._scratch, self._by = np.zeros((3, 3)), np.zeros((3, model.nv))
 
     @property
-    def awake(self) -> NDArray[np.intp]:
-        """Numbers of what is gone round at present."""
-        return np.flatnonzero(self.states[:, AWAKE])
+    def active(self) -> NDArray[np.intp]:
+        """Indices of the active vortices."""
+        return np.flatnonzero(self.states[:, ACTIVE])
 
-    def rest(self) -> None:
-        """All of them rest."""
+    def deactivate(self) -> None:
+        """Deactivate all vortices."""
         self.states[:] = 0.0
 
-    def turn(self, q: Array, motion: Array, in_the_way: Callable[[], frozenset[int]]) -> Array:
-        """(nv,) a motion, turned around what is in the way.
+    def deflect(self, q: Array, motion: Array, obstructing: Callable[[], frozenset[int]]) -> Array:
+        """Return a motion (nv,), deflected around obstructing obstacles.
 
         Args:
-            q: (nq,) where the mechanism is.
-            motion: (nv,) that leads it, rad and m.
-            in_the_way: asked where something might have to be gone round: numbers of what would be hit.
+            q: (nq,) present configuration.
+            motion: (nv,) undeflected motion, rad and m.
+            obstructing: called if a vortex may have to be activated: returns the groups (see `Clearance.groups`) to
+                which the undeflected motion would come too near.
         """
-        turned, asks = self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, self.strength)
-        if not (asks >= 0).any():
-            return turned
-        hit = in_the_way()
-        self.clearance.see(q)
-        woken = [g for g in np.flatnonzero(asks >= 0).tolist() if g in hit]
-        for g in woken:
-            self.states[g, AXIS:] = self._axis(int(asks[g]), motion)
-            self.states[g, AWAKE] = 1.0
-        if not woken:
-            return turned
-        return self.clearance.turned(q, motion, self.around, self.states, self.reach, self.stop, self.strength)[0]
+        deflected, candidates = self._deflected(q, motion)
+        if not (candidates >= 0).any():
+            return deflected
+        activated = sorted(set(np.flatnonzero(candidates >= 0).tolist()) & obstructing())
+        if not activated:
+            return deflected
+        self.clearance.update(q)
+        for g in activated:
+            self.states[g, AXIS:] = self._axis(int(candidates[g]), motion)
+            self.states[g, ACTIVE] = 1.0
+        return self._deflected(q, motion)[0]
 
-    def hits(self, q: Array) -> frozenset[int]:
-        """Numbers of what the mechanism would be too near to at q (nq,)."""
-        return frozenset(self.around[self.clearance.distances(q) < self.safety].tolist())
+    def violated(self, q: Array) -> frozenset[int]:
+        """Return the groups nearer than the safety distance at q (nq,)."""
+        return frozenset(self.clearance.groups[self.clearance.distances(q) < self.safety].tolist())
+
+    def _deflected(self, q: Array, motion: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return the motion with the active vortices, and for each inactive one the nearest pair that moves toward it,
+        else -1."""
+        clearance, mechanism = self.clearance, self.clearance.mechanism
+        clearance.update(q)
+        found, candidates = motion.copy(), np.full(len(self.states), -1, dtype=np.int64)
+        free = self._all_free
+        if mechanism.loops:
+            loops = mechanism.system.evaluate(q)[1]
+            free = np.ascontiguousarray(free_motions(loops, mechanism.loop_rank)[0].T)
+        if len(clearance.pairs) and mechanism.model.nv:
+            deflect(
+                clearance.results.address, clearance.flat_pairs, clearance.joints, clearance.moved_by,
+                address(clearance.jacobian), motion, self._scale, free, clearance.groups, self.states, self.reach,
+                self.stop, self.strength, candidates, found, self._by, self._scratch,
+            )  # fmt: skip
+        return found, candidates
 
     def _axis(self, pair: int, motion: Array) -> Array:
-        """(3,) about which a vortex begins to turn, as the nearest link sees it."""
-        one, _, normal = self.clearance.points(pair)
-        led = self.clearance.motion_of(pair, motion)
+        """Return the axis (3,) of a vortex that is activated by a pair."""
+        point, _, normal = self.clearance.nearest_points(pair)
+        attraction = self.point_motion(pair, motion)
         towards = {
-            Turning.FOLDING: folding(one, self._base, self.plane),
-            Turning.SHORTER: led,
-            Turning.LONGER: led,
-            Turning.UP: self._up,
-            Turning.DOWN: -self._up,
-            Turning.ASIDE: np.cross(normal, led),
-        }[self.turning]
-        axis = turning_axis(-normal, towards, led, plane=self.plane)
-        return -axis if self.turning is Turning.LONGER else axis
+            DetourDirection.FOLDING: folding(point, self._base, self.plane),
+            DetourDirection.SHORTER: attraction,
+            DetourDirection.LONGER: attraction,
+            DetourDirection.UP: self._up,
+            DetourDirection.DOWN: -self._up,
+            DetourDirection.ASIDE: np.cross(normal, attraction),
+        }[self.direction]
+        axis = rotation_axis(-normal, towards, attraction, plane=self.plane)
+        return -axis if self.direction is DetourDirection.LONGER else axis
+
+    def point_motion(self, pair: int, motion: Array) -> Array:
+        """Return how a joint motion (nv,) moves a pair's nearest point on the first body relative to the second (3,),
+        m, at the clearance's last update."""
+        clearance, found = self.clearance, np.zeros(3)
+        points = clearance.nearest_points(pair)[:2]
+        for body, point, sign in zip(clearance.pairs[pair], points, (1.0, -1.0), strict=True):
+            twist = clearance.jacobian @ (motion * clearance.moved_by[clearance.joints[body]])
+            found += sign * (twist[:3] + np.cross(twist[3:], point))
+        return found
+
+
+def prepare_vortices() -> None:
+    """Compile the kernel, or load it from disk."""
+    vector, matrix = types.float64[::1], types.float64[:, ::1]
+    prepare(
+        deflect, types.int64, TABLE, TABLE, matrix, types.int64, vector, vector, matrix, TABLE, matrix, types.float64,
+        types.float64, types.float64, TABLE, vector, matrix, matrix,
+    )  # fmt: skip

@@ -1,8 +1,7 @@
 """Pictures on paper: mechanisms, maps, singular curves, fields and paths. Needs matplotlib, loaded when used."""
 
 from cinegen.plotting.modes import DrawingError, draw_modes
-from cinegen.plotting.paths import draw_plan
-from cinegen.plotting.potentials import draw_potentials, figure1, figure2, figure3, figure4
+from cinegen.plotting.plan import draw_plan
 from cinegen.plotting.skeleton import Skeleton
 from cinegen.plotting.view import Projection, views
 
@@ -12,10 +11,5 @@ __all__ = [
     "Skeleton",
     "draw_modes",
     "draw_plan",
-    "draw_potentials",
-    "figure1",
-    "figure2",
-    "figure3",
-    "figure4",
     "views",
 ]

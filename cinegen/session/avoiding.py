@@ -8,11 +8,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.around import surroundings
 from cinegen.collision.body import Body
+from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
-from cinegen.planning.hand import AvoidingSolver
-from cinegen.planning.keep import is_clear
+from cinegen.planning import AvoidingSolver
+from cinegen.planning.clearance_barrier import is_clear
 from cinegen.session.robot import DrivenRobot
 from cinegen.session.state import RobotStatus
 
@@ -33,24 +33,17 @@ class AvoidingRobot(DrivenRobot):
     """
 
     def __init__(self, name: str, scene: Scene, obstacles: Sequence[str], dt: float) -> None:
-        self._clearance, self._around = surroundings(scene)
-        self._avoiding = AvoidingSolver(
-            scene.mechanism, dt, self._clearance, self._around, scene.safety, scene.influence, scene.start
-        )
+        self._clearance = clearance_of(scene)
+        self._avoiding = AvoidingSolver(self._clearance, dt, scene.safety, scene.influence, scene.start)
         super().__init__(name, self._avoiding)
         self.safety = scene.safety
         self._obstacles = tuple(obstacles)
-        self._pieces = [obstacle.pieces for obstacle in scene.obstacles]
-        count = len(self._clearance.bodies) - sum(map(len, self._pieces))
-        self.bodies: tuple[Body, ...] = self._clearance.bodies[:count]
-        self._first = np.cumsum([count, *map(len, self._pieces)]).tolist()  # number of each obstacle's first piece
+        self.bodies: tuple[Body, ...] = self._clearance.links
         self._data = self.mechanism.model.createData()
 
     def meet(self, obstacle: int, placement: pin.SE3) -> None:
         """An obstacle, by its place in the scene, is there now in the session's world."""
-        there = self.base.actInv(placement)
-        for number, piece in enumerate(self._pieces[obstacle], self._first[obstacle]):
-            self._avoiding.move(number, there * piece.placement)
+        self._avoiding.move(obstacle, self.base.actInv(placement))
 
     def places(self) -> Iterator[pin.SE3]:
         """Where its bodies are, in the session's world."""
@@ -80,7 +73,7 @@ class AvoidingRobot(DrivenRobot):
             return RobotStatus(status.name, f"barred by {self._listed(self._barring())}", status.description)
         if status.name == "IDLE" and self.step.active_barriers:
             return RobotStatus("PUSHED", f"pushed by {self._listed(self._barring())}", "an obstacle moves the robot")
-        around = [self._obstacles[i] for i in self._avoiding.vortices.awake if i < len(self._obstacles)]
+        around = [self._obstacles[i] for i in self._avoiding.vortices.active if i < len(self._obstacles)]
         if status.name == "DETOUR" and around:
             return RobotStatus(status.name, f"detour around {self._listed(map(repr, around))}", status.description)
         return status
@@ -89,12 +82,12 @@ class AvoidingRobot(DrivenRobot):
 
     def _barring(self) -> list[str]:
         """What holds the last step back."""
-        held = self._avoiding.keep.held
+        held = self._avoiding.barrier.pairs
         return [self._what(int(held[row])) for row in self.step.active_barriers if row < len(held)]
 
     def _what(self, pair: int) -> str:
         """What a link meets in a pair."""
-        group = int(self._around[pair])
+        group = int(self._clearance.groups[pair])
         if group < len(self._obstacles):
             return f"'{self._obstacles[group]}'"
         return f"its own '{self._clearance.names(pair)[1]}'"

@@ -9,10 +9,10 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.clearance import Clearance
-from cinegen.collision.scene import Obstacle
+from cinegen.collision.obstacle import Obstacle
 from cinegen.ik import Solver
 from cinegen.model import Mechanism
-from cinegen.planning.keep import Keep, is_clear, part_in
+from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction, is_clear
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.robot import DrivenRobot, UserTask
 from cinegen.session.state import RobotStatus
@@ -43,11 +43,10 @@ class DrivenObstacle(DrivenRobot):
         self._node = mechanism.nodes[-1]
         joint = mechanism.model.frames[mechanism.frame_id(self._node)].parentJoint
         own = [replace(piece, joint=joint) for piece in obstacle.pieces]
-        links = [replace(body, joint=0) for body in robot.bodies]
+        links = [Obstacle(body.name, (replace(body, joint=0, placement=pin.SE3.Identity()),)) for body in robot.bodies]
         self._clearance = Clearance(mechanism, own, links)
-        self._keep = Keep(self._clearance, _NEARER * robot.safety, part_in(dt))
-        self.solver.barriers = (self._keep,)
-        self._first = len(own)
+        self._barrier = ClearanceBarrier(self._clearance, _NEARER * robot.safety, approach_fraction(dt))
+        self.solver.barriers = (self._barrier,)
 
     def add_task(
         self,
@@ -92,7 +91,7 @@ class DrivenObstacle(DrivenRobot):
     def collision(self, q: Array) -> str:
         """See `DrivenRobot`."""
         self._look()
-        if np.array_equal(q, self.q) or is_clear(self._clearance, self.q, q, self._keep.safety):
+        if np.array_equal(q, self.q) or is_clear(self._clearance, self.q, q, self._barrier.safety):
             return ""
         pair = int(self._clearance.distances(q).argmin())
         return f"it would hit '{self._clearance.names(pair)[1]}'"
@@ -101,7 +100,7 @@ class DrivenObstacle(DrivenRobot):
         """See `DrivenRobot`."""
         status = super().status()
         if self.motion is None and status.name == "BARRED":
-            pairs = self._keep.held
+            pairs = self._barrier.pairs
             links = [self._clearance.names(int(pairs[i]))[1] for i in self.step.active_barriers if i < len(pairs)]
             if links:
                 return RobotStatus(status.name, f"barred by '{links[0]}'", status.description)
@@ -109,7 +108,7 @@ class DrivenObstacle(DrivenRobot):
 
     def _look(self) -> None:
         """Where the robot's bodies are now."""
-        for number, place in enumerate(self._robot.places(), self._first):
+        for number, place in enumerate(self._robot.places()):
             self._clearance.move(number, self.base.actInv(place))
 
     def _tell(self) -> None:

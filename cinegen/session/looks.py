@@ -9,9 +9,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.scene import Obstacle, Scene
-from cinegen.collision.scene.solid import HEIGHT, Solid, hull
-from cinegen.planning.planar import plane_of
+from cinegen.collision import Obstacle, Scene
+from cinegen.collision.body import PlacedShape
+from cinegen.collision.convex_hull import hull
+from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.model.motion_plane import motion_plane
 
 Array = NDArray[np.float64]
 
@@ -36,7 +38,7 @@ class Looks:
 
     def __init__(self, scene: Scene) -> None:
         mechanism = scene.mechanism
-        normal = plane_of(mechanism)
+        normal = motion_plane(mechanism)
         upright = normal is not None and abs(normal[2]) > 1.0 - 1e-9
         self.flat: float | None = _FLAT * mechanism.length if upright else None
         points = [mechanism.placement(scene.start, node).translation for node in mechanism.nodes]
@@ -49,21 +51,21 @@ class Looks:
         self._middle: Array = (low + high) / 2.0
         self._radius = float(np.linalg.norm(high - low)) / 2.0
 
-    def solids(self, obstacle: Obstacle) -> Iterator[Solid]:
+    def solids(self, obstacle: Obstacle) -> Iterator[PlacedShape]:
         """What is drawn of an obstacle, in its own frame."""
         for piece in obstacle.pieces:
             if isinstance(piece.shape, coal.Halfspace):
                 yield self._slab(piece.shape, obstacle.placement * piece.placement, piece.placement)
             else:
-                yield Solid(piece.placement, piece.shape if self.flat is None else _flat(piece.shape, self.flat))
+                yield PlacedShape(piece.placement, piece.shape if self.flat is None else _flat(piece.shape, self.flat))
 
-    def mobile(self, radius: float) -> Solid:
+    def mobile(self, radius: float) -> PlacedShape:
         """What is drawn of a mobile robot: a disc, or for a point a small ball."""
         if radius == 0.0:
-            return Solid(pin.SE3.Identity(), coal.Sphere(_POINT * self._radius))
-        return Solid(pin.SE3.Identity(), coal.Cylinder(radius, self.flat or radius))
+            return PlacedShape(pin.SE3.Identity(), coal.Sphere(_POINT * self._radius))
+        return PlacedShape(pin.SE3.Identity(), coal.Cylinder(radius, self.flat or radius))
 
-    def _slab(self, half_space: coal.Halfspace, world: pin.SE3, placement: pin.SE3) -> Solid:
+    def _slab(self, half_space: coal.Halfspace, world: pin.SE3, placement: pin.SE3) -> PlacedShape:
         """Of a half-space that stands there in the world, and so in its obstacle."""
         normal = np.array(half_space.n)
         middle = world.actInv(self._middle)
@@ -76,7 +78,7 @@ class Looks:
             turn = np.column_stack([np.cross(normal, [0.0, 0.0, 1.0]), [0.0, 0.0, 1.0], normal])
             turn[:, 0] = np.cross(turn[:, 1], turn[:, 2])
             sides = [wide, self.flat, thick]
-        return Solid(placement * pin.SE3(turn, centre), coal.Box(np.array(sides)))
+        return PlacedShape(placement * pin.SE3(turn, centre), coal.Box(np.array(sides)))
 
 
 def _flat(shape: coal.ShapeBase, height: float) -> coal.ShapeBase:

@@ -48,7 +48,7 @@ def map_setup(path: str | Path, quantity: str | None = None, mechanism: Mechanis
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange({robot: mechanism})
     else:
-        from cinegen.collision.scene import scene_of
+        from cinegen.collision import scene_of
 
         setup = scene_setup(scene_of(dict(spec.scene), spec.folder, mechanism=mechanism))
         assert setup.avoidance is not None

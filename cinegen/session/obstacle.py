@@ -7,7 +7,7 @@ from typing import Any
 
 from lxml import etree
 
-from cinegen.collision.scene import Obstacle
+from cinegen.collision import Obstacle
 from cinegen.model import Mechanism
 from cinegen.model.load import build
 from cinegen.session.looks import Looks

@@ -6,7 +6,7 @@ from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 
-from cinegen.collision.scene import Scene
+from cinegen.collision import Scene
 from cinegen.ik import Solver
 from cinegen.mission import BasePose
 from cinegen.model import Mechanism

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from cinegen.collision.scene import Scene
+from cinegen.collision import Scene
 from cinegen.devices.kinds import listens_for_others, overrides, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording

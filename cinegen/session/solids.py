@@ -1,4 +1,4 @@
-"""Solids that a mechanism is drawn as where its URDF can't say them: they stand in its constraints, so that a copy in
+"""Shapes that a mechanism is drawn as where its URDF can't say them: they stand in its constraints, so that a copy in
 another process, or in a recording, shows the same.
 
     {"shape": "box", "numbers": [x, y, z], "at": [7 numbers]}              sizes, m
@@ -19,24 +19,25 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from cinegen.collision.scene.solid import Solid, hull
+from cinegen.collision.body import PlacedShape
+from cinegen.collision.convex_hull import hull
 from cinegen.model import Mechanism
 
 KEY = "solids"
 """In the constraints."""
 
 
-def said(solids: Iterable[Solid]) -> list[dict[str, Any]]:
-    """Solids as JSON can hold them."""
+def said(solids: Iterable[PlacedShape]) -> list[dict[str, Any]]:
+    """Shapes as JSON can hold them."""
     return [_said(solid) for solid in solids]
 
 
-def solids_of(mechanism: Mechanism) -> list[Solid]:
+def solids_of(mechanism: Mechanism) -> list[PlacedShape]:
     """What a mechanism is drawn as, in the frame of its last node; nothing where its URDF says it."""
     return [_read(one) for one in (mechanism.source.constraints or {}).get(KEY, ())]
 
 
-def _said(solid: Solid) -> dict[str, Any]:
+def _said(solid: PlacedShape) -> dict[str, Any]:
     match solid.shape:
         case coal.Box():
             shape, numbers = "box", 2.0 * solid.shape.halfSide
@@ -53,7 +54,7 @@ def _said(solid: Solid) -> dict[str, Any]:
     return {"shape": shape, "numbers": _numbers(numbers), "at": _numbers(pin.SE3ToXYZQUAT(solid.placement))}
 
 
-def _read(one: dict[str, Any]) -> Solid:
+def _read(one: dict[str, Any]) -> PlacedShape:
     at, numbers = pin.XYZQUATToSE3(np.array(one["at"])), np.array(one["numbers"])
     match one["shape"]:
         case "box":
@@ -66,7 +67,7 @@ def _read(one: dict[str, Any]) -> Solid:
             shape = coal.Capsule(*numbers)
         case _:
             shape = hull(numbers.reshape(-1, 3)).shape
-    return Solid(at, shape)
+    return PlacedShape(at, shape)
 
 
 def _numbers(values: ArrayLike) -> list[float]:

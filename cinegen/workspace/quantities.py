@@ -134,17 +134,17 @@ def _solid_angle(cells: Cells) -> Values:
 
 
 def _clearance(cells: Cells) -> Values:
-    clearance = _surroundings(cells.spec)
+    clearance = _clearance_of(cells.spec)
     return np.array([clearance.least(q) if np.isfinite(q[0]) else np.nan for q in cells.evaluations.q])
 
 
 @lru_cache(maxsize=2)
-def _surroundings(spec: MapSpecification) -> Clearance:
+def _clearance_of(spec: MapSpecification) -> Clearance:
     """Return the obstacles, kept from chunk to chunk: shapes take time to load."""
-    from cinegen.collision import scene_of, surroundings
+    from cinegen.collision import clearance_of, scene_of
 
     assert spec.scene is not None
-    return surroundings(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism))[0]
+    return clearance_of(scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism))
 
 
 class Quantity(NamedTuple):

@@ -339,11 +339,11 @@ def _check_scene(spec: MapSpecification) -> None:
     Raises:
         MapError: there is none, or it can't be read.
     """
-    from cinegen.collision import AvoidError, scene_of
+    from cinegen.collision import PlanningError, scene_of
 
     if spec.scene is None:
         raise MapError("clearance needs obstacles: give a scene (--scene)")
     try:
         scene_of(dict(spec.scene), spec.folder, mechanism=spec.mechanism)
-    except AvoidError as error:
+    except PlanningError as error:
         raise MapError(f"the scene can't be read: {error}") from None

@@ -1,12 +1,17 @@
 """Draws the pictures of docs/avoidance.md again: `python docs/pictures/avoidance.py [NAME ...]`. Takes 20 s."""
 
+import sys
 from functools import partial
+from pathlib import Path
 
 from figures import ROBOTS, write
 
 from cinegen.collision import load_scene, scene_of
 from cinegen.planning import plan
-from cinegen.plotting import draw_plan, figure1, figure2, figure3, figure4
+from cinegen.plotting import draw_plan
+
+sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "papers"))
+from vortex_figures import figure1, figure2, figure3, figure4
 
 WALL = {
     "name": "wall",

@@ -14,7 +14,7 @@ from playwright.sync_api import sync_playwright
 
 import cinegen
 from cinegen.cockpit import Cockpit
-from cinegen.collision.scene import scene_of
+from cinegen.collision import scene_of
 from cinegen.mission.results import record_modes
 from cinegen.session import arrange, replay_setup, scene_setup
 

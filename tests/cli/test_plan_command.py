@@ -13,7 +13,7 @@ from cinegen.cli import app, main
 from cinegen.collision import load_scene
 from cinegen.mission import Recording
 from cinegen.planning import plan
-from cinegen.planning.planner.field import Field
+from cinegen.planning.descent import AvoidanceField
 
 SCENES = ("rod", "disc", "discs", "generic")
 
@@ -88,12 +88,12 @@ def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
     [
         (
             {"obstacle": [{"kind": "disc", "radius": 0.1}]},
-            "start in collision: 'mobile' is 200 mm deep in 'disc 1'",
+            "start in collision: 'mobile' penetrates 'disc 1' by 200 mm",
             "Choose another start",
         ),
         (
             {"obstacle": [{"kind": "disc", "radius": 0.1, "point": [1.205, 0]}]},
-            "goal in collision: 'mobile' is 5 mm from 'disc 1', nearer than the safety distance of 10 mm",
+            "goal in collision: 'mobile' is 5 mm from 'disc 1', below the safety distance of 10 mm",
             "move the goal or the obstacle",
         ),
     ],
@@ -109,7 +109,7 @@ def test_a_goal_out_of_reach_is_said(typed, root, tmp_path):
     path = tmp_path / "far.json"
     path.write_text(json.dumps({"robot": str(root / "robots/planar_3r.raff"), "goal": {"point": [3, 0]}}))
     said = typed(path, code=1)
-    assert "goal out of reach: no posture was found" in said
+    assert "goal out of reach: no configuration was found" in said
     assert "Bring the goal nearer" in said
 
 
@@ -185,13 +185,13 @@ def test_rrt_connect_out_of_time_says_that_more_may_help(typed, scene):
         (-9, -9, 0.7, -9), (-9, 9, 0.7, 9), (-9, -9, -9, 9)
     ]]  # fmt: skip
     said = typed(scene(obstacle=ring), "--planner", "rrtconnect", "--seconds", "0.3", code=1)
-    assert "time limit: RRT-Connect found no way in 0.3 s" in said
+    assert "time limit: RRT-Connect found no path in 0.3 s" in said
     assert "Try --seconds 1.8" in said
 
 
 def test_the_fields_to_choose_from_are_those_of_the_planner():
     (option,) = [one for one in typer.main.get_command(app).commands["plan"].params if one.name == "field"]
-    assert set(option.type_descriptor.choices) == {field.value for field in Field} - {"none"}
+    assert set(option.type_descriptor.choices) == {field.value for field in AvoidanceField} - {"none"}
 
 
 # --- what is wrong -----------------------------------------------------------------------------------------------
@@ -202,13 +202,13 @@ def test_the_fields_to_choose_from_are_those_of_the_planner():
     [
         ("mobile = { radius = 0.1 }", "goal is missing"),
         ("mobile = { radius = 0.1 }\n[goal]\npoint = [1, nan]", "point must be finite"),
-        ("robot = 'none.raff'\n[goal]\npoint = [1, 0]", "none.raff' is not there"),
+        ("robot = 'none.raff'\n[goal]\npoint = [1, 0]", "none.raff' does not exist"),
         ("mobile = { radius = 0.1 }\ngaol = { point = [1, 0] }\n[goal]\npoint = [1, 0]", "did you mean 'goal'"),
         (
             "mobile = { radius = 0.1 }\n[goal]\npoint = [1, 0]\n[[obstacle]]\nkind = 'disc'\nradius = 0.0",
             "radius must be above 0",
         ),
-        ("mobile = { radius = 0.1", "this is no TOML"),
+        ("mobile = { radius = 0.1", "invalid TOML"),
     ],
 )
 def test_a_scene_that_is_wrong_is_one_clear_error(typed, tmp_path, text, says):

@@ -10,8 +10,8 @@ import trimesh
 from cinegen.cockpit import Page, draw, title_of
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
 from cinegen.cockpit.scene import _lathed, _triangles
-from cinegen.collision.scene import load_scene, scene_of
-from cinegen.collision.scene.solid import hull
+from cinegen.collision import load_scene, scene_of
+from cinegen.collision.convex_hull import hull
 from cinegen.session import Session, scene_setup
 
 POLE = {"name": "pole", "kind": "capsule", "radius": 0.03, "length": 1.0, "point": [0.45, 0.25, 0.5]}

@@ -6,15 +6,30 @@ import coal
 import numpy as np
 import pinocchio as pin
 import pytest
-from clearings import among, around, at, ball, links, load, measured, point_among, some, wall, within_limits
+from clearings import (
+    among,
+    around,
+    at,
+    ball,
+    links,
+    load,
+    measured,
+    obstacles_of,
+    point_among,
+    some,
+    wall,
+    within_limits,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cinegen.collision import PlanningError
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
-from cinegen.collision.errors import AvoidError
-from cinegen.collision.scene.mobile import body, mobile
+from cinegen.collision.mobile_robot import mobile_body as body
+from cinegen.collision.mobile_robot import mobile_robot as mobile
 from cinegen.loops._kernels.memory import address
+from cinegen.planning.vortices import Vortices
 
 seeds = st.integers(0, 2**32 - 1)
 ROBOTS = ["arm7", "planar_3r", "two_arms", "delta4"]
@@ -39,6 +54,9 @@ class Tree:
     @property
     def scale(self):
         return np.ones(self.model.nv)
+
+    def difference(self, start, end):
+        return pin.difference(self.model, start, end)
 
 
 def boat():
@@ -77,10 +95,10 @@ def test_distances_are_those_that_coal_measures_between_bodies_where_their_joint
 def test_distances_that_are_read_in_place_are_what_accessors_say():
     clearance, rng = among("arm7", around("arm7", 1)), np.random.default_rng(1)
     for _ in range(20):
-        clearance.see(within_limits("arm7", rng))
-        for k, said in enumerate(clearance._solids.distanceResults):
-            one, other, normal = clearance.points(k)
-            assert clearance._results.table[k, 0] == said.min_distance
+        clearance.update(within_limits("arm7", rng))
+        for k, said in enumerate(clearance._shapes.distanceResults):
+            one, other, normal = clearance.nearest_points(k)
+            assert clearance.results.table[k, 0] == said.min_distance
             assert (one == said.getNearestPoint1()).all()
             assert (other == said.getNearestPoint2()).all()
             assert (normal == said.normal).all()
@@ -92,24 +110,26 @@ def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     odd = iter(range(10**6))
     monkeypatch.setattr("cinegen.collision.clearance.address", lambda array: address(array) + 8 * next(odd) % 64)
     clearance = among("arm7", obstacles)
-    assert usual._results._in_place
-    assert not clearance._results._in_place
+    assert usual.results._in_place
+    assert not clearance.results._in_place
     monkeypatch.undo()
-    clearance._results.address = address(clearance._results.table)
+    clearance.results.address = address(clearance.results.table)
     for _ in range(5):
         q, to = within_limits("arm7", rng), within_limits("arm7", rng)
         assert (clearance.distances(q) == usual.distances(q)).all()
         near, other = clearance.near(q, 0.3), usual.near(q, 0.3)
         assert (near.pairs == other.pairs).all()
         assert (near.rows == other.rows).all()
-        assert all((a == b).all() for a, b in zip(clearance.bounds(q, to), usual.bounds(q, to), strict=True))
+        assert all(
+            (a == b).all() for a, b in zip(clearance.motion_bounds(q, to), usual.motion_bounds(q, to), strict=True)
+        )
 
 
 def test_nearest_points_are_as_far_apart_as_the_distance_along_the_normal():
     clearance, rng = among("arm7", around("arm7", 2)), np.random.default_rng(2)
     distances = clearance.distances(configuration("arm7", rng))
     for k in np.flatnonzero(distances > 1e-3):
-        one, other, normal = clearance.points(int(k))
+        one, other, normal = clearance.nearest_points(int(k))
         assert other - one == pytest.approx(distances[k] * normal, abs=1e-5)
 
 
@@ -117,7 +137,7 @@ def test_an_obstacle_that_is_moved_is_measured_where_it_then_is():
     clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)])
     q = np.zeros(2)
     assert clearance.distances(q) == pytest.approx([0.9])
-    clearance.move(1, at(0.0, 0.5, 0.0))
+    clearance.move(0, at(0.0, 0.5, 0.0))
     assert clearance.distances(q) == pytest.approx([0.4])
     assert clearance.near(q, 1.0).rows == pytest.approx(np.array([[0.0, 1.0]]))
 
@@ -135,25 +155,27 @@ def test_without_obstacles_nothing_is_near():
     q = np.zeros(2)
     assert clearance.least(q) == np.inf
     assert clearance.near(q, 1.0).rows.shape == (0, 2)
-    assert all(found.shape == (0,) for found in clearance.bounds(q, q + 1.0))
-    motion, asks = clearance.turned(q, np.ones(2), np.zeros(0, dtype=np.int64), np.zeros((0, 4)), 1.0, 0.1, 1.0)
-    assert (motion == 1.0).all()
-    assert len(asks) == 0
+    assert all(found.shape == (0,) for found in clearance.motion_bounds(q, q + 1.0))
+    vortices = Vortices(clearance, 1.0, 0.1)
+    assert (vortices.deflect(q, np.ones(2), frozenset) == 1.0).all()
+    assert len(vortices.states) == 0
 
 
 def test_a_robot_without_joints_meets_nothing(raff):
     stone = raff("robot r { base { } }")
-    clearance = Clearance(stone, [Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))], [ball(0.1, 0.0, 0.0, 0.0)])
+    clearance = Clearance(
+        stone, [Body("base", 0, at(0, 0, 0), coal.Sphere(0.1))], obstacles_of([ball(0.1, 0.0, 0.0, 0.0)])
+    )
     q = stone.q_home
     assert clearance.least(q) == np.inf
     assert clearance.near(q, 1.0).rows.shape == (0, 0)
-    assert clearance.bounds(q, q)[0].shape == (0,)
+    assert clearance.motion_bounds(q, q)[0].shape == (0,)
 
 
 @pytest.mark.parametrize("shape", [coal.Halfspace(np.array([1.0, 0.0, 0.0]), 0.0), coal.Plane(np.eye(3)[0], 0.0)])
 def test_a_link_without_end_is_refused(shape):
     endless = Body("endless", 2, at(0, 0, 0), shape)
-    with pytest.raises(AvoidError, match="'endless' moves, and reaches without end"):
+    with pytest.raises(PlanningError, match="'endless' moves and is unbounded"):
         Clearance(mobile(), [endless], [])
 
 
@@ -228,7 +250,9 @@ def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
     """To second order; also one in which the nearest point leaps from one end to the other."""
     rng = np.random.default_rng(seed)
     tree, q = boat(), np.zeros(7)
-    clearance = Clearance(tree, [Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8))], [wall([0.0, 0.0, 1.0], -0.5)])
+    clearance = Clearance(
+        tree, [Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8))], obstacles_of([wall([0.0, 0.0, 1.0], -0.5)])
+    )
     q[3:7] = pin.Quaternion(pin.exp3(rng.normal(size=3))).coeffs()
     near = clearance.near(q, 10.0)
     rows, room = near.rows.copy(), near.distances.copy()
@@ -244,7 +268,7 @@ def test_a_motion_that_keeps_all_rows_of_a_link_keeps_its_distance(seed):
 
 def test_both_ends_of_a_link_along_a_wall_have_rows_of_their_own():
     rod, q = Body("rod", 1, at(0, 0, 0), coal.Capsule(0.05, 0.8)), np.zeros(7)
-    clearance = Clearance(boat(), [rod], [wall([0.0, 0.0, 1.0], -0.3)])
+    clearance = Clearance(boat(), [rod], obstacles_of([wall([0.0, 0.0, 1.0], -0.3)]))
     q[3:7] = pin.Quaternion(pin.exp3(np.array([0.0, 0.5 * np.pi - 0.01, 0.0]))).coeffs()
     near = clearance.near(q, 10.0)
     ends = 0.4 * np.sin(0.01)
@@ -272,11 +296,11 @@ def test_no_distance_changes_more_than_its_bound_anywhere_on_the_way(seed, size)
         for kind in ("ball", "box", "capsule")
     ]
     own = [(i, k) for k in range(len(bodies)) for i in range(k)]
-    clearance = Clearance(tree, bodies, [*obstacles, wall([0.0, 0.0, 1.0], -1.0)], own)
+    clearance = Clearance(tree, bodies, obstacles_of([*obstacles, wall([0.0, 0.0, 1.0], -1.0)]), own)
     q = pin.integrate(tree.model, pin.neutral(tree.model), rng.normal(size=tree.model.nv))
     motion = size * rng.normal(size=tree.model.nv)
     to = pin.integrate(tree.model, q, motion)
-    before, ways = (found.copy() for found in clearance.bounds(q, to))
+    before, ways = (found.copy() for found in clearance.motion_bounds(q, to))
     assert before == pytest.approx(measured(clearance, q), abs=1e-9)
     seen = np.array([clearance.distances(pin.interpolate(tree.model, q, to, t)) for t in np.linspace(0.0, 1.0, 41)])
     # coal looks for overlaps with a tolerance of its own
@@ -292,7 +316,7 @@ def test_a_bound_of_a_small_motion_is_hardly_more_than_what_points_really_do(see
     rng, model = np.random.default_rng(seed), load("arm7").model
     clearance = among("arm7", [ball(0.1, 2.0, 0.0, 0.0)], own=False)
     q, motion = within_limits("arm7", rng), 1e-4 * rng.normal(size=7)
-    _, ways = clearance.bounds(q, q + motion)
+    _, ways = clearance.motion_bounds(q, q + motion)
     ways = ways.copy()
     data, later = model.createData(), model.createData()
     for k, (number, _) in enumerate(clearance.pairs):
@@ -308,13 +332,13 @@ def test_a_bound_of_a_small_motion_is_hardly_more_than_what_points_really_do(see
 
 def test_the_bound_of_a_ball_that_slides_is_its_way():
     clearance = point_among([ball(0.1, 1.0, 0.0, 0.0)], radius=0.2)
-    assert clearance.bounds(np.zeros(2), np.array([0.3, 0.0]))[1] == pytest.approx([0.3])
+    assert clearance.motion_bounds(np.zeros(2), np.array([0.3, 0.0]))[1] == pytest.approx([0.3])
 
 
 def test_links_on_one_arm_do_not_come_nearer_by_what_moves_both():
     clearance = among("arm7", [])
     q = load("arm7").q_home
-    _, ways = clearance.bounds(q, q + 0.5 * np.eye(7)[0])
+    _, ways = clearance.motion_bounds(q, q + 0.5 * np.eye(7)[0])
     carried = [
         (clearance.bodies[int(a)].joint > 0) and (clearance.bodies[int(b)].joint > 0) for a, b in clearance.pairs
     ]
@@ -326,14 +350,14 @@ def test_how_a_motion_leads_nearest_points_is_what_they_do():
     clearance, rng = among("two_arms", around("two_arms", 9)), np.random.default_rng(9)
     model = load("two_arms").model
     q, motion = configuration("two_arms", rng), rng.normal(size=model.nv)
-    clearance.see(q)
+    clearance.update(q)
     data, later = model.createData(), model.createData()
     pin.forwardKinematics(model, data, q)
     pin.forwardKinematics(model, later, q + 1e-7 * motion)
     for k, (a, b) in enumerate(clearance.pairs):
-        one, other, _ = clearance.points(k)
+        one, other, _ = clearance.nearest_points(k)
         found = np.zeros(3)
         for number, point, sign in ((a, one, 1.0), (b, other, -1.0)):
             joint = clearance.bodies[int(number)].joint
             found += sign * ((later.oMi[joint] * data.oMi[joint].inverse()).act(point) - point) / 1e-7
-        assert clearance.motion_of(k, motion) == pytest.approx(found, abs=1e-5)
+        assert Vortices(clearance, 1.0, 0.1).point_motion(k, motion) == pytest.approx(found, abs=1e-5)

@@ -15,11 +15,11 @@ import pytest
 from lxml import etree
 
 import cinegen
-from cinegen.collision import scene_of, surroundings
+from cinegen.collision import clearance_of, scene_of
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik.seeker import Seeker
 from cinegen.planning import AvoidingSolver, PlanStatus, plan
-from cinegen.planning.planner.attempt import Attempt, checked
+from cinegen.planning.attempt import Attempt, checked
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 READY = dict(zip([f"panda_joint{i}" for i in range(1, 8)], [0, -0.785, 0, -2.356, 0, 1.571, -0.785], strict=True)) | {
@@ -131,7 +131,7 @@ def test_contact_between_two_configurations_of_a_path_is_found():
 def test_no_random_configuration_with_touching_meshes_is_called_clear(seed):
     model = panda().model
     given = scene(panda(), READY, panda().configuration(READY))
-    check, (clearance, _) = MeshCheck(given), surroundings(given)
+    check, clearance = MeshCheck(given), clearance_of(given)
     rng = np.random.default_rng(seed)
     touching = 0
     for q in rng.uniform(model.lowerPositionLimit, model.upperPositionLimit, size=(250, model.nq)):
@@ -145,7 +145,7 @@ def test_no_random_configuration_with_touching_meshes_is_called_clear(seed):
 def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     """The hull of Talos's arm_left_3 always holds a part of arm_left_5: only the meshes tell them apart."""
     given = scene(talos(), {}, talos().q_home)
-    clearance, _ = surroundings(given)
+    clearance = clearance_of(given)
     both = frozenset(("arm_left_3_link", "arm_left_5_link"))
     assert both not in {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
     check = MeshCheck(given)
@@ -181,7 +181,7 @@ def test_collisions_that_a_scene_allows_are_not_checked():
     folded = panda().configuration(FOLDED)
     assert MeshCheck(scene(panda(), READY, panda().configuration(READY))).contact(folded)
     assert MeshCheck(given).contact(folded) == ""
-    clearance, _ = surroundings(given)
+    clearance = clearance_of(given)
     names = {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
     assert names.isdisjoint(map(frozenset, named["allowed_collisions"]))
 
@@ -189,11 +189,11 @@ def test_collisions_that_a_scene_allows_are_not_checked():
 @pytest.mark.parametrize(
     ("given", "reason"),
     [
-        ([["panda_hand", "panda_link55"]], "'panda_link55' is no node of panda: did you mean 'panda_link5'?"),
+        ([["panda_hand", "panda_link55"]], "'panda_link55' is not a node of panda: did you mean 'panda_link5'?"),
         ([["panda_hand", "panda_hand"]], "names 'panda_hand' twice"),
-        (["panda_hand", "panda_link5"], "list of lists of 2 names"),
-        ("panda_hand", "list of lists of 2 names"),
-        ([["panda_hand", 5]], "list of lists of 2 names"),
+        (["panda_hand", "panda_link5"], "list of pairs of names"),
+        ("panda_hand", "list of pairs of names"),
+        ([["panda_hand", 5]], "list of pairs of names"),
     ],
 )
 def test_allowed_collisions_that_make_no_sense_are_refused(given, reason):
@@ -213,8 +213,8 @@ def test_a_plan_that_used_to_lead_the_hand_into_link_5_is_free_of_contact():
 
 def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
     """Even if no pair of links were kept clear while planning."""
-    bodies = cinegen.collision.around.links_of(panda())[0]
-    monkeypatch.setattr(cinegen.collision.around, "links_of", lambda mechanism: (bodies, ()))
+    bodies = cinegen.collision.clearance.links_of(panda())[0]
+    monkeypatch.setattr(cinegen.collision.clearance, "links_of", lambda mechanism: (bodies, ()))
     found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=2)
     assert [one.status for one in found.attempts] == [PlanStatus.IN_COLLISION] * 2
     assert not found
@@ -224,8 +224,8 @@ def test_a_path_with_contact_is_never_reported_as_reached(monkeypatch):
 
 def test_a_path_that_does_not_reach_is_checked_too_when_no_attempts_are_left(monkeypatch):
     """What is recorded, or reported as without contact, was checked."""
-    bodies = cinegen.collision.around.links_of(panda())[0]
-    monkeypatch.setattr(cinegen.collision.around, "links_of", lambda mechanism: (bodies, ()))
+    bodies = cinegen.collision.clearance.links_of(panda())[0]
+    monkeypatch.setattr(cinegen.collision.clearance, "links_of", lambda mechanism: (bodies, ()))
     found = plan(scene(panda(), READY, panda().configuration(FOLDED)), attempts=1, steps=40)
     assert found.status is PlanStatus.IN_COLLISION
     assert not meshes().touch_along(found.path)
@@ -254,8 +254,8 @@ def test_a_start_in_which_meshes_touch_is_refused_with_the_way_out():
 
 def test_dragging_does_not_lead_the_hand_into_link_5():
     given = scene(panda(), READY, panda().configuration(READY))
-    clearance, around = surroundings(given)
-    solver = AvoidingSolver(panda(), 1e-2, clearance, around, given.safety, q=given.start)
+    clearance = clearance_of(given)
+    solver = AvoidingSolver(clearance, 1e-2, given.safety, q=given.start)
     task = solver.add_task(panda().end)
     task.target = panda().placement(panda().configuration(FOLDED), panda().end)
     for tick in range(600):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -10,10 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 import cinegen
-from cinegen.collision.bodies import bodies_of, pairs_of
+from cinegen.collision import Clearance, Obstacle
 from cinegen.collision.body import Body
-from cinegen.collision.clearance import Clearance
-from cinegen.collision.scene.mobile import body, mobile
+from cinegen.collision.links import link_bodies
+from cinegen.collision.mobile_robot import mobile_body, mobile_robot
+from cinegen.collision.self_collision import collision_pairs
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 
@@ -48,17 +50,22 @@ def load(name: str) -> cinegen.Mechanism:
 @cache
 def links(name: str) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...]]:
     mechanism = load(name)
-    bodies = bodies_of(mechanism)
-    return bodies, pairs_of(mechanism, bodies)
+    bodies = link_bodies(mechanism)
+    return bodies, collision_pairs(mechanism, bodies)
+
+
+def obstacles_of(bodies) -> list[Obstacle]:
+    """An obstacle for each body in the world."""
+    return [Obstacle(body.name, (replace(body, placement=pin.SE3.Identity()),), body.placement) for body in bodies]
 
 
 def among(name: str, obstacles, own: bool = True) -> Clearance:
     bodies, pairs = links(name)
-    return Clearance(load(name), bodies, obstacles, pairs if own else ())
+    return Clearance(load(name), bodies, obstacles_of(obstacles), pairs if own else ())
 
 
 def point_among(obstacles, radius: float = 0.0) -> Clearance:
-    return Clearance(mobile(), [body(radius)], obstacles)
+    return Clearance(mobile_robot(), [mobile_body(radius)], obstacles_of(obstacles))
 
 
 def around(name: str, seed: int, count: int = 4, near: float = 0.4) -> list[Body]:

@@ -6,13 +6,13 @@ import json
 
 import numpy as np
 import pytest
-from cinegen.session.visit import Visit
 
 import cinegen
 from cinegen.devices.lines import start_from
 from cinegen.mission.branch import Branch
 from cinegen.model import ForwardKinematics
-from cinegen.planning.planner.edge import _stands
+from cinegen.planning.rrt_planner import _is_valid
+from cinegen.session.motion import LineMotion
 from cinegen.tolerances import CLOSED, CLOSURE
 
 CLOSED_ROBOTS = ("delta4", "five_bar", "gough", "sr400", "tssm")
@@ -40,11 +40,13 @@ def test_a_configuration_as_open_as_the_solver_may_leave_it_is_accepted_everywhe
     solver = cinegen.Solver(mechanism, 0.01, q=q)
     assert mechanism.closure(solver.step().q) <= CLOSURE
     cinegen.singularity(mechanism, q)
-    Visit(mechanism, mechanism.q_home, q, mechanism.end, 0.01)
+    LineMotion(mechanism, mechanism.q_home, q, mechanism.end, 0.01)
     Branch(mechanism).closed(q)
     values = {name: float(q[mechanism.q_index(name)]) for name in mechanism.joints}
     start_from(mechanism, json.dumps(values))
-    assert _stands(mechanism, np.clip(q, mechanism.limits.lower, mechanism.limits.upper)) == mechanism.limits.within(q)
+    assert _is_valid(mechanism, np.clip(q, mechanism.limits.lower, mechanism.limits.upper)) == mechanism.limits.within(
+        q
+    )
 
 
 @pytest.mark.parametrize("name", CLOSED_ROBOTS)

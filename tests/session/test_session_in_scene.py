@@ -9,8 +9,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.collision.bodies import bodies_of
-from cinegen.collision.scene import load_scene, scene_of
+from cinegen.collision import load_scene, scene_of
+from cinegen.collision.links import link_bodies
 from cinegen.mission import Recording
 from cinegen.session import KnownNames, Session, is_obstacle, replay_setup, scene_setup
 from cinegen.session import commands as c
@@ -49,7 +49,7 @@ class Measured:
 
     def __init__(self, session, name, shapes):
         self.mechanism, self.name, self.shapes = session.setup.robots[name], name, shapes
-        self.links = [body for body in bodies_of(self.mechanism) if body.joint]
+        self.links = [body for body in link_bodies(self.mechanism) if body.joint]
         self.setup, self.data = session.setup, self.mechanism.model.createData()
 
     def __call__(self, state):

@@ -11,8 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.collision.scene import scene_of
-from cinegen.collision.scene.solid import HEIGHT, Solid, hull
+from cinegen.collision import scene_of
+from cinegen.collision.body import PlacedShape as Solid
+from cinegen.collision.convex_hull import hull
+from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.model.load import build
 from cinegen.session.looks import Looks
 from cinegen.session.obstacle import is_obstacle, mechanism_of
 from cinegen.session.solids import said, solids_of
@@ -52,7 +55,7 @@ def test_what_is_written_of_a_solid_reads_back(robot, shape, seed):
     placement = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
     base = robot("planar_3r").source
     written = json.loads(json.dumps(said([Solid(placement, shape)])))
-    copy = base.build(base.urdf, {**base.constraints, "solids": written}, base.folder, base.name)
+    copy = build(base.urdf, {**base.constraints, "solids": written}, base.folder, base.name)
     (found,) = solids_of(copy)
     assert type(found.shape) is type(shape)
     for direction in rng.normal(size=(5, 3)):

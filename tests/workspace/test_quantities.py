@@ -292,7 +292,7 @@ def test_clearance_is_what_coal_measures_between_shapes(robot):
     }
     mechanism = robot("arm7")
     spec = MapSpecification(mechanism, SPECIFICATIONS["arm7"], ("clearance",), scene=scene)
-    from cinegen.collision.around import links_of
+    from cinegen.collision.clearance import links_of
 
     bodies, links = links_of(mechanism)
     for q, values in cells(spec):

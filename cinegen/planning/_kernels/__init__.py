@@ -1,1 +1,1 @@
-"""Compiled: distances along superquadrics."""
+"""Compiled kernels of planning: the vortex field of links, and contours of elliptical potentials."""

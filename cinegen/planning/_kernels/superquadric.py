@@ -1,4 +1,4 @@
-"""On which contour of Volpe and Khosla's potential points lie, compiled; see `cinegen.planning.fields.elliptical`."""
+"""Contours of Volpe and Khosla's potential, compiled; see `cinegen.planning.potential_fields.Elliptical`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numba import types
 from cinegen.jit.compiled import Array, compiled, entry, prepare
 
 CONTACT = 1e-12
-"""K up to which a point is on the box."""
+"""Largest K, or distance in m, that counts as contact."""
 
 _ROUNDS = 80  # at most
 _SAME = 1e-14  # of K
@@ -17,7 +17,7 @@ _SAME = 1e-14  # of K
 
 @entry
 def find_contours(logs: Array, shares: Array, rounding: float, k: Array) -> None:
-    """The root K of each point's equation, by Newton's steps, halving where they lead astray.
+    """Compute the root K of each point's equation by Newton's method, with bisection where that leaves the bracket.
 
     Args:
         logs: (m, 3) log |x_i / h_i|.
@@ -32,9 +32,7 @@ def find_contours(logs: Array, shares: Array, rounding: float, k: Array) -> None
             k[i] = 0.0
             continue
         low = 0.0
-        high = (
-            math.sqrt(all_shares) * math.exp(largest) - 1.0
-        )  # the largest term times all shares is within, whatever n
+        high = math.sqrt(all_shares) * math.exp(largest) - 1.0  # a bound for every n: the largest term times all shares
         here = high
         for _ in range(_ROUNDS):
             excess, slope = _excess(logs[i], largest, shares, rounding, here)
@@ -52,8 +50,8 @@ def find_contours(logs: Array, shares: Array, rounding: float, k: Array) -> None
 
 @compiled
 def _excess(logs: Array, largest: float, shares: Array, rounding: float, k: float) -> tuple[float, float]:
-    """Log of a point's n-norm less that of the contour K, above 0 beyond it; and how it changes with K, where it is 0,
-    nearly so elsewhere."""
+    """Return the log of a point's n-norm less that of the contour K, positive beyond it; and its derivative by K, exact
+    at the root, approximate elsewhere."""
     n = -1.0 / math.expm1(-rounding * max(k, CONTACT))
     total, mean = 0.0, 0.0
     for j in range(3):
@@ -67,5 +65,5 @@ def _excess(logs: Array, largest: float, shares: Array, rounding: float, k: floa
 
 
 def prepare_contours() -> None:
-    """Compiles the kernel, or loads it from disk."""
+    """Compile the kernel, or load it from disk."""
     prepare(find_contours, types.float64[:, ::1], types.float64[::1], types.float64, types.float64[::1])

@@ -1,0 +1,197 @@
+"""The kinds of obstacles: for each, a function that reads its keys and returns its convex pieces.
+
+A new kind is a function here and a line in `KINDS`. The pieces are in the frame of the obstacle. Lengths are in m.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from cinegen.collision.body import PlacedShape
+from cinegen.collision.convex_hull import hull, prism
+from cinegen.collision.polygon import convex_pieces, polygon_error
+from cinegen.collision.scene_table import FURTHEST, LEAST, SceneTable
+from raff2urdf.errors import did_you_mean
+from raff2urdf.graphics.meshes import CONVERTED, SHOWN, converted
+
+if TYPE_CHECKING:
+    import trimesh
+
+HEIGHT = 4.0
+"""Height of obstacles that are given in the plane, m: half above it, half below. Distances between much taller shapes
+lose digits."""
+
+_FULL = 0.999  # of its hull's volume, for a convex mesh: files have rounded numbers, and the hull is what is measured
+
+
+def pieces_of(kind: str, table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Return the convex pieces of the obstacle of a table.
+
+    Args:
+        kind: one of `KINDS`.
+        table: with the keys of that kind.
+        folder: folder of the files that the table names.
+
+    Raises:
+        SceneError: the kind is unknown, or a value is invalid.
+    """
+    if kind not in KINDS:
+        raise table.error("kind", f"'{kind}' is unknown{did_you_mean(kind, tuple(KINDS))}")
+    return KINDS[kind](table, folder)
+
+
+def _sphere(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Sphere: `radius`."""
+    return [_centred(coal.Sphere(table.size("radius")))]
+
+
+def _box(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Box: `size` along x, y and z; with two numbers, an upright box in the plane."""
+    x, y, z = (*table.sizes("size", 2, 3), HEIGHT)[:3]
+    return [_centred(coal.Box(x, y, z))]
+
+
+def _cylinder(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Cylinder: `radius`, and its axis (see `_axis`)."""
+    placement, length = _axis(table)
+    return [PlacedShape(placement, coal.Cylinder(table.size("radius"), length))]
+
+
+def _capsule(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Capsule: `radius`, and its axis between the centres of its round ends (see `_axis`)."""
+    placement, length = _axis(table)
+    return [PlacedShape(placement, coal.Capsule(table.size("radius"), length))]
+
+
+def _half_space(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Half-space behind a plane through the origin: `normal` points out of it, to where robots may go."""
+    return [_centred(coal.Halfspace(table.direction("normal", 2, 3), 0.0))]
+
+
+def _disc(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Disc in the plane: `radius`. In space it is an upright cylinder of `height`."""
+    return [_centred(coal.Cylinder(table.size("radius"), table.size("height", HEIGHT)))]
+
+
+def _polygon(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Simple polygon in the plane, convex or not: `points`. In space it is an upright prism of `height`."""
+    points = np.array(table.points("points", 2)).reshape(-1, 2)
+    if len(points) > 1 and (points[0] == points[-1]).all():  # the first point may be repeated at the end
+        points = points[:-1]
+    why = polygon_error(points)
+    if why is not None:
+        raise table.error("points", why)
+    height = table.size("height", HEIGHT)
+    return [_centred(prism(corners, height).shape) for corners in convex_pieces(points)]
+
+
+def _mesh(table: SceneTable, folder: Path) -> list[PlacedShape]:
+    """Mesh: `file`, and `scale`, m in its unit of length. It must be convex, or consist of disconnected convex parts;
+    `convex = "hull"` replaces it by its convex hull."""
+    scale = table.size("scale", 1.0)
+    take_hull = "convex" in table
+    if take_hull and table.text("convex") != "hull":
+        raise table.error("convex", f"can only be 'hull', not '{table.read['convex']}'")
+    mesh = _read_mesh(table, table.file("file", folder), scale)
+    parts = [mesh] if take_hull else list(mesh.split(only_watertight=False, repair=False)) or [mesh]
+    labels = ["it"] if len(parts) == 1 else [f"part {i} of {len(parts)}" for i in range(1, len(parts) + 1)]
+    return [_mesh_part(table, part, take_hull, label) for part, label in zip(parts, labels, strict=True)]
+
+
+KINDS: Mapping[str, Callable[[SceneTable, Path], list[PlacedShape]]] = {
+    "sphere": _sphere,
+    "box": _box,
+    "cylinder": _cylinder,
+    "capsule": _capsule,
+    "half_plane": _half_space,
+    "half_space": _half_space,
+    "disc": _disc,
+    "polygon": _polygon,
+    "mesh": _mesh,
+}
+
+
+def _centred(shape: coal.ShapeBase) -> PlacedShape:
+    return PlacedShape(pin.SE3.Identity(), shape)
+
+
+def _axis(table: SceneTable) -> tuple[pin.SE3, float]:
+    """Return the frame in the middle of an axis, whose z is along it, and the axis's length, m.
+
+    The keys are `length`, along z of the obstacle's frame, or `ends`, two points (z is 0 for two numbers).
+    """
+    if "ends" not in table:
+        return pin.SE3.Identity(), table.size("length")
+    if "length" in table:
+        raise table.error("length", "cannot be combined with ends: remove one of them")
+    given = table.points("ends", 2, 3)
+    if len(given) != 2:
+        raise table.error("ends", f"must be 2 points, not {len(given)}")
+    first, second = (np.pad(point, (0, 3 - len(point))) for point in given)
+    length = float(np.linalg.norm(second - first))
+    if length < LEAST:
+        raise table.error("ends", "coincide: for a sphere, write kind = 'sphere'")
+    rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (second - first) / length).toRotationMatrix()
+    return pin.SE3(rotation, (first + second) / 2.0), length
+
+
+# --- meshes ------------------------------------------------------------------------------------------------------
+
+
+def _read_mesh(table: SceneTable, path: Path, scale: float) -> trimesh.Trimesh:
+    """Return the triangles of a file as Pinocchio reads it for display, in m, with equal corners merged."""
+    import trimesh  # takes 0.5 s
+
+    suffix = path.suffix.lower()
+    if suffix not in SHOWN + CONVERTED:
+        raise table.error("file", f"'{path}' has an unknown format: use {', '.join((*SHOWN, *CONVERTED))}")
+    try:
+        files = [path] if suffix in SHOWN else [drawing.path for drawing in converted(path)]
+        meshes = [_triangles(file) for file in files]
+    except Exception as error:  # every reader has errors of its own
+        text = " ".join((str(error).partition("message: ")[2] or str(error) or type(error).__name__).split())
+        raise table.error("file", f"'{path}' can't be read: {text[:200]}") from None
+    triangles = scale * np.vstack(meshes)
+    if not len(triangles) or not np.abs(triangles).max() <= FURTHEST:  # NaN too
+        raise table.error("file", f"'{path}' can't be used: it is empty, or has coordinates beyond {FURTHEST:g} m")
+    corners = triangles.reshape(-1, 3)
+    mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False)
+    mesh.merge_vertices(digits_vertex=9)
+    mesh.update_faces(mesh.nondegenerate_faces())
+    return mesh
+
+
+def _triangles(path: Path) -> Any:
+    """Return the corners (n, 3, 3) of all triangles of a file."""
+    model = coal.MeshLoader().load(str(path))
+    corners = np.array(model.vertices())
+    faces = [model.tri_indices(i) for i in range(model.num_tris)]
+    return corners[np.array([[face[0], face[1], face[2]] for face in faces], dtype=int).reshape(-1, 3)]
+
+
+def _mesh_part(table: SceneTable, part: trimesh.Trimesh, take_hull: bool, label: str) -> PlacedShape:
+    """Return the hull of a connected part.
+
+    Raises:
+        SceneError: the part has no volume, or is not convex.
+    """
+    name, remedy = table.read["file"], "write convex = 'hull' to use its hull instead, or cut it into convex parts"
+    points = np.asarray(part.vertices, dtype=float)
+    extents = np.linalg.svd(points - points.mean(axis=0), compute_uv=False) / np.sqrt(len(points))
+    if len(points) < 4 or extents[2] < max(LEAST, 1e-9 * extents[0]):
+        raise table.error("file", f"'{name}': {label} has no volume: it is flat")
+    whole = _centred(hull(points).shape)
+    if take_hull:
+        return whole
+    if not (part.is_watertight and part.is_winding_consistent):
+        raise table.error("file", f"'{name}': {label} is not a closed surface; {remedy}")
+    full = abs(part.volume) / whole.shape.computeVolume()
+    if full < _FULL:
+        raise table.error("file", f"'{name}': {label} is not convex, it fills {full:.1%} of its hull; {remedy}")
+    return whole

@@ -1,0 +1,289 @@
+"""Scenes read from files, TOML or JSON, and from keys and values."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.collision.errors import SceneError
+from cinegen.collision.mobile_robot import X, Y, mobile_robot
+from cinegen.collision.obstacle import Obstacle, read_obstacle
+from cinegen.collision.scene import Scene, heading
+from cinegen.collision.scene_table import LEAST, SceneTable, about_z
+from cinegen.errors import CinegenError, ClosureError
+from cinegen.model import Mechanism, load
+from cinegen.tolerances import AT_LIMIT
+from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.readers.xml_file import read_text
+
+Array = NDArray[np.float64]
+
+SAFETY = 0.01
+"""Default safety distance, m."""
+
+_STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joints from home to the start
+
+
+def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
+    """Return the scene of a file.
+
+    Args:
+        path: a .toml or .json file.
+        ignore_loops: as for `cinegen.load`, for the robot of the scene.
+
+    Raises:
+        SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
+    """
+    path = Path(path)
+    parse = {".toml": _toml, ".json": _json}.get(path.suffix.lower())
+    if parse is None:
+        raise SceneError(f"{path}: a scene is a .toml or a .json file")
+    try:
+        text = read_text(path)
+    except RaffError as error:
+        raise SceneError(str(error)) from None
+    return _scene(SceneTable(parse(text, path), str(path)), path.stem, path, path.parent, None, ignore_loops)
+
+
+def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:
+    """Return the scene of the keys and values that a file would have.
+
+    Args:
+        values: as in a file; arrays are read as lists.
+        folder: folder of the files that they name.
+        mechanism: the robot, if it has been loaded; `robot` is then optional, and not loaded.
+
+    Raises:
+        SceneError: a value is invalid; the message names the key.
+    """
+    return _scene(SceneTable(values, "scene"), "scene", None, Path(folder), mechanism)
+
+
+def _scene(
+    table: SceneTable, name: str, path: Path | None, folder: Path, given: Mechanism | None, ignore_loops: bool = False
+) -> Scene:
+    name = table.text("name") if "name" in table else name
+    safety = table.number("safety") if "safety" in table else SAFETY
+    if safety < 0.0:
+        raise table.error("safety", f"must not be below 0, not {safety:g}")
+    influence = table.size("influence") if "influence" in table else None
+    if influence is not None and influence <= safety:
+        raise table.error("influence", f"must be above the safety distance, {safety:g} m, not {influence:g}")
+    up = table.direction("up", 3) if "up" in table else None
+    obstacles = _obstacles(table, folder)
+    if "goal" not in table:
+        raise table.error("goal", "is missing: write the goal of the robot, as goal = { point = [x, y, z] }")
+    start = table.table("start") if "start" in table else SceneTable({}, f"{table.where}: start")
+    goal = table.table("goal")
+    table.know("node", "robot", "mobile", "allowed_collisions")
+    table.finish()  # before the robot is loaded, which may take a while
+
+    mechanism, written, radius = _robot(table, folder, given, ignore_loops)
+    node = table.text("node") if "node" in table else mechanism.end
+    if node not in mechanism.nodes:
+        raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
+    allowed = _allowed(table, mechanism)
+    q = _mobile_start(start) if radius is not None else _start(start, mechanism)
+    q.flags.writeable = False
+    return Scene(
+        name, path, folder, mechanism, written, radius, obstacles, q, node,
+        *_goal(goal, mechanism.placement(q, node)), safety, influence, up, allowed,
+    )  # fmt: skip
+
+
+def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
+    found: dict[str, Obstacle] = {}
+    for number, each in enumerate(table.tables("obstacle"), 1):
+        obstacle = read_obstacle(each, number, folder)
+        if obstacle.name in found:
+            raise each.error("name", f"'{obstacle.name}' is used by another obstacle")
+        found[obstacle.name] = obstacle
+    return tuple(found.values())
+
+
+def _allowed(table: SceneTable, mechanism: Mechanism) -> tuple[tuple[str, str], ...]:
+    """Return the pairs of nodes that are not checked against each other."""
+    found = []
+    for one, other in table.pairs("allowed_collisions") if "allowed_collisions" in table else ():
+        for name in (one, other):
+            if name not in mechanism.nodes:
+                near = did_you_mean(name, mechanism.nodes)
+                raise table.error("allowed_collisions", f"'{name}' is not a node of {mechanism.name}{near}")
+        if one == other:
+            raise table.error("allowed_collisions", f"names '{one}' twice in one pair: name two nodes")
+        found.append((one, other))
+    return tuple(found)
+
+
+# --- the robot ---------------------------------------------------------------------------------------------------
+
+
+class _Robot(NamedTuple):
+    """A mechanism, its file as it was written, and the radius of a mobile robot, m."""
+
+    mechanism: Mechanism
+    written: str | Mapping[str, Any] | None
+    radius: float | None
+
+
+def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, ignore_loops: bool) -> _Robot:
+    """Return the robot of a scene.
+
+    It is given by `robot`, a file that `cinegen.load` reads, or for a file with several robots a table with its `file`
+    and a `name`; or by `mobile`, a table with the `radius` of a disc, m, 0 for a point.
+    """
+    if "mobile" in table:
+        if "robot" in table or mechanism is not None:
+            raise table.error("mobile", "cannot be combined with a robot: remove one of them")
+        inner = table.table("mobile")
+        radius = inner.number("radius")
+        if radius != 0.0:
+            radius = inner.size("radius")
+        inner.finish()
+        return _Robot(mobile_robot(), None, radius)
+    if "robot" not in table:
+        if mechanism is None:
+            raise table.error("robot", "is missing: name a robot's file, or write mobile = { radius = ... }")
+        return _Robot(mechanism, None, None)
+    if not table.has_table("robot"):
+        text = table.text("robot")
+        return _Robot(mechanism or _load(table, "robot", folder, None, ignore_loops), text, None)
+    inner = table.table("robot")
+    inner.text("file")
+    name = inner.text("name") if "name" in inner else None
+    inner.finish()
+    return _Robot(mechanism or _load(inner, "file", folder, name, ignore_loops), inner.read, None)
+
+
+def _load(table: SceneTable, key: str, folder: Path, name: str | None, ignore_loops: bool) -> Mechanism:
+    path = table.file(key, folder)
+    try:
+        return load(path, robot=name, ignore_loops=ignore_loops)
+    except (CinegenError, RaffError, OSError) as error:
+        raise table.error(key, f"can't be loaded: {error}") from None
+
+
+# --- start and goal ----------------------------------------------------------------------------------------------
+
+
+def _mobile_start(table: SceneTable) -> Array:
+    """Return the configuration of a mobile robot at `point`, the origin by default."""
+    x, y = table.vector("point", 2).tolist() if "point" in table else (0.0, 0.0)
+    table.finish()
+    return mobile_robot().configuration({X: x, Y: y})
+
+
+def _start(table: SceneTable, mechanism: Mechanism) -> Array:
+    """Return the start configuration (nq,), loops closed, within all limits.
+
+    `joints` are names and values (rad, m); the other joints are at home. A floating base is placed by `point` and
+    `rpy`. With loops, actuated joints have the given values, and the others follow the motion of these from home;
+    unless a passive joint is named, too: the values are then the guess from which the loops are closed.
+
+    Raises:
+        SceneError: a joint is unknown or beyond its limits, or the loops can't be closed.
+    """
+    values = _joint_values(table.table("joints"), mechanism) if "joints" in table else {}
+    home = np.array(mechanism.q_home)
+    if mechanism.floating and ("point" in table or "rpy" in table or "angle" in table):
+        home[:7] = pin.SE3ToXYZQUAT(table.pose())
+    table.finish()
+    q = mechanism.configuration(values, home)
+    if mechanism.loops:
+        try:
+            q = _closed(mechanism, home, q, any(name not in mechanism.actuated for name in values))
+        except ClosureError as error:
+            raise table.error("joints", f"do not allow closed loops: {error}") from None
+        unwound = mechanism.limits.unwound(q)  # a guess far away may have added revolutions to passive joints
+        for name in mechanism.limits.exceeded(q, AT_LIMIT):
+            if name not in mechanism.actuated:
+                q[mechanism.q_index(name)] = unwound[mechanism.q_index(name)]
+    for name in mechanism.limits.exceeded(q, AT_LIMIT):
+        low, high, *_ = mechanism.limits[name]
+        why = f"'{name}' is at {q[mechanism.q_index(name)]:.6g}, its limits are {low:.6g} and {high:.6g}"
+        raise table.error("joints", why if name in values else f"{why}: give its value, or other actuated joints")
+    return q
+
+
+def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
+    for name in table:
+        if name not in mechanism.joints:
+            near = did_you_mean(name, mechanism.joints)
+            raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{near}")
+    return {name: table.number(name) for name in table}
+
+
+def _closed(mechanism: Mechanism, home: Array, q: Array, is_guess: bool) -> Array:
+    """Return q (nq,) with closed loops and its values of the actuated joints: from home along the straight line of
+    these, or from q itself if it is a guess for the others, too."""
+    actuated = [mechanism.q_index(name) for name in mechanism.actuated]
+    columns = [mechanism.v_index(name) for name in mechanism.actuated]
+    if not is_guess:
+        line = q[actuated] - home[actuated]
+        steps = int(np.ceil(np.abs(line / mechanism.scale[columns]).max(initial=0.0) / _STEP))
+        closed = home.copy()
+        for step in range(1, steps + 1):
+            closed[actuated] = home[actuated] + line * (step / steps)
+            closed = mechanism.close(closed, locked=mechanism.actuated)
+        closed[actuated] = q[actuated]
+        q = closed
+    return mechanism.close(q, locked=mechanism.actuated)
+
+
+def _goal(table: SceneTable, node: pin.SE3) -> tuple[pin.SE3, int, int]:
+    """Return the goal pose, and how many of its translations and rotations count (see `Scene`).
+
+    `point` has three numbers, or two: z does not count then. With `rpy` the orientation counts, with `angle` only the
+    direction of the node's x axis in the xy plane, rad; with neither, the orientation does not count.
+
+    Args:
+        table: of a scene.
+        node: pose of the node at the start: what does not count stays as it is there.
+    """
+    given = table.vector("point", 2, 3)
+    point = np.array([*given, node.translation[2]])[:3]
+    rotation, count = table.orientation(), 3 if "rpy" in table else int("angle" in table)
+    if count == 1:
+        if np.linalg.norm(node.rotation[:2, 0]) < LEAST:
+            raise table.error("angle", "is undefined: the node's x axis is vertical at the start; write rpy")
+        rotation = about_z(table.number("angle") - heading(node)) @ node.rotation
+    table.finish()
+    return pin.SE3(rotation, point), len(given), count
+
+
+# --- TOML and JSON -----------------------------------------------------------------------------------------------
+
+
+def _toml(text: str, path: Path) -> Any:
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        place = re.search(r" \(at line (\d+), column (\d+)\)$", str(error))
+        if place is None:
+            raise SceneError(f"{path}: invalid TOML: {error}") from None
+        raise SceneError(f"{path}:{place[1]}:{place[2]}: invalid TOML: {str(error)[: place.start()]}") from None
+
+
+def _json(text: str, path: Path) -> Any:
+    try:
+        return json.loads(text, object_pairs_hook=_unique)
+    except json.JSONDecodeError as error:
+        raise SceneError(f"{path}:{error.lineno}:{error.colno}: invalid JSON: {error.msg}") from None
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"{path}: invalid JSON: {error}") from None
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"key '{next(key for key in keys if keys.count(key) > 1)}' occurs twice in a table")
+    return found

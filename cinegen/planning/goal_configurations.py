@@ -1,0 +1,137 @@
+"""Configurations in which a goal is reached, and the tests of start and goal with which every planner begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cinegen.collision.clearance import Clearance
+from cinegen.collision.mesh_check import MeshCheck
+from cinegen.collision.scene import Scene
+from cinegen.ik.seeker import Seeker
+from cinegen.ik.task import FrameTask
+from cinegen.model import Mechanism
+from cinegen.planning.attempt import PlanStatus
+from cinegen.tolerances import CLOSURE
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-4
+"""Tolerance of a goal, characteristic lengths and rad."""
+
+_STARTS = 200  # start configurations of the search
+_ENOUGH = 24  # configurations
+_SAMPLES = 200
+_DISTINCT = 0.1  # rad or characteristic lengths: nearer configurations count as one
+
+
+class GoalConfigurations(NamedTuple):
+    """Configurations in which a goal is reached.
+
+    Attributes:
+        free: (nq,) each, with all distances above the safety distance; the one nearest to the start first, then always
+            the one that differs most from those before.
+        blocked: other configurations, each with its nearest pair of bodies and their distance, m.
+    """
+
+    free: tuple[Array, ...]
+    blocked: tuple[tuple[Array, int, float], ...]
+
+
+class Refusal(NamedTuple):
+    """Why no path is searched: START_IN_COLLISION, GOAL_IN_COLLISION or OUT_OF_REACH, with an explanation."""
+
+    status: PlanStatus
+    reason: str
+
+
+def free_goals(
+    scene: Scene, clearance: Clearance, check: MeshCheck, report: Callable[[str], None]
+) -> tuple[Array, ...] | Refusal:
+    """Return the configurations at the goal that are free of collisions, at least one; or a refusal, also if the start
+    is in collision.
+
+    Args:
+        scene: scene.
+        clearance: distances of its robot.
+        check: check of its meshes.
+        report: called with a text about what is done.
+    """
+    distances = clearance.distances(scene.start)
+    if len(distances) and distances.min() < scene.safety:
+        pair = int(distances.argmin())
+        return Refusal(PlanStatus.START_IN_COLLISION, _too_near(clearance, scene, pair, float(distances[pair])))
+    if touching := check.contact(scene.start):
+        return Refusal(PlanStatus.START_IN_COLLISION, touching)
+    report("searching configurations at the goal")
+    found = goal_configurations(scene, clearance)
+    contacts = [check.contact(q) for q in found.free]
+    free = tuple(q for q, touching in zip(found.free, contacts, strict=True) if not touching)
+    if free:
+        return free
+    if contacts:
+        return Refusal(PlanStatus.GOAL_IN_COLLISION, contacts[0])
+    if found.blocked:
+        _, pair, distance = max(found.blocked, key=lambda one: one[2])
+        return Refusal(PlanStatus.GOAL_IN_COLLISION, _too_near(clearance, scene, pair, distance))
+    return Refusal(PlanStatus.OUT_OF_REACH, f"no configuration was found in which '{scene.node}' is at the goal")
+
+
+def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> GoalConfigurations:
+    """Search closed configurations within all limits in which the node is at the goal.
+
+    The search starts at the scene's start, then at configurations sampled over the whole range of motion: an empty
+    result only says that none of these leads to the goal.
+    """
+    mechanism, rng = scene.mechanism, np.random.default_rng(seed)
+    task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
+    seeker = Seeker(mechanism, (task,))
+    seeker.tasks[0].target = scene.goal
+    starts = [scene.start]
+    if mechanism.loops:
+        starts += list(Seeker(mechanism).spread(_SAMPLES, rng))
+    free: list[Array] = []
+    blocked: list[tuple[Array, int, float]] = []
+    for count in range(_STARTS):
+        start = starts[count] if count < len(starts) else seeker.anywhere(rng)
+        if not seeker.seek(start, 1e-10) or seeker.open_by > CLOSURE:
+            continue
+        q = seeker.best
+        if any(mechanism.distance(q, other) < _DISTINCT for other in free):
+            continue
+        distances = clearance.distances(q)
+        nearest = int(distances.argmin()) if len(distances) else -1
+        if nearest >= 0 and distances[nearest] < scene.safety:
+            if len(blocked) < _ENOUGH:
+                blocked.append((q, nearest, float(distances[nearest])))
+            continue
+        free.append(q)
+        if len(free) == _ENOUGH:
+            break
+    return GoalConfigurations(tuple(_varied(mechanism, scene.start, free)), tuple(blocked))
+
+
+def _varied(mechanism: Mechanism, start: Array, found: list[Array]) -> list[Array]:
+    """Return the configurations, sorted: the one nearest to the start, then always the furthest from all before."""
+    left = sorted(found, key=lambda q: mechanism.distance(start, q))
+    chosen = left[:1]
+    left = left[1:]
+    while left:
+        at = int(np.argmax([min(mechanism.distance(q, other) for other in chosen) for q in left]))
+        chosen.append(left.pop(at))
+    return chosen
+
+
+def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:
+    one, other = clearance.names(pair)
+    if distance <= 0.0:
+        reason = f"'{one}' penetrates '{other}' by {-1e3 * distance:.3g} mm"
+    else:
+        kept = f"the safety distance of {1e3 * scene.safety:.3g} mm"
+        reason = f"'{one}' is {1e3 * distance:.3g} mm from '{other}', below {kept}"
+    if clearance.pairs[pair].max() >= len(clearance.links):
+        return reason
+    return f'{reason}, as convex bodies; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'

@@ -1,0 +1,330 @@
+"""Safe dragging: `AvoidingSolver` keeps a mechanism clear of obstacles while a user drags it, and guides it around
+them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.collision.clearance import Clearance
+from cinegen.ik import FrameTask, Solver, Step
+from cinegen.ik.objectives import Objective, State
+from cinegen.ik.seeker import Seeker
+from cinegen.model import Mechanism
+from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction
+from cinegen.planning.vortices import DetourDirection, Vortices
+from cinegen.tolerances import CLOSURE
+
+Array = NDArray[np.float64]
+
+_PREDICTION_GAIN = -math.log1p(-0.2)  # 1/tick: a prediction arrives within a few ticks
+_ARRIVED = 1e-4  # rad or m in a predicted step
+_TASKS_PATIENCE = 0.25  # s without progress until the tasks are suspended
+_STRATEGY_PATIENCE = 0.6  # s without progress until the next strategy is tried
+_STILL = 0.1  # s at rest that are enough for either
+_REST = 2e-3  # rad/s or characteristic lengths/s
+_PROGRESS = 0.02  # fraction of the remaining distance
+_QUIET = 0.02  # s without an active vortex until the tasks are resumed
+_MOVED = 0.02  # characteristic lengths or rad: a target or an obstacle that moved further is a new situation
+_STARTS = 40  # start configurations of the search, one in a tick
+_CONFIGURATIONS = 3  # that are tried
+_STRIDE = 0.02  # rad or characteristic lengths: largest step towards a configuration
+_AT_CONFIGURATION = 0.02  # rad or characteristic lengths from a configuration, where the tasks are resumed
+
+_FIRST = (DetourDirection.SHORTER, DetourDirection.FOLDING)
+_OTHERS = (DetourDirection.LONGER, DetourDirection.UP, DetourDirection.DOWN, DetourDirection.ASIDE)
+
+
+class _Strategy(NamedTuple):
+    """A way to reach the targets: by the tasks, or by a configuration (nq,); with a direction around obstacles."""
+
+    configuration: Array | None
+    direction: DetourDirection
+
+
+class AvoidingSolver(Solver):
+    """A `Solver` that never comes nearer to an obstacle than the safety distance, and gets around obstacles.
+
+    Links that come near slow down and slide along (`ClearanceBarrier`), always. Where following the tasks would come
+    too near, vortices deflect the motion: first in the null space of the tasks, so that the dragged node stays with the
+    pointer; if that does not help, the tasks are suspended and the whole mechanism moves around the obstacle, as a plan
+    would. Without progress, other directions are tried one after the other, also via other configurations that reach
+    the targets; when none is left, the mechanism waits at the safety distance until the targets move. The status is
+    DETOUR while tasks are suspended, and BARRED where an obstacle restricts the motion.
+
+    What the tasks would come too near to is found by a prediction, a little in each tick.
+
+    Args:
+        clearance: distances of the mechanism among its obstacles.
+        dt: period of a tick, s.
+        safety: safety distance, m.
+        reach: distance at which vortices start to act, m; half a characteristic length unless given.
+        q: (nq,) initial configuration; home unless given.
+
+    Attributes:
+        clearance: as given.
+        barrier: barrier that keeps the safety distance.
+        vortices: vortices around obstacles.
+
+    Raises:
+        ConfigurationError: q is not a configuration.
+        CinegenError: q leaves loops open, or dt is invalid.
+    """
+
+    def __init__(
+        self,
+        clearance: Clearance,
+        dt: float,
+        safety: float,
+        reach: float | None = None,
+        q: ArrayLike | None = None,
+    ) -> None:
+        mechanism = clearance.mechanism
+        self._own: tuple[Objective, ...] = ()
+        self._still = 0  # ticks at rest
+        super().__init__(mechanism, dt, q=q)
+        self.clearance = clearance
+        self.barrier = ClearanceBarrier(clearance, safety, approach_fraction(dt))
+        self.barriers = (self.barrier,)
+        self.vortices = Vortices(clearance, 0.5 * mechanism.length if reach is None else reach, safety)
+        self._known: dict[int, pin.SE3] = {}  # poses of obstacles
+        self._unobstructed = _Unobstructed(mechanism, dt)
+        self._prediction = _Unobstructed(mechanism, 1.0, _PREDICTION_GAIN)
+        self._restart()
+
+    @property
+    def objectives(self) -> tuple[Objective, ...]:
+        """Objectives, see `Solver`; they are suspended with the tasks."""
+        return self._own
+
+    @objectives.setter
+    def objectives(self, objectives: Iterable[Objective]) -> None:
+        Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
+        self._own = self._objectives
+
+    def move(self, obstacle: int, placement: pin.SE3) -> None:
+        """Move an obstacle. After some distance, strategies that failed are tried again.
+
+        Args:
+            obstacle: its index in the clearance.
+            placement: its pose in the mechanism's world.
+        """
+        self.clearance.move(obstacle, placement)
+        moved = self._known.setdefault(obstacle, placement.copy()).actInv(placement)
+        angle = float(np.linalg.norm(pin.log3(moved.rotation)))
+        if max(float(np.linalg.norm(moved.translation)) / self.mechanism.length, angle) > _MOVED:
+            self._known[obstacle] = placement.copy()
+            if not self._strategies:
+                self._restart()
+
+    def step(self) -> Step:
+        """Compute one tick of dt. Never raises: the status reports what happened."""
+        try:
+            self._guide()
+        except Exception as error:  # the loop must go on; the barrier keeps the mechanism clear
+            self._restart()
+            self._catch(f"the search for a path around obstacles of {self.mechanism.name}", error)
+        step = super().step()
+        self._objectives = self._own
+        slow = float(np.abs(step.v / self.mechanism.scale).max(initial=0.0)) < _REST
+        self._still = self._still + 1 if slow else 0
+        return step
+
+    # --- around obstacles ----------------------------------------------------------------------------------------
+
+    def _restart(self) -> None:
+        """Begin with the first strategy, for new targets."""
+        self._strategies = [_Strategy(None, direction) for direction in _FIRST]
+        self._search: _ConfigurationSearch | None = None
+        self._targets: tuple[Array, ...] = ()
+        self._quiet = 0
+        self._begin_strategy()
+        self._suspend(False)
+
+    def _begin_strategy(self) -> None:
+        """Begin the first of the strategies that are left."""
+        self._nearest, self._since, self._still = math.inf, 0, 0
+        self._obstructing: frozenset[int] = frozenset()
+        self._predicted: Array | None = None
+        self.vortices.deactivate()
+        if self._strategies:
+            self.vortices.direction = self._strategies[0].direction
+
+    def _suspend(self, suspended: bool) -> None:
+        """Suspend the tasks, or resume them."""
+        self._suspended = suspended
+        self._suspend_tasks(suspended)
+
+    def _guide(self) -> None:
+        """Find out before a tick what obstructs the tasks, and set the objectives that get around it."""
+        tasks = [task for task in self.tasks if task.is_valid()]
+        if not tasks or any(task.twist is not None for task in tasks):
+            if self._targets:
+                self._restart()
+            return
+        targets = tuple(task.target.homogeneous for task in tasks)
+        if self._have_moved(targets):
+            self._restart()
+            self._targets = tuple(target.copy() for target in targets)
+        if not self._strategies:
+            self._search_configurations(tasks)
+            return
+        q = self.q
+        configuration = self._strategies[0].configuration
+        self._predict(q, tasks, configuration)
+        if configuration is None:
+            motion = self.mechanism.difference(q, self._unobstructed.step(q, tasks, self.gain))
+        else:
+            motion = self._step_towards(q, configuration)
+        deflected = self.vortices.deflect(q, motion, lambda: self._obstructing)
+        is_deflected = len(self.vortices.active) > 0
+        self._quiet = 0 if is_deflected else self._quiet + 1
+        if self._suspended:
+            self._objectives = (_Motion(deflected),)
+        elif is_deflected:
+            self._objectives = (*self._own, _Motion(deflected - motion))
+        if is_deflected or configuration is not None:
+            self._check_progress(tasks, configuration)
+        elif self._suspended and self._quiet * self.dt >= _QUIET:
+            self._suspend(False)
+
+    def _have_moved(self, targets: tuple[Array, ...]) -> bool:
+        """Return whether targets moved away from where the present strategies began."""
+        if len(targets) != len(self._targets):
+            return True
+        length = self.mechanism.length
+        return any(
+            np.linalg.norm(now[:3, 3] - then[:3, 3]) > _MOVED * length
+            or float(np.abs(now[:3, :3] - then[:3, :3]).max()) > _MOVED
+            for now, then in zip(targets, self._targets, strict=True)
+        )
+
+    def _predict(self, q: Array, tasks: Sequence[FrameTask], configuration: Array | None) -> None:
+        """Advance the prediction; it restarts where it comes too near to something, or arrives."""
+        before = q if self._predicted is None else self._predicted
+        if configuration is None:
+            predicted = self._prediction.step(before, tasks)
+        else:
+            predicted = self.mechanism.integrate(before, 3.0 * self._step_towards(before, configuration))
+        violated = self.vortices.violated(predicted)
+        if violated or float(np.abs(predicted - before).max(initial=0.0)) < _ARRIVED:
+            self._obstructing, self._predicted = violated, None
+        else:
+            self._predicted = predicted
+
+    def _step_towards(self, q: Array, configuration: Array) -> Array:
+        """Return a tick's motion (nv,) towards a configuration, regardless of loops."""
+        largest = self.mechanism.distance(q, configuration)
+        return self.mechanism.difference(q, configuration) * min(self.tick_gain, _STRIDE / max(largest, 1e-300))
+
+    def _check_progress(self, tasks: Sequence[FrameTask], configuration: Array | None) -> None:
+        """Suspend the tasks, or try the next strategy, where there is no progress."""
+        if configuration is None:
+            remaining = self._remaining(tasks)
+        else:
+            remaining = self.mechanism.distance(self._q, configuration)
+            if remaining < _AT_CONFIGURATION:
+                self._strategies = [_Strategy(None, DetourDirection.SHORTER)]
+                self._begin_strategy()
+                self._suspend(False)
+                return
+        self._since += 1
+        if remaining < (1.0 - _PROGRESS) * self._nearest:
+            self._nearest, self._since = remaining, 0
+        still = self._still * self.dt >= _STILL
+        if not self._suspended and (still or self._since * self.dt >= _TASKS_PATIENCE):
+            self._suspend(True)
+            self._since, self._still = 0, 0
+        elif self._suspended and (still or self._since * self.dt >= _STRATEGY_PATIENCE):
+            self._strategies.pop(0)
+            self._begin_strategy()
+            self._suspend(bool(self._strategies))
+
+    def _remaining(self, tasks: Sequence[FrameTask]) -> float:
+        """Return the sum of all errors of tasks, characteristic lengths and rad."""
+        total = 0.0
+        for task in tasks:
+            axes = np.eye(3) if task.axes == "world" else None
+            linear, angular = task.errors(self.mechanism.placement(self._q, task.node) * task.offset, axes)
+            total += float(np.linalg.norm(linear)) / self.mechanism.length + float(np.linalg.norm(angular))
+        return total
+
+    # --- other configurations ------------------------------------------------------------------------------------
+
+    def _search_configurations(self, tasks: Sequence[FrameTask]) -> None:
+        """Search from one more start, once for each situation; at the end the configurations found are tried."""
+        if self._search is None:
+            self._search = _ConfigurationSearch(self.mechanism, tasks)
+        if self._search.advance(self.clearance, self.barrier.safety):
+            nearest = sorted(self._search.found, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
+            others = _OTHERS if self.vortices.plane is None else _OTHERS[:1]
+            self._strategies = [_Strategy(q, direction) for q in nearest for direction in _FIRST]
+            self._strategies += [_Strategy(None, direction) for direction in others]
+            self._begin_strategy()
+            self._suspend(bool(self._strategies))
+
+
+class _ConfigurationSearch:
+    """Search for configurations in which all targets are reached with the safety distance kept."""
+
+    def __init__(self, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
+        self._seeker = Seeker(mechanism, tuple(tasks))
+        for own, task in zip(self._seeker.tasks, tasks, strict=True):
+            own.target = task.target.copy()
+        self._rng, self._left = np.random.default_rng(0), _STARTS
+        self.found: list[Array] = []
+
+    def advance(self, clearance: Clearance, safety: float) -> bool:
+        """Search from one more start; return whether that was the last."""
+        if self._left == 0:
+            return False
+        self._left -= 1
+        seeker = self._seeker
+        if seeker.seek(seeker.anywhere(self._rng), 1e-8) and seeker.open_by <= CLOSURE:
+            q = seeker.best
+            if clearance.least(q) >= safety:
+                self.found.append(q)
+        return self._left == 0
+
+
+class _Unobstructed:
+    """A solver that follows the tasks of another as if there were no obstacles."""
+
+    def __init__(self, mechanism: Mechanism, dt: float, gain: float = math.inf) -> None:
+        self._solver = Solver(mechanism, dt, gain=gain)
+        self._kinds = list[tuple[object, ...]]()
+
+    def step(self, q: Array, tasks: Sequence[FrameTask], gain: float | None = None) -> Array:
+        """Return the configuration (nq,) one tick after q (nq,)."""
+        solver = self._solver
+        if gain is not None:
+            solver.gain = gain
+        kinds: list[tuple[object, ...]] = [(p.node, p.axes, p.translation, p.rotation, p.offset) for p in tasks]
+        if kinds != self._kinds:
+            for own in solver.tasks:
+                solver.remove_task(own)
+            for task in tasks:
+                solver.add_task(
+                    task.node, task.target, task.translation, task.rotation, task.weight, task.axes, task.offset
+                )
+            self._kinds = kinds
+        for own, task in zip(solver.tasks, tasks, strict=True):
+            own.target, own.weight = task.target, task.weight
+        solver.q = q
+        return solver.step().q
+
+
+class _Motion:
+    """Objective: a motion in one tick."""
+
+    def __init__(self, motion: Array) -> None:
+        self._motion = motion
+
+    def velocity(self, state: State) -> Array:
+        """Return the joint velocity (nv,), rad/s and m/s."""
+        return self._motion / state.dt

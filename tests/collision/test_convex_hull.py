@@ -1,0 +1,76 @@
+"""Convex hulls: of points however flat, and with fewer corners around them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
+
+from cinegen.collision.convex_hull import CLOSE, hull, simplified
+
+
+def outside(points, corners):
+    """How far the farthest point is outside of the convex hull of corners."""
+    faces = ConvexHull(corners).equations
+    normals = faces[:, :3]
+    return float((points @ normals.T - (corners @ normals.T).max(axis=0)).max())
+
+
+@settings(max_examples=60)
+@given(st.integers(0, 10**6), st.integers(1, 900), st.booleans(), st.floats(-9.0, 0.0), st.floats(-9.0, 0.0))
+def test_every_point_is_inside_of_both_and_coal_makes_both(seed, count, round_, width, height):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, 3))
+    if round_:  # then all are corners
+        points /= np.linalg.norm(points, axis=1)[:, None]
+    points = Rotation.random(random_state=seed).apply(points * [1.0, 10.0**width, 10.0**height]) + rng.normal(size=3)
+    exact = hull(points)
+    fewer = simplified(exact)
+    assert len(fewer.corners) <= 256
+    assert fewer.volume >= exact.volume * (1.0 - 1e-9)
+    for made in (exact, fewer):
+        corners = np.array(made.shape.points())
+        assert outside(points, corners) <= 1e-9
+        assert made.shape.computeVolume() == pytest.approx(made.volume, rel=1e-6, abs=1e-15)
+
+
+def test_a_ball_of_a_thousand_corners_gets_fewer_than_a_hundred():
+    turn, z = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(1000), 1.0 - (np.arange(1000) + 0.5) / 500.0
+    points = np.column_stack([np.sqrt(1 - z * z) * np.cos(turn), np.sqrt(1 - z * z) * np.sin(turn), z])
+    fewer = simplified(hull(points))
+    assert len(fewer.corners) < 100
+    reach = np.linalg.norm(fewer.corners, axis=1).max()
+    assert 1.0 < reach < 1.12  # as good as any polyhedron of so few corners: a ball is the worst case
+
+
+@pytest.mark.parametrize("sides", [[1.0, 1.0, 1.0], [1.0, 0.3, 0.01]])
+def test_what_has_few_faces_is_hardly_larger(sides):
+    rng = np.random.default_rng(0)
+    corners = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T * 1.0
+    rim = rng.normal(size=(600, 3)) * 1e-3  # each corner rounded by many points
+    rim *= 1e-2 / np.linalg.norm(rim, axis=1)[:, None]
+    points = (corners[:, None] + rim[None, :]).reshape(-1, 3) * sides
+    exact = hull(points)
+    fewer = simplified(exact)
+    assert len(exact.corners) > 256
+    assert len(fewer.corners) < 100
+    assert fewer.volume < (1.0 + 2.0 * CLOSE) ** 3 * exact.volume
+
+
+def test_few_corners_are_left_as_they_are():
+    exact = hull(np.random.default_rng(1).normal(size=(50, 3)))
+    assert simplified(exact) is exact
+
+
+@pytest.mark.parametrize("points", [[[1, 2, 3]], [[0, 0, 0], [1, 1, 1]], [[0, 0, 0], [1, 0, 0], [0, 1, 0]]])
+def test_what_has_no_volume_is_made_a_little_thick(points):
+    points = np.array(points, dtype=float)
+    made = hull(points)
+    assert outside(points, made.corners) <= 0.0
+    assert 0.0 < made.volume < 1e-4
+    assert made.shape.num_points >= 6

@@ -1,0 +1,343 @@
+"""Links as convex bodies: nothing that is drawn is outside of them, whatever it is drawn with."""
+
+from __future__ import annotations
+
+import math
+import sysconfig
+import time
+import warnings
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import ConvexHull
+
+import cinegen
+from cinegen.collision.body import PlacedShape as Solid
+from cinegen.collision.links import TIGHT, is_inside
+from cinegen.collision.links import convex_shape as solid
+from cinegen.collision.links import link_bodies as bodies_of
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
+OTHERS = [
+    "panda_description/urdf/panda.urdf",
+    "panda_description/urdf/panda_collision.urdf",
+    "ur_description/urdf/ur5_robot.urdf",
+    "talos_data/robots/talos_left_arm.urdf",
+    "tiago_description/robots/tiago_no_hand.urdf",
+    "simple_humanoid_description/urdf/simple_humanoid_classical.urdf",
+]
+
+
+@cache
+def load(path):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return cinegen.load(path)
+
+
+def drawn(name):
+    return load(ROBOTS / f"{name}.raff") if (ROBOTS / f"{name}.raff").exists() else load(SHARE / name)
+
+
+@cache
+def bodies_named(name):
+    return bodies_of(drawn(name))
+
+
+# --- the tests' own idea of where a shape is -----------------------------------------------------------------------
+
+
+def surface(shape, rng, count=60):
+    """Points on the surface of a shape, in its frame; all corners that it has."""
+    if isinstance(shape, coal.BVHModelOBBRSS):
+        corners = np.array(shape.vertices())
+        picked = [shape.tri_indices(int(i)) for i in rng.integers(shape.num_tris, size=count)]
+        triangles = np.array([[triangle[0], triangle[1], triangle[2]] for triangle in picked])
+        weights = rng.dirichlet([1.0, 1.0, 1.0], size=count)
+        return np.vstack([corners, np.einsum("ij,ijk->ik", weights, corners[triangles])])
+    if isinstance(shape, coal.Box):
+        points = rng.uniform(-1.0, 1.0, (count, 3))
+        points[np.arange(count), rng.integers(3, size=count)] = rng.choice([-1.0, 1.0], count)
+        return np.vstack([points, np.sign(points)]) * np.array(shape.halfSide)
+    if isinstance(shape, coal.Convex):
+        return np.array(shape.points())
+    turn = rng.uniform(0.0, 2.0 * math.pi, count)
+    if isinstance(shape, coal.Cylinder):
+        rim = shape.radius * np.column_stack([np.cos(turn), np.sin(turn)])
+        return np.column_stack([rim, rng.choice([-1.0, 1.0], count) * shape.halfLength])
+    ball = rng.normal(size=(count, 3))
+    ball *= shape.radius / np.linalg.norm(ball, axis=1)[:, None]
+    if isinstance(shape, coal.Capsule):
+        ball[:, 2] += np.sign(ball[:, 2]) * shape.halfLength
+    return ball
+
+
+def outside(points, shape):
+    """(n,) how far points, in the frame of a shape, are outside of it; not more than 0 inside."""
+    if isinstance(shape, coal.Sphere):
+        return np.linalg.norm(points, axis=1) - shape.radius
+    if isinstance(shape, coal.Capsule):
+        return np.linalg.norm(
+            np.c_[points[:, :2], np.maximum(np.abs(points[:, 2]) - shape.halfLength, 0.0)], axis=1
+        ) - (shape.radius)
+    if isinstance(shape, coal.Cylinder):
+        return np.maximum(np.linalg.norm(points[:, :2], axis=1) - shape.radius, np.abs(points[:, 2]) - shape.halfLength)
+    if isinstance(shape, coal.Box):
+        return (np.abs(points) - np.array(shape.halfSide)).max(axis=1)
+    corners = np.array(shape.points())
+    normals = ConvexHull(corners).equations[:, :3]
+    return (points @ normals.T - (corners @ normals.T).max(axis=0)).max(axis=1)
+
+
+def placed(placement, points):
+    return points @ placement.rotation.T + placement.translation
+
+
+def seen(placement, points):
+    return (points - placement.translation) @ placement.rotation
+
+
+# --- what holds for every robot ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", [*sorted(path.stem for path in ROBOTS.glob("*.raff")), *OTHERS])
+def test_nothing_that_can_be_hit_is_outside_of_the_bodies(name):
+    mechanism, rng = drawn(name), np.random.default_rng(0)
+    bodies = bodies_named(name)
+    for piece in mechanism.collision.geometryObjects:
+        points = placed(piece.placement, surface(piece.geometry, rng))
+        own = [body for body in bodies if body.joint == piece.parentJoint]
+        assert min(outside(seen(body.placement, points), body.shape).max() for body in own) <= 1e-9, piece.name
+
+
+@pytest.mark.parametrize("name", ["delta4", "gough", *OTHERS])
+def test_every_link_that_is_drawn_has_a_body_and_bodies_are_called_by_their_links(name):
+    mechanism = drawn(name)
+    bodies = bodies_named(name)
+    assert {body.joint for body in bodies} == {piece.parentJoint for piece in mechanism.collision.geometryObjects}
+    for body in bodies:
+        assert body.name in mechanism.nodes
+        assert mechanism.model.frames[mechanism.frame_id(body.name)].parentJoint == body.joint
+    order = [mechanism.nodes.index(body.name) for body in bodies]
+    assert order == sorted(order)
+
+
+@pytest.mark.parametrize("name", ["delta4", "panda_description/urdf/panda.urdf", "ur_description/urdf/ur5_robot.urdf"])
+def test_no_body_is_much_larger_than_the_hull_of_a_piece(name):
+    mechanism = drawn(name)
+    rng = np.random.default_rng(0)
+    volumes = []
+    for piece in mechanism.collision.geometryObjects:
+        hull = ConvexHull(surface(piece.geometry, rng, 400)).volume
+        volumes.append((piece.parentJoint, hull))
+    for body in bodies_named(name):
+        assert any(
+            body.joint == joint and body.shape.computeVolume() <= 1.02 * TIGHT * volume for joint, volume in volumes
+        )
+
+
+def test_the_base_of_a_robot_is_a_body_of_the_world():
+    (base,) = [body for body in bodies_named(OTHERS[0]) if body.joint == 0]
+    assert base.name == "panda_link0"
+    assert base.shape.computeVolume() == pytest.approx(0.003, rel=0.1)
+
+
+def test_a_seven_axis_arm_takes_less_than_two_seconds():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mechanism = cinegen.load(SHARE / OTHERS[0])
+    start = time.process_time()
+    bodies_of(mechanism)
+    assert time.process_time() - start < 2.0
+
+
+# --- which shapes count --------------------------------------------------------------------------------------------
+
+URDF = """<robot name="arm">
+  <link name="base">{base}</link>
+  <link name="upper">{upper}</link>
+  <link name="tool">{tool}</link>
+  <joint name="turn" type="revolute">
+    <parent link="base"/><child link="upper"/><origin xyz="0 0 0.5"/><axis xyz="0 0.6 0.8"/>
+    <limit lower="-1" upper="1" effort="1" velocity="1"/>
+  </joint>
+  <joint name="reach" type="prismatic">
+    <parent link="upper"/><child link="tool"/><origin xyz="0.4 0 0"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="1" effort="1" velocity="1"/>
+  </joint>
+</robot>"""
+
+
+def element(kind, geometry, xyz="0 0 0"):
+    return f'<{kind}><origin xyz="{xyz}"/><geometry>{geometry}</geometry></{kind}>'
+
+
+@pytest.fixture
+def arm(tmp_path):
+    def load(**links):
+        path = tmp_path / "arm.urdf"
+        path.write_text(URDF.format(**{"base": "", "upper": "", "tool": "", **links}))
+        return cinegen.load(path)
+
+    return load
+
+
+def test_a_link_has_its_collision_shapes_and_where_it_has_none_its_visual_ones(arm):
+    ball, rod = '<sphere radius="0.1"/>', '<cylinder radius="0.02" length="0.4"/>'
+    mechanism = arm(
+        base=element("visual", '<box size="1 1 1"/>') + element("collision", ball, "0.1 0 0"),
+        upper=element("visual", rod),
+    )
+    base, upper = bodies_of(mechanism)
+    assert (base.name, base.joint, upper.name, upper.joint) == ("base", 0, "upper", 1)
+    assert isinstance(base.shape, coal.Sphere)
+    assert base.centre == pytest.approx([0.1, 0.0, 0.0])
+    assert isinstance(upper.shape, coal.Capsule)
+    assert (upper.shape.radius, upper.shape.halfLength) == pytest.approx((0.02, 0.2))
+    kinds = [type(piece.geometry) for piece in mechanism.visual.geometryObjects]
+    assert kinds == [coal.Box, coal.Cylinder]  # what is seen is as ever
+
+
+def test_without_any_shapes_the_bars_of_the_stick_figure_count_and_no_link_is_without_body(arm):
+    mechanism = arm()
+    bodies = {body.name: body for body in bodies_of(mechanism)}
+    assert set(bodies) == {"base", "upper", "tool"}
+    assert len(bodies_of(mechanism)) == 3  # no drums beside the bars
+    for name, end in {"base": [0.0, 0.0, 0.5], "upper": [0.4, 0.0, 0.0]}.items():
+        shape, place = bodies[name].shape, bodies[name].placement
+        assert isinstance(shape, coal.Capsule)
+        tips = [place.translation + side * shape.halfLength * place.rotation[:, 2] for side in (-1.0, 1.0)]
+        assert np.allclose(sorted(tips, key=np.linalg.norm), [np.zeros(3), end], atol=1e-9)
+    assert bodies["tool"].radius < 0.1  # a drum: it has no bar
+
+
+def test_a_missing_collision_mesh_is_told_by_its_line_though_the_visual_one_is_there(arm):
+    mechanism = arm(
+        upper=element("visual", '<sphere radius="0.1"/>') + element("collision", '<mesh filename="x.stl"/>')
+    )
+    assert len(mechanism.visual.geometryObjects) == 1
+    with pytest.raises(cinegen.CinegenError, match=r"arm.urdf:3: .*mesh 'x.stl' is not found"):
+        bodies_of(mechanism)
+
+
+def test_a_cylinder_with_balls_at_its_ends_is_one_capsule(arm):
+    pieces = element("collision", '<cylinder radius="0.05" length="0.4"/>')
+    pieces += element("collision", '<sphere radius="0.05"/>', "0 0 0.2")
+    pieces += element("collision", '<sphere radius="0.05"/>', "0 0 -0.2")
+    (body,) = bodies_of(arm(upper=pieces))
+    assert isinstance(body.shape, coal.Capsule)
+    assert (body.shape.radius, body.shape.halfLength) == pytest.approx((0.05, 0.2))
+
+
+def test_of_two_pieces_that_are_the_same_one_is_left(arm):
+    ball = element("collision", '<sphere radius="0.05"/>')
+    assert len(bodies_of(arm(upper=ball + ball))) == 1
+
+
+def test_the_hollow_of_a_mesh_is_filled_and_its_scale_counts(arm, tmp_path):
+    angle = trimesh.util.concatenate(
+        [
+            trimesh.creation.box(bounds=[[0, 0, 0], [300, 20, 20]]),
+            trimesh.creation.box(bounds=[[0, 0, 0], [20, 300, 20]]),
+        ]
+    )
+    angle.export(tmp_path / "angle.stl")
+    (body,) = bodies_of(arm(upper=element("collision", '<mesh filename="angle.stl" scale="0.001 0.001 0.001"/>')))
+    middle = seen(body.placement, np.array([[0.1, 0.1, 0.01], [0.29, 0.01, 0.01], [0.29, 0.29, 0.01]]))
+    filled, end, beside = outside(middle, body.shape)
+    assert filled < 0.0
+    assert end < 0.0
+    assert beside > 0.1
+
+
+# --- one solid -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind"),
+    [
+        (coal.Sphere(0.1), coal.Sphere),
+        (coal.Capsule(0.1, 0.3), coal.Capsule),
+        (coal.Cylinder(0.1, 1.0), coal.Capsule),
+        (coal.Cylinder(0.3, 0.1), coal.Cylinder),
+        (coal.Box(0.1, 0.1, 2.0), coal.Capsule),
+        (coal.Box(2.0, 0.1, 0.1), coal.Capsule),
+        (coal.Box(0.1, 0.5, 1.0), coal.Box),
+        (coal.Ellipsoid(0.1, 0.2, 0.3), coal.Box),
+    ],
+)
+def test_what_is_round_and_long_becomes_a_capsule(shape, kind):
+    made = solid(shape, pin.SE3.Random())
+    assert isinstance(made.shape, kind)
+
+
+shapes = st.one_of(
+    st.builds(coal.Sphere, st.floats(0.05, 0.5)),
+    st.builds(coal.Capsule, st.floats(0.05, 0.3), st.floats(0.1, 0.8)),
+    st.builds(coal.Cylinder, st.floats(0.05, 0.5), st.floats(0.1, 0.8)),
+    st.builds(coal.Box, st.floats(0.1, 0.8), st.floats(0.1, 0.8), st.floats(0.1, 0.8)),
+    st.integers(0, 10**6).map(lambda seed: polyhedron(np.random.default_rng(seed).normal(size=(12, 3)) * 0.2)),
+)
+
+
+def polyhedron(points):
+    corners = coal.StdVec_Vec3s()
+    corners.extend(list(points))
+    return coal.Convex.convexHull(corners, True, "Qt")
+
+
+@settings(max_examples=80)
+@given(shapes, st.integers(0, 10**6))
+def test_a_solid_holds_what_it_is_made_of_wherever_that_stands(shape, seed):
+    rng = np.random.default_rng(seed)
+    pin.seed(seed)
+    placement = pin.SE3.Random()
+    made = solid(shape, placement)
+    points = placed(placement, surface(shape, rng, 200))
+    assert outside(seen(made.placement, points), made.shape).max() <= 1e-9
+
+
+@settings(max_examples=200)
+@given(shapes, shapes, st.integers(0, 10**6), st.floats(0.0, 1.0))
+def test_what_is_said_to_be_inside_is_and_what_sticks_out_is_not(inner, outer, seed, far):
+    pin.seed(seed)
+    rng = np.random.default_rng(seed)
+    first, second = pin.SE3.Random(), pin.SE3.Random()
+    first.translation = second.translation + far * 0.3 * rng.normal(size=3)
+    worst = outside(seen(second, placed(first, surface(inner, rng, 500))), outer).max()
+    said = is_inside(Solid(first, inner), Solid(second, outer))
+    if said:
+        assert worst <= 2e-9
+    elif worst < 0.0:  # many points of it are inside, perhaps not all; a cylinder counts as a prism around it
+        slack = 0.005 * inner.radius if isinstance(inner, coal.Cylinder) else 0.0
+        assert worst >= -0.03 - slack
+
+
+@settings(max_examples=60)
+@given(shapes, st.integers(0, 10**6))
+def test_a_smaller_copy_is_inside_and_not_the_other_way_round(outer, seed):
+    pin.seed(seed)
+    placement = pin.SE3.Random()
+    smaller = {
+        coal.Sphere: lambda s: coal.Sphere(0.9 * s.radius),
+        coal.Capsule: lambda s: coal.Capsule(0.9 * s.radius, 1.8 * s.halfLength),
+        coal.Cylinder: lambda s: coal.Cylinder(0.9 * s.radius, 1.8 * s.halfLength),
+        coal.Box: lambda s: coal.Box(1.8 * np.array(s.halfSide)),
+        coal.Convex: lambda s: polyhedron(_shrunk(np.array(s.points()))),
+    }[type(outer)](outer)
+    assert is_inside(Solid(placement, smaller), Solid(placement, outer))
+    assert not is_inside(Solid(placement, outer), Solid(placement, smaller))
+    moved = pin.SE3(placement.rotation, placement.translation + np.array([3.0, 0.0, 0.0]))
+    assert not is_inside(Solid(moved, smaller), Solid(placement, outer))
+
+
+def _shrunk(points):
+    return points.mean(axis=0) + 0.9 * (points - points.mean(axis=0))

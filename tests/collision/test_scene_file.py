@@ -1,0 +1,494 @@
+"""Scenes as files: those of the repository, what is wrong with others, and starts and goals of all robots."""
+
+from __future__ import annotations
+
+import json
+import math
+import pickle
+import time
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenes_of_tables import distance, refused, scene_with, to_point
+
+import cinegen
+from cinegen.collision import PlanningError, SceneError, load_scene, scene_of
+from cinegen.collision.body import Body
+from cinegen.errors import CinegenError
+
+FIGURES = ("rod", "disc", "discs", "generic")
+
+
+def _said(values, folder=".", **options):
+    with pytest.raises(SceneError) as error:
+        scene_of(values, folder, **options)
+    return str(error.value)
+
+
+# --- the scenes of the paper's figures ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_scenes_of_the_figures_read_back_as_the_same(root, tmp_path, name):
+    path = root / "robots" / "scenes" / f"{name}.toml"
+    scene = load_scene(path)
+    assert (scene.name, scene.path, scene.folder) == (name, path, path.parent)
+    assert (scene.translation, scene.rotation) == (2, 0)
+    again = scene_of(json.loads(json.dumps(scene.document())), path.parent, _given(scene))
+    assert _same(again, scene)
+    # as JSON, beside the robots
+    copied = tmp_path / "scenes" / f"{name}.json"
+    copied.parent.mkdir()
+    (tmp_path / "planar_3r.raff").write_text((root / "robots" / "planar_3r.raff").read_text())
+    copied.write_text(json.dumps(scene.document()))
+    assert _same(load_scene(copied), scene)
+
+
+def _same(one, other):
+    """Whether two scenes say the same, to the rounding of what turns are written as."""
+    assert (one.start == other.start).all()
+    assert one.goal.isApprox(other.goal, 1e-15)
+    for a, b in zip(one.obstacles, other.obstacles, strict=True):
+        assert (a.name, a.written) == (b.name, b.written)
+        assert a.placement.isApprox(b.placement, 1e-15)
+    said, again = ({k: v for k, v in scene.document().items() if k != "obstacle"} for scene in (one, other))
+    return said == again
+
+
+def _given(scene):
+    return None if scene.mobile is not None else scene.mechanism
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_they_start_free(root, name):
+    scene = load_scene(root / "robots" / "scenes" / f"{name}.toml")
+    if scene.mobile is None:
+        links = _axes_of_links(scene.mechanism, scene.start)
+        clearance = min(
+            to_point(o.bodies, a + t * (b - a))
+            for a, b in links
+            for t in np.linspace(0, 1, 50)
+            for o in scene.obstacles
+        )
+        assert clearance > 0.05
+    else:
+        at = scene.mechanism.placement(scene.start, scene.node)
+        body = Body("robot", 0, at, scene.bodies[0].shape)
+        assert min(distance(body, piece) for o in scene.obstacles for piece in o.bodies) > scene.safety
+
+
+def _axes_of_links(mechanism, q):
+    places = [mechanism.placement(q, node).translation for node in mechanism.nodes]
+    return list(pairwise(places))
+
+
+def test_the_rod_lies_square_across_the_straight_way_and_the_disc_beside_it(root):
+    rod, disc = (load_scene(root / "robots" / "scenes" / f"{name}.toml") for name in ("rod", "disc"))
+    for scene, crosses in ((rod, True), (disc, False)):
+        begin = scene.mechanism.placement(scene.start, scene.node).translation
+        way = scene.goal.translation - begin
+        nearest = min(to_point(scene.obstacles[0].bodies, begin + t * way) for t in np.linspace(0.0, 1.0, 1001))
+        assert (nearest <= 0.0) == crosses
+        if crosses:
+            (along,) = (scene.obstacles[0].placement.rotation[:, 0],)
+            assert abs(along @ way) < 0.01 * np.linalg.norm(way)
+        else:
+            assert nearest > scene.safety
+    # The arm folds between the rod and the base: it reaches where the rod ends.
+    end = rod.obstacles[0].placement.translation[0] - rod.obstacles[0].pieces[0].shape.halfSide[0]
+    assert end - rod.safety > 0.15
+
+
+def test_the_mobile_robots_meet_what_the_figures_show(root):
+    discs = load_scene(root / "robots" / "scenes" / "discs.toml")
+    assert len(discs.obstacles) >= 5
+    assert {o.kind for o in discs.obstacles} == {"disc"}
+    generic = load_scene(root / "robots" / "scenes" / "generic.toml")
+    assert max(len(o.pieces) for o in generic.obstacles if o.kind == "polygon") > 1  # one is not convex
+    for scene in (discs, generic):
+        bodies = [piece for o in scene.obstacles for piece in o.bodies]
+        begin = scene.mechanism.placement(scene.start, scene.node).translation
+        way = scene.goal.translation - begin
+        assert min(to_point(bodies, begin + t * way) for t in np.linspace(0, 1, 500)) < 0.0
+        # there is room for the robot between any two obstacles
+        for one in scene.obstacles:
+            for other in scene.obstacles:
+                if one is not other:
+                    gap = min(distance(a, b) for a in one.bodies for b in other.bodies)
+                    assert gap > 2.0 * (scene.mobile + scene.safety)
+
+
+# --- files that are wrong -------------------------------------------------------------------------------------------
+
+GOOD = """mobile = { radius = 0.1 }
+[goal]
+point = [1.0, 2.0]
+[[obstacle]]
+name = "post"
+kind = "disc"
+radius = 0.2
+point = [0.5, 0.5]
+"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("radius = 0.2", "radius = 0.0", "{path}: obstacle 1 'post': radius must be above 0, not 0.0"),
+        ("radius = 0.2", "radius = ", "{path}:7:10: invalid TOML: Invalid value"),
+        ("radius = 0.2", "radius = nan", "{path}: obstacle 1 'post': radius must be finite, not nan"),
+        ("[goal]\npoint = [1.0, 2.0]\n", "", "{path}: goal is missing"),
+        ("[goal]\n", "[goal]\npiont = 1\n", "{path}: goal: unknown key 'piont': did you mean 'point'?"),
+        ("mobile =", "mobil =", "{path}: unknown key 'mobil': did you mean 'mobile'?"),
+        ("[[obstacle]]", "[[obstacles]]", "{path}: unknown key 'obstacles': did you mean 'obstacle'?"),
+        ("mobile = { radius = 0.1 }", "", "{path}: robot is missing"),
+        ("mobile =", "robot = 'a.raff'\nmobile =", "{path}: mobile cannot be combined with a robot"),
+        ("radius = 0.1", "radius = -0.1", "{path}: mobile: radius must be above 0, not -0.1"),
+        ("radius = 0.1", "radius = 0.1, mass = 3", "{path}: mobile: unknown key 'mass'"),
+        ("mobile =", "safety = -0.1\nmobile =", "{path}: safety must not be below 0"),
+        ("mobile =", "influence = 0.005\nmobile =", "{path}: influence must be above the safety distance, 0.01 m"),
+        ("mobile =", "up = [0, 0, 0]\nmobile =", "{path}: up must be a direction"),
+        (
+            "mobile =",
+            "node = 'hand'\nmobile =",
+            "{path}: node 'hand' is not a node of mobile (known: ground, rail, mobile)",
+        ),
+        ("mobile =", "start = 3\nmobile =", "{path}: start must be a table of keys and values, not 3"),
+        ("mobile =", "start.joints.x = 1\nmobile =", "{path}: start: unknown key 'joints'"),
+        ("mobile =", "start.point = [1, 2, 3]\nmobile =", "{path}: start: point must be a list of 2 numbers"),
+        ("mobile =", "name = ''\nmobile =", "{path}: name must be a string"),
+    ],
+)
+def test_what_is_wrong_with_a_file_is_said_with_its_place(tmp_path, old, new, said):
+    path = tmp_path / "shelf.toml"
+    path.write_text(GOOD)
+    assert load_scene(path).obstacles[0].name == "post"
+    assert old in GOOD
+    path.write_text(GOOD.replace(old, new))
+    with pytest.raises(SceneError) as error:
+        load_scene(path)
+    assert str(error.value).startswith(said.format(path=path))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('{"goal": ', "1:10: invalid JSON"),
+        ('{"goal": {"point": [0, 0]},\n "goal": {}}', "invalid JSON: key 'goal' occurs twice"),
+        ("[]", "must be a table of keys and values, not []"),
+        ('{"mobile": {"radius": NaN}, "goal": {"point": [0, 0]}}', "mobile: radius must be finite, not nan"),
+        ("[" * 100_000, "invalid JSON"),
+    ],
+)
+def test_what_is_wrong_with_json_is_said(tmp_path, text, said):
+    path = tmp_path / "shelf.json"
+    path.write_text(text)
+    with pytest.raises(SceneError) as error:
+        load_scene(path)
+    assert str(error.value).startswith(str(path))
+    assert said in str(error.value)
+
+
+def test_files_that_are_no_scenes(tmp_path):
+    for name, content, said in [
+        ("gone.toml", None, "can't be read"),
+        ("scene.txt", b"", r"a scene is a \.toml or a \.json file"),
+        ("latin.toml", b"name = '\xe4'", "this is no text in utf-8"),
+    ]:
+        if content is not None:
+            (tmp_path / name).write_bytes(content)
+        with pytest.raises(SceneError, match=said):
+            load_scene(tmp_path / name)
+    assert issubclass(SceneError, PlanningError)
+    assert issubclass(PlanningError, CinegenError)
+    with pytest.raises(SceneError, match="can't be read"):
+        load_scene(tmp_path / "folder.toml" / "x.toml")
+
+
+def test_robots_that_are_not_there_or_damaged(tmp_path, root):
+    goal = {"goal": {"point": [0, 0]}}
+    assert "robot: " not in _said(goal | {"robot": "gone.raff"}, tmp_path)
+    assert "does not exist" in _said(goal | {"robot": "gone.raff"}, tmp_path)
+    assert "robot '~nobody-is-called-so/x.raff' can't be read" in _said(goal | {"robot": "~nobody-is-called-so/x.raff"})
+    assert "can't be read" in _said(goal | {"robot": "x" * 5000})
+    (tmp_path / "bad.raff").write_text("RAFF bad\nrobot a { base { } link 1 { type 9 pred 0 } }")
+    (tmp_path / "bad.urdf").write_text("<robot><link></robot>")
+    (tmp_path / "bad.txt").write_text("hello")
+    for name in ("bad.raff", "bad.urdf", "bad.txt"):
+        said = _said(goal | {"robot": name}, tmp_path)
+        assert said.startswith("scene: robot can't be loaded: ")
+        assert name in said
+    robots = root / "robots"
+    several = goal | {"robot": {"file": "two_arms.raff", "name": "right"}}
+    assert scene_of(several, robots).mechanism.name == "right"
+    assert scene_of(several, robots).document()["robot"] == several["robot"]
+    several["robot"]["name"] = "middle"
+    assert "can't be loaded" in _said(several, robots)
+    assert "robot must be a string, not 3" in _said(goal | {"robot": 3}, robots)
+    assert "robot: unknown key 'nmae'" in _said(goal | {"robot": {"file": "two_arms.raff", "nmae": "left"}}, robots)
+    assert "mobile cannot be combined with a robot" in refused(robot="two_arms.raff")
+
+
+# --- starts ---------------------------------------------------------------------------------------------------------
+
+
+def _begins(mechanism, joints=None, **keys):
+    start = {} if joints is None else {"start": {"joints": joints}}
+    return scene_of({"goal": {"point": [0.0, 0.0, 0.0]}} | start | keys, ".", mechanism)
+
+
+def _message(mechanism, joints=None, **keys):
+    with pytest.raises(SceneError) as error:
+        _begins(mechanism, joints, **keys)
+    return str(error.value)
+
+
+def test_joints_that_are_not_named_stay_at_home(robot):
+    arm = robot("arm7")
+    scene = _begins(arm, {"joint3": 0.3})
+    expected = arm.q_home.copy()
+    expected[arm.q_index("joint3")] = 0.3
+    assert (scene.start == expected).all()
+    assert not scene.start.flags.writeable
+    assert (_begins(arm).start == arm.q_home).all()
+    assert (scene.robot, scene.node, scene.safety, scene.influence, scene.up) == (None, arm.end, 0.01, None, None)
+    assert scene.bodies is None
+
+
+def test_wrong_joints_are_refused(robot):
+    arm = robot("planar_3r")
+    assert _message(arm, {"joint9": 1.0}).startswith(
+        "scene: start: joints: 'joint9' is not a joint of arm: did you mean"
+    )
+    assert "start: joints: joint1 must be a number, not 'up'" in _message(arm, {"joint1": "up"})
+    assert "start: joints: joint1 must be finite, not nan" in _message(arm, {"joint1": math.nan})
+    said = _message(arm, {"joint1": 3.0})
+    assert said == "scene: start: joints 'joint1' is at 3, its limits are -2.96706 and 2.96706"
+    assert "start: unknown key 'joint'" in _message(arm, start={"joint": {}})
+    assert "node 'tol' is not a node of arm: did you mean 'tool'?" in _message(arm, node="tol")
+    low, high = arm.model.lowerPositionLimit[0], arm.model.upperPositionLimit[0]
+    for bound in (low, high):
+        assert _begins(arm, {"joint1": float(bound)}).start[0] == bound
+
+
+@pytest.mark.parametrize("name", ["delta4", "five_bar", "four_bar", "gough", "hybrid", "sr400", "planar_hybrid"])
+@settings(max_examples=30)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_motors_stand_where_they_are_said_to_and_loops_are_closed(robot, name, seed):
+    mechanism = robot(name)
+    rng = np.random.default_rng(seed)
+    scale = {joint: mechanism.scale[mechanism.v_index(joint)] for joint in mechanism.actuated}
+    values = {
+        joint: float(mechanism.q_home[mechanism.q_index(joint)] + rng.uniform(-0.02, 0.02) * scale[joint])
+        for joint in mechanism.actuated
+    }
+    scene = _begins(mechanism, values)
+    for joint, value in values.items():
+        assert scene.start[mechanism.q_index(joint)] == value
+    assert mechanism.closure(scene.start) < 1e-12
+    again = scene_of(scene.document(), ".", mechanism)
+    assert np.abs(again.start - scene.start).max() < 1e-12
+
+
+def test_a_long_way_from_home_keeps_the_way_of_assembling(robot):
+    linkage = robot("five_bar")
+    home = linkage.q_home
+    # Ahead of the motors' way in a hundred small steps, each closed from the one before: what hardware would do.
+    motors = {joint: float(home[linkage.q_index(joint)]) + move for joint, move in (("joint1", 0.7), ("joint3", -0.5))}
+    q = home.copy()
+    for t in np.linspace(0, 1, 101)[1:]:
+        for joint, value in motors.items():
+            i = linkage.q_index(joint)
+            q[i] = home[i] + t * (value - home[i])
+        q = linkage.close(q, locked=linkage.actuated)
+    assert np.abs(_begins(linkage, motors).start - q).max() < 1e-9
+
+
+@pytest.fixture
+def four_bar(root, raff):
+    """The four-bar linkage of the repository, its rocker without limits, with a crank of another length (mm)."""
+    body = (root / "robots" / "four_bar.raff").read_text(encoding="utf-8").split("\n", 1)[1]
+    assert "limits { 80.0 152.0 }" in body
+    body = body.replace("limits { 80.0 152.0 }", "")
+
+    def made(crank: float) -> cinegen.Mechanism:
+        assert "d 120.0 }" in body
+        return raff(body.replace("d 120.0 }", f"d {crank} }}"), name="linkage")
+
+    return made
+
+
+def test_passive_joints_choose_between_ways_of_assembling(four_bar):
+    linkage = four_bar(120.0)
+    rng = np.random.default_rng(3)
+    tools = set()
+    for guess in rng.uniform(-2.5, 2.5, (20, 2)):
+        values = {"joint1": 0.8} | dict(zip(("joint2", "joint3"), guess.tolist(), strict=True))
+        q = _begins(linkage, values).start
+        assert q[linkage.q_index("joint1")] == 0.8
+        assert linkage.closure(q) < 1e-12
+        tools.add(tuple(linkage.placement(q, "tool").translation.round(6).tolist()))
+        # and what a scene there writes comes back to it
+        assert np.abs(scene_of(_begins(linkage, values).document(), ".", linkage).start - q).max() < 1e-12
+    # coupler and rocker form a triangle on the line between crank and rocker's pivot, which stands on either side
+    assert len(tools) == 2
+    assert _begins(linkage, {"joint1": 0.8}).start == pytest.approx(_of_home_mode(linkage, 0.8), abs=1e-9)
+
+
+def _of_home_mode(linkage, crank):
+    """Where coupler (360 mm) and rocker (240 mm) stand, by the law of cosines, on the side where they are at home."""
+    pin_ = 0.12 * np.array([math.cos(crank), math.sin(crank)])
+    to_pivot = np.array([0.4, 0.0]) - pin_
+    d = float(np.linalg.norm(to_pivot))
+    coupler = math.atan2(to_pivot[1], to_pivot[0]) + math.acos((0.36**2 + d**2 - 0.24**2) / (2 * 0.36 * d))
+    end = pin_ + 0.36 * np.array([math.cos(coupler), math.sin(coupler)])
+    rocker = math.atan2(end[1], end[0] - 0.4)
+    return np.array([crank, coupler - crank, rocker])
+
+
+def test_a_start_that_can_not_be_closed_is_refused(four_bar):
+    linkage = four_bar(300.0)
+    # At pi the crank's end is 700 mm from the rocker's pivot: coupler and rocker reach 600.
+    said = _message(linkage, {"joint1": math.pi})
+    assert said.startswith("scene: start: joints do not allow closed loops: linkage can't be closed")
+    within = math.acos((0.4**2 + 0.3**2 - 0.59**2) / (2 * 0.4 * 0.3))
+    assert linkage.closure(_begins(linkage, {"joint1": within}).start) < 1e-12
+
+
+def test_joints_that_loops_put_beyond_their_limits_are_named(robot):
+    said = _message(robot("five_bar"), {"joint1": 3.4, "joint3": -0.3})
+    assert "limits are" in said
+    assert "give its value, or other actuated joints" in said
+
+
+def test_whole_turns_of_a_guess_do_not_matter(robot):
+    linkage = robot("five_bar")
+    values = {joint: float(linkage.q_home[linkage.q_index(joint)]) for joint in linkage.joints}
+    values["joint2"] += 2.0 * math.pi
+    assert np.abs(_begins(linkage, values).start - linkage.q_home).max() < 1e-9
+
+
+def test_a_floating_base_may_be_placed(tmp_path):
+    (tmp_path / "free.urdf").write_text(
+        "<robot name='free'><link name='world'/><link name='body'/><link name='arm'/>"
+        "<joint name='float' type='floating'><parent link='world'/><child link='body'/></joint>"
+        "<joint name='j' type='revolute'><parent link='body'/><child link='arm'/><axis xyz='0 0 1'/>"
+        "<limit lower='-1' upper='1' effort='1' velocity='1'/></joint></robot>"
+    )
+    values = {
+        "robot": "free.urdf",
+        "goal": {"point": [0, 0, 0]},
+        "start": {"point": [1, 2, 3], "rpy": [0.1, 0.2, 0.3], "joints": {"j": 0.4}},
+    }
+    scene = scene_of(values, tmp_path)
+    placement = scene.mechanism.placement(scene.start, "body")
+    assert placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([1.0, 2, 3])), 1e-12)
+    again = scene_of(json.loads(json.dumps(scene.document())), tmp_path)
+    assert np.abs(again.start - scene.start).max() < 1e-12
+
+
+def test_a_mobile_robot_is_where_it_is_said_to_be():
+    scene = scene_with(start={"point": [0.5, 3.0]}, mobile={"radius": 0.3})
+    assert scene.mechanism.placement(scene.start, scene.node).translation == pytest.approx([0.5, 3.0, 0.0])
+    (body,) = scene.bodies
+    assert body.radius == 0.3
+    # its body moves with both slides
+    data = scene.mechanism.model.createData()
+    pin.forwardKinematics(scene.mechanism.model, data, scene.start)
+    assert (data.oMi[body.joint] * body.placement).translation == pytest.approx([0.5, 3.0, 0.0])
+    # all of them share one mechanism
+    assert scene_with(mobile={"radius": 0.1}).mechanism is scene.mechanism
+    assert pickle.loads(pickle.dumps(scene.mechanism)).joints == scene.mechanism.joints
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_point_is_as_far_from_a_ball_as_it_should_be(seed):
+    rng = np.random.default_rng(seed)
+    centre, p, radius = rng.normal(size=2) * 3, rng.normal(size=2) * 3, float(rng.uniform(0.1, 1))
+    scene = scene_with({"kind": "disc", "radius": radius, "point": centre}, start={"point": p})
+    at = Body("robot", 0, scene.mechanism.placement(scene.start, scene.node), scene.bodies[0].shape)
+    truth = float(np.linalg.norm(p - centre)) - radius
+    found = distance(at, scene.obstacles[0].bodies[0])
+    assert found == pytest.approx(truth, abs=1e-9) if truth > 0 else found <= 1e-9
+
+
+# --- goals ----------------------------------------------------------------------------------------------------------
+
+
+def test_goals_count_what_is_written(robot):
+    arm = robot("planar_3r")
+    z = arm.placement(arm.q_home, "tool").translation[2]
+    for goal, counted, at in [
+        ({"point": [0.1, 0.2]}, (2, 0), [0.1, 0.2, z]),
+        ({"point": [0.1, 0.2, 0.3]}, (3, 0), [0.1, 0.2, 0.3]),
+        ({"point": [0.1, 0.2], "angle": 0.5}, (2, 1), [0.1, 0.2, z]),
+        ({"point": [0.1, 0.2, 0.3], "rpy": [0.1, 0.2, 0.3]}, (3, 3), [0.1, 0.2, 0.3]),
+    ]:
+        scene = scene_of({"goal": goal}, ".", arm)
+        assert (scene.translation, scene.rotation) == counted
+        assert scene.goal.translation == pytest.approx(at)
+        again = scene_of(scene.document(), ".", arm)
+        assert again.goal.isApprox(scene.goal, 1e-12)
+        assert (again.translation, again.rotation) == counted
+    assert "goal: angle cannot be combined with rpy" in _message(
+        arm, goal={"point": [0, 0], "angle": 1, "rpy": [0, 0, 0]}
+    )
+    assert "goal: point is missing" in _message(arm, goal={"angle": 1})
+    assert "goal: point must be a list of 2 or 3 numbers" in _message(arm, goal={"point": [0]})
+    assert "goal: unknown key 'frame'" in _message(arm, goal={"point": [0, 0], "frame": "x"})
+
+
+@given(st.floats(-3, 3), st.integers(0, 2**32 - 1))
+def test_an_angle_is_that_of_the_nodes_x_axis_seen_from_above(robot, angle, seed):
+    arm = robot("arm7")
+    q = arm.q_home + np.random.default_rng(seed).uniform(-0.5, 0.5, arm.model.nq)
+    q = np.clip(q, arm.model.lowerPositionLimit, arm.model.upperPositionLimit)
+    start = {joint: float(q[arm.q_index(joint)]) for joint in arm.joints}
+    x = arm.placement(q, arm.end).rotation[:, 0]
+    if np.linalg.norm(x[:2]) < 1e-3:
+        return
+    scene = _begins(arm, start, goal={"point": [0.1, 0.2, 0.3], "angle": angle})
+    there = scene.goal.rotation
+    assert math.atan2(there[1, 0], there[0, 0]) == pytest.approx(math.remainder(angle, 2 * math.pi), abs=1e-9)
+    # turned about the vertical only: every axis rises as it did
+    assert there[2] == pytest.approx(arm.placement(q, arm.end).rotation[2], abs=1e-12)
+    again = scene_of(scene.document(), ".", arm)
+    assert again.goal.isApprox(scene.goal, 1e-9)
+
+
+# --- values ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_scene_is_read_in_milliseconds(robot):
+    arm = robot("arm7")
+    obstacles = [
+        {"kind": "sphere", "radius": 0.1, "point": [1, 0, k]}
+        if k % 2
+        else {"kind": "polygon", "points": [[0, 0], [1, 0], [1, 1], [0.5, 0.4], [0, 1]], "point": [3, k]}
+        for k in range(6)
+    ]
+    values = {"goal": {"point": [0.3, 0.3, 0.3]}, "start": {"joints": {"joint1": 0.1}}, "obstacle": obstacles}
+    best = math.inf
+    for _ in range(20):
+        begin = time.perf_counter()
+        scene_of(values, ".", arm)
+        best = min(best, time.perf_counter() - begin)
+    assert best < 5e-3
+
+
+def test_what_a_program_gives_is_not_changed(robot):
+    values = {
+        "goal": {"point": np.array([0.1, 0.2])},
+        "obstacle": [{"kind": "box", "size": (0.1, 0.2), "point": [1, 2]}],
+    }
+    before = repr(values)
+    scene = scene_of(values, ".", robot("planar_3r"))
+    assert repr(values) == before
+    json.dumps(scene.document())
+    # nor does it hold on to what it gave
+    scene.document()["obstacle"][0]["size"].append(1.0)
+    assert len(scene.document()["obstacle"][0]["size"]) == 2

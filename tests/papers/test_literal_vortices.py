@@ -1,0 +1,91 @@
+"""The vortex method exactly as published: its weight, and its plans."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from literal_vortices import plan_literally, scissors
+
+from cinegen.collision import load_scene, scene_of
+from cinegen.planning.vortex_field import facing
+
+X, Y, Z = np.eye(3)
+angles = st.floats(-math.pi, math.pi)
+
+
+def direction(angle):
+    return np.array([math.cos(angle), math.sin(angle), 0.0])
+
+
+def point(obstacles, radius=0.0):
+    """A mobile robot."""
+    document = {"name": "point", "mobile": {"radius": radius}, "safety": 0.02, "influence": 0.6}
+    document |= {"start": {"point": [0.0, 0.0]}, "goal": {"point": [4.0, 0.0]}, "obstacle": obstacles}
+    return scene_of(document)
+
+
+@given(angles, angles, st.sampled_from([-1.0, 1.0]), st.floats(0.01, 100.0))
+def test_in_the_plane_both_weights_are_one(n, alpha, sense, size):
+    """With the attraction put at an angle alpha from the vortex toward the obstacle, by hand: cos v - sin n."""
+    normal_ = direction(n)
+    vortex = sense * np.cross(Z, normal_)
+    attraction = size * (math.cos(alpha) * vortex - math.sin(alpha) * normal_)
+    weight = max(0.0, math.sin(alpha))
+    assert facing(attraction, normal_) == pytest.approx(weight, abs=1e-12)
+    assume(abs(math.sin(alpha)) > 1e-9)
+    assert scissors(attraction, 3.0 * vortex, normal_) == pytest.approx(weight, abs=1e-12)
+
+
+def test_both_close_at_q_without_a_jump():
+    """Round a disc: alpha runs through 0 at Q, where the line to the goal is a tangent."""
+    goal, radius = np.array([2.0, 0.0, 0.0]), 1.0
+    turn = np.linspace(math.pi, 2.0 * math.pi, 4001)  # counterclockwise: below
+    normals = np.array([direction(t) for t in turn])
+    attractions = goal - radius * normals
+    weights = facing(attractions, normals)
+    assert weights == pytest.approx(scissors(attractions, np.cross(Z, normals), normals), abs=1e-12)
+    assert np.abs(np.diff(weights)).max() < 2e-3
+    q = turn[np.flatnonzero(weights > 0.0)[-1]]
+    assert q == pytest.approx(2.0 * math.pi - math.acos(radius / 2.0), abs=1e-3)  # a right angle at Q
+    assert weights[0] == pytest.approx(1.0)
+
+
+def test_in_space_the_scissors_jump_where_facing_does_not():
+    vortex, n = X, Z
+    before, after = Y - 1e-9 * n, Y + 1e-9 * n
+    assert facing([before, after], [n, n]) == pytest.approx(0.0, abs=1e-8)
+    assert scissors([before, after], [vortex, vortex], [n, n]) == pytest.approx([1.0, 0.0])
+
+
+def test_no_attraction_no_weight():
+    assert scissors([0.0, 0.0, 0.0], Y, X) == 0.0
+
+
+# --- plans -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.15])
+def test_a_disc_beside_the_path_stops_no_mobile_robot(radius):
+    scene = point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.05]}], radius)
+    found = plan_literally(scene)
+    assert found
+    assert found.clearance >= scene.safety
+    assert found.length > 4.05  # it obstructed the straight path
+
+
+def test_a_disc_straight_ahead_does_not_stop_it():
+    found = plan_literally(point([{"kind": "disc", "radius": 0.4, "point": [2.0, 0.0]}]))
+    assert found
+    assert found.field == "LiteralVortices"
+
+
+@pytest.mark.parametrize("name", ["rod", "disc", "discs", "generic"])
+def test_nothing_comes_nearer_than_the_safety_distance(root, name):
+    scene = load_scene(root / "robots" / "scenes" / f"{name}.toml")
+    found = plan_literally(scene)
+    assert len(found.path) > 10
+    assert found.clearance >= scene.safety

@@ -1,0 +1,388 @@
+"""What is held clear stays clear, on all of its way; and moves as freely as that allows."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+from clearings import among, around, at, ball, load, point_among, wall
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cinegen import Solver, Status
+from cinegen.collision import PlanningError
+from cinegen.collision.body import Body
+from cinegen.ik import Posture
+from cinegen.planning.clearance_barrier import STOP, ClearanceBarrier, is_clear, path_clearance
+
+DT = 0.01
+EXACT = 3e-6  # m: as exact as distances to hulls and cylinders are
+seeds = st.integers(0, 2**32 - 1)
+
+
+def kept(clearance, safety, q=None, **options):
+    solver = Solver(clearance.mechanism, DT, q, **options)
+    solver.barriers = [ClearanceBarrier(clearance, safety)]
+    return solver
+
+
+def away(mechanism, node, rng, lengths):
+    home = mechanism.placement(mechanism.q_home, node)
+    way = rng.normal(size=3)
+    return pin.SE3(home.rotation, home.translation + lengths * mechanism.length * way / np.linalg.norm(way))
+
+
+def densely(clearance, path, count=9):
+    """m: the least distance at many configurations of a path."""
+    model = clearance.mechanism.model
+    return min(
+        clearance.least(pin.interpolate(model, a, b, t))
+        for a, b in pairwise(path)
+        for t in np.linspace(0.0, 1.0, count)
+    )
+
+
+# --- never nearer ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["planar_3r", "arm7", "two_arms", "five_bar", "delta4"])
+@settings(max_examples=24)
+@given(
+    seed=seeds,
+    accelerated=st.booleans(),
+    every=st.sampled_from([1, 15, 200]),
+    wishing=st.booleans(),
+    rotation=st.sampled_from([0, 3]),
+)
+def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
+    robot, name, seed, accelerated, every, wishing, rotation
+):
+    """Targets that stand, leap now and then, or in every tick, near and ten lengths away."""
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    own = name in ("arm7", "planar_3r")
+    clearance = among(name, around(name, seed % 7), own=own)
+    safety = min(0.02 * mechanism.length, 0.5 * clearance.least(mechanism.q_home))
+    solver = kept(clearance, safety, acceleration=20.0 if accelerated else None)
+    if wishing:
+        solver.objectives = [
+            Posture(mechanism.close(mechanism.q_home + 0.3 * rng.normal(size=mechanism.model.nq)), rate=5.0)
+        ]
+    node = mechanism.nodes[-1]
+    task = solver.add_task(node, rotation=rotation)
+    path = [solver.q]
+    for tick in range(25 if name == "delta4" else 60):
+        if tick % every == 0:
+            task.target = away(mechanism, node, rng, float(rng.choice([0.3, 1.0, 10.0])))
+        step = solver.step()
+        assert step.closure <= 1e-9
+        path.append(step.q)
+    if not mechanism.loops:
+        assert densely(clearance, path, 4) >= safety - EXACT
+    assert min(clearance.least(q) for q in path) >= safety - EXACT
+    assert path_clearance(clearance, np.array(path), 0.05) >= (1.0 - 0.05) * safety - EXACT
+    assert np.abs(path[-1] - path[0]).max() > 1e-3
+
+
+@settings(max_examples=60)
+@given(seed=seeds, fast=st.booleans())
+def test_a_point_among_obstacles_stays_clear(seed, fast):
+    rng = np.random.default_rng(seed)
+    obstacles = [
+        Body("box", 0, at(*rng.uniform(-1, 1, 2), 0.0), coal.Box(*rng.uniform(0.05, 0.4, 2), 1.0)) for _ in "12345"
+    ]
+    obstacles += [ball(rng.uniform(0.05, 0.3), *rng.uniform(-1, 1, 2), 0.0) for _ in "123"]
+    clearance = point_among(obstacles)
+    q = next(q for q in rng.uniform(-2, 2, (1000, 2)) if clearance.least(q) > 0.03)
+    solver = kept(clearance, 0.02, q)
+    task = solver.add_task("mobile", rotation=0, translation=2, axes="world")
+    path = [solver.q]
+    for tick in range(150):
+        if fast or tick % 50 == 0:
+            task.target = at(*rng.uniform(-1.5, 1.5, 2), 0.0)
+        path.append(solver.step().q)
+    assert path_clearance(clearance, np.array(path), 0.01) >= 0.99 * 0.02 - EXACT
+
+
+def test_with_thousands_of_obstacles_the_nearest_still_counts():
+    obstacles = [ball(0.001, 0.3 + 1e-5 * i, 0.25, 0.0) for i in range(500)] + [ball(0.1, 0.3, 0.0, 0.0)]
+    solver = kept(point_among(obstacles), 0.02)
+    solver.add_task("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
+    for _ in range(40):
+        step = solver.step()
+    assert step.q == pytest.approx([0.2 - 0.02 * STOP, 0.0], abs=1e-6)
+    assert step.status is Status.BARRED
+
+
+# --- and as near to the target as that allows ----------------------------------------------------------------------
+
+
+@settings(max_examples=40)
+@given(seed=seeds)
+def test_along_a_wall_a_point_goes_to_the_nearest_point_to_its_target(seed):
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(0.0, 2.0 * np.pi)
+    normal = np.array([np.cos(turn), np.sin(turn), 0.0])
+    clearance = point_among([wall(normal, -0.3)])
+    solver = kept(clearance, 0.05)
+    target = np.append(rng.uniform(-1.5, 1.5, 2), 0.0)
+    solver.add_task("mobile", at(*target), translation=2, rotation=0, axes="world")
+    for _ in range(200):
+        step = solver.step()
+    beyond = max(STOP * 0.05 - 0.3 - normal @ target, 0.0)
+    assert np.append(step.q, 0.0) == pytest.approx(target + beyond * normal, abs=1e-6)
+    assert step.status is (Status.BARRED if beyond > 1e-5 else Status.FOLLOWING)
+    assert bool(step.active_barriers) == (beyond > 1e-5)
+
+
+def test_in_a_corner_a_point_goes_to_the_nearest_point_to_its_target():
+    clearance = point_among([wall([-1.0, 0.0, 0.0], -0.4), wall([0.0, -1.0, 0.0], -0.2)])
+    solver = kept(clearance, 0.04)
+    solver.add_task("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
+    for _ in range(100):
+        step = solver.step()
+    assert step.q == pytest.approx([0.35, 0.15], abs=1e-6)
+
+
+def test_without_a_safety_distance_it_comes_as_near_as_it_likes_and_no_nearer():
+    clearance = point_among([wall([-1.0, 0.0, 0.0], -0.4)])
+    solver = kept(clearance, 0.0)
+    solver.add_task("mobile", at(1.0, 0.7, 0.0), translation=2, rotation=0, axes="world")
+    for _ in range(12):
+        step = solver.step()
+        assert clearance.least(step.q) >= 0.0
+    assert step.q[0] == pytest.approx(0.4, abs=1e-2)
+    assert step.q[1] > 0.5
+
+
+@pytest.mark.parametrize("name", ["arm7", "planar_3r"])
+def test_an_arm_that_is_led_into_a_wall_stops_before_it_and_comes_back(robot, name):
+    mechanism = robot(name)
+    tool = mechanism.placement(mechanism.q_home, "tool").translation
+    way = tool / np.linalg.norm(tool) * (1.0, 1.0, 0.0)
+    way /= np.linalg.norm(way)
+    clearance = among(name, [wall(-way, -(tool @ way) - 0.25 * mechanism.length)], own=False)
+    home = clearance.least(mechanism.q_home)
+    assert home > 0.02
+    safety = 0.25 * home
+    solver = kept(clearance, safety)
+    task = solver.add_task("tool", rotation=0, axes="world")
+    start = task.target
+    task.target = at(*(tool + 0.5 * mechanism.length * way))
+    for _ in range(300):
+        step = solver.step()
+    assert step.status is Status.BARRED
+    assert clearance.least(step.q) == pytest.approx(STOP * safety, rel=0.02)
+    task.target = start
+    for _ in range(300):
+        step = solver.step()
+    assert step.status is Status.FOLLOWING
+    assert step.errors[0][0] < 1e-6
+
+
+# --- what is too near already --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("led", ["not", "in", "out", "there"])
+@pytest.mark.parametrize("deep", [-0.04, 0.01, 0.03])
+def test_what_an_obstacle_was_put_onto_only_goes_away(led, deep):
+    """And gets away, whether it is pulled or not."""
+    clearance = point_among([ball(0.1, 3.0, 0.0, 0.0)])
+    solver = kept(clearance, 0.05)
+    targets = {"in": at(0.3, 0.0, 0.0), "out": at(-1.0, 0.2, 0.0), "there": at(0.0, 0.0, 0.0)}
+    if led in targets:
+        solver.add_task("mobile", targets[led], translation=2, rotation=0, axes="world")
+    solver.step()
+    solver.q = np.zeros(2)
+    clearance.move(0, at(0.1 + deep, 0.0, 0.0))
+    last = clearance.least(solver.q)
+    assert last == pytest.approx(deep, abs=1e-9)
+    for _ in range(60):
+        now = clearance.least(solver.step().q)
+        assert now >= min(last, 0.05) - 1e-12
+        last = now
+    assert last >= 0.05
+
+
+def past_a_ball(begin, least):
+    """A clearance, and the two ends of a straight path past a ball on which a point is `begin` (m) from its surface at
+    both ends and `least` (m) halfway, by Pythagoras."""
+    height = 0.1 + least
+    aside = np.sqrt((0.1 + begin) ** 2 - height**2)
+    clearance = point_among([ball(0.1, 0.0, -height, 0.0)])
+    return clearance, np.array([-aside, 0.0]), np.array([aside, 0.0])
+
+
+@pytest.mark.parametrize("begin", [1e-4, 1e-3, 0.01, 0.04])
+@pytest.mark.parametrize("part", [-1.0, 0.0, 0.01, 0.1, 0.25, 0.45])
+def test_a_path_on_which_what_is_too_near_comes_much_nearer_still_is_not_clear(begin, part):
+    """Though it ends as far away as it began."""
+    clearance, first, last = past_a_ball(begin, part * begin)
+    assert clearance.least(first) == pytest.approx(begin, abs=1e-9)
+    assert clearance.least(last) == pytest.approx(begin, abs=1e-9)
+    assert clearance.least(np.zeros(2)) == pytest.approx(part * begin, abs=1e-9)
+    assert not is_clear(clearance, first, last, 0.05)
+    assert is_clear(clearance, first, 1.5 * first, 0.05), "it may go away"
+
+
+@pytest.mark.parametrize("name", ["arm7", "planar_3r", "five_bar", "delta4"])
+@settings(max_examples=16)
+@given(seed=seeds, accelerated=st.booleans())
+def test_a_robot_that_an_obstacle_was_put_near_goes_away_from_it(robot, name, seed, accelerated):
+    """At the speed of its joints, which is far less than what would do at once."""
+    mechanism, rng = robot(name), np.random.default_rng(seed)
+    far = 10.0 * mechanism.length
+    clearance = among(name, [ball(0.1 * mechanism.length, far, far, far)], own=False)
+    safety = 0.05 * mechanism.length
+    solver = Solver(mechanism, 1e-3, acceleration=50.0 if accelerated else None)
+    solver.barriers = [ClearanceBarrier(clearance, safety)]
+    node = mechanism.nodes[-1]
+    if rng.random() < 0.7:
+        solver.add_task(node, away(mechanism, node, rng, 0.5), rotation=0)
+    link = int(rng.choice(np.flatnonzero([b.joint > 0 for b in clearance.bodies[:-1]])))
+    place = clearance.bodies[link]
+    clearance.update(mechanism.q_home)
+    middle = clearance._data.oMi[place.joint].act(place.centre)
+    aside = rng.normal(size=3) * (1.0, 1.0, 0.0 if name in ("planar_3r", "five_bar") else 1.0)
+    aside /= np.linalg.norm(aside)
+    reach = place.radius + 0.1 * mechanism.length
+    clearance.move(0, at(*(middle + aside * reach)))
+    before = clearance.distances(mechanism.q_home)
+    for _ in range(40):
+        last = clearance.distances(solver.q)
+        now = clearance.distances(solver.step().q)
+        assert (now >= np.minimum(last - 1e-9, safety - EXACT)).all()
+    near = clearance.near(mechanism.q_home, before.min() + 1e-9)
+    parted = np.abs(near.rows).max(initial=0.0) > 0.1 * mechanism.length  # joints can part them
+    alone = (before < STOP * safety).sum() == 1  # others may stand in the way
+    if before.min() < 0.8 * safety and parted and alone and not accelerated:
+        assert now.min() > before.min()
+
+
+def test_links_that_stand_too_near_for_ever_hold_nothing_up():
+    """What no joint can part is no reason to stay."""
+    clearance = among("arm7", [ball(0.1, 9.0, 9.0, 9.0)], own=False)
+    mechanism = load("arm7")
+    base = next(i for i, body in enumerate(clearance.bodies) if body.joint == 1)
+    clearance.update(mechanism.q_home)
+    one = clearance.bodies[base]
+    axis = clearance._data.oMi[1].act(one.centre)
+    lower = axis * (0.0, 0.0, 1.0)
+    clearance.move(0, at(*(lower - [0.0, 0.0, 0.1 + one.radius + 0.005])))
+    near = clearance.near(mechanism.q_home, 0.02)
+    solver = kept(clearance, 0.02)
+    task = solver.add_task("tool", rotation=0)
+    task.target = pin.SE3(np.eye(3), task.target.translation + np.array([0.0, 0.03, 0.0]))
+    assert len(near.pairs)
+    for _ in range(100):
+        step = solver.step()
+    assert step.errors[0][0] < 1e-5
+
+
+# --- all along a way -----------------------------------------------------------------------------------------------
+
+
+def test_a_way_through_a_thin_wall_is_not_clear_though_its_ends_are():
+    clearance = point_among([Body("sheet", 0, at(0.5, 0.0, 0.0), coal.Box(1e-3, 2.0, 2.0))])
+    begin, end = np.zeros(2), np.array([1.0, 0.01])
+    assert min(clearance.least(begin), clearance.least(end)) > 0.49
+    assert not is_clear(clearance, begin, end, 0.01)
+    assert is_clear(clearance, begin, np.array([0.48, 0.5]), 0.01)
+    assert is_clear(clearance, begin, begin, 0.01)
+
+
+def test_nor_is_one_of_an_arm(robot):
+    mechanism = robot("planar_3r")
+    q = np.array([0.6, 0.0, 0.0])
+    tool = mechanism.placement(q * 0.0, "tool").translation
+    clearance = among("planar_3r", [Body("sheet", 0, at(*tool), coal.Box(0.05, 1e-3, 0.2))], own=False)
+    assert clearance.least(q) > 0.02
+    assert clearance.least(-q) > 0.02
+    assert not is_clear(clearance, q, -q, 1e-3)
+    solver = kept(clearance, 1e-3, q)
+    solver.add_task("tool", mechanism.placement(-q, "tool"), rotation=3, axes="world")
+    path = np.array([q, *(solver.step().q for _ in range(200))])
+    assert path_clearance(clearance, path) > 0.0
+    assert np.abs(path[-1] - q).max() > 0.05
+
+
+@settings(max_examples=60)
+@given(seed=seeds, size=st.sampled_from([0.02, 0.3, 2.0]))
+def test_a_way_is_clear_only_where_nothing_on_it_is_too_near(robot, seed, size):
+    mechanism, rng = robot("arm7"), np.random.default_rng(seed)
+    clearance = among("arm7", around("arm7", seed % 5), own=False)
+    q = mechanism.q_home + 0.5 * rng.normal(size=7)
+    to = q + size * rng.normal(size=7)
+    least = densely(clearance, [q, to], 60)
+    for safety in (0.3 * abs(least), 0.999 * abs(least), 1.1 * abs(least) + 0.01):
+        if clearance.least(q) < safety:
+            continue
+        if is_clear(clearance, q, to, safety):
+            assert least >= safety - EXACT
+        elif size < 0.1:  # and where there is room enough it says so
+            assert least < 1.05 * safety + 1e-3
+
+
+@settings(max_examples=60)
+@given(seed=seeds, size=st.sampled_from([0.02, 0.3, 1.0]), sharp=st.sampled_from([0.01, 0.05, 0.3]))
+def test_the_least_along_a_path_is_below_what_is_seen_on_it_and_hardly_so(robot, seed, size, sharp):
+    mechanism, rng = robot("planar_3r"), np.random.default_rng(seed)
+    clearance = among("planar_3r", around("planar_3r", seed % 5), own=False)
+    path = mechanism.q_home + np.cumsum(size * rng.normal(size=(6, 3)), axis=0)
+    seen, bound = densely(clearance, path, 200), path_clearance(clearance, path, sharp)
+    assert bound <= max(seen, 0.0) + EXACT
+    if seen > 0.02 * mechanism.length:
+        assert bound >= (1.0 - sharp) * seen - 1e-3 * size - EXACT
+    if bound < 0.0:
+        assert seen < 1e-3
+
+
+def test_the_least_along_a_path_that_overlaps_is_the_deepest_overlap_seen():
+    clearance = point_among([ball(0.2, 0.5, 0.0, 0.0)])
+    path = np.array([[0.0, 0.0], [0.35, 0.0], [1.0, 0.0]])
+    assert path_clearance(clearance, path) == pytest.approx(-0.05)
+    assert path_clearance(clearance, path[:1]) == pytest.approx(0.3)
+
+
+def test_a_path_that_is_far_from_everything_nearly_everywhere_is_bound_as_sharply():
+    clearance = point_among([ball(0.1, 0.0, -0.102, 0.0)])
+    path = np.array([[-0.3, 0.0], [0.3, 0.0], [3.0, 1.0], [-3.0, 1.0]])
+    assert 0.95 * 0.002 <= path_clearance(clearance, path) <= 0.002
+
+
+@given(seed=seeds, part=st.floats(0.5, 0.995))
+def test_a_distance_that_is_kept_is_shown_to_be_kept_however_roughly_the_rest_is_told(robot, seed, part):
+    mechanism, rng = robot("planar_3r"), np.random.default_rng(seed)
+    clearance = among("planar_3r", around("planar_3r", seed % 5), own=False)
+    path = mechanism.q_home + np.cumsum(0.1 * rng.normal(size=(6, 3)), axis=0)
+    asked = part * densely(clearance, path, 200)
+    if asked > 0.01 * mechanism.length:
+        assert path_clearance(clearance, path, 0.5, asked) >= asked
+
+
+@pytest.mark.parametrize("safety", [-0.1, np.nan, np.inf])
+def test_a_safety_distance_that_is_none_is_refused(safety):
+    with pytest.raises(PlanningError, match="the safety distance is"):
+        ClearanceBarrier(point_among([]), safety)
+
+
+@pytest.mark.parametrize("part", [0.0, -1.0, 1.1, np.nan])
+def test_a_part_that_is_none_is_refused(part):
+    with pytest.raises(PlanningError, match="the fraction of the remaining distance"):
+        ClearanceBarrier(point_among([]), 0.1, part)
+
+
+def test_what_held_is_told_by_pair_and_stays_when_somebody_looks_elsewhere():
+    clearance = point_among([ball(0.1, 3.0, 0.0, 0.0), ball(0.1, 0.3, 0.0, 0.0)])
+    solver = kept(clearance, 0.05)
+    keep = solver.barriers[0]
+    solver.add_task("mobile", at(1.0, 0.0, 0.0), translation=2, rotation=0, axes="world")
+    for _ in range(30):
+        step = solver.step()
+    held = [clearance.names(int(keep.pairs[row]))[1] for row in step.active_barriers]
+    assert held == ["ball"]
+    assert keep.pairs[step.active_barriers[0]] == 1
+    clearance.near(np.array([3.0, 0.3]), 0.5)
+    assert keep.pairs[step.active_barriers[0]] == 1

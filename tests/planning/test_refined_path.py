@@ -1,0 +1,50 @@
+"""Paths with more configurations between those that they have."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cinegen.planning.planner import refined
+
+NEAR = 1e-12
+
+
+@settings(max_examples=20)
+@given(name=st.sampled_from(["planar_3r", "arm7", "delta4"]), seed=st.integers(0, 1000), step=st.floats(0.01, 0.5))
+def test_no_step_is_longer_and_nothing_is_lost(robot, name, seed, step):
+    mechanism = robot(name)
+    # little ways about home: loops can be closed all along
+    ends = mechanism.random_closed(1, seed)[0]
+    way = 0.1 * pin.difference(mechanism.model, mechanism.q_home, ends) / np.linalg.norm(ends)
+    other = mechanism.close(pin.integrate(mechanism.model, mechanism.q_home, way))
+    path = np.array([mechanism.q_home, other, mechanism.q_home])
+    found = refined(mechanism, path, step)
+    for q in path:
+        assert (found == q).all(axis=1).any()
+    assert (found[0] == path[0]).all()
+    assert (found[-1] == path[-1]).all()
+    steps = [np.abs(pin.difference(mechanism.model, a, b) / mechanism.scale).max() for a, b in pairwise(found)]
+    slack = 1.2 if mechanism.loops else 1.0 + 1e-9  # loops bend the way
+    assert max(steps) <= slack * step
+    assert max(map(mechanism.closure, found)) < 1e-9
+
+
+def test_without_loops_all_lie_on_the_straight_way(robot):
+    mechanism = robot("planar_3r")
+    path = np.array([[0.0, 0.5, -0.5], [0.3, -0.4, 0.1], [0.3, -0.4, 0.1], [1.0, 0.2, 0.3]])
+    found = refined(mechanism, path, 0.05)
+    assert len(found) == 1 + 18 + 1 + 14
+    first = found[:19]
+    parts = np.linspace(0.0, 1.0, 19)[:, None]
+    assert first == pytest.approx(path[0] + parts * (path[1] - path[0]), abs=NEAR)
+
+
+def test_a_single_configuration_stays_one(robot):
+    mechanism = robot("arm7")
+    assert (refined(mechanism, mechanism.q_home[None]) == mechanism.q_home).all()

@@ -1,0 +1,321 @@
+"""RRT-Connect: ways that are clear all along, where vortices find none too, and over what loops leave."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import math
+import re
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.collision import PlanningError, clearance_of, load_scene, scene_of
+from cinegen.collision.clearance import Clearance
+from cinegen.planning import PlanStatus, plan, rrt_connect
+from cinegen.planning.rrt_planner import SamplingSpace, clear_motion
+
+
+def along(scene, path, step):
+    """Configurations on a path, joints straight, none further from the next than a step (rad or lengths)."""
+    model, scale = scene.mechanism.model, scene.mechanism.scale
+    for begin, end in itertools.pairwise(path):
+        count = max(1, math.ceil(float(np.abs(pin.difference(model, begin, end) / scale).max()) / step))
+        yield from (pin.interpolate(model, begin, end, k / count) for k in range(count))
+    yield path[-1]
+
+
+def is_at_goal(scene, q):
+    there = scene.mechanism.placement(q, scene.node).translation - scene.goal.translation
+    return np.linalg.norm(there[: scene.translation]) < 1e-4
+
+
+def to_box(points, box):
+    """(n,) from points (n, 2) to a box of a scene's file, m; 0 inside."""
+    c, s = math.cos(box["angle"]), math.sin(box["angle"])
+    inside = (points - np.array(box["point"])) @ np.array([[c, -s], [s, c]])
+    return np.linalg.norm(np.maximum(np.abs(inside) - np.array(box["size"]) / 2.0, 0.0), axis=1)
+
+
+def walls(*corners):
+    """Boxes, 0.1 m thick, from corner to corner."""
+    found = []
+    for i, (a, b) in enumerate(itertools.pairwise(np.array(corners, dtype=float))):
+        size = [float(np.linalg.norm(b - a)) + 0.1, 0.1]
+        angle = math.atan2(b[1] - a[1], b[0] - a[0])
+        found.append(
+            {"name": f"wall {i}", "kind": "box", "size": size, "point": ((a + b) / 2).tolist(), "angle": angle}
+        )
+    return found
+
+
+SPIRAL = walls((1, 1), (2, 1), (2, 2), (0, 2), (0, 0), (3, 0), (3, 3), (-1, 3), (-1, -1), (4, -1))
+TRAP = walls((0, 0.3), (0, 1), (2, 1), (2, -1), (0, -1), (0, -0.3))
+MOTORS = {"joint1": -0.924302, "joint6": 0.065619, "joint12": -0.147739}  # of the delta, its platform beside the post
+CELL = walls((-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1))
+
+
+def mobile(boxes, start, goal, **more):
+    values = {"mobile": {"radius": 0.15}, "safety": 0.05, "start": {"point": start}, "goal": {"point": goal}}
+    return scene_of(values | {"obstacle": boxes} | more)
+
+
+# --- ways ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["rod", "disc", "discs", "generic"])
+def test_the_scenes_of_the_figures_are_solved(root, name):
+    scene = load_scene(root / f"robots/scenes/{name}.toml")
+    found = rrt_connect(scene)
+    assert found.status is PlanStatus.REACHED
+    assert np.array_equal(found.path[0], scene.start)
+    assert is_at_goal(scene, found.path[-1])
+    assert found.clearance >= scene.safety
+    clearance = clearance_of(scene)
+    assert min(clearance.least(q) for q in along(scene, found.path, 2e-3)) >= found.clearance
+    model = scene.mechanism.model
+    assert ((found.path >= model.lowerPositionLimit) & (found.path <= model.upperPositionLimit)).all()
+
+
+@pytest.mark.parametrize(
+    ("boxes", "start", "goal"),
+    [(SPIRAL, [1.0, 1.5], [5.0, 1.0]), (TRAP, [1.5, 0.0], [3.0, 0.0])],
+    ids=["spiral", "trap"],
+)
+def test_what_holds_vortices_fast_is_left(boxes, start, goal):
+    scene = mobile(boxes, start, goal)
+    assert not plan(scene)
+    found = rrt_connect(scene)
+    assert found.status is PlanStatus.REACHED
+    assert is_at_goal(scene, found.path[-1])
+    assert found.clearance >= scene.safety
+    points = np.array(list(along(scene, found.path, 1e-3)))
+    assert min(to_box(points, box).min() for box in boxes) >= 0.15 + found.clearance - 1e-9
+
+
+def test_a_joint_without_limits_goes_the_long_way_round(tmp_path):
+    urdf = """<robot name="hand"><link name="base"/><link name="tip"/>
+      <joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint>
+      <joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="1 0 0"/></joint>
+      <link name="arm">
+        <collision><origin xyz="0.5 0 0"/><geometry><box size="1 0.02 0.02"/></geometry></collision>
+      </link>
+    </robot>"""
+    (tmp_path / "hand.urdf").write_text(urdf)
+    post = {"kind": "disc", "radius": 0.1, "point": [0.5 * math.cos(1.0), 0.5 * math.sin(1.0)]}
+    aim = 2.5  # rad: the short way there leads through the post, the other is longer than half a turn
+    goal = {"point": [math.cos(aim), math.sin(aim)]}
+    scene = scene_of({"robot": "hand.urdf", "node": "tip", "goal": goal, "obstacle": [post]}, tmp_path)
+    found = rrt_connect(scene)
+    assert found.status is PlanStatus.REACHED
+    assert found.path[-1, 0] == pytest.approx(aim - 2.0 * math.pi, abs=1e-4)
+    assert found.clearance >= scene.safety
+
+
+def test_the_same_seed_finds_the_same_way(root):
+    scene = load_scene(root / "robots/scenes/discs.toml")
+    one, again, other = (rrt_connect(scene, seed=seed).path for seed in (3, 3, 4))
+    assert np.array_equal(one, again)
+    assert one.shape != other.shape or not np.allclose(one, other)
+
+
+def test_what_is_done_is_said_and_what_was_tried_is_in_the_plan():
+    said = []
+    found = rrt_connect(mobile(TRAP, [1.5, 0.0], [3.0, 0.0]), seconds=5.0, report=said.append)
+    assert said == ["searching configurations at the goal", "RRT-Connect, 5 s at most"]
+    assert [attempt.strategy for attempt in found.attempts] == ["RRT-Connect"]
+    assert found.attempts[0].path is found.path
+
+
+def test_a_start_at_the_goal_has_arrived():
+    found = rrt_connect(mobile(CELL, [0.0, 0.0], [0.0, 0.0]))
+    assert found.status is PlanStatus.REACHED
+    assert found.length < 1e-4
+
+
+# --- loops -----------------------------------------------------------------------------------------------------------
+
+
+def delta_with_post(root):
+    """A delta whose platform is to go to the other side of a post: straight there, it would run into it."""
+    return scene_of(
+        {
+            "robot": "robots/delta4.raff",
+            "node": "platform",
+            "safety": 0.01,
+            "start": {"joints": MOTORS},
+            "goal": {"point": [1.2, -0.1, -2.41]},
+            "obstacle": [{"name": "post", "kind": "capsule", "radius": 0.15, "ends": [[0, 0, -4.5], [0, 0, -2.51]]}],
+        },
+        root,
+    )
+
+
+def test_a_delta_goes_round_a_post_with_its_loops_closed(root):
+    scene = delta_with_post(root)
+    clearance = clearance_of(scene)
+    found = rrt_connect(scene)
+    assert found.status is PlanStatus.REACHED
+    assert clear_motion(clearance, scene.start, found.path[-1], scene.safety) is None
+    assert is_at_goal(scene, found.path[-1])
+    assert found.clearance >= scene.safety
+    mechanism = scene.mechanism
+    assert max(mechanism.closure(q) for q in found.path) < 1e-9
+    model = mechanism.model
+    assert (found.path >= model.lowerPositionLimit - 1e-9).all()
+    assert (found.path <= model.upperPositionLimit + 1e-9).all()
+    # between two of them joints go straight: so little do loops open, and nothing is too near when they are closed
+    for q in itertools.islice(along(scene, found.path, 5e-3), 0, None, 7):
+        assert mechanism.closure(q) < 2e-3
+        closed = mechanism.close(q)
+        assert np.abs(closed - q).max() < 1e-3
+        assert clearance.least(closed) >= scene.safety
+
+
+def test_a_crank_and_its_coupler_turn_with_the_loop_closed(robot):
+    """One freedom, and joints without limits that the loop turns too."""
+    mechanism = robot("four_bar")
+    there = mechanism.q_home.copy()
+    for _ in range(20):
+        there[mechanism.q_index("joint1")] += 0.1
+        there = mechanism.close(there, locked=["joint1"])
+    goal = mechanism.placement(there, "tool").translation[:2].tolist()
+    found = rrt_connect(scene_of({"node": "tool", "safety": 0.002, "goal": {"point": goal}}, mechanism=mechanism))
+    assert found.status is PlanStatus.REACHED
+    assert max(mechanism.closure(q) for q in found.path) < 1e-9
+    assert found.path[-1] == pytest.approx(there, abs=1e-3)
+    assert found.clearance >= 0.002
+
+
+def test_whole_turns_are_aimed_at_where_nothing_limits_them(robot):
+    mechanism = robot("four_bar")
+    scene = scene_of({"goal": {"point": [0.1, 0.1]}}, mechanism=mechanism)
+    space = SamplingSpace(scene, clearance_of(scene))
+    q = mechanism.close(mechanism.configuration({"joint1": scene.start[0] + 0.3}), locked=["joint1"])
+    aims = [space.at(point) for point in space.points(q)]
+    assert len(aims) == 4  # crank and coupler, each by two ways; the rocker has limits
+    turns = (np.array(aims) - q) / (2.0 * math.pi)
+    assert turns == pytest.approx(np.round(turns), abs=1e-9)
+    assert len({tuple(np.round(turn)) for turn in turns}) == 4
+    assert max(mechanism.closure(aim) for aim in aims) < 1e-9
+    assert all(((space.low <= point) & (point <= space.high)).all() for point in space.points(q))
+
+
+# --- edges -----------------------------------------------------------------------------------------------------------
+
+UNIT = st.floats(0.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def rod(root):
+    """A scene, and the clearance in it."""
+    scene = load_scene(root / "robots/scenes/rod.toml")
+    return scene, clearance_of(scene)
+
+
+@given(st.tuples(*6 * [UNIT]))
+@settings(max_examples=200, deadline=None)
+def test_an_edge_is_clear_all_along_and_none_is_where_something_is_too_near(rod, parts):
+    scene, clearance = rod
+    model = scene.mechanism.model
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    begin, end = low + np.array(parts).reshape(2, 3) * (high - low)
+    assume(np.abs(end - begin).max() > 1e-3)
+    found = clear_motion(clearance, begin, end, scene.safety)
+    least = min(clearance.least(q) for q in along(scene, [begin, end], 2e-3))
+    assert (found is None) == (clear_motion(clearance, end, begin, scene.safety) is None)
+    if found is None:
+        assert least < scene.safety + 1e-3  # what it can't tell for sure within a hair's breadth, it refuses
+        return
+    assert least >= scene.safety
+    assert np.array_equal(found[[0, -1]], [begin, end])
+    part = (found - begin) @ (end - begin) / ((end - begin) @ (end - begin))
+    assert (np.diff(part) > 0.0).all()
+    assert found == pytest.approx(begin + part[:, None] * (end - begin))
+
+
+def test_an_edge_never_leads_to_another_assembly_mode(root, tmp_path):
+    """Two modes with motors that stand alike: between them loops would have to open."""
+    text = (root / "robots/five_bar.raff").read_text()
+    (tmp_path / "five_bar.raff").write_text(re.sub(r"limits \{.*?\}", "", text))
+    mechanism, rng = cinegen.load(tmp_path / "five_bar.raff"), np.random.default_rng(0)
+    home, modes = mechanism.q_home, []
+    motors = {name: home[mechanism.q_index(name)] for name in mechanism.actuated}
+    while len(modes) < 10:
+        with contextlib.suppress(cinegen.ClosureError):
+            guess = mechanism.configuration(motors, rng.uniform(-math.pi, math.pi, len(home)))
+            modes.append(mechanism.close(guess, locked=mechanism.actuated))
+    other = max(modes, key=lambda q: np.abs(np.sin((q - home) / 2.0)).max())
+    other = home + np.remainder(other - home + math.pi, 2.0 * math.pi) - math.pi
+    assert mechanism.closure(other) < 1e-9
+    assert np.abs(other - home).max() > 1.0  # without motors, there is a way from one to the other
+    clearance = Clearance(mechanism, [], [])
+    assert clear_motion(clearance, home, other, 0.0) is None
+    assert clear_motion(clearance, home, mechanism.close(home + 0.05), 0.0) is not None
+
+
+# --- statuses --------------------------------------------------------------------------------------------------------
+
+
+def test_a_cell_without_a_door_ends_at_the_time_limit():
+    scene = mobile(CELL, [0.0, 0.0], [3.0, 0.0])
+    found = rrt_connect(scene, seconds=0.3)
+    assert found.status is PlanStatus.TIME_LIMIT
+    assert not found
+    assert np.array_equal(found.path, scene.start[None])
+    assert str(found) == "time limit: RRT-Connect found no path in 0.3 s"
+    assert found.attempts[0].status is PlanStatus.TIME_LIMIT
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "status"),
+    [
+        ([0.95, 0.0], [3.0, 0.0], PlanStatus.START_IN_COLLISION),
+        ([0.0, 0.0], [1.15, 0.0], PlanStatus.GOAL_IN_COLLISION),
+        ([0.77, 0.0], [3.0, 0.0], PlanStatus.START_IN_COLLISION),
+    ],
+)
+def test_start_and_goal_are_tested_as_plan_does(start, goal, status):
+    scene = mobile(CELL, start, goal)
+    one, other = rrt_connect(scene), plan(scene)
+    assert one.status is other.status is status
+    assert one.reason == other.reason
+    assert np.array_equal(one.path, other.path)
+
+
+def test_what_is_out_of_reach_is_as_plan_says(robot):
+    scene = scene_of({"node": "tool", "goal": {"point": [5.0, 0.0]}}, mechanism=robot("planar_3r"))
+    one, other = rrt_connect(scene), plan(scene)
+    assert one.status is other.status is PlanStatus.OUT_OF_REACH
+    assert one.reason == other.reason
+
+
+# --- what is wrong ---------------------------------------------------------------------------------------------------
+
+
+def test_without_ompl_it_is_said_how_to_get_it(monkeypatch):
+    monkeypatch.delitem(sys.modules, "cinegen.planning.ompl_trees", raising=False)
+    monkeypatch.setitem(sys.modules, "ompl", None)
+    monkeypatch.setitem(sys.modules, "ompl.base", None)
+    with pytest.raises(PlanningError, match=r'pip install "cinegen\[sampling\]"'):
+        rrt_connect(mobile(CELL, [0.0, 0.0], [3.0, 0.0]))
+
+
+@pytest.mark.parametrize("keys", [{"seconds": 0.0}, {"seconds": math.nan}, {"seconds": math.inf}, {"seed": -1}])
+def test_no_time_and_no_seed_are_refused(keys):
+    with pytest.raises(PlanningError, match=f"{next(iter(keys))} must"):
+        rrt_connect(mobile(CELL, [0.0, 0.0], [3.0, 0.0]), **keys)
+
+
+def test_ompl_keeps_silent_and_is_left_as_it_was(capfd):
+    import ompl.util as ou
+
+    before = ou.getLogLevel()
+    rrt_connect(mobile(TRAP, [1.5, 0.0], [3.0, 0.0]), seconds=5)
+    assert ou.getLogLevel() == before
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,212 @@
+"""The kernel that turns links around what is in their way, against the fields of the paper in plain numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from clearings import among, around, ball, load, measured, point_among
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import cinegen
+from cinegen.planning.potential_fields import closeness
+from cinegen.planning.vortex_field import Vortex, facing
+from cinegen.planning.vortices import Vortices
+
+seeds = st.integers(0, 2**32 - 1)
+LEAST = 1e-4
+
+
+def jacobian_of(clearance, q, pair):
+    """(3, nv) how joints move a pair's first nearest point, seen from the second body, without unit of motion: by
+    differences of placements."""
+    model = clearance.mechanism.model
+    one, other, _ = clearance.nearest_points(pair)
+    found = np.zeros((3, model.nv))
+    here, there = model.createData(), model.createData()
+    pin.forwardKinematics(model, here, q)
+    for j in range(model.nv):
+        for body, at, sign in zip(clearance.pairs[pair], (one, other), (1.0, -1.0), strict=True):
+            joint = clearance.bodies[int(body)].joint
+            ways = []
+            for step in (1e-5, -1e-5):
+                pin.forwardKinematics(model, there, pin.integrate(model, q, step * np.eye(model.nv)[j]))
+                ways.append((there.oMi[joint] * here.oMi[joint].inverse()).act(at) / 1e-5)
+            moved = sign * (ways[0] - ways[1]) / 2.0
+            found[:, j] += moved * clearance.mechanism.scale[j]
+    return found
+
+
+def turned(clearance, q, motion, around_, states, reach, stop, strength):
+    """Equation 6 as it reads: each link's nearest point L, led by a = J motion, is turned by the vortex of the
+    obstacle, strong by |a|, weighed by how it faces it; the joints do the least that moves L so (damped). Last, whether
+    it is sure who is led in."""
+    total, states, asks = motion.copy(), states.copy(), np.full(len(states), -1)
+    distances = clearance.distances(q)
+    needed, sure, scale = set(), True, clearance.mechanism.scale
+    for pair in np.argsort(distances, kind="stable"):
+        if not distances[pair] < reach:
+            continue
+        normal = -clearance.nearest_points(int(pair))[2]
+        columns = jacobian_of(clearance, q, int(pair))
+        a = columns @ (motion / scale)
+        weight = float(facing([a], [normal])[0])
+        sure = sure and abs(normal @ a) > 1e-6 * np.linalg.norm(a)
+        if weight <= 1e-9:
+            continue
+        g = around_[pair]
+        if not states[g, 0]:
+            asks[g] = pair if asks[g] < 0 else asks[g]
+            continue
+        needed.add(int(g))
+        field = Vortex(1.0, reach).velocity([max(distances[pair], stop)], [normal], states[g, 1:])[0]
+        if np.linalg.norm(field) < 1e-9:
+            continue
+        way = field / np.linalg.norm(field)
+        size = (
+            strength
+            * np.linalg.norm(a)
+            * weight
+            * closeness(max(distances[pair], stop), reach)
+            / closeness(stop, reach)
+        )
+        along = columns.T @ way
+        total += scale * along * size / (along @ along + LEAST * (columns**2).sum() / 3.0)
+    for g in range(len(states)):
+        states[g, 0] = float(g in needed)
+    return total, asks, states, sure
+
+
+def deflected(clearance, q, motion, groups, states, reach, stop, strength):
+    """By the kernel, for any groups and states."""
+    vortices = Vortices(clearance, reach, 0.0)
+    clearance.groups = groups
+    vortices.states, vortices.reach, vortices.stop, vortices.strength = states, reach, stop, strength
+    return vortices._deflected(q, motion)
+
+
+@pytest.mark.parametrize("name", ["arm7", "planar_3r", "two_arms"])
+@settings(max_examples=40)
+@given(seed=seeds)
+def test_the_kernel_is_the_paper_in_numpy(name, seed):
+    rng, mechanism = np.random.default_rng(seed), load(name)
+    clearance = among(name, around(name, seed % 5))
+    q = mechanism.q_home + rng.uniform(-0.4, 0.4, mechanism.model.nq)
+    if np.abs(measured(clearance, q)).min() < 1e-3:
+        return
+    which = rng.integers(0, 6, len(clearance.pairs))
+    states = np.column_stack([rng.integers(0, 2, 6), rng.normal(size=(6, 3))]).astype(float)
+    states[:, 1:] /= np.linalg.norm(states[:, 1:], axis=1)[:, None]
+    if name == "planar_3r":
+        states[:, 1:] = [0.0, 0.0, 1.0]
+    motion = rng.normal(size=mechanism.model.nv)
+    stop, strength = 0.03 * mechanism.length, rng.uniform(0.2, 3.0)
+    reach = rng.uniform(0.3, 2.0) * mechanism.length
+    want, asks, after, sure = turned(clearance, q, motion, which, states, reach, stop, strength)
+    found, asked = deflected(clearance, q, motion, which, states, reach, stop, strength)
+    assert found == pytest.approx(want, abs=1e-5 * np.abs(want).max())
+    if not sure:  # as good as along a surface: differences can't tell on which side
+        return
+    assert (asked == asks).all()
+    assert (states == after).all()
+
+
+def about(axis=1.0, awake=1.0):
+    return np.array([[awake, 0.0, 0.0, axis]])
+
+
+def point_turned(q, motion, states, reach=1.0, stop=0.1, strength=1.0, obstacle=None):
+    clearance = point_among([obstacle or ball(0.5, 2.0, 0.0, 0.0)])
+    which = np.zeros(1, dtype=np.int64)
+    return deflected(clearance, np.array(q, float), np.array(motion, float), which, states, reach, stop, strength)
+
+
+@pytest.mark.parametrize("axis", [1.0, -1.0])
+def test_a_point_that_is_led_at_a_ball_is_turned_aside(axis):
+    """By as much as it is led where it would be stopped: head-on w x n with n = -x, and w = +-z."""
+    found, asks = point_turned([1.4, 0.0], [1.0, 0.0], about(axis))
+    assert found == pytest.approx([1.0, -axis], rel=1e-3)
+    assert (asks == -1).all()
+
+
+@pytest.mark.parametrize(
+    ("distance", "modulus"), [(0.1, 1.0), (0.2, 4.0 / 9.0), (0.5, 1.0 / 9.0), (1.0, 0.0), (2.0, 0.0)]
+)
+def test_it_fades_to_nothing_where_it_ends(distance, modulus):
+    found, _ = point_turned([1.5 - distance, 0.0], [1.0, 0.0], about())
+    assert found == pytest.approx([1.0, -modulus], abs=1e-3)
+
+
+def test_nearer_than_where_links_are_stopped_and_inside_it_is_no_stronger():
+    for x in (1.45, 1.499, 1.6):
+        assert point_turned([x, 0.0], [1.0, 0.0], about())[0] == pytest.approx([1.0, -1.0], abs=1e-3)
+
+
+def test_what_leads_away_or_past_is_not_turned_and_lets_the_vortex_rest():
+    for motion in ([-1.0, 0.3], [0.0, 1.0]):
+        states = about()
+        found, asks = point_turned([1.4, 0.0], motion, states)
+        assert (found == motion).all()
+        assert (asks == -1).all()
+        assert states[0, 0] == 0.0
+
+
+def test_a_vortex_that_rests_says_what_is_led_into_it_and_does_nothing():
+    states = about(awake=0.0)
+    found, asks = point_turned([1.4, 0.0], [1.0, 0.2], states)
+    assert (found == [1.0, 0.2]).all()
+    assert (asks == 0).all()
+    assert states[0, 0] == 0.0
+
+
+def test_of_several_pairs_the_nearest_asks():
+    clearance = point_among([ball(0.1, 0.9, 0.0, 0.0), ball(0.1, 0.5, 0.1, 0.0), ball(0.1, 0.6, 0.0, 0.0)])
+    _, asks = deflected(
+        clearance, np.zeros(2), np.array([1.0, 0.0]), np.zeros(3, dtype=np.int64), about(awake=0.0), 2.0, 0.1, 1.0
+    )
+    assert asks.tolist() == [1]
+
+
+def test_an_axis_along_the_normal_turns_nothing():
+    states = np.array([[1.0, 1.0, 0.0, 0.0]])
+    found, _ = point_turned([1.4, 0.0], [1.0, 0.0], states)
+    assert (found == [1.0, 0.0]).all()
+    assert states[0, 0] == 1.0  # it is needed all the same
+
+
+def test_what_a_joint_can_hardly_do_is_not_asked_of_it(robot):
+    """A stretched arm is led along itself: aside its first joint moves it, up or down none does."""
+    mechanism = robot("planar_3r")
+    q = np.zeros(3)
+    tool = mechanism.placement(q, "tool").translation
+    clearance = among("planar_3r", [ball(0.05, tool[0] + 0.1, *tool[1:])], own=False)
+    up = np.array([[1.0, 0.0, 1.0, 0.0]])
+    which = np.zeros(len(clearance.pairs), dtype=np.int64)
+    motion = np.array([0.3, -1.0, 1.0])
+    found, _ = deflected(clearance, q, motion, which, up, 1.0, 0.01, 1.0)
+    assert np.isfinite(found).all()
+    assert found == pytest.approx(motion, abs=1e-9)
+
+
+def test_loops_stay_closed_and_the_link_is_led_all_the_same():
+    mechanism = load("delta4")
+    x, y, z = mechanism.placement(mechanism.q_home, "platform").translation
+    clearance = among("delta4", [ball(0.05, x + 0.9, y, z)])
+    q, post = mechanism.q_home, len(clearance.bodies) - 1
+    met = [p for p, (one, other) in enumerate(clearance.pairs) if other == post and clearance.names(p)[0] == "platform"]
+    pair = min(met, key=lambda p: clearance.distances(q)[p])
+    normal = clearance.nearest_points(pair)[2]
+    towards = cinegen.Solver(mechanism, 1.0)
+    task = towards.add_task("platform", rotation=0)
+    task.target = pin.SE3(task.target.rotation, task.target.translation + 0.02 * normal)
+    motion = pin.difference(mechanism.model, q, towards.step().q)
+    which = np.where(np.arange(len(clearance.pairs)) == pair, 0, 1)
+    axis = np.cross(-normal, [0.0, 0.0, 1.0])
+    states = np.array([[1.0, *axis / np.linalg.norm(axis)], [0.0, 0.0, 0.0, 1.0]])
+    led = Vortices(clearance, 1.0, 0.1).point_motion(pair, motion)
+    turned_, _ = deflected(clearance, q, motion, which, states, 2.0, 1.0, 1.0)  # nearer than it stops: full strength
+    more = turned_ - motion
+    assert np.abs(mechanism.loop_jacobian(q) @ more).max() <= 1e-9 * np.abs(more).max()
+    rise = Vortices(clearance, 1.0, 0.1).point_motion(pair, more)
+    assert rise @ np.cross(axis / np.linalg.norm(axis), -normal) == pytest.approx(normal @ led, rel=0.05)
