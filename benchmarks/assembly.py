@@ -1,4 +1,4 @@
-"""How long `assembly_modes` takes for whole mechanisms: at first, and then for each set of motor values.
+"""Time of `assembly_modes` for whole mechanisms: at first, and then for each set of joint values.
 
     python benchmarks/assembly.py [ROBOT ...]
 

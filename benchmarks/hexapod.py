@@ -1,4 +1,4 @@
-"""How long it takes to find all assembly modes of hexapods, random ones of some families.
+"""Time for all assembly modes of random hexapods of some families.
 
     python benchmarks/hexapod.py [COUNT]
 

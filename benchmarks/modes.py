@@ -1,4 +1,4 @@
-"""How long all assembly modes of a 6-3 platform take, against one mode by Newton's method from nearby.
+"""Time for all assembly modes of a 6-3 platform, relative to one mode by Newton's method from nearby.
 
     python benchmarks/modes.py [SETS]
 

@@ -2,7 +2,7 @@
 
 Joint values may be complex: angles enter through sine and cosine, which are analytic, so that a solution can be
 continued around branch points and through all of its companions. The unknowns are the values of the passive joints and
-one more, t: a locked joint's value is A + B t, and a last equation, the slice, says where on this line the solution is,
+one more, t: a locked joint's value is A + B t, and a last equation, the slice, selects a point of this line,
 
     alpha . F(x) + beta t - gamma = 0                                                                              (1)
 
@@ -74,7 +74,7 @@ class LinkageTables(NamedTuple):
 
 
 class ParameterPath(NamedTuple):
-    """What changes from a first value to a second.
+    """Parameters that change from a first value to a second.
 
     Attributes:
         lines: (2, locked, 2) A and B.

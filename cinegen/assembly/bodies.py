@@ -1,7 +1,7 @@
-"""`LinkageBodies`: which bodies of a linkage count, how they are connected, and what tells assembly modes apart.
+"""`LinkageBodies`: which bodies of a linkage count, how they are connected, and which features distinguish modes.
 
 A universal or a ball joint is written as two or three revolute joints with axes through one point. The crosses between
-them do not count as bodies, and neither does the rotation of a rod about the line through its two ends: turned by pi,
+them do not count as bodies, and neither does the rotation of a rod about the line through its two ends: by pi,
 with its joints' angles following, it places every other link alike. So configurations are compared by points and
 directions: of each body the centres of its universal and ball joints, the axes of its hinges, the directions of its
 prismatic joints.
@@ -52,12 +52,12 @@ class Feature(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A feature that bodies may be told apart by.
+    """A feature that may distinguish modes.
 
     Attributes:
         feature: the point or direction.
         at: (3,) the same at home, in the base.
-        fixed: whether it is on the base too, so that it tells nothing apart.
+        fixed: whether it is on the base too, so that it distinguishes nothing.
     """
 
     feature: Feature

@@ -321,7 +321,7 @@ class Linkage:
 
     def solve_from(self, guesses: Complex, path: ParameterPath) -> tuple[Complex, int]:
         """Return the regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from guesses
-        (count, k + 1); and how many guesses led to others, of which there is a curve."""
+        (count, k + 1); and how many guesses ended in others, of which there is a curve."""
         there = np.array(guesses, dtype=complex, order="C")
         ends = np.zeros(len(there), dtype=np.int64)
         kernel.solve_from(self.tables, path, there, ends, self.scratch)
@@ -346,8 +346,8 @@ class Linkage:
         return False
 
     def features(self, solutions: Complex, where: Complex | Array | ParameterPath) -> Complex:
-        """Return points and directions (count, 3 f) that tell solutions (count, k + 1) apart, at values (locked,) or at
-        a path's beginning."""
+        """Return the points and directions (count, 3 f) that distinguish solutions (count, k + 1), at values (locked,)
+        or at a path's beginning."""
         path = where if isinstance(where, ParameterPath) else self.fixed(where)
         given = np.array(solutions, dtype=complex, order="C").reshape(-1, len(self.passive) + 1)
         out = np.zeros((len(given), self.tables.features, 3), dtype=complex)

@@ -45,7 +45,7 @@ class SixRods:
         """Check that rods can determine the platform's placement.
 
         Raises:
-            ModesError: they are too special for that; says how.
+            ModesError: they are too special for that; the message names them.
         """
         self._solver(self._family.legs(self._groups, locked))
 

@@ -131,7 +131,7 @@ class Hexapod:
         kept, coincident = _merged(found)
         remarks = ["a curve of configurations: the platform moves with its legs locked"] if curve else []
         if int((regular & ~is_real).sum()) % 2:  # what is not real is conjugate to another
-            remarks.append("a real solution could not be told from a complex one")
+            remarks.append("a real solution could not be distinguished from a complex one")
         if went:
             remarks.append("solutions went to infinity at these lengths: curves of configurations are not excluded")
         closest = None
@@ -186,7 +186,7 @@ def _check_geometry(a: Array, b: Array) -> None:
         if sigma[0] <= _SAME:
             raise HexapodError(f"all six points of the {name} are one: a leg needs a point of its own at each end")
         if sigma[1] <= _SAME:
-            raise HexapodError(f"the points of the {name} lie in a line, about which it can turn: move one out of it")
+            raise HexapodError(f"the points of the {name} lie in a line, about which it can rotate: move one out of it")
     for i in range(6):
         for j in range(i):
             if max(np.abs(a[i] - a[j]).max(), np.abs(b[i] - b[j]).max()) <= _SAME:

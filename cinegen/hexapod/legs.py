@@ -19,7 +19,7 @@ _SMALL = 1e-14  # a step without effect, where points are about 1 apart
 
 
 class HexapodError(CinegenError):
-    """Geometry or leg lengths that have no assembly modes to compute; the message says why."""
+    """Geometry or leg lengths that have no assembly modes to compute; the message names them."""
 
 
 def checked_points(name: str, given: ArrayLike, count: int) -> Array:
@@ -140,9 +140,9 @@ def _moved(placements: Array, motion: Array) -> Array:
     angle = np.linalg.norm(rotation, axis=1)[:, None, None]
     cross = np.zeros((len(rotation), 3, 3))
     cross[:, [2, 0, 1], [1, 2, 0]], cross[:, [1, 2, 0], [2, 0, 1]] = rotation, -rotation
-    turned = np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
+    rotated = np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
     found = placements.copy()
-    found[:, :3, :3] = turned @ placements[:, :3, :3]
+    found[:, :3, :3] = rotated @ placements[:, :3, :3]
     found[:, :3, 3] += motion[:, :3]
     return found
 

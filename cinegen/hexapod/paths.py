@@ -43,7 +43,7 @@ Path = Callable[[np.random.Generator | None], Complex]
 
 
 class PathEnd(IntEnum):
-    """How a path ends."""
+    """Ends of a path."""
 
     REGULAR, INFINITE, MULTIPLE, FAILED = range(4)
 

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SolutionCounts:
-    """What became of all complex solutions: each is real, complex, infinite or lost.
+    """Numbers of all complex solutions: each is real, complex, infinite or lost.
 
     Attributes:
         real: real solutions, each with its multiplicity.

@@ -163,7 +163,7 @@ class TSSM:
 
         Returns:
             placements (m, 16, 4, 4), those of each set first, in the order of `modes`, then NaN; and their numbers
-            (m,), -1 where a solution was lost and only `modes` says why.
+            (m,), -1 where a solution was lost and only `modes` has a message.
 
         Raises:
             HexapodError: wrong shape, not finite or not positive.
@@ -253,7 +253,7 @@ class TSSM:
         kernel.find_roots(equations, extents, self.plane, roots, times, counts, scratch)
         counts[~meets] = 0
         lossy = (counts[:, kernel.LOST] > 0) | (counts[:, kernel.OUTCOME] != kernel.SOLVED)
-        if self.plane and lossy.any():  # the other elimination has other difficulties: not two legs in a line, say
+        if self.plane and lossy.any():  # the other elimination has other difficulties: not two legs in a line
             again = roots[lossy], times[lossy], counts[lossy]
             kernel.find_roots(equations[lossy], extents[lossy], False, *again, scratch)
             roots[lossy], times[lossy], counts[lossy] = again
@@ -307,8 +307,8 @@ class TSSM:
 
         A curve along which that angle varies makes the determinant vanish identically, which the elimination notices.
         The other kind needs a distance that holds for every value of an angle, that is, a platform point on the axis of
-        another one's circle. There are two ways: one point is on the axes of both others, which then move on their
-        circles at their distance; or two points are on the axis of the third, about which the platform turns.
+        another one's circle. There are two cases: one point is on the axes of both others, which then move on their
+        circles at their distance; or two points are on the axis of the third, about which the platform rotates.
         """
         centre, e, f, radius, point = (part[0] for part in circles)
         axis = np.cross(e, f)
@@ -404,7 +404,7 @@ def _check_geometry(base: Array, platform: Array, legs: Integers) -> None:
         if np.linalg.norm(platform[j] - platform[i]) <= _THIN * size:
             raise HexapodError(f"platform points {i} and {j} are the same: move one of them")
     if np.linalg.svd(platform - platform.mean(axis=0), compute_uv=False)[1] <= _THIN * size:
-        raise HexapodError("the platform points lie in a line, about which it can turn: move one out of it")
+        raise HexapodError("the platform points lie in a line, about which it can rotate: move one out of it")
     sigma = np.linalg.svd(base - base.mean(axis=0), compute_uv=False)
     for point in range(3):
         first, second = np.flatnonzero(legs == point)
@@ -414,4 +414,4 @@ def _check_geometry(base: Array, platform: Array, legs: Integers) -> None:
                 "move one of them"
             )
     if sigma[1] <= _THIN * sigma[0]:
-        raise HexapodError("the base points lie in a line, about which the platform can turn: move one out of it")
+        raise HexapodError("the base points lie in a line, about which the platform can rotate: move one out of it")

@@ -35,7 +35,7 @@ _NARROW, _NARROWEST = 2.3, 5.0  # inches: least width of a mode with its text; o
 
 
 class DrawingError(CinegenError):
-    """A picture that can't be drawn; the message says why."""
+    """A picture that can't be drawn; the message names the reason."""
 
 
 def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None = None) -> Figure:

@@ -52,7 +52,7 @@ class Shades:
         words: description and unit.
         colours: a matplotlib colormap.
         norm: from values to it.
-        levels: drawn as lines; none if they make no sense.
+        levels: drawn as lines; none for classes.
         ticks: values with a label.
         labels: of the ticks; none if the numbers are the labels.
         extend: sides on which values exceed the range, as for matplotlib's colour bars.
@@ -69,7 +69,7 @@ class Shades:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the scale is logarithmic."""
+        """True for a logarithmic scale."""
         from matplotlib.colors import LogNorm
 
         return isinstance(self.norm, LogNorm)
@@ -105,7 +105,7 @@ def values_of(dataset: xarray.Dataset, name: str) -> Array:
 
 
 def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
-    """How a quantity of a map is shown.
+    """Return shades for a quantity of a map.
 
     Args:
         dataset: the map.

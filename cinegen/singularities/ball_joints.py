@@ -47,7 +47,7 @@ def balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
         except ModesError:
             _KNOWN[mechanism] = ()
         else:
-            # a joint of the tree is carried by the body that it moves; a cut one is carried by another's
+            # a joint of the tree is fixed in the body that it moves; a cut one in another's
             centres = [centre for centre in linkage.bodies.centres if len(centre.joints) == 3]
             threes = [sorted(joint.carrier - 1 for joint in centre.joints) for centre in centres]
             names = linkage.joint_names

@@ -1,4 +1,4 @@
-"""Where, between two configurations, a mechanism passes through a singularity: a singular value changes its sign."""
+"""Singularities between two configurations: a singular value changes its sign on the path from one to the other."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Rows(NamedTuple):
 
 
 class Crossing(NamedTuple):
-    """Where a singularity is passed: the part x of the path from one configuration to the other, and q (nq,) there."""
+    """A singularity that is passed: the part x of the path from one configuration to the other, and q (nq,) there."""
 
     x: float
     q: Array

@@ -165,12 +165,12 @@ class Dependence:
 
     @property
     def grassmann_class(self) -> GrassmannClass:
-        """Of the first set."""
+        """The class of the first set."""
         return self.sets[0].grassmann_class
 
     @property
     def reason(self) -> str:
-        """The reason as a text, without unit."""
+        """The reason as a text, lengths without their unit."""
         return self.text()
 
     def text(self, noun: str = "leg", unit: str = "") -> str:
@@ -243,7 +243,7 @@ def near(
     """Return the dependence that lines are near to without being in it; None if they are in one, or near to none.
 
     It is classified as if the lines were only known to `within`: the smallest sets whose singular value is at most
-    that, and the most special variety that is no further away. `Dependence.sigma` says how near it is.
+    that, and the most special variety that is no further away. `Dependence.sigma` is the distance.
 
     Args:
         lines: one to six.

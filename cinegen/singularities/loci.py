@@ -90,11 +90,11 @@ def singular_loci(of: Slice, count: int = 61, report: Callable[[float], None] | 
     if count < 2:
         raise SliceError(f"a grid of {count} points has no cells: give 2 or more")
     u, v = (np.linspace(axis.low, axis.high, count) for axis in of.axes)
-    tell = report or (lambda _: None)
+    progress = report or (lambda _: None)
     passive = of_passive_joints(of.mechanism) if of.mechanism.passive_rank else None
     grid = SingularityGrid(of, u, v, of_end(of.mechanism), passive)
-    _fill(grid, of, lambda part: tell(0.6 * part))
-    return SingularLoci(of, u, v, grid.q, *grid.values(), grid.curves(lambda part: tell(0.6 + 0.4 * part)))
+    _fill(grid, of, lambda part: progress(0.6 * part))
+    return SingularLoci(of, u, v, grid.q, *grid.values(), grid.curves(lambda part: progress(0.6 + 0.4 * part)))
 
 
 def _fill(grid: SingularityGrid, of: Slice, report: Callable[[float], None]) -> None:

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 
 
 class PlueckerError(CinegenError):
-    """Points, directions or lines from which the result can't be made; the message says why."""
+    """Points, directions or lines from which the result can't be made; the message names the reason."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,12 +135,12 @@ class Screw:
 
     @property
     def rotates(self) -> bool:
-        """Whether it is a pure rotation."""
+        """True for a pure rotation."""
         return self.pitch == 0.0
 
     @property
     def translates(self) -> bool:
-        """Whether it is a pure translation."""
+        """True for a pure translation."""
         return math.isinf(self.pitch)
 
 

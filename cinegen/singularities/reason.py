@@ -107,7 +107,7 @@ class _Writer:
         return f"the line through {self.position(line.point)} along {self.along(line.direction)}"
 
     def met(self, line: AnyLine) -> str:
-        """That lines meet a line: at infinity it means that they are parallel to its planes."""
+        """ "meet the line ...": of a line at infinity it means that they are parallel to its planes."""
         if isinstance(line, LineAtInfinity):
             return f"are parallel to the planes with normal {self.along(line.normal)}"
         return f"meet {self.line(line)}"

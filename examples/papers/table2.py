@@ -51,7 +51,7 @@ class GeometryError(CinegenError):
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Of a TSSM, a triangle on six legs, two to a corner, over a flat base: where its legs begin and end.
+    """A TSSM, a triangle on six legs, two to a corner, over a flat base: the ends of its legs.
 
     Attributes:
         base: (6, 3) A1 ... A6, z = 0.
@@ -428,13 +428,13 @@ def _from_line(point: Array, a: Array, b: Array) -> float:
 
 
 def _from_pair(tssm: Geometry, corners: Array, point: Array, pair: int) -> float:
-    """How far a point is from the plane of a pair of legs, in characteristic lengths."""
+    """Return the distance of a point from the plane of a pair of legs, in characteristic lengths."""
     normal = _normals(tssm, corners)[pair]
     return float(normal @ (point - corners[pair]) / np.linalg.norm(normal)) / tssm.length
 
 
 def _from_platform(tssm: Geometry, pose: Array, leg: int) -> float:
-    """How far the base's point of a leg is from the platform's plane, in characteristic lengths."""
+    """Return the distance of a leg's base point from the platform's plane, in characteristic lengths."""
     return float(_rotation(pose)[:, 2] @ (tssm.base[leg] - pose[:3])) / tssm.length
 
 

@@ -1,7 +1,7 @@
 """Merlet's elimination: from the three distances of a platform triangle to its angles p34, as an eigenvalue problem.
 
-A distance equation is linear in 1, cos p, sin p of either of its two angles: K holds p12 and p34, L p12 and p56, M p34
-and p56 (`TSSM.circles`, equations 20-22 of J-P. Merlet, "Symbolic computation for the determination of the minimal
+A distance equation is linear in 1, cos p, sin p of either of its two angles: K contains p12 and p34, L p12 and p56, M
+p34 and p56 (`TSSM.circles`, equations 20-22 of J-P. Merlet, "Symbolic computation for the determination of the minimal
 direct kinematics polynomial and the singular configurations of parallel manipulators"). Eliminating p12 and p56 leaves
 a 4x4 matrix, polynomial in one unknown, whose determinant vanishes at every solution. The determinant is never expanded
 (its coefficients would hold the roots to 1e-9 at best): the eigenvalues of the matrix polynomial are computed.

@@ -21,7 +21,7 @@ from cinegen.jit.compiled import Array, Table, compiled, entry, prepare, togethe
 Complex = NDArray[np.complex128]
 
 ORDER = 8
-"""Of the Taylor series."""
+"""Order of the Taylor series."""
 
 ARRIVED, NEAR, LOST = range(3)
 """States of a path: at the end of the parameter; near it, as steps became short; or neither."""
