@@ -174,7 +174,7 @@ def test_a_task_that_fails_is_said_and_so_are_cinegen_s_own_errors(client):
 
 
 def test_where_no_scheduler_answers_that_is_said_and_the_map_goes_on_later(spec, whole, tmp_path, monkeypatch, capfd):
-    monkeypatch.setattr(cluster, "_COME", 1.5)
+    monkeypatch.setattr(cluster, "_PATIENCE", 0.5)
     path = tmp_path / "map.zarr"
     for wrong in ("tcp://127.0.0.1:9", "nonsense://there", "tcp://no.such.host.invalid:8786"):
         with pytest.raises(MapError, match=f"no Dask scheduler answers at {wrong}"):
