@@ -17,7 +17,7 @@ print(cassie, f"closed to {cassie.closure(cassie.q_home):.0e}")
 for loop in cassie.loops:
     print(f"  {loop.name}: {loop.kind.name.lower()}, between {loop.first} and {loop.second}")
 
-panda = raff2urdf.reverse(robots / "panda_description/urdf/panda.urdf", units="mm", free_mimic=True)
+panda = raff2urdf.to_raff(robots / "panda_description/urdf/panda.urdf", units="mm", free_mimic=True)
 print("panda in RAFF, mm and degrees:")
 for link in panda.document.robot().links:
     p = link.parameters

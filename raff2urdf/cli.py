@@ -2,91 +2,145 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from raff2urdf.check import check
+from typer import Argument, Option
+
+from raff2urdf.command_line import UsageError, Version, new_app, run_app
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.formats import FORMATS
+from raff2urdf.formats import DENSITY, FORMATS
 from raff2urdf.output import run
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Conversion
 
+app = new_app()
+
+Loops = Annotated[
+    list[str] | None,
+    Option(
+        "--loop",
+        metavar="NAME=KIND",
+        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says; may be repeated",
+    ),
+]
+
+Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command; returns its exit code: 0, 1 where a file is wrong, or as `raff2urdf.output.run` says."""
-    return run("raff2urdf", lambda: _main(arguments))
+    """Run the command; return its exit code: 0; 1 if a file is wrong; 2 for a wrong call; see also `output.run`."""
+    return run("raff2urdf", lambda: run_app(app, "raff2urdf", arguments))
 
 
-def _main(arguments: Sequence[str] | None) -> int:
-    parser = argparse.ArgumentParser(
-        prog="raff2urdf",
-        description="Translate RAFF files (Kleinfinger parameters, loops, sensors) into URDF plus constraints, "
-        "or into what simulators read.",
-    )
-    parser.add_argument("files", nargs="+", metavar="FILE", help="RAFF file")
-    parser.add_argument("-o", "--out", default="generated", metavar="DIR", help="folder to write to (%(default)s)")
-    parser.add_argument(
-        "--format", choices=list(FORMATS), default="urdf",
-        help="urdf: URDF and constraints (unless said); sdf: for Gazebo; mjcf: for MuJoCo, as FILE.xml",
-    )  # fmt: skip
-    parser.add_argument(
-        "--density", type=float, metavar="KG_PER_M3",
-        help="of what the links are made of, for sdf and mjcf: masses are estimated from the graphics (1000)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--constraint-elements", action="store_true",
-        help="urdf: write the loops into the URDF as well, as <constraint> elements (a proposal to ROS)",
-    )  # fmt: skip
-    parser.add_argument("--robot", metavar="NAME", help="only the robot of this name")
-    parser.add_argument(
-        "--loop", action="append", default=[], metavar="NAME=KIND",
-        help="close a loop as rigid, prismatic, revolute or ball, whatever the file says",
-    )  # fmt: skip
-    parser.add_argument("--check", action="store_true", help="read and check only: write nothing, close no loops")
-    parser.add_argument("--json", action="store_true", help="say what was found as JSON")
-    options = parser.parse_args(arguments)
-    if options.density is not None and options.format == "urdf":
-        parser.error("--density: a URDF of RAFF has no masses; it is for --format sdf or mjcf")
-    if options.constraint_elements and options.format != "urdf":
-        parser.error(f"--constraint-elements is for --format urdf; {options.format} has words of its own for loops")
-    with warnings.catch_warnings():
-        warnings.simplefilter("always", RaffWarning)
-        warnings.showwarning = show_warning
-        return _run(options)
+@app.command()
+def raff2urdf(
+    files: Annotated[list[str], Argument(metavar="FILE...", help="RAFF files", show_default=False)],
+    out: Annotated[str, Option("--out", "-o", metavar="DIR", help="folder to write to")] = "generated",
+    format: Annotated[
+        Literal["urdf", "sdf", "mjcf"],
+        Option(help="urdf: URDF and a constraints file; sdf: for Gazebo; mjcf: for MuJoCo, as NAME.xml"),
+    ] = "urdf",
+    density: Annotated[
+        float | None,
+        Option(
+            metavar="KG_PER_M3",
+            help=f"density of the links, for sdf and mjcf, whose masses are estimated from the graphics [{DENSITY:g}]",
+        ),
+    ] = None,
+    constraint_elements: Annotated[
+        bool,
+        Option("--constraint-elements", help="urdf: also write the loops as <constraint> elements, a proposal to ROS"),
+    ] = False,
+    robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
+    loop: Loops = None,
+    check: Annotated[
+        bool, Option("--check", help="only read and check the files: write nothing, close no loops")
+    ] = False,
+    json: Json = False,
+    version: Version = False,
+) -> int:
+    """Convert RAFF files (Kleinfinger parameters, loops, sensors) to URDF with a constraints file, SDF or MJCF."""
+    if density is not None and format == "urdf":
+        raise UsageError("--density is for --format sdf or mjcf: a URDF of RAFF has no masses")
+    if constraint_elements and format != "urdf":
+        raise UsageError(f"--constraint-elements is for --format urdf: {format} has its own elements for loops")
+    from raff2urdf.conversion import convert
 
+    def process(name: str) -> list[dict[str, Any]]:
+        if check:
+            return _check(name, robot)
+        loops = parse_loops(loop)
+        found = convert(
+            name, out, robot, loops, format=format, density=density, constraint_elements=constraint_elements
+        )
+        return [_report(name, format, one) for one in found]
 
-def _run(options: argparse.Namespace) -> int:
     reports: list[dict[str, Any]] = []
     failed = False
     stems: dict[str, str] = {}
-    for name in options.files:
-        try:
-            twin = stems.get(Path(name).stem, name)
-            if twin != name and not options.check:
-                raise RaffError(f"{name}: would overwrite what {twin} became: give them different names")
-            found = _check(name, options.robot) if options.check else _convert(name, options)
-            reports += found
-            stems[Path(name).stem] = name
-            if not options.json:
-                for report in found:
-                    print(_sentence(report))
-        except RaffError as error:
-            failed = True
-            reports.append({"file": name, "errors": [str(problem) for problem in error.problems]})
-            print(error, file=sys.stderr)
-    if options.json:
-        print(json.dumps(reports, indent=1, ensure_ascii=False))
+    with warnings_printed():
+        for name in files:
+            try:
+                other = stems.get(Path(name).stem, name)
+                if other != name and not check:
+                    raise RaffError(f"{name}: would overwrite the files of {other}: give them different names")
+                found = process(name)
+                reports += found
+                stems[Path(name).stem] = name
+                if not json:
+                    print(*map(_summary, found), sep="\n")
+            except RaffError as error:
+                failed = True
+                reports.append({"file": name, "errors": [str(problem) for problem in error.problems]})
+                print(error, file=sys.stderr)
+    if json:
+        print_json(reports)
     return 1 if failed else 0
 
 
+@contextmanager
+def warnings_printed() -> Iterator[None]:
+    """Print warnings as commands do, one line each, on standard error."""
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        print(f"warning: {message}", file=sys.stderr)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", RaffWarning)
+        warnings.showwarning = show
+        yield
+
+
+def parse_loops(options: Sequence[str] | None) -> dict[str, str]:
+    """Return the names and kinds of options --loop NAME=KIND."""
+    loops = {}
+    for text in options or ():
+        name, equals, kind = text.rpartition("=")
+        if not equals:
+            raise RaffError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
+        loops[name] = kind
+    return loops
+
+
+def print_json(report: Any) -> None:
+    """Print a report as JSON."""
+    print(json.dumps(report, indent=1, ensure_ascii=False))
+
+
+def counted(number: int, plural: str) -> str:
+    """Return a number with its noun, such as "1 link"."""
+    return f"{number} {plural[:-1] if number == 1 else plural}"
+
+
 def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
+    from raff2urdf.check import check
     from raff2urdf.reader import parse, read
 
     document = parse(read(name), name)
@@ -102,25 +156,6 @@ def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
         }
         for one in robots
     ]
-
-
-def _convert(name: str, options: argparse.Namespace) -> list[dict[str, Any]]:
-    from raff2urdf.conversion import convert_file
-
-    loops = dict(pair(text) for text in options.loop)
-    found = convert_file(
-        Path(name), Path(options.out), options.robot, loops,
-        format=options.format, density=options.density, constraint_elements=options.constraint_elements,
-    )  # fmt: skip
-    return [_report(name, options.format, one) for one in found]
-
-
-def pair(text: str) -> tuple[str, str]:
-    """The name and the kind of an option --loop NAME=KIND."""
-    name, equals, kind = text.rpartition("=")
-    if not equals:
-        raise RaffError(f"--loop {text}: write NAME=KIND, for example --loop link5-link11=ball")
-    return name, kind
 
 
 def _report(name: str, format: str, conversion: Conversion) -> dict[str, Any]:
@@ -142,20 +177,13 @@ def _report(name: str, format: str, conversion: Conversion) -> dict[str, Any]:
     }
 
 
-def _sentence(report: dict[str, Any]) -> str:
-    def count(what: str) -> str:
-        return f"{report[what]} {what[:-1] if report[what] == 1 else what}"
-
-    said = f"{report['file']}: robot '{report['robot']}': {count('links')}, {count('joints')}, {count('loops')}"
+def _summary(report: dict[str, Any]) -> str:
+    counts = ", ".join(counted(report[word], word) for word in ("links", "joints", "loops"))
+    text = f"{report['file']}: robot '{report['robot']}': {counts}"
     if "mobility" not in report:
-        return f"{said}: correct"
+        return f"{text}: correct"
     if report["loops"]:
-        said += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"
-        said += " as written)"
+        text += f" ({report['loop_rows']} rows of rank {report['loop_rank']}, open by {report['gap_as_written']:.2g}"
+        text += " as written)"
     main = [report[word] for word in (*FORMATS, "constraints") if word in report]
-    return f"{said}, mobility {report['mobility']}\n  -> {', '.join(main)}"
-
-
-def show_warning(message: Warning | str, *_: Any, **__: Any) -> None:
-    """Prints a warning as the commands do."""
-    print(f"warning: {message}", file=sys.stderr)
+    return f"{text}, mobility {report['mobility']}\n  -> {', '.join(main)}"

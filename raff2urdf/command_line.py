@@ -127,5 +127,5 @@ def _message(error: TyperException) -> str:
     if hasattr(error, "possibilities"):  # Typer's error of an unknown option
         name = getattr(error, "option_name", "")
         return f"unknown option '{name}'{_suggestion(name, error.possibilities or ())}"
-    text = error.format_message().strip().removesuffix(".")
+    text = error.format_message().replace("Value error, ", "").strip().removesuffix(".")
     return text[:1].lower() + text[1:]

@@ -1,4 +1,4 @@
-"""Everything a URDF can't say about a robot, as the values of `<name>.constraints.json`, and their reader."""
+"""The constraints file of a URDF, `<name>.constraints.json`: everything about a robot for which URDF has no element."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -24,16 +25,19 @@ FORMAT, VERSION = "raff2urdf constraints", 1
 
 Constraints = dict[str, Any]
 
-Steps = list[str | int]
-"""Keys and indices that lead to a value."""
+IDENTITY = np.eye(4).tolist()
 
-IDENTITY = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+Known = tuple[Sequence[str], Sequence[str]]
+"""Names of a URDF's links, and of its joints."""
+
+_Problems = Iterator[tuple[Sequence[str | int], str]]
+"""Paths to wrong values, and the errors."""
 
 
 def constraints(
     document: Document, robot: RaffRobot, analysis: Analysis | None, loops: Mapping[str, str] | None = None
 ) -> Constraints:
-    """Return what the schema describes, for one robot of a document.
+    """Return the contents of the file for one robot of a document.
 
     Args:
         document: that holds the robot.
@@ -80,7 +84,7 @@ def constraints(
         "version": VERSION,
         "name": document.name,
         "robot": robot.name,
-        "nodes": [part.node for part in robot.nodes.values()],
+        "nodes": [node.node for node in robot.nodes.values()],
         "floating": BASE_JOINT if robot.movable else None,
         "joints": joints,
         "loops": closures,
@@ -100,160 +104,91 @@ def constraints(
 
 
 def dumps(values: Constraints) -> str:
-    """As JSON text; every number reads back to the same double."""
+    """Return the values as JSON text; every number reads back to the same double."""
     return json.dumps(values, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def loads(
     text: str, name: str = "<constraints>", known: Known | None = None, types: Mapping[str, str] | None = None
 ) -> Constraints:
-    """Reads and checks what `dumps` writes.
+    """Read and check the text of a constraints file.
 
     Args:
         text: of the file.
-        name: what errors call it.
-        known: links and joints that it may name; any unless said.
+        name: of the file, in errors.
+        known: links and joints of the URDF; any names are accepted if None.
         types: of the URDF's joints, revolute or prismatic, by name.
 
     Raises:
-        RaffError: no JSON, or not what the schema wants; names what there is not; contradicts itself or the URDF. With
-            the line.
+        RaffError: invalid JSON, or values that do not match the schema, name something unknown, or contradict each
+            other or the URDF. With the line.
     """
-    import jsonschema
-
     try:
         values = json.loads(text, parse_int=_integer)
     except json.JSONDecodeError as error:
-        raise RaffError(f"{name}:{error.lineno}: this is no JSON: {error.msg}") from None
+        raise RaffError(f"{name}:{error.lineno}: invalid JSON: {error.msg}") from None
     except (ValueError, RecursionError) as error:
-        raise RaffError(f"{name}:1: this is no JSON: {error}") from None
+        raise RaffError(f"{name}:1: invalid JSON: {error}") from None
     repeated = repeated_key(text)
     if repeated is not None:
         path, (first, second) = repeated
         raise RaffError(f"{name}:{second}: at {_shown(path)}: this key is on line {first} already: remove one of them")
-    for path, why in _unreadable(values):
-        raise RaffError(f"{name}:{line_of(text, path)}: at {_shown(path)}: {why}")
-    worst = jsonschema.exceptions.best_match(_validator().iter_errors(values))
-    if worst is not None:
-        where = f"{name}:{line_of(text, worst.absolute_path)}"
-        raise RaffError(f"{where}: at {worst.json_path}: {worst.message[:300]}")
-    for what, path, names in _named(values, known):
-        at: Any = values
-        for step in path:
-            at = at[step]
-        if at not in names:
-            near = did_you_mean(at, names)
-            raise RaffError(f"{name}:{line_of(text, path)}: {what} '{at}'{near}")
-    for path, why in _contradictions(values, types or {}):
-        raise RaffError(f"{name}:{line_of(text, path)}: at {_shown(path)}: {why}")
-    for i, loop in enumerate(values["loops"]):
-        for end in ("first", "second"):
-            wrong = _no_placement(loop[end]["placement"])
-            if wrong:
-                where = f"{name}:{line_of(text, ['loops', i, end, 'placement'])}"
-                raise RaffError(f"{where}: loop '{loop['name']}': {wrong}")
-    said = {joint["name"] for joint in values["joints"]}
-    for joint in known[1] if known is not None else ():
-        if joint not in said:
-            raise RaffError(f"{name}:{line_of(text, ['joints'])}: joint '{joint}' of the URDF is left out")
+    for at, why in chain(
+        _unreadable(values),
+        _mismatches(values),
+        _unknown_names(values, known),
+        _contradictions(values, types or {}),
+        _wrong_placements(values),
+    ):
+        raise RaffError(f"{name}:{line_of(text, at)}: at {_shown(at)}: {why}")
     return dict(values)
 
 
-def opened(values: Constraints) -> Constraints:
-    """Return the constraints of the tree that is left with all loops open: every joint is actuated."""
+def load(path: Path, known: Known | None = None, types: Mapping[str, str] | None = None) -> Constraints:
+    """Read and check a constraints file; see `loads`.
+
+    Raises:
+        RaffError: as `loads`, or the file can't be read.
+    """
+    return loads(read_text(path), str(path), known, types)
+
+
+def without_loops(values: Constraints) -> Constraints:
+    """Return the constraints of the tree that remains with all loops open: every joint is actuated."""
     kept = {key: value for key, value in values.items() if key not in ("mobility", "loop_rows", "loop_rank")}
     if "joints" in values:
         kept["joints"] = [{key: joint[key] for key in joint if key != "actuated"} for joint in values["joints"]]
     return {**kept, "loops": []}
 
 
-Known = tuple[Sequence[str], Sequence[str]]
-"""Names of a URDF's links, and of its joints."""
+def loop_kind(entry: Mapping[str, Any]) -> LoopKind:
+    """Return the kind of one entry of `loops`."""
+    return LoopKind[entry["kind"].upper()]
 
 
-def _named(values: Constraints, known: Known | None) -> Iterator[tuple[str, list[str | int], Sequence[str]]]:
-    """Every name that must be known: what to say if it is not, the path to it, and those that are."""
-    nodes: Sequence[str] = values["nodes"]
-    for i, loop in enumerate(values["loops"]):
-        for end in ("first", "second"):
-            yield f"loop '{loop['name']}' ends at no node:", ["loops", i, end, "node"], nodes
-    for i in range(len(values.get("sensor_constraints", []))):
-        yield "a sensor constraint names no node:", ["sensor_constraints", i, "node"], nodes
-    if known is not None:
-        for i in range(len(nodes)):
-            yield "the URDF has no link", ["nodes", i], known[0]
-        for i in range(len(values["joints"])):
-            yield "the URDF has no joint", ["joints", i, "name"], known[1]
+def _integer(word: str) -> int | float:
+    """Return an integer; infinity if it is beyond all doubles."""
+    value = float(word)
+    return int(word) if math.isfinite(value) else value
 
 
-def _unreadable(values: Any) -> Iterator[tuple[Steps, str]]:
-    """Yield the path to each number that is not finite and each text that can't be encoded, and the error."""
-    left: list[tuple[Steps, Any]] = [([], values)]
-    while left:
-        path, value = left.pop()
+def _shown(path: Sequence[str | int]) -> str:
+    """Return a path in JSONPath notation: $.joints[0].name."""
+    return "$" + "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+
+
+def _unreadable(values: Any) -> _Problems:
+    """Yield numbers that are not finite and texts that can't be encoded."""
+    pending: list[tuple[list[str | int], Any]] = [([], values)]
+    while pending:
+        path, value = pending.pop()
         if isinstance(value, dict | list):
             members = list(value.items() if isinstance(value, dict) else enumerate(value))
-            left += [([*path, key], member) for key, member in reversed(members)]
+            pending += [([*path, key], member) for key, member in reversed(members)]
         elif isinstance(value, float) and not math.isfinite(value):
             yield path, "this is not a finite number (none beyond 1.8e308)"
         elif isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
             yield path, "this text holds half a character (a lone surrogate)"
-
-
-def _contradictions(values: Constraints, types: Mapping[str, str]) -> Iterator[tuple[Steps, str]]:
-    """Yield the path to each value that contradicts another, or the URDF, and the error."""
-    for key, word in (("joints", "name"), ("loops", "name"), ("sensors", "number")):
-        first: dict[str, int] = {}
-        for i, entry in enumerate(values.get(key, [])):
-            j = first.setdefault(entry[word], i)
-            if j != i:
-                yield [key, i, word], f"'{entry[word]}' is listed twice, in {_shown([key, j])} too: remove one of them"
-    for i, joint in enumerate(values["joints"]):
-        if not abs(joint["home"]) <= LARGEST:
-            yield ["joints", i, "home"], f"joint '{joint['name']}': its home {joint['home']:g} is beyond {LARGEST:g}"
-        low, high = joint.get("limits") or (0.0, 0.0)
-        if low > high:
-            said = f"its lower limit of {low:g} is above its upper one of {high:g}"
-            yield ["joints", i, "limits"], f"joint '{joint['name']}': {said}"
-        actual = types.get(joint["name"], joint.get("type"))
-        if joint.get("type", actual) != actual:
-            said = f"its type is {joint['type']} here and {actual} in the URDF: correct one of them"
-            yield ["joints", i, "type"], f"joint '{joint['name']}': {said}"
-    for i, loop in enumerate(values["loops"]):
-        node = loop["first"]["node"]
-        if node == loop["second"]["node"]:
-            yield ["loops", i, "second", "node"], f"loop '{loop['name']}' joins '{node}' with itself"
-
-
-def _shown(path: Steps) -> str:
-    """Return a path as JSONPath writes it: $.joints[0].name."""
-    return "$" + "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
-
-
-def _no_placement(rows: list[list[float]]) -> str:
-    """Why a matrix places nothing; empty where it does."""
-    matrix = np.array(rows, dtype=float)
-    if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-        return "the last row of a placement is 0 0 0 1"
-    if not np.abs(matrix).max() <= LARGEST:
-        return f"its placement has a number beyond {LARGEST:g}"
-    turn = matrix[:3, :3]
-    straight = np.abs(turn).max() <= 2.0 and np.abs(turn @ turn.T - np.eye(3)).max() <= 1e-6
-    return "" if straight and np.linalg.det(turn) > 0.0 else "its placement must begin with a rotation, (3, 3)"
-
-
-def load(path: Path, known: Known | None = None, types: Mapping[str, str] | None = None) -> Constraints:
-    """Reads and checks a `<name>.constraints.json`; see `loads`.
-
-    Raises:
-        RaffError: unreadable, no JSON, not what the schema wants, or names what there is not.
-    """
-    return loads(read_text(path), str(path), known, types)
-
-
-def loop_kind(entry: Constraints) -> LoopKind:
-    """The kind of one entry of `loops`."""
-    return LoopKind[entry["kind"].upper()]
 
 
 @cache
@@ -264,7 +199,81 @@ def _validator() -> Any:
     return jsonschema.Draft202012Validator(json.loads(schema))
 
 
-def _integer(word: str) -> int | float:
-    """Return an integer, or an infinity where it is beyond all doubles."""
-    value = float(word)
-    return int(word) if math.isfinite(value) else value
+def _mismatches(values: Any) -> _Problems:
+    """Yield the worst mismatch with the schema."""
+    import jsonschema
+
+    worst = jsonschema.exceptions.best_match(_validator().iter_errors(values))
+    if worst is not None:
+        yield list(worst.absolute_path), worst.message[:300]
+
+
+def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
+    nodes: Sequence[str] = values["nodes"]
+    for i, loop in enumerate(values["loops"]):
+        for end in ("first", "second"):
+            if (node := loop[end]["node"]) not in nodes:
+                near = did_you_mean(node, nodes)
+                yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at no node: '{node}'{near}"
+    for i, entry in enumerate(values.get("sensor_constraints", [])):
+        if (node := entry["node"]) not in nodes:
+            near = did_you_mean(node, nodes)
+            yield ["sensor_constraints", i, "node"], f"a sensor constraint names no node: '{node}'{near}"
+    if known is None:
+        return
+    links, joints = known
+    for i, node in enumerate(nodes):
+        if node not in links:
+            yield ["nodes", i], f"the URDF has no link '{node}'{did_you_mean(node, links)}"
+    listed = [joint["name"] for joint in values["joints"]]
+    for i, name in enumerate(listed):
+        if name not in joints:
+            yield ["joints", i, "name"], f"the URDF has no joint '{name}'{did_you_mean(name, joints)}"
+    for name in joints:
+        if name not in listed:
+            yield ["joints"], f"joint '{name}' of the URDF is left out"
+
+
+def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
+    """Yield values that contradict another one, or the URDF."""
+    for key, word in (("joints", "name"), ("loops", "name"), ("sensors", "number")):
+        first: dict[str, int] = {}
+        for i, entry in enumerate(values.get(key, [])):
+            j = first.setdefault(entry[word], i)
+            if j != i:
+                yield [key, i, word], f"'{entry[word]}' is listed twice, in {_shown([key, j])} too: remove one of them"
+    for i, joint in enumerate(values["joints"]):
+        name = f"joint '{joint['name']}'"
+        if not abs(joint["home"]) <= LARGEST:
+            yield ["joints", i, "home"], f"{name}: its home {joint['home']:g} is beyond {LARGEST:g}"
+        low, high = joint.get("limits") or (0.0, 0.0)
+        if low > high:
+            yield ["joints", i, "limits"], f"{name}: its lower limit of {low:g} is above its upper one of {high:g}"
+        actual = types.get(joint["name"], joint.get("type"))
+        if joint.get("type", actual) != actual:
+            why = f"its type is {joint['type']} here and {actual} in the URDF: correct one of them"
+            yield ["joints", i, "type"], f"{name}: {why}"
+    for i, loop in enumerate(values["loops"]):
+        node = loop["first"]["node"]
+        if node == loop["second"]["node"]:
+            yield ["loops", i, "second", "node"], f"loop '{loop['name']}' joins '{node}' with itself"
+
+
+def _wrong_placements(values: Constraints) -> _Problems:
+    for i, loop in enumerate(values["loops"]):
+        for end in ("first", "second"):
+            matrix = np.array(loop[end]["placement"], dtype=float)
+            rotation = matrix[:3, :3]
+            why = ""
+            if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+                why = "the last row of a placement is 0 0 0 1"
+            elif not np.abs(matrix).max() <= LARGEST:
+                why = f"a number of its placement is beyond {LARGEST:g}"
+            elif (
+                np.abs(rotation).max() > 2.0
+                or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6
+                or np.linalg.det(rotation) <= 0.0
+            ):
+                why = "its placement must begin with a rotation, (3, 3)"
+            if why:
+                yield ["loops", i, end, "placement"], f"loop '{loop['name']}': {why}"

@@ -1,11 +1,14 @@
-"""From a document to files: everything is made before anything is written."""
+"""Convert RAFF files into URDF and other formats: everything is made before anything is written."""
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import yourdfpy
 
@@ -15,47 +18,80 @@ from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import write_all
-from raff2urdf.formats import Described, files
+from raff2urdf.formats import WriteOptions, files
 from raff2urdf.graphics.meshes import Graphics
+from raff2urdf.reader import parse, read
 from raff2urdf.tree import limits
 from raff2urdf.writers.urdf import dumps, tree
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Translation:
-    """A robot as a URDF and what that can't say, as texts and values.
+    """A robot as the tree of a URDF, and everything for which a URDF has no element, in memory.
 
     Attributes:
         robot: that was translated.
-        urdf: its tree.
-        constraints: what that can't say.
+        model: its tree; meshes are named relative to `out`.
+        constraints: the contents of its constraints file.
         analysis: mobility, actuated joints, rows and rank of the loops.
         missing: graphics that can't be shown.
-        meshes: converted graphics that the URDF names and that are still to be written, by their path.
-        model: the tree as yourdfpy's classes.
+        meshes: converted graphics that are not written yet, by path.
+        out: the folder to which the files will be written; None if there is none.
     """
 
     robot: RaffRobot
-    urdf: str
+    model: yourdfpy.Robot
     constraints: Constraints
     analysis: Analysis
     missing: tuple[str, ...]
     meshes: Mapping[Path, bytes]
-    model: yourdfpy.Robot
+    out: Path | None
+
+    @cached_property
+    def urdf(self) -> str:
+        """The text of the URDF."""
+        return dumps(self.model)
+
+    def content(self, mesh: str) -> bytes:
+        """Return the content of a mesh, written or not.
+
+        Raises:
+            RaffError: it can't be read.
+        """
+        path, pending = self._pending(mesh)
+        try:
+            return path.read_bytes() if pending is None else pending
+        except OSError as error:
+            raise RaffError(f"{path}: can't be read: {error.strerror or error}") from None
+
+    def surface(self, mesh: str) -> Any:
+        """Return a mesh as one surface in its own unit, a trimesh.Trimesh.
+
+        Raises:
+            RaffError: it can't be read.
+        """
+        from raff2urdf.writers.inertia import load_surface
+
+        return load_surface(*self._pending(mesh))
+
+    def _pending(self, mesh: str) -> tuple[Path, bytes | None]:
+        """Return the path of a mesh, and its content if it is not written yet."""
+        path = Path(os.path.normpath((self.out or Path()).resolve() / mesh))  # the folder need not exist yet
+        return path, {one.resolve(): content for one, content in self.meshes.items()}.get(path)
 
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """What the conversion of one robot wrote and found.
+    """The files of one converted robot, and its properties.
 
     Attributes:
         robot: its name.
-        file: path of the robot's own file: a URDF, unless another format was asked for.
-        constraints: path of the constraints; None for other formats, which need no file beside them.
-        links: how many it has (base and frames not counted).
-        joints: how many of them move.
-        loops: how many are closed.
-        analysis: mobility, actuated joints, rows and rank of the loops, how far they stand open as written.
+        file: path of the robot's own file: a URDF, or another format if that was asked for.
+        constraints: path of the constraints file; None for other formats, which need none.
+        links: number of links (without base and frames).
+        joints: number of joints that move.
+        loops: number of loops.
+        analysis: mobility, actuated joints, rows and rank of the loops, their gap as written.
         files: every file that was written for it.
     """
 
@@ -77,71 +113,70 @@ class Conversion:
 def translate(
     document: Document,
     robot: RaffRobot,
-    beside: Path,
+    folder: Path,
     out: Path | None = None,
     loops: Mapping[str, str] | None = None,
     meshes: Path | None = None,
 ) -> Translation:
-    """One robot of a checked document, in memory.
+    """Translate one robot of a checked document, in memory.
 
     Args:
         document: that holds the robot.
-        robot: which one.
-        beside: the folder of the RAFF file, for its graphics.
-        out: the folder its URDF will stand in.
-        loops: other kinds (rigid, prismatic, revolute, ball) for some loops, by name.
-        meshes: the folder where converted graphics are to be written; unless said, they are written to the user's
-            cache at once.
+        robot: the robot.
+        folder: of the RAFF file; graphics are looked for relative to it.
+        out: the folder to which its URDF will be written.
+        loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
+        meshes: the folder to which converted graphics will be written; if None, they are written to the user's cache
+            at once.
 
     Raises:
         RaffClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
     analysis = analyse(document, robot, loops)
-    graphics = Graphics(robot, beside, meshes)
-    model, missing = _tree(document, robot, beside, out, graphics)
+    graphics = Graphics(robot, folder, meshes)
+    model, missing = _tree(document, robot, graphics, out)
     values = constraints(document, robot, analysis, loops)
-    return Translation(robot, dumps(model), values, analysis, missing, graphics.written, model)
+    return Translation(robot, model, values, analysis, missing, graphics.written, out)
 
 
 def describe(
-    document: Document, robot: RaffRobot, beside: Path, loops: Mapping[str, str] | None = None
+    document: Document, robot: RaffRobot, folder: Path, loops: Mapping[str, str] | None = None
 ) -> tuple[str, Constraints]:
     """Return one robot of a checked document as a URDF's text and its constraints; its loops are not closed.
 
-    What only closing them would tell is None, see `constraints`. Converted graphics are written to the user's cache.
+    Values that only closing them determines are None, see `constraints`. Converted graphics are written to the user's
+    cache.
 
     Args:
         document: that holds the robot.
         robot: the robot.
-        beside: the folder of the RAFF file, for its graphics.
+        folder: of the RAFF file; graphics are looked for relative to it.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
 
     Raises:
         RaffError: `loops` names a loop or a kind that does not exist; a length is too large.
     """
     check_sizes(document, robot)
-    model, _ = _tree(document, robot, beside, None, Graphics(robot, beside, None))
+    model, _ = _tree(document, robot, Graphics(robot, folder))
     return dumps(model), constraints(document, robot, None, loops)
 
 
 def _tree(
-    document: Document, robot: RaffRobot, beside: Path, out: Path | None, graphics: Graphics
+    document: Document, robot: RaffRobot, graphics: Graphics, out: Path | None = None
 ) -> tuple[yourdfpy.Robot, tuple[str, ...]]:
     """Return the tree and the graphics that can't be shown; one warning lists them."""
-    model, missing = tree(document, robot, beside, out, graphics)
+    model, missing = tree(document, robot, graphics, out)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
-        message = (
-            f"robot '{robot.name}': graphics that can't be shown (a skeleton stands in where no other is): {shown}"
-        )
+        message = f"robot '{robot.name}': graphics that can't be shown (a skeleton replaces them): {shown}"
         warnings.warn(message, RaffWarning, stacklevel=3)
     return model, tuple(missing)
 
 
-def convert_file(
-    path: Path,
-    out: Path,
+def convert(
+    path: str | Path,
+    out: str | Path = "generated",
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
     *,
@@ -149,36 +184,41 @@ def convert_file(
     density: float | None = None,
     constraint_elements: bool = False,
 ) -> list[Conversion]:
-    """See `raff2urdf.convert`; `loops` as in `translate`."""
-    from raff2urdf.reader import parse, read
+    """Convert a RAFF file to `<stem>.urdf` and `<stem>.constraints.json` in the folder `out`, or to another format.
 
+    Several robots in the file become `<stem>.<robot>.urdf` and so on. Everything is made before anything is
+    written, so that a failure leaves existing files untouched.
+
+    Args:
+        path: the RAFF file.
+        out: the folder to write to; made if it does not exist.
+        robot: convert only the robot of this name.
+        loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
+        format: urdf; sdf, as `<stem>.sdf`; or mjcf, as `<stem>.xml`.
+        density: of the links, kg/m3, for formats that need masses; 1000 by default.
+        constraint_elements: also write the loops into the URDF, as a proposal to ROS defines them.
+
+    Raises:
+        RaffError: the file is wrong, its loops can't be closed, there is no such format, or `out` can't be written.
+    """
+    path, out = Path(path), Path(out)
     document = parse(read(path), str(path))
     check(document)
     robots = [document.robot(robot)] if robot is not None else list(document.robots)
+    options = WriteOptions(density, constraint_elements)
     conversions = []
     contents: dict[Path, bytes] = {}
     for one in robots:
         stem = path.stem if len(document.robots) == 1 else f"{path.stem}.{one.name}"
         made = translate(document, one, path.parent, out, loops, out / "meshes" / stem)
         if format != "urdf":
-            _warn_outside(document, made)
-        described = Described(
-            stem=stem,
-            model=made.model,
-            urdf=made.urdf,
-            constraints=made.constraints,
-            home=made.analysis.home,
-            folder=out,
-            meshes=made.meshes,
-            density=density,
-            constraint_elements=constraint_elements,
-        )
-        written = {out / name: content for name, content in files(format, described).items()}
-        beside = out / f"{stem}.constraints.json"
+            _warn_outside_limits(document, made)
+        written = {out / name: content for name, content in files(format, made, stem, options).items()}
+        sidecar = out / f"{stem}.constraints.json"
         conversion = Conversion(
             robot=one.name,
             file=next(iter(written)),
-            constraints=beside if beside in written else None,
+            constraints=sidecar if sidecar in written else None,
             links=len(one.links),
             joints=len(made.constraints["joints"]),
             loops=len(one.loops),
@@ -186,7 +226,7 @@ def convert_file(
             files=(*written, *made.meshes),
         )
         conversions.append(conversion)
-        contents |= made.meshes  # first, so that a robot's own file never stands without its meshes
+        contents |= made.meshes  # first, so that a robot's own file never exists without its meshes
         contents |= dict(reversed(written.items()))
     try:
         write_all(contents)
@@ -195,8 +235,8 @@ def convert_file(
     return conversions
 
 
-def _warn_outside(document: Document, made: Translation) -> None:
-    """Says where a simulation would begin beyond a limit."""
+def _warn_outside_limits(document: Document, made: Translation) -> None:
+    """Warn of joints that a simulation would start beyond a limit."""
     beyond = []
     for link in made.robot.links:
         low, high = limits(document, link)

@@ -13,6 +13,7 @@ from typing import Any
 
 from lark import Lark, Token, UnexpectedCharacters, UnexpectedToken
 
+from raff2urdf.check import check_tree
 from raff2urdf.document import Document, JointType, LoopKind, SourceText
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean, sort_key
 from raff2urdf.rules import Build, location_of
@@ -46,6 +47,33 @@ def read(path: str | Path) -> str:
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise RaffError(Problem(f"line {line} is not UTF-8 text: a binary file, or another encoding", name)) from None
+
+
+def load(path: str | Path) -> Document:
+    """Read a RAFF file; see `loads`.
+
+    Raises:
+        RaffError: the file can't be read, or with every problem found in it.
+    """
+    return loads(read(path), str(path))
+
+
+def loads(text: str, name: str = "<text>") -> Document:
+    """Read RAFF text.
+
+    The text may be an excerpt: constraints may name links that it lacks. `check`, `convert` and `cinegen.load` refuse
+    that.
+
+    Args:
+        text: of a RAFF file.
+        name: of the text, in errors.
+
+    Raises:
+        RaffError: with every problem: location, cause, likely remedy.
+    """
+    document = parse(text, name)
+    check_tree(document)
+    return document
 
 
 def parse(text: str, name: str = "<text>") -> Document:

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import Document, JointType, LoopKind, RaffLink, RaffNode, RaffPart, RaffRobot
+from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
 from raff2urdf.residual import ROWS, loop_residual
@@ -27,16 +27,15 @@ Mask = NDArray[np.bool_]
 Columns = NDArray[np.intp]
 
 
-def kleinfinger(document: Document, node: RaffNode) -> Kleinfinger:
-    """Return the six parameters of a node as written, in metres and radians."""
-    p = node.parameters
+def kleinfinger(document: Document, written: Parameters) -> Kleinfinger:
+    """Return six parameters as written, in metres and radians."""
     return Kleinfinger(
-        gamma=math.radians(p.gamma),
-        epsilon=document.metres(p.epsilon),
-        alpha=math.radians(p.alpha),
-        d=document.metres(p.d),
-        theta=math.radians(p.theta),
-        r=document.metres(p.r),
+        gamma=math.radians(written.gamma),
+        epsilon=document.metres(written.epsilon),
+        alpha=math.radians(written.alpha),
+        d=document.metres(written.d),
+        theta=math.radians(written.theta),
+        r=document.metres(written.r),
     )
 
 
@@ -66,9 +65,9 @@ def velocity(document: Document, link: RaffLink) -> float:
 
 def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
     """Return the world placement (4, 4) of every node, by number, as written or at joint values `q` (rad, m)."""
-    found = {0: transform(kleinfinger(document, robot.base))}
+    found = {0: transform(kleinfinger(document, robot.base.parameters))}
     for part in robot.outward:
-        parameters = kleinfinger(document, part)
+        parameters = kleinfinger(document, part.parameters)
         if q is not None and part.joint in q:
             parameters = _moved(part, parameters, q[part.joint])
         found[part.number] = found[part.pred] @ transform(parameters)
@@ -107,7 +106,7 @@ class Cluster:
         self.scale = np.array([length if joint.type is JointType.PRISMATIC else 1.0 for joint in self.joints])
         self.home = np.array([home(document, joint) for joint in self.joints])
         self._column = {joint.number: i for i, joint in enumerate(self.joints)}
-        self._fixed = {part.number: kleinfinger(document, part) for part in self.parts}
+        self._fixed = {part.number: kleinfinger(document, part.parameters) for part in self.parts}
         self._columns = [self._moving(*pair) for pair in branches]
 
     def _moving(self, first: list[RaffPart], second: list[RaffPart]) -> tuple[Columns, Array, Mask]:

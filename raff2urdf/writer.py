@@ -1,4 +1,4 @@
-"""Write a `Document` as RAFF text, such that `parse(write(document)) == document`."""
+"""Write a `Document` as RAFF text, such that `parse(dumps(document)) == document`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from raff2urdf.document import Document, LoopKind, Parameters, RaffFrame, RaffLi
 from raff2urdf.errors import RaffError
 
 
-def write(document: Document, head: Sequence[str] = (), notes: Mapping[int, str] | None = None) -> str:
+def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str] | None = None) -> str:
     """Return the document as RAFF text; every number reads back to the same double.
 
     Args:

@@ -21,7 +21,7 @@ from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
-from raff2urdf.constraints import Constraints, opened
+from raff2urdf.constraints import Constraints, without_loops
 from raff2urdf.json_lines import line_of
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import UNLIMITED, joints, parse
@@ -77,10 +77,10 @@ def load(
             raise UnknownNameError("loop", name, chosen.loop_names)
     if ignore_loops and chosen.loops:
         listed = ", ".join(f"loop '{name}'" for name in chosen.loop_names)
-        message = f"{path}: left out, as asked; every joint moves on its own: {listed}"
+        message = f"{path}: left out, as requested; every joint moves independently: {listed}"
         warnings.warn(message, CinegenWarning, stacklevel=2)
         urdf, constraints = describe(document, replace(chosen, loops=()), path.parent)
-        return build(urdf, opened(constraints), name=str(path))
+        return build(urdf, without_loops(constraints), name=str(path))
     urdf, constraints = describe(document, chosen, path.parent, loops)
     return build(urdf, constraints, name=str(path))
 

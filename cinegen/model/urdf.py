@@ -15,15 +15,15 @@ from raff2urdf.errors import did_you_mean
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import (
     UNLIMITED,
+    default_value,
     joints,
+    lacks_limits,
     limits,
     links,
-    middle,
+    listed,
     number,
     parse,
     root_first,
-    several,
-    silent,
     velocity,
 )
 
@@ -119,7 +119,7 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     """
     if sidecar is None:
         for entry in declared["joints"]:  # without loops, 0 is as good as anything else
-            entry["home"] = middle(entry["limits"])
+            entry["home"] = default_value(entry["limits"])
         return declared
     known = {entry["name"]: entry for entry in declared["joints"]}
     for entry in sidecar.get("joints", []):
@@ -145,7 +145,7 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
 
 def _warn_of_assumptions(tree: Any, name: str) -> None:
     """Warn of joints whose limits are left out, and of joints that should mimic others."""
-    left_out = [joint for joint in joints(tree) if silent(joint)]
+    left_out = [joint for joint in joints(tree) if lacks_limits(joint)]
     if left_out:
         _warn(name, left_out, "no lower and upper limit are given; taken as unlimited")
     followers = [joint for joint in joints(tree) if joint.find("mimic") is not None]
@@ -154,7 +154,7 @@ def _warn_of_assumptions(tree: Any, name: str) -> None:
 
 
 def _warn(name: str, found: list[Any], what: str) -> None:
-    warnings.warn(f"{several(found, name)}: {what}", CinegenWarning, stacklevel=5)
+    warnings.warn(f"{listed(found, name)}: {what}", CinegenWarning, stacklevel=5)
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:

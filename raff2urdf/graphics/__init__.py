@@ -1,1 +1,1 @@
-"""What is seen of a robot: graphic files, and a drawing where there are none."""
+"""Graphics of robots: graphic files, and a drawing for nodes without any."""

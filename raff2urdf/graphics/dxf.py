@@ -1,10 +1,9 @@
-"""Reads the surfaces of a DXF file, by ezdxf: 3DFACE, SOLID and TRACE, polyface and polygon meshes (POLYLINE), MESH,
-and all of these in blocks (INSERT), which may be turned, scaled, mirrored, repeated and nested.
+"""Read the surfaces of a DXF file, by ezdxf: 3DFACE, SOLID and TRACE, polyface and polygon meshes (POLYLINE), MESH,
+and all of these in blocks (INSERT), which may be rotated, scaled, mirrored, repeated and nested.
 
-Colours are those of AutoCAD's index or true colours, of the entity itself, its layer or the block that it stands in.
-What is hidden stays hidden: layers that are off or frozen, invisible entities, paper space. Lines, arcs and texts have
-no surface and are left out. Solids (3DSOLID and its kin) have one, but in a format of another maker's: they are left
-out too, and named.
+Colours are those of AutoCAD's index or true colours, of the entity itself, its layer or its block. Hidden entities are
+left out: layers that are off or frozen, invisible entities, paper space. Lines, arcs and texts have no surface and are
+left out. Solids (3DSOLID and the like) have one, but in a proprietary format: they are left out too, and listed.
 """
 
 from __future__ import annotations
@@ -29,8 +28,8 @@ from raff2urdf.errors import Problem, RaffError
 from raff2urdf.graphics.surface import Colour, ColouredSurface, Point, Polygons
 
 MOST_IN_BLOCKS = 500_000
-"""The number of entities that blocks may come to. A short file can say more of them than any memory holds: a block of
-ten blocks, of ten blocks each, and so on."""
+"""Largest number of entities in blocks. A short file can stand for more than any memory holds: a block of ten
+blocks, of ten blocks each, and so on."""
 
 _SURFACES = ("SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "PLANESURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
 _SOLIDS = ("3DSOLID", "BODY", "REGION", *_SURFACES)
@@ -40,7 +39,7 @@ _BY_DEFAULT = 7  # AutoCAD's index of white
 
 
 def read(path: str | Path) -> tuple[list[ColouredSurface], str | None]:
-    """The surfaces of a file, one for each colour, and what was left out of them, None if nothing.
+    """Return the surfaces of a file, one for each colour, and what was left out; None if nothing was.
 
     Raises:
         RaffError: it can't be read, is wrong, or holds no surface.
@@ -51,13 +50,13 @@ def read(path: str | Path) -> tuple[list[ColouredSurface], str | None]:
         reader.draw(document.modelspace(), _Surroundings())
         surfaces = reader.polygons.surfaces()
         if not surfaces:
-            held = f"only {_listed(reader.others)}" if reader.others else "nothing that can be seen"
-            raise RaffError(f"holds no faces or meshes, {held}")
+            content = f"only {_listed(reader.others)}" if reader.others else "nothing visible"
+            raise RaffError(f"holds no faces or meshes, {content}")
     except OSError as error:
         raise _wrong(path, error.strerror or "this is no DXF file") from None
     except RaffError as error:
         raise _wrong(path, error.problems[0].message) from None
-    except Exception as error:  # of a damaged file ezdxf lets any kind through, StopIteration too
+    except Exception as error:  # of any type, StopIteration too, if a file is damaged
         raise _wrong(path, f"damaged: {error or type(error).__name__}") from None
     solids = Counter({kind: count for kind, count in reader.others.items() if kind in _SOLIDS})
     return surfaces, f"without its {_listed(solids)}: solids can't be read" if solids else None
@@ -69,9 +68,9 @@ def _wrong(path: str | Path, message: str) -> RaffError:
 
 @dataclass(frozen=True, slots=True)
 class _Surroundings:
-    """What an entity takes over from the INSERT that it stands in; at first, the whole drawing."""
+    """Properties that an entity inherits from the INSERT around it; at first, from the drawing."""
 
-    place: Matrix44 | None = None
+    placement: Matrix44 | None = None
     colour: Colour = (*_WHITE, 255)
     layer: str = "0"
     blocks: tuple[str, ...] = ()  # that are being drawn
@@ -81,7 +80,7 @@ class _Surroundings:
 class _Reader:
     document: Drawing
     polygons: Polygons = field(default_factory=Polygons)
-    others: Counter[str] = field(default_factory=Counter)  # kinds of what is visible but no surface
+    others: Counter[str] = field(default_factory=Counter)  # types of visible entities without a surface
     in_blocks: int = 0
 
     def draw(self, entities: Iterable[Any], around: _Surroundings) -> None:
@@ -99,7 +98,7 @@ class _Reader:
             drawn = False
             for corners, face in _faces(entity):
                 drawn = True
-                self.polygons.add(_placed(corners, around.place), self.colour(face, layer, around))
+                self.polygons.add(_placed(corners, around.placement), self.colour(face, layer, around))
             if not drawn:
                 self.others[entity.dxftype()] += 1
 
@@ -112,22 +111,22 @@ class _Reader:
             raise RaffError(f"block '{name}' contains itself")
         colour = self.colour(entity, layer, around)
         for one in entity.multi_insert() if entity.mcount > 1 else (entity,):
-            self.count_in_blocks()  # an empty block may stand there a thousand million times
-            place = one.matrix44() if around.place is None else one.matrix44() @ around.place
-            self.draw(block, _Surroundings(place, colour, layer, (*around.blocks, name)))
+            self.count_in_blocks()  # an empty block may be repeated a thousand million times
+            placement = one.matrix44() if around.placement is None else one.matrix44() @ around.placement
+            self.draw(block, _Surroundings(placement, colour, layer, (*around.blocks, name)))
 
     def count_in_blocks(self) -> None:
         self.in_blocks += 1
         if self.in_blocks > MOST_IN_BLOCKS:
-            raise RaffError(f"its blocks come to more than {MOST_IN_BLOCKS} entities")
+            raise RaffError(f"its blocks have more than {MOST_IN_BLOCKS} entities in all")
 
     def layer_of(self, entity: DXFGraphic, around: _Surroundings) -> str:
-        """An entity on layer 0 of a block stands on the layer of the INSERT."""
+        """Return the layer of an entity; of one on layer 0 of a block, that of the INSERT."""
         layer: str = entity.dxf.get("layer", "0")
         return around.layer if layer == "0" else layer
 
     def is_hidden(self, name: str, is_block: bool) -> bool:
-        """A frozen layer hides a block and all that is in it; one that is off, only what stands on it."""
+        """Return whether a layer is hidden. A frozen layer hides a block with its content, one that is off does not."""
         if not self.document.layers.has_entry(name):
             return False
         layer = self.document.layers.get(name)
@@ -152,7 +151,7 @@ class _Reader:
 
 
 def _faces(entity: DXFGraphic) -> Iterator[tuple[Sequence[Vec3], DXFGraphic]]:
-    """The polygons of an entity, in its own block's coordinates, and who has their colour."""
+    """Yield the polygons of an entity, in its own block's coordinates, and the entities with their colours."""
     if isinstance(entity, Face3d | Solid):
         yield entity.wcs_vertices(), entity
     elif isinstance(entity, Mesh):
@@ -164,18 +163,18 @@ def _faces(entity: DXFGraphic) -> Iterator[tuple[Sequence[Vec3], DXFGraphic]]:
         points = [vertex.dxf.location for vertex in entity.vertices if vertex.is_poly_face_mesh_vertex]
         for record in entity.vertices:
             if record.is_face_record:
-                # Counted from 1, negative where an edge is not drawn, 0 or unsaid where there is no further corner.
+                # Counted from 1, negative if an edge is not drawn, 0 or missing if there is no further corner.
                 indices = [abs(record.dxf.get(f"vtx{i}", 0)) for i in range(4)]
                 corners = [_vertex(points, index - 1, entity) for index in indices if index]
                 if len(corners) > 2:
-                    yield corners, record if _says_colour(record) else entity
+                    yield corners, record if _has_colour(record) else entity
     elif isinstance(entity, Polyline) and entity.is_polygon_mesh:
         for corners in _grid(entity):
             yield corners, entity
 
 
 def _grid(mesh: Polyline) -> Iterator[list[Vec3]]:
-    """The quadrangles of a polygon mesh: of its own points, or of those that a smooth surface was given."""
+    """Yield the quadrangles of a polygon mesh: of its own points, or of those of its smooth surface."""
     frame = DXFVertex.SPLINE_FRAME_CONTROL_POINT
     points = [vertex.dxf.location for vertex in mesh.vertices if not vertex.dxf.flags & frame]
     m, n = mesh.dxf.get("m_count", 0), mesh.dxf.get("n_count", 0)
@@ -191,19 +190,19 @@ def _grid(mesh: Polyline) -> Iterator[list[Vec3]]:
 
 def _vertex(points: Sequence[Vec3], index: int, entity: DXFGraphic) -> Vec3:
     if not 0 <= index < len(points):
-        raise RaffError(f"a {entity.dxftype()} of {len(points)} points names another one")
+        raise RaffError(f"a {entity.dxftype()} of {len(points)} points refers to another one")
     return points[index]
 
 
-def _placed(corners: Sequence[Vec3], place: Matrix44 | None) -> list[Point]:
-    """Corners in the drawing's coordinates. A mirror would turn the surface inside out: their order is reversed."""
-    if place is None:
+def _placed(corners: Sequence[Vec3], placement: Matrix44 | None) -> list[Point]:
+    """Return corners in the drawing's coordinates. Their order is reversed if the surface is mirrored."""
+    if placement is None:
         return [corner.xyz for corner in corners]
-    placed = [corner.xyz for corner in place.transform_vertices(corners)]
-    return placed[::-1] if place.determinant() < 0.0 else placed
+    placed = [corner.xyz for corner in placement.transform_vertices(corners)]
+    return placed[::-1] if placement.determinant() < 0.0 else placed
 
 
-def _says_colour(entity: DXFGraphic) -> bool:
+def _has_colour(entity: DXFGraphic) -> bool:
     return bool(entity.dxf.hasattr("true_color") or entity.dxf.get("color", BYLAYER) != BYLAYER)
 
 

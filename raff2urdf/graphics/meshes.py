@@ -1,4 +1,4 @@
-"""Which graphic files can be shown, and what a URDF names for them.
+"""Prepare graphic files for a URDF.
 
 STL, OBJ and DAE files are named as they are. Others are converted: every viewer reads STL, so a file becomes one
 binary STL for each of its colours, with a material of that colour.
@@ -23,22 +23,22 @@ if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
 
     from raff2urdf.graphics.surface import Colour, ColouredSurface
 
-SHOWN = (".stl", ".obj", ".dae")  # what URDF viewers, Pinocchio and browsers read
+SHOWN = (".stl", ".obj", ".dae")  # URDF viewers, Pinocchio and browsers read them
 CONVERTED = (".nff", ".dxf", ".3mf", ".glb", ".gltf", ".off", ".ply")
 
 
 @dataclass(frozen=True, slots=True)
 class Drawing:
-    """A mesh that can be shown: its file, and its colour if the URDF must say it."""
+    """A mesh that can be shown: its file, and its colour if the URDF must give it."""
 
     path: Path
     colour: Colour | None = None
 
     def visual(self, out: Path | None, scale: float) -> yourdfpy.Visual:
-        """As a URDF has it.
+        """Return the mesh as a visual of a URDF.
 
         Args:
-            out: the folder that the URDF will stand in; the file is named as seen from there. Absolutely, if None.
+            out: the folder of the URDF, relative to which the file is named; an absolute name if None.
             scale: metres in the file's unit of length.
         """
         import yourdfpy
@@ -53,28 +53,28 @@ class Graphics:
     """The graphics of one robot.
 
     Args:
-        robot: says in `path` where its files lie (`~` is the home folder).
-        beside: the RAFF file's folder, from which a relative `path` counts.
-        folder: where converted meshes are to be written, by whoever writes the URDF; if None they are kept in the
-            user's cache at once.
+        robot: whose `path` is the folder of its files (`~` is the home folder).
+        folder: of the RAFF file; a relative `path` is relative to it.
+        meshes: the folder to which the caller will write converted meshes; if None, they are written to the user's
+            cache at once.
 
     Attributes:
-        written: converted meshes to be written: their paths in `folder`, and their bytes.
+        written: converted meshes to be written: their contents by their paths in `meshes`.
     """
 
-    def __init__(self, robot: RaffRobot, beside: Path, folder: Path | None = None) -> None:
-        self.robot, self.beside, self.folder = robot, beside, folder
+    def __init__(self, robot: RaffRobot, folder: Path, meshes: Path | None = None) -> None:
+        self.robot, self.folder, self.meshes = robot, folder, meshes
         self.written: dict[Path, bytes] = {}
         self._found: dict[Path, tuple[list[Drawing], str | None]] = {}  # arms of one kind share their files
         self._stems: set[str] = set()
 
-    def of(self, part: RaffNode) -> tuple[list[Drawing], list[str]]:
-        """What can be shown of a node's graphic files, and why not, for each that can't or that lacks something."""
+    def of(self, node: RaffNode) -> tuple[list[Drawing], list[str]]:
+        """Return the drawings of a node's graphic files, and why others, or parts of them, can't be shown."""
         drawings: list[Drawing] = []
         reasons = []
-        for name in part.filenames or ():
+        for name in node.filenames or ():
             try:
-                path = self.beside / Path(self.robot.path or "").expanduser() / Path(name).expanduser()
+                path = self.folder / Path(self.robot.path or "").expanduser() / Path(name).expanduser()
                 if path not in self._found:
                     self._found[path] = self._read(path)
                 found, reason = self._found[path]
@@ -93,11 +93,11 @@ class Graphics:
             return [], str(error.strerror)
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of the readers', say of an overflow: we check for ourselves
+                warnings.simplefilter("ignore")  # of the readers, such as an overflow, which is checked here
                 return self._drawn(path)
         except RaffError as error:
-            return [], _said(error)
-        except Exception as error:  # every reader has errors of its own
+            return [], _summary(error)
+        except Exception as error:  # each reader has its own errors
             return [], f"unreadable: {_line(str(error) or type(error).__name__)}"
 
     def _drawn(self, path: Path) -> tuple[list[Drawing], str | None]:
@@ -105,8 +105,8 @@ class Graphics:
         if kind in SHOWN:
             return ([], "holds no surface") if _is_empty(path) else ([Drawing(path)], None)
         if kind in CONVERTED:
-            surfaces, lacking = _surfaces(path)
-            return self._converted(path, surfaces), lacking
+            surfaces, omitted = _surfaces(path)
+            return self._converted(path, surfaces), omitted
         return [], f"{path.suffix or 'no extension'}: only {', '.join((*SHOWN, *CONVERTED))} can be shown"
 
     def _converted(self, path: Path, surfaces: list[ColouredSurface]) -> list[Drawing]:
@@ -116,21 +116,21 @@ class Graphics:
         drawings = []
         for number, surface in enumerate(surfaces, 1):
             content = stl(surface.triangles)
-            if self.folder is None:
+            if self.meshes is None:
                 from raff2urdf.graphics.cache import keep
 
                 file = keep(content, ".stl")
             else:
-                file = self.folder / f"{stem}.{number}.stl"
+                file = self.meshes / f"{stem}.{number}.stl"
                 self.written[file] = content
             drawings.append(Drawing(file, surface.colour))
         return drawings
 
     def _stem(self, path: Path) -> str:
-        """The name of a file in letters that are safe everywhere, and one that no other file of this robot has."""
+        """Return a name for a file, in portable characters, that no other file of this robot has."""
         stem = base = re.sub(r"[^\w.-]", "_", path.name)[:60].lstrip(".")
         number = 1
-        while stem.casefold() in self._stems:  # where there is no difference between a.nff and A.nff
+        while stem.casefold() in self._stems:  # some systems do not distinguish a.nff and A.nff
             number += 1
             stem = f"{base}-{number}"
         self._stems.add(stem.casefold())
@@ -138,14 +138,14 @@ class Graphics:
 
 
 def converted(path: Path) -> list[Drawing]:
-    """What viewers can read of a file that they can't: one STL for each of its colours, in the user's cache.
+    """Convert a file for viewers: one STL for each of its colours, in the user's cache.
 
     Args:
-        path: of a file of one of the `CONVERTED` kinds.
+        path: of a file of one of the `CONVERTED` formats.
 
     Raises:
-        RaffError: it holds no surface, or its reader says that it is wrong.
-        Exception: of any kind, as other readers have it.
+        RaffError: it holds no surface, or is wrong.
+        Exception: of any type, depending on the reader.
     """
     from raff2urdf.graphics.cache import keep
     from raff2urdf.graphics.surface import stl
@@ -155,10 +155,10 @@ def converted(path: Path) -> list[Drawing]:
 
 
 def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
-    """The surfaces of a file, one for each colour, and what they lack of it."""
+    """Return the surfaces of a file, one for each colour, and what was left out."""
     from raff2urdf.graphics.surface import fewer_colours
 
-    kind, lacking = path.suffix.lower(), None
+    kind, omitted = path.suffix.lower(), None
     if kind == ".nff":
         from raff2urdf.graphics import nff
 
@@ -166,14 +166,14 @@ def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
     elif kind == ".dxf":
         from raff2urdf.graphics import dxf
 
-        surfaces, lacking = dxf.read(path)
+        surfaces, omitted = dxf.read(path)
     else:
         from raff2urdf.graphics import scene
 
         surfaces = scene.read(path)
     if not surfaces:
         raise RaffError("holds no surface")
-    return fewer_colours(surfaces), lacking
+    return fewer_colours(surfaces), omitted
 
 
 def _is_empty(path: Path) -> bool:
@@ -183,7 +183,7 @@ def _is_empty(path: Path) -> bool:
 
 
 def _material(colour: Colour | None) -> yourdfpy.Material | None:
-    """Named by its colour, so that the same name never means two."""
+    """Return a material named by its colour, so that a name never has two meanings."""
     import yourdfpy
 
     if colour is None:
@@ -194,13 +194,14 @@ def _material(colour: Colour | None) -> yourdfpy.Material | None:
     return yourdfpy.Material(name=name, color=yourdfpy.Color(rgba=rgba))
 
 
-def _said(error: RaffError) -> str:
-    """An error without the file's name and text, which a warning for several files has no room for."""
+def _summary(error: RaffError) -> str:
+    """Return an error without the file's name and line of text, for a warning about several files."""
     problem = error.problems[0]
-    return _line(problem.message if problem.location is None else f"line {problem.location.line}: {problem.message}")
+    line = "" if problem.location is None else f"line {problem.location.line}: "
+    return _line(line + problem.message)
 
 
 def _line(text: str) -> str:
-    """A text on one line, of moderate length."""
+    """Return a text on one line, of moderate length."""
     shown = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return shown if len(shown) <= 200 else shown[:200] + "..."

@@ -1,13 +1,12 @@
-"""Where the graphics lie that a URDF, an SDF or an MJCF names.
+"""Find the graphics that a URDF, an SDF or an MJCF names.
 
-    package://robot/meshes/arm.stl    in the ROS package of that name: a folder that holds the file's own folder, one
-    model://robot/meshes/arm.stl      beside it, or one that ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or GAZEBO_MODEL_PATH
-                                      tells of
-    package:///arm.stl, arm.stl       as seen from the file's folder
+    package://robot/meshes/arm.stl    in the ROS package of that name: a folder around the file's own folder, or next
+    model://robot/meshes/arm.stl      to one of these, or in ROS_PACKAGE_PATH, AMENT_PREFIX_PATH or GAZEBO_MODEL_PATH
+    package:///arm.stl, arm.stl       relative to the file's folder
     file:///home/me/arm.stl
 
-A file from elsewhere should not make programs read what it likes: a name must not lead out of its package, nor out of
-the folder above the file's own (so that `../meshes` will do), or out of the ROS package or Gazebo model that it is in.
+A file from elsewhere must not make programs read arbitrary files: a name must not lead out of its package, nor out of
+the folder above the file's own (so that `../meshes` is allowed), or out of the ROS package or Gazebo model around it.
 """
 
 from __future__ import annotations
@@ -20,18 +19,18 @@ from urllib.parse import unquote
 from raff2urdf.errors import RaffError
 
 _SEARCHED = ("ROS_PACKAGE_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
-_MARKS = ("package.xml", "model.config", "manifest.xml")  # a folder that holds one is a package or a model
+_MARKS = ("package.xml", "model.config", "manifest.xml")  # a folder with one of them is a package or a model
 
 
 def find(name: str, folder: Path) -> Path:
-    """The file that a name stands for.
+    """Return the file that a name refers to.
 
     Args:
-        name: as the description has it.
-        folder: the description's own.
+        name: in the robot's description.
+        folder: of the description.
 
     Raises:
-        RaffError: there is no such file, or the name leads where it must not.
+        RaffError: there is no such file, or the name leads out of the folders that may be read.
     """
     scheme, found, rest = name.partition("://")
     if not found or scheme == "file":
@@ -54,7 +53,7 @@ def find(name: str, folder: Path) -> Path:
 
 
 def _packages(package: str, folder: Path) -> Iterator[Path]:
-    """Folders that may be the package of that name."""
+    """Yield folders that may be the package of that name."""
     if package in ("..", "."):
         return
     absolute = Path(os.path.abspath(folder))
@@ -74,7 +73,7 @@ def _packages(package: str, folder: Path) -> Iterator[Path]:
 
 
 def _home(folder: Path) -> Path:
-    """The folder that relative names may not leave."""
+    """Return the folder that relative names must not leave."""
     absolute = Path(os.path.abspath(folder))
     for above in (absolute, *absolute.parents):
         if any((above / mark).is_file() for mark in _MARKS):
@@ -85,5 +84,5 @@ def _home(folder: Path) -> Path:
 def _inside(path: Path, root: Path, name: str) -> Path:
     plain = Path(os.path.abspath(path))
     if not plain.is_relative_to(os.path.abspath(root)):
-        raise RaffError(f"mesh '{name}' leads out of {root}: only what lies in there is read")
+        raise RaffError(f"mesh '{name}' leads out of {root}: only files in it are read")
     return plain

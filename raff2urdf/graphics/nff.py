@@ -1,8 +1,8 @@
-"""Reads the Neutral File Format of Sense8's WorldToolKit: ASCII, versions 2 and 3.
+"""Read the Neutral File Format of Sense8's WorldToolKit: ASCII, versions 2 and 3.
 
     nff                                       the first word
     version 2.1
-    viewpos 0 0 -5                            from where to look, and where to: not used
+    viewpos 0 0 -5                            position and direction of the camera: not used
     viewdir 0 0 1
 
     plate                                     an object: its name,
@@ -12,11 +12,11 @@
     1 1 0
     0 1 0
     1                                         its number of polygons,
-    4 0 1 2 3 0xfff both _V_wood              corners, which vertices, colour, seen from both sides, texture
+    4 0 1 2 3 0xfff both _V_wood              corners, which vertices, colour, visible from both sides, texture
 
 Blank space and empty lines only separate; `//` begins a comment. A colour of up to three hexadecimal digits is 0xRGB,
-a longer one 0xRRGGBB. Where all corners of a polygon have the same colour, that is the polygon's; vertex colours that
-differ are for smooth shading, and left out as normals, textures and the materials of version 3 are: STL has none.
+a longer one 0xRRGGBB. If all corners of a polygon have the same colour, it is the polygon's; vertex colours that differ
+are for smooth shading, and left out like normals, textures and the materials of version 3: STL has none.
 
 Facts: Sense8 Corporation, "WorldToolKit Neutral File Format, Version 2.1", 1993. Eric Haines' Neutral File Format has
 the same name, but another syntax.
@@ -36,33 +36,33 @@ from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Colour, ColouredSu
 
 _HEADER = ("version", "viewpos", "viewdir")
 
-# The words by which lines of Haines' format begin.
+# First words of lines in Haines' format.
 _HAINES = ("v", "from", "at", "up", "angle", "hither", "resolution", "b", "l", "f", "fm", "c", "s", "p", "pp", "tpp")
 
 _COUNT = re.compile(r"[0-9]{1,15}")
 _HEX = re.compile(r"0[xX]([0-9a-fA-F]{1,6})")
-_NUMBERS = {"norm": 3, "uv": 2}  # that follow a word behind a vertex
+_NUMBERS = {"norm": 3, "uv": 2}  # that follow a word after a vertex
 
 
 def read(path: str | Path) -> list[ColouredSurface]:
-    """Reads a file, as `loads` does.
+    """Read a file; see `loads`.
 
     Raises:
         RaffError: it can't be read, or is wrong: where and why.
     """
     try:
-        text = Path(path).read_bytes().decode("latin-1")  # names may be in any code
+        text = Path(path).read_bytes().decode("latin-1")  # names may be in any encoding
     except OSError as error:
         raise RaffError(f"{path}: can't be read: {error.strerror or error}") from None
     return loads(text.removeprefix("\xef\xbb\xbf"), str(path))
 
 
 def loads(text: str, name: str = "<text>") -> list[ColouredSurface]:
-    """The surfaces of a file, one for each colour.
+    """Return the surfaces of a file, one for each colour.
 
     Args:
         text: of the file.
-        name: what errors call it.
+        name: of the file, in errors.
 
     Raises:
         RaffError: it is wrong: where and why.
@@ -106,21 +106,22 @@ class _Reader:
                 objects += 1
                 continue
             line = self.next("an object")
-            # Before the objects there may be more than we know of. Behind them, it is the rest of a wrong count.
+            # Other keywords may precede the objects. After an object, the line is left over from a wrong count.
             unknown = objects == 0 and line.words[0].isalpha() and len(line.words) > 1
             if line.words[0].lower() not in _HEADER and not unknown:
                 where = "the file ends" if self.at == len(self.lines) else "no number of vertices follows"
-                self.wrong(f"'{_short(line.words[0])}' stands where an object's name should, but {where}", line)
+                self.wrong(f"'{_short(line.words[0])}' is where an object's name should be, but {where}", line)
         if objects == 0:
             self.wrong("holds no object", first)
         return self.polygons.surfaces()
 
     def begins_object(self) -> bool:
-        """Whether the next line is an object's name: then the one behind it is a count, or names a material table."""
-        name, behind = (*self.lines[self.at : self.at + 2], None)[:2]
-        if name is None or behind is None or name.words[0].lower() in _HEADER:
+        """Return whether the next line is an object's name: then a count, or the name of a material table, follows."""
+        name, following = (*self.lines[self.at : self.at + 2], None)[:2]
+        if name is None or following is None or name.words[0].lower() in _HEADER:
             return False
-        return behind.words[0].lower() == "mtable" or (len(behind.words) == 1 and behind.words[0].isdecimal())
+        words = following.words
+        return words[0].lower() == "mtable" or (len(words) == 1 and words[0].isdecimal())
 
     def object(self) -> None:
         name = " ".join(self.next("an object's name").words)
@@ -133,11 +134,11 @@ class _Reader:
             self.polygon(self.next(f"polygon {i} of {count}"), vertices)
 
     def count(self, what: str, name: str) -> int:
-        """The number of vertices or polygons, each of which has a line: no more than lines are left."""
+        """Return the number of vertices or polygons: at most as many as lines are left, since each has one."""
         line = self.next(f"the number of {what} of '{_short(name)}'")
         left = len(self.lines) - self.at
         if len(line.words) != 1 or not line.words[0].isdecimal():
-            self.wrong(f"the number of {what} of '{_short(name)}' must stand alone on a line", line)
+            self.wrong(f"the number of {what} of '{_short(name)}' must be alone on a line", line)
         word = line.words[0]
         count = int(word) if _COUNT.fullmatch(word) else math.inf
         if count > left:
@@ -154,14 +155,14 @@ class _Reader:
             if word.startswith("0x"):
                 colour, i, after_word = self.colour(line, i), i + 1, False
             elif word in _NUMBERS:
-                behind = range(i + 1, i + 1 + _NUMBERS[word])
-                if len(line.words) < behind.stop:
+                following = range(i + 1, i + 1 + _NUMBERS[word])
+                if len(line.words) < following.stop:
                     self.wrong(f"'{word}' needs {_NUMBERS[word]} numbers", line, i)
-                for k in behind:
+                for k in following:
                     self.number(line, k)
-                i, after_word = behind.stop, False
+                i, after_word = following.stop, False
             elif not _is_number(word):
-                i, after_word = i + 1, True  # a word of some other version, which numbers may follow
+                i, after_word = i + 1, True  # a word of another version, which numbers may follow
             elif after_word:
                 i += 1
             else:
@@ -175,13 +176,13 @@ class _Reader:
         if corners > MOST_CORNERS:
             self.wrong(f"a polygon of {_short(line.words[0])} corners: {MOST_CORNERS} are the most", line)
         if len(line.words) <= corners:
-            self.wrong(f"a polygon of {corners} corners names {len(line.words) - 1}", line)
+            self.wrong(f"a polygon of {corners} corners lists {len(line.words) - 1}", line)
         chosen = []
         for i in range(1, corners + 1):
             index = int(line.words[i]) if _COUNT.fullmatch(line.words[i]) else len(vertices)
             if index >= len(vertices):
                 most = f"0 to {len(vertices) - 1}" if vertices else "there are none"
-                self.wrong(f"'{_short(line.words[i])}' is no vertex of this object: {most}", line, i)
+                self.wrong(f"'{_short(line.words[i])}' is no vertex of this object ({most})", line, i)
             chosen.append(vertices[index])
         colour, both, after_word = None, False, False
         for i in range(corners + 1, len(line.words)):
@@ -189,7 +190,7 @@ class _Reader:
             if word.startswith("0x"):
                 colour, after_word = self.colour(line, i), False
             elif _is_number(word):
-                if not after_word:  # numbers belong to a texture or material named before
+                if not after_word:  # numbers may follow the name of a texture or material
                     self.wrong(f"'{_short(word)}' is one too many for a polygon of {corners} corners", line, i)
             else:
                 both = both or word == "both"
@@ -202,7 +203,7 @@ class _Reader:
         word = line.words[i]
         value = float(word) if _is_number(word) else math.nan
         if not abs(value) <= LARGEST:
-            self.wrong(f"'{_short(word)}' is no number up to {LARGEST:g}", line, i)
+            self.wrong(f"'{_short(word)}' is not a number up to {LARGEST:g}", line, i)
         return value
 
     def colour(self, line: _Line, i: int) -> Colour:
@@ -216,7 +217,7 @@ class _Reader:
 
     def next(self, what: str) -> _Line:
         if self.at == len(self.lines):
-            self.wrong(f"the file ends where {what} should stand", self.lines[-1])
+            self.wrong(f"the file ends where {what} should be", self.lines[-1])
         self.at += 1
         return self.lines[self.at - 1]
 
@@ -234,12 +235,12 @@ class _Reader:
 
 def _is_number(word: str) -> bool:
     try:
-        return math.isfinite(float(word)) and "_" not in word  # Python's own 1_000 is none
+        return math.isfinite(float(word)) and "_" not in word  # not 1_000, as in Python
     except ValueError:
         return False
 
 
 def _short(word: str) -> str:
-    """A word as an error shows it: of a file that is no text, it may be long, and of any characters."""
+    """Return a word for an error: in a file that is not text, it may be long, and have any characters."""
     shown = "".join(c if c.isprintable() else "?" for c in word[:40])
     return shown + "..." if len(word) > 40 else shown

@@ -1,4 +1,4 @@
-"""Surfaces of the other formats that trimesh reads: scenes of meshes, each placed, with colours."""
+"""Read surfaces of other formats by trimesh: scenes of meshes, each placed, with colours."""
 
 from __future__ import annotations
 
@@ -11,14 +11,12 @@ import trimesh
 
 from raff2urdf.graphics.surface import Colour, ColouredSurface, solid
 
-FORMATS = (".3mf", ".glb", ".gltf", ".off", ".ply")
-
 
 def read(path: str | Path) -> list[ColouredSurface]:
-    """The surfaces of a file, one for each mesh and colour; of textures, the colour that they are laid on.
+    """Return the surfaces of a file, one for each mesh and colour; of a texture, the colour below it.
 
     Raises:
-        Exception: of any kind, as the readers have it.
+        Exception: of any type, depending on the reader.
     """
     scene: Any = trimesh.load_scene(path)
     found: list[ColouredSurface] = []

@@ -1,8 +1,8 @@
-"""A plain drawing of a robot from its Kleinfinger parameters, for links that have no graphics.
+"""Draw a robot from its Kleinfinger parameters, for links that have no graphics.
 
-Each node carries bars to its children: along the three straight parts of the way to a joint (epsilon along its z, d
-along the common perpendicular, r along the child's z), straight to what is fixed on it. A marker shows its own joint:
-a cylinder about the axis of a revolute one; a box, and a rod that slides in its father's tube, for a prismatic one.
+Each node gets bars to its children: along the three straight parts of the path to a joint (epsilon along its z, d
+along the common perpendicular, r along the child's z), straight to what is fixed to it. A marker shows its own joint:
+a cylinder about the axis of a revolute one; a box, and a rod that slides in its parent's tube, for a prismatic one.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNod
 from raff2urdf.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger
 
-# Okabe and Ito's colours, which the colour-blind can tell apart: one for each branch of the tree.
+# Okabe and Ito's colours, which colour-blind people can distinguish: one for each branch of the tree.
 _BRANCHES = ((0.0, 0.45, 0.7), (0.9, 0.6, 0.0), (0.0, 0.62, 0.45), (0.8, 0.4, 0.0), (0.8, 0.6, 0.7), (0.35, 0.7, 0.9))
 _BASE = (0.45, 0.47, 0.5)
 _JOINT = (0.2, 0.22, 0.25)
@@ -32,57 +32,53 @@ class _Style:
 
 
 class SkeletonDrawing:
-    """Draws the nodes of one robot, each in its own frame."""
+    """Drawings of the nodes of one robot, each in its own frame."""
 
     def __init__(self, document: Document, robot: RaffRobot) -> None:
         self.document, self.robot = document, robot
-        self.parameters = {part.number: kleinfinger(document, part) for part in robot.parts}
+        self.parameters = {part.number: kleinfinger(document, part.parameters) for part in robot.parts}
         self.radius = 0.06 * _typical(list(self.parameters.values()))
-        self.children: dict[int, list[RaffPart]] = {}
-        for part in robot.parts:
-            self.children.setdefault(part.pred, []).append(part)
         branch, last = {0: 0}, 0
         self.colours = {0: _BASE}
         for part in robot.outward:
-            forks = part is not self.children[part.pred][0]
+            forks = part is not robot.children[part.pred][0]
             last += forks  # every fork begins a branch of another colour
             branch[part.number] = last if forks else branch[part.pred]
             self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
 
-    def draw(self, part: RaffNode) -> list[Visual]:
-        """The shapes of one node, in its own frame."""
-        style = _Style(self.radius, self.colours[part.number])
-        shapes = list(self._joint(part, style))
-        for child in self.children.get(part.number, []):
-            shapes += self._way(child, style)
-        if not shapes and not isinstance(part, RaffFrame):
+    def draw(self, node: RaffNode) -> list[Visual]:
+        """Return the shapes of one node, in its own frame."""
+        style = _Style(self.radius, self.colours[node.number])
+        shapes = list(self._joint(node, style))
+        for child in self.robot.children.get(node.number, []):
+            shapes += self._bars_to(child, style)
+        if not shapes and not isinstance(node, RaffFrame):
             shapes.append(_ball(np.zeros(3), 1.2, style))
         return shapes
 
-    def _joint(self, part: RaffNode, style: _Style) -> Iterator[Visual]:
+    def _joint(self, node: RaffNode, style: _Style) -> Iterator[Visual]:
         marker = _Style(style.radius, _JOINT)
-        origin = np.zeros(3)
-        if not isinstance(part, RaffLink) or part.type is JointType.FIXED:
+        if not isinstance(node, RaffLink) or node.type is JointType.FIXED:
             return
-        if part.type is JointType.REVOLUTE:
+        if node.type is JointType.REVOLUTE:
             half = np.array([0.0, 0.0, 1.6 * style.radius])
             yield from _bar(-half, half, 1.5, marker)
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
             yield _visual(Geometry(box=Box(size=_round(size, style))), np.eye(4), marker)
-            way = home(self.document, part)
-            yield from _bar(np.array([0.0, 0.0, -0.62 * way]), origin, 0.6, style)
+            rod = np.array([0.0, 0.0, -0.62 * home(self.document, node)])
+            yield from _bar(rod, np.zeros(3), 0.6, style)
 
-    def _way(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
-        """Bars from the node's origin to where a child's joint stands."""
+    def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
+        """Yield bars from the node's origin to a child's joint."""
         gamma, epsilon, alpha, d, _, r = self.parameters[child.number]
         thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
         cg, sg = math.cos(gamma), math.sin(gamma)
         axis = np.array([sg * math.sin(alpha), -cg * math.sin(alpha), math.cos(alpha)])
-        slides = isinstance(child, RaffLink) and child.type is JointType.PRISMATIC
+        prismatic = isinstance(child, RaffLink) and child.type is JointType.PRISMATIC
         corners = [np.zeros(3), np.array([0.0, 0.0, epsilon])]
         corners.append(corners[-1] + d * np.array([cg, sg, 0.0]))
-        if not slides:
+        if not prismatic:
             corners.append(corners[-1] + r * axis)
         if isinstance(child, RaffFrame) or child.type is JointType.FIXED:
             corners = [corners[0], corners[-1]]
@@ -93,23 +89,23 @@ class SkeletonDrawing:
                 drawn.append(corner)
         for corner in drawn[1:-1]:
             yield _ball(corner, thickness, style)
-        if slides:
+        if prismatic:
             yield from _bar(corners[-1], corners[-1] + 0.55 * r * axis, 1.0, style)
 
 
 def _typical(parameters: Sequence[Kleinfinger]) -> float:
-    """The median length (m) of a robot's straight parts; 1 if it has none."""
+    """Return the median length (m) of a robot's straight parts; 1 if it has none."""
     lengths = [abs(length) for p in parameters for length in (p.epsilon, p.d, p.r) if abs(length) > 1e-12]
     return median(lengths) if lengths else 1.0
 
 
 def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[Visual]:
-    """A cylinder from one point to another; nothing if they coincide."""
-    way = end - start
-    length = math.sqrt(math.fsum(x * x for x in way.tolist()))
+    """Yield a cylinder from one point to another; nothing if they coincide."""
+    vector = end - start
+    length = math.sqrt(math.fsum(x * x for x in vector.tolist()))
     if length < 1e-6 * style.radius:
         return
-    z = way / length
+    z = vector / length
     aside = np.array([1.0, 0.0, 0.0]) if abs(z[0]) < 0.6 else np.array([0.0, 1.0, 0.0])
     y = np.cross(z, aside)
     y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
@@ -138,7 +134,7 @@ def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:
 
 
 def _round(values: np.ndarray, style: _Style) -> np.ndarray:
-    """A drawing needs no more than a millionth of a bar's radius: no noise of 1e-17 in the file."""
+    """Round to a millionth of a bar's radius: no rounding errors such as 1e-17 in the file."""
     step = 10.0 ** (math.floor(math.log10(style.radius)) - 6)
     return np.array([_digits(step * round(value / step)) for value in values.tolist()])
 

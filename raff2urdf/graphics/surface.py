@@ -1,7 +1,7 @@
-"""Coloured surfaces: polygons of any shape cut into triangles, gathered by colour, written as binary STL.
+"""Coloured surfaces: polygons of any shape, cut into triangles, gathered by colour, written as binary STL.
 
-STL is what URDF viewers, simulators and browsers all read. It has no colours: each surface has one, which the URDF
-says as its material.
+URDF viewers, simulators and browsers all read STL. It has no colours: each surface has one, which becomes a material in
+the URDF.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ Colour = tuple[int, int, int, int]
 Point = Sequence[float]
 
 MOST_COLOURS = 32
-"""Each colour is a file of its own: of more (a scan has one for each vertex) the nearest are made one."""
+"""Each colour becomes a file: of more colours (a scan has one for each vertex) the nearest are merged."""
 
 MOST_CORNERS = 1000
-"""Of one polygon: to cut a wild one takes as long as the square of them. WorldToolKit's own limit was 256."""
+"""Largest number of corners of a polygon: the time to cut it grows with their square. WorldToolKit's limit was 256."""
 
 LARGEST = 1e37
-"""The largest coordinate: STL's numbers end at 3.4e38, and a viewer must still be able to add some of them."""
+"""Largest coordinate: STL's numbers end at 3.4e38, and a viewer must still be able to add some of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class ColouredSurface:
     """Triangles of one colour.
 
     Attributes:
-        triangles: (n, 3, 3) corners, counter-clockwise as seen from outside; none of them is without area.
+        triangles: (n, 3, 3) corners, counter-clockwise as seen from outside; all have an area above 0.
         colour: None if the file gives none.
     """
 
@@ -44,21 +44,21 @@ class ColouredSurface:
 
 
 class Polygons:
-    """Polygons, in the order of a file, that become surfaces."""
+    """Polygons, in the order of a file, from which surfaces are made."""
 
     def __init__(self) -> None:
-        # For each colour, by the number of corners, so that all triangles and all quadrangles are cut at one stroke.
+        # For each colour, by the number of corners: all triangles and all quadrangles are processed at once.
         self._gathered: dict[Colour | None, dict[int, list[Sequence[Point]]]] = {}
 
     def add(self, corners: Sequence[Point], colour: Colour | None, both: bool = False) -> None:
-        """A plane polygon without holes, convex or not.
+        """Add a plane polygon without holes, convex or not.
 
         Args:
-            corners: three or more points (x, y, z), counter-clockwise as seen from outside. A first corner that is
-                repeated at the end does no harm.
+            corners: three or more points (x, y, z), counter-clockwise as seen from outside. The first corner may be
+                repeated at the end.
             colour: of its surface.
-            both: whether it can be seen from the other side too. Viewers leave out what faces away, so it is then
-                added a second time, the other way round.
+            both: whether it is visible from the other side too. Viewers hide faces that point away, so it is then
+                added a second time, reversed.
 
         Raises:
             RaffError: it has too many corners.
@@ -71,10 +71,10 @@ class Polygons:
             kinds[len(corners)].append(corners[::-1])
 
     def surfaces(self) -> list[ColouredSurface]:
-        """One surface for each colour, in the order in which they came; what has no area is left out.
+        """Return one surface for each colour, in the order of the file; triangles without area are left out.
 
         Raises:
-            RaffError: a coordinate is no finite number, or too large.
+            RaffError: a coordinate is not finite, or too large.
         """
         found = []
         for colour, kinds in self._gathered.items():
@@ -84,17 +84,17 @@ class Polygons:
 
 
 def solid(triangles: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Triangles (n, 3, 3) in STL's numbers, without those that have no area there.
+    """Return triangles (n, 3, 3) in single precision, without those that have no area then.
 
     Raises:
-        RaffError: a coordinate is no finite number, or too large.
+        RaffError: a coordinate is not finite, or too large.
     """
     rounded = _checked(triangles).astype(np.float32)
     return np.ascontiguousarray(rounded[np.any(_normals(rounded) != 0.0, axis=1)])
 
 
 def fewer_colours(surfaces: Sequence[ColouredSurface], most: int = MOST_COLOURS) -> list[ColouredSurface]:
-    """The surfaces, those of the same colour made one; where there are more than `most`, those of near colours.
+    """Merge surfaces of the same colour; if there are more than `most`, those of near colours too.
 
     Near colours agree in their first bits, and become their mean by area.
 
@@ -126,30 +126,30 @@ def _mean(group: Sequence[ColouredSurface]) -> Colour | None:
 
 
 def area(triangles: NDArray[np.float32]) -> float:
-    """The area of triangles (n, 3, 3), in the square of their unit."""
+    """Return the area of triangles (n, 3, 3), in the square of their unit."""
     return float(np.sqrt((_normals(triangles) ** 2).sum(axis=1)).sum() / 2.0)
 
 
 def stl(triangles: NDArray[np.float32]) -> bytes:
-    """Triangles (n, 3, 3) as a binary STL file: the same triangles make the same bytes."""
+    """Return triangles (n, 3, 3) as a binary STL file: the same triangles make the same bytes."""
     normals = _normals(triangles)
-    normals /= np.abs(normals).max(axis=1, keepdims=True)  # its square could be too small for a number
+    normals /= np.abs(normals).max(axis=1, keepdims=True)  # before squaring, which could underflow
     normals /= np.sqrt((normals**2).sum(axis=1, keepdims=True))
     facet = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
     facets = np.zeros(len(triangles), facet)
     facets["normal"], facets["corners"] = normals, triangles
-    header = b"binary STL by raff2urdf".ljust(80, b"\0")  # "solid" in front would mean a text
+    header = b"binary STL by raff2urdf".ljust(80, b"\0")  # "solid" at the beginning would declare a text file
     return header + len(facets).to_bytes(4, "little") + facets.tobytes()
 
 
 def _checked(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     if not np.all(np.abs(corners) <= LARGEST):  # NaN is not
-        raise RaffError(f"a coordinate is no number up to {LARGEST:g}")
+        raise RaffError(f"a coordinate is not a number up to {LARGEST:g}")
     return corners
 
 
 def _cut(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Polygons (n, k, 3) with k corners each, as triangles (m, 3, 3)."""
+    """Cut polygons (n, k, 3) with k corners each into triangles (m, 3, 3)."""
     corners = polygons.shape[1]
     if corners == 3:
         return polygons
@@ -159,7 +159,7 @@ def _cut(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _quadrangles(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cut along the first diagonal where both halves then face the same side, else along the second."""
+    """Cut along the first diagonal if both halves then face the same side, else along the second."""
     first = np.stack([polygons[:, [0, 1, 2]], polygons[:, [0, 2, 3]]], axis=1)
     second = np.stack([polygons[:, [1, 2, 3]], polygons[:, [1, 3, 0]]], axis=1)
     sides = _normals(_moderate(first).reshape(-1, 3, 3)).reshape(-1, 2, 3)
@@ -169,10 +169,10 @@ def _quadrangles(polygons: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _polygon(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """One polygon (k, 3), seen along the axis that it faces most, cut by the ears (mapbox-earcut)."""
+    """Cut one polygon (k, 3), projected along the axis that it faces most, by its ears (mapbox-earcut)."""
     moderate = _moderate(corners)
-    ahead = np.roll(moderate, -1, axis=0)
-    normal = np.cross(moderate - moderate[0], ahead - moderate[0]).sum(axis=0)  # Newell's; its length: twice the area
+    following = np.roll(moderate, -1, axis=0)
+    normal = np.cross(moderate - moderate[0], following - moderate[0]).sum(axis=0)  # Newell's; twice the area
     axis = int(np.argmax(np.abs(normal)))
     if normal[axis] == 0.0:
         return np.empty((0, 3, 3))
@@ -185,12 +185,12 @@ def _polygon(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _moderate(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Corners seen from the first one, in a size whose products are all numbers."""
+    """Return corners relative to the first one, scaled so that no product overflows."""
     offset: NDArray[np.float64] = corners - corners.reshape(-1, 3)[0]
     return offset / (float(np.abs(offset).max()) or 1.0)
 
 
 def _normals(triangles: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
-    """The cross product of two edges of each triangle (n, 3, 3): its normal, twice its area long."""
+    """Return the cross product of two edges of each triangle (n, 3, 3): its normal, with twice its area as length."""
     wide = np.asarray(triangles, dtype=float)
     return np.asarray(np.cross(wide[:, 1] - wide[:, 0], wide[:, 2] - wide[:, 0]))

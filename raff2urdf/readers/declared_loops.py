@@ -10,7 +10,7 @@ URDF has no element for a loop. These dialects exist:
     closing_NAME_1, closing_NAME_2   onshape-to-robot and placo: two frames that coincide
     a link with two parents          the second joint closes a loop
 
-None of them is read: loops come from a sidecar file. A comment of raff2urdf's names that file.
+None of them is read: loops come from a sidecar file, which a comment by raff2urdf names.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from raff2urdf.readers.urdf import IGNORE, ends, joints, links, remove
 from raff2urdf.readers.xml_file import parse_xml
 
 NOTE = "raff2urdf constraints:"
-"""Begin of the comment in a URDF that names the file with its loops."""
+"""Beginning of the comment in a URDF that names the file with its loops."""
 
 COMMENT = "comment"
-"""The dialect of raff2urdf's own comments."""
+"""The dialect of comments that raff2urdf writes."""
 
 _LOOP_LIKE = re.compile(r"loop|constrain|coupl|bushing|equalit|cut_?joint|(?<!en)(?<!dis)clos(?:ed|ing|ure)")
 _COUPLING = re.compile(r"coupl|tendon|gear")
@@ -49,7 +49,7 @@ class Declaration:
         label: the element, in a few words.
         text: the element and what it declares.
         coupling: whether it couples joints, which no sidecar file can declare.
-        certain: whether it surely takes degrees of freedom away.
+        certain: whether it certainly removes degrees of freedom.
     """
 
     line: int
@@ -67,12 +67,12 @@ def find(tree: Any) -> list[Declaration]:
         tree: the root element; its joints form a tree.
     """
     names = {str(element.get("name")) for element in (*links(tree), *joints(tree))}
-    found = [*_notes(tree), *_closing_frames(tree), *_elements(tree, names, _Bodies(tree))]
+    found = [*_notes(tree), *_closing_frames(tree), *_elements(tree, names, _Connections(tree))]
     return sorted(found, key=lambda declaration: declaration.line)
 
 
 def unread(declarations: Sequence[Declaration], loops: int) -> list[Declaration]:
-    """Return the declarations that are lost where a sidecar file closes so many loops.
+    """Return the declarations that are lost if a sidecar file closes a number of loops.
 
     A loop may be declared in several dialects at once: the file must close as many as the dialect with the most.
     """
@@ -110,40 +110,40 @@ def listed(declarations: Sequence[Declaration], most: int = 20) -> str:
 
 
 def without_second_parents(text: str, name: str) -> tuple[str, list[Declaration]]:
-    """Remove every joint whose child link another joint holds already.
+    """Remove every joint whose child is the child of an earlier joint.
 
     Args:
         text: of the URDF.
-        name: what errors call it.
+        name: of the file, in errors.
 
     Returns:
-        the text, unchanged where each link has one parent, and the joints that were removed.
+        the text, unchanged if each link has one parent, and the joints that were removed.
 
     Raises:
-        RaffError: no XML.
+        RaffError: invalid XML.
     """
     tree = parse_xml(text, name)
-    held: set[str] = set()
+    children: set[str] = set()
     removed = []
     for joint in joints(tree):
         child = ends(joint)[1]
-        if child in held:
+        if child in children:
             label = f"joint '{joint.get('name', '')}'"
             removed.append(Declaration(joint.sourceline, "second parent", label, f"{label} closes a loop"))
             remove(joint)
-        held.add(child)
+        children.add(child)
     if removed:
-        before = "\n" * (tree.sourceline - 1)  # errors tell of lines
+        before = "\n" * (tree.sourceline - 1)  # errors name lines
         text = before + etree.tostring(tree, encoding="unicode")
     return text, removed
 
 
 def note(file: str, loops: int) -> Any:
     """Return the comment that names the file with a URDF's loops."""
-    said = f" {NOTE} {file} ({loops} loop{'s' * (loops != 1)}) "
-    while "--" in said:
-        said = said.replace("--", "- -")
-    return etree.Comment(said)
+    text = f" {NOTE} {file} ({loops} loop{'s' * (loops != 1)}) "
+    while "--" in text:
+        text = text.replace("--", "- -")
+    return etree.Comment(text)
 
 
 def _notes(tree: Any) -> Iterator[Declaration]:
@@ -151,8 +151,8 @@ def _notes(tree: Any) -> Iterator[Declaration]:
         head, _, file = str(comment.text).strip().partition(NOTE)
         if not head and file:
             where = re.sub(r" [(][0-9]+ loops?[)]$", "", file.strip())
-            said = f"according to this comment, the loops are in {where}, but none was read"
-            yield Declaration(comment.sourceline, COMMENT, f"the loops in {where}", said)
+            text = f"according to this comment, the loops are in {where}, but none was read"
+            yield Declaration(comment.sourceline, COMMENT, f"the loops in {where}", text)
 
 
 def _closing_frames(tree: Any) -> Iterator[Declaration]:
@@ -167,28 +167,28 @@ def _closing_frames(tree: Any) -> Iterator[Declaration]:
         name = first.get("name")
         if first is not last:
             label = f"frames '{name}' and '{last.get('name')}'"
-            said = f"the {label} (line {last.sourceline}) declare a loop, which is not read from a URDF"
-            yield Declaration(first.sourceline, "closing frames", label, said)
+            text = f"the {label} (line {last.sourceline}) declare a loop, which is not read from a URDF"
+            yield Declaration(first.sourceline, "closing frames", label, text)
         else:
             partner = f"{name[:-1]}{'2' if '1' in pair else '1'}"
-            said = f"the frame '{name}' is named as the end of a loop, but there is no '{partner}': it closes none"
-            yield Declaration(first.sourceline, "closing frames", f"frame '{name}'", said, certain=False)
+            text = f"the frame '{name}' is named as the end of a loop, but there is no '{partner}': it closes none"
+            yield Declaration(first.sourceline, "closing frames", f"frame '{name}'", text, certain=False)
 
 
-def _elements(parent: Any, names: Collection[str], bodies: _Bodies, simulator: str = "") -> Iterator[Declaration]:
-    """Yield what the elements below `parent` declare; `simulator` is the element of a simulator that it is in."""
+def _elements(parent: Any, names: Collection[str], links: _Connections, simulator: str = "") -> Iterator[Declaration]:
+    """Yield the declarations in the elements below `parent`; `simulator` is the simulator's element around it."""
     for element in parent.iterchildren("*"):
         word = _local(element)
         in_tree = element.tag == "joint" and parent.tag == "robot"
         joined = None if in_tree else _joined(element)
         if _LOOP_LIKE.search(word) and (not simulator or len(_named(element, names)) > 1):
             yield _declaration(element, _named(element, names), simulator, bool(_COUPLING.search(word)))
-        elif joined is not None and bodies.join(*joined):
+        elif joined is not None and links.join(*joined):
             yield _declaration(element, joined, simulator, False, element.find("body1") is None)
         elif word == "plugin" and _LOOP_LIKE.search(_own_words(element)) and len(_named(element, names)) > 1:
             yield _declaration(element, _named(element, names), simulator, False)
         else:
-            yield from _elements(element, names, bodies, simulator or (word if word in _SIMULATORS else ""))
+            yield from _elements(element, names, links, simulator or (word if word in _SIMULATORS else ""))
 
 
 def _declaration(
@@ -198,12 +198,12 @@ def _declaration(
     own = f" '{element.get('name')}'" if element.get("name") else ""
     label = f"<{tag}>{own}{f' in <{simulator}>' if simulator else ''}"
     between = f" ({', '.join(map(repr, named[:4]))})" if named else ""
-    said = f"{label}{between} declares {'a coupling' if coupling else 'a loop'}, which is not read from a URDF"
-    return Declaration(element.sourceline, tag, label, said, coupling, certain)
+    text = f"{label}{between} declares {'a coupling' if coupling else 'a loop'}, which is not read from a URDF"
+    return Declaration(element.sourceline, tag, label, text, coupling, certain)
 
 
 def _local(element: Any) -> str:
-    """Return an element's name in small letters, without a namespace or its prefix."""
+    """Return an element's name in lower case, without a namespace or its prefix."""
     return re.split("[}:]", str(element.tag))[-1].lower()
 
 
@@ -222,7 +222,7 @@ def _named(element: Any, names: Collection[str]) -> list[str]:
 
 
 def _joined(element: Any) -> tuple[str, str] | None:
-    """Return the links that an element joins, as joints do in SDF; None if it joins none."""
+    """Return the links that an element joins, in SDF's notation of joints; None if it joins none."""
     inner = {
         _local(end): (end.get("link") or end.text or "").strip().rpartition("::")[2]
         for end in element.iterchildren("*")
@@ -233,8 +233,8 @@ def _joined(element: Any) -> tuple[str, str] | None:
     return None
 
 
-class _Bodies:
-    """Links that joints connect, directly or through others."""
+class _Connections:
+    """Links that are connected by joints, directly or through others."""
 
     def __init__(self, tree: Any) -> None:
         self._next: dict[str, str] = {}

@@ -1,13 +1,13 @@
-"""What a `robot.yaml` beside a URDF adds, as Gepetto's example-parallel-robots has it.
+"""Read the sidecar file `robot.yaml` of a URDF, in the format of Gepetto's example-parallel-robots.
 
     closed_loop: [[A, B], ...]      pairs of frames that coincide, named by their links or by the joints before these
     type: ['6d', ...]               of each: 6d, rigid, or 3d, only the origins
-    name_mot: [...]                 the joints that have a motor
+    name_mot: [...]                 the actuated joints
     joint_name: [...]               joints to be replaced ...
-    joint_type: ['SPHERICAL', ...]  ... by SPHERICAL, UJOINT_XY (turns about x, then y, of the joint's own frame) or
-                                    FIXED
+    joint_type: ['SPHERICAL', ...]  ... by SPHERICAL, UJOINT_XY (rotations about x, then y, of the joint's own frame)
+                                    or FIXED
 
-Such models are exported from CAD: all joints are written as revolute ones, and a loop's two ends lie apart.
+Such models are exported from CAD: all joints are written as revolute ones, and a loop's two ends are apart.
 """
 
 from __future__ import annotations
@@ -28,83 +28,83 @@ from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import ends, joints, parse, remove, root_first
 from raff2urdf.readers.xml_file import read_text
 
-_WORDS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
-_OURS = ("closed_loop", "name_mot", "joint_name")
+_KEYS = ("closed_loop", "type", "name_mot", "joint_name", "joint_type")
+_DISTINCTIVE = ("closed_loop", "name_mot", "joint_name")
 _KINDS = {"6d": "rigid", "3d": "ball"}
 
 
-def beside(path: Path) -> Path | None:
-    """The file of this kind that belongs to a URDF: `<stem>.yaml` or `robot.yaml`; None without any.
+def sidecar_of(path: Path) -> Path | None:
+    """Return the file of this kind for a URDF: `<stem>.yaml` or `robot.yaml`; None if there is none.
 
-    Other programs keep a `<stem>.yaml` of their own beside a URDF: it must hold one of the words that are only ours.
+    Other programs write a `<stem>.yaml` of their own: it must contain one of the keys that only this format has.
     """
     own, shared = path.with_suffix(".yaml"), path.with_name("robot.yaml")
-    if own.is_file() and (own == shared or any(word.encode() in own.read_bytes() for word in _OURS)):
+    if own.is_file() and (own == shared or any(key.encode() in own.read_bytes() for key in _DISTINCTIVE)):
         return own
     return shared if shared.is_file() else None
 
 
 def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
-    """The URDF with the joints that the file asks for, and what else it says.
+    """Return the URDF with the joints that the file asks for, and the constraints that it declares.
 
     Args:
         path: the YAML file.
         urdf: the URDF's text.
-        name: what errors call the URDF.
+        name: of the URDF, in errors.
 
     Raises:
-        RaffError: no such YAML; it names a frame or a joint that the URDF lacks; a type that is none.
-        raff2urdf.RaffError: no URDF.
+        RaffError: not a YAML file of this kind; it names a frame or a joint that the URDF lacks; an unknown type; not
+            a URDF.
     """
-    said = _Said(path)
+    lists = _Lists(path)
     tree = parse(urdf, name)
-    _drop_missing(tree, path.parent, name)
+    _drop_missing_meshes(tree, path.parent, name)
     nodes = root_first(tree)
-    carried = {joint.get("name"): ends(joint)[1] for joint in joints(tree)}  # what a joint's frame moves with
-    became: dict[str, list[str]] = {}
+    children = {joint.get("name"): ends(joint)[1] for joint in joints(tree)}  # what a joint's frame moves with
+    replaced: dict[str, list[str]] = {}
     by_name = {joint.get("name"): joint for joint in joints(tree)}
-    for joint, kind in said.pairs("joint_name", "joint_type"):
-        said.check_word(joint, kind)
+    for joint, kind in lists.pairs("joint_name", "joint_type"):
+        lists.check_scalars(joint, kind)
         if joint.value not in by_name:  # published files name some that are gone, or spelt otherwise
-            message = said.error(joint, f"joint '{joint.value}' is not in the URDF, nothing is replaced", list(by_name))
-            warnings.warn(str(message), RaffWarning, stacklevel=4)
+            message = f"joint '{joint.value}' is not in the URDF, nothing is replaced"
+            warnings.warn(str(lists.error(joint, message, list(by_name))), RaffWarning, stacklevel=4)
             continue
-        became[joint.value] = _replaced(tree, by_name[joint.value], kind, said, name)
-    became |= successive.replace_compound(tree, name, keep_root=True)
+        replaced[joint.value] = _replace(tree, by_name[joint.value], kind, lists, name)
+    replaced |= successive.replace_compound(tree, name, keep_root=True)
     moving = [joint.get("name") for joint in joints(tree) if joint.get("type") not in ("fixed", "floating")]
-    motors = _motors(said, moving, became)
+    actuated = _actuated(lists, moving, replaced)
     loops: list[dict[str, Any]] = []
-    for ends_of, kind in said.pairs("closed_loop", "type"):
-        said.check_word(kind)
+    for pair, kind in lists.pairs("closed_loop", "type"):
+        lists.check_scalars(kind)
         if kind.value.lower() not in _KINDS:
-            raise said.error(kind, f"a loop's type is 3d or 6d, not '{kind.value}'")
-        pair = list(ends_of.value) if isinstance(ends_of, yaml.SequenceNode) else []
-        if len(pair) != 2:
-            raise said.error(ends_of, "a closed loop is a pair of frames")
-        said.check_word(*pair)
-        for end in pair:
-            if end.value not in carried and end.value not in nodes:
-                raise said.error(end, f"no joint or link '{end.value}'", [*carried, *nodes])
-        first, second = (carried.get(end.value, end.value) for end in pair)
+            raise lists.error(kind, f"a loop's type is 3d or 6d, not '{kind.value}'")
+        frames = list(pair.value) if isinstance(pair, yaml.SequenceNode) else []
+        if len(frames) != 2:
+            raise lists.error(pair, "a closed loop is a pair of frames")
+        lists.check_scalars(*frames)
+        for frame in frames:
+            if frame.value not in children and frame.value not in nodes:
+                raise lists.error(frame, f"no joint or link '{frame.value}'", [*children, *nodes])
+        first, second = (children.get(frame.value, frame.value) for frame in frames)
         if first == second:
-            raise said.error(ends_of, f"the loop joins '{first}' with itself")
-        called = f"{pair[0].value}-{pair[1].value}"
-        again = sum(loop["name"].partition("#")[0] == called for loop in loops)
+            raise lists.error(pair, f"the loop joins '{first}' with itself")
+        loop_name = f"{frames[0].value}-{frames[1].value}"
+        again = sum(loop["name"].partition("#")[0] == loop_name for loop in loops)
         loops.append(
             {
-                "name": f"{called}#{again + 1}" if again else called,
+                "name": f"{loop_name}#{again + 1}" if again else loop_name,
                 "kind": _KINDS[kind.value.lower()],
                 "first": {"node": first, "placement": IDENTITY},
                 "second": {"node": second, "placement": IDENTITY},
             }
         )
-    entries = [{"name": joint, **({"actuated": joint in motors} if motors else {})} for joint in moving]
+    entries = [{"name": joint, **({"actuated": joint in actuated} if actuated else {})} for joint in moving]
     text: str = etree.tostring(tree, encoding="unicode")
     return text, {"nodes": nodes, "joints": entries, "loops": loops}
 
 
-def _drop_missing(tree: Any, folder: Path, name: str) -> None:
-    """Such models are handed on without their meshes too: one warning, and they are left out."""
+def _drop_missing_meshes(tree: Any, folder: Path, name: str) -> None:
+    """Remove visuals whose mesh is missing, with one warning: such models are also distributed without meshes."""
     lost = []
     for visual in list(tree.iter("visual")):
         mesh = visual.find("geometry/mesh")
@@ -120,8 +120,8 @@ def _drop_missing(tree: Any, folder: Path, name: str) -> None:
         warnings.warn(f"{lost[0]}{more}: left out", RaffWarning, stacklevel=5)
 
 
-def _replaced(tree: Any, joint: Any, kind: Any, said: _Said, name: str) -> list[str]:
-    """Replaces a joint of the URDF; names of those it became."""
+def _replace(tree: Any, joint: Any, kind: Any, lists: _Lists, name: str) -> list[str]:
+    """Replace a joint of the URDF; return the names of the joints that replace it."""
     word = str(kind.value).upper()
     axes = re.fullmatch("UJOINT_([XYZ])([XYZ])", word)
     if word == "FIXED":
@@ -130,72 +130,71 @@ def _replaced(tree: Any, joint: Any, kind: Any, said: _Said, name: str) -> list[
     if word == "SPHERICAL":
         return successive.replace(tree, joint, successive.SPHERICAL, name)
     if axes is None or axes[1] == axes[2]:
-        raise said.error(kind, f"a joint's type is SPHERICAL, FIXED or UJOINT_XY (any two axes), not '{kind.value}'")
-    return successive.replace(tree, joint, [successive.TURNS[axis] for axis in axes.groups()], name)
+        raise lists.error(kind, f"a joint's type is SPHERICAL, FIXED or UJOINT_XY (any two axes), not '{kind.value}'")
+    return successive.replace(tree, joint, [successive.ROTATIONS[axis] for axis in axes.groups()], name)
 
 
-def _motors(said: _Said, moving: list[str], became: Mapping[str, list[str]]) -> set[str]:
-    """Names of the joints with a motor; of one that became several, all."""
-    motors: set[str] = set()
-    for entry in said.entries("name_mot"):
-        said.check_word(entry)
-        found = became.get(entry.value, [entry.value])
+def _actuated(lists: _Lists, moving: list[str], replaced: Mapping[str, list[str]]) -> set[str]:
+    """Return the names of the actuated joints; of a joint that was replaced, all that replace it."""
+    actuated: set[str] = set()
+    for entry in lists.entries("name_mot"):
+        lists.check_scalars(entry)
+        found = replaced.get(entry.value, [entry.value])
         for joint in found:
             if joint not in moving:
-                raise said.error(entry, f"the motor '{joint}' is no joint that moves", moving)
-        motors |= set(found)
-    return motors
+                raise lists.error(entry, f"the actuated joint '{joint}' is no joint that moves", moving)
+        actuated |= set(found)
+    return actuated
 
 
-class _Said:
-    """The YAML, with the line of each of its words."""
+class _Lists:
+    """The lists of the YAML file, with the line of each entry."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
             root = yaml.compose(read_text(path), yaml.SafeLoader)
         except RecursionError:
-            raise RaffError(f"{path}:1: its lists stand in one another too deeply") from None
+            raise RaffError(f"{path}:1: its lists are nested too deeply") from None
         except yaml.YAMLError as error:
             line = getattr(getattr(error, "problem_mark", None), "line", 0) + 1
-            raise RaffError(
-                f"{path}:{line}: no YAML: {' '.join(str(getattr(error, 'problem', error)).split())}"
-            ) from None
+            problem = " ".join(str(getattr(error, "problem", error)).split())
+            raise RaffError(f"{path}:{line}: invalid YAML: {problem}") from None
         self.values: dict[str, Any] = {}
         if not isinstance(root, yaml.MappingNode):
-            raise RaffError(f"{path}:1: it must say closed_loop, type and name_mot, each with a list")
-        for word, value in root.value:
-            self.check_word(word)
-            if word.value not in _WORDS:
-                raise self.error(word, f"'{word.value}' is none of its words", list(_WORDS))
-            if word.value in self.values:
-                raise self.error(word, f"'{word.value}' is said a second time")
-            self.values[word.value] = value
+            raise RaffError(f"{path}:1: it must hold closed_loop, type and name_mot, each with a list")
+        for key, value in root.value:
+            self.check_scalars(key)
+            if key.value not in _KEYS:
+                raise self.error(key, f"unknown key '{key.value}'", list(_KEYS))
+            if key.value in self.values:
+                raise self.error(key, f"the key '{key.value}' is repeated")
+            self.values[key.value] = value
 
-    def entries(self, word: str) -> list[Any]:
-        """The entries of a list; none if it is left out."""
-        value = self.values.get(word)
+    def entries(self, key: str) -> list[Any]:
+        """Return the entries of a list; none if it is left out."""
+        value = self.values.get(key)
         if value is None or value.value in ("", "null", "~"):
             return []
         if not isinstance(value, yaml.SequenceNode):
-            raise self.error(value, f"{word} must be a list")
+            raise self.error(value, f"{key} must be a list")
         return list(value.value)
 
-    def check_word(self, *nodes: Any) -> None:
-        """Raises RaffError where one of them is a list or a mapping."""
+    def check_scalars(self, *nodes: Any) -> None:
+        """Raise RaffError if one of them is a list or a mapping."""
         for node in nodes:
             if not isinstance(node, yaml.ScalarNode):
-                raise self.error(node, "here must stand a word, not a list")
+                raise self.error(node, "this must be a word, not a list")
 
-    def pairs(self, word: str, other: str) -> list[tuple[Any, Any]]:
-        """The entries of two lists that belong together."""
-        first, second = self.entries(word), self.entries(other)
+    def pairs(self, key: str, other: str) -> list[tuple[Any, Any]]:
+        """Return the corresponding entries of two lists."""
+        first, second = self.entries(key), self.entries(other)
         if len(first) != len(second):
-            at = self.values[other if other in self.values else word]
-            raise self.error(at, f"{word} has {len(first)} entries and {other} {len(second)}: one for each is wanted")
+            at = self.values[other if other in self.values else key]
+            raise self.error(at, f"{key} has {len(first)} entries and {other} {len(second)}: they must correspond")
         return list(zip(first, second, strict=True))
 
     def error(self, node: Any, message: str, known: list[str] | None = None) -> RaffError:
-        """What to raise: message, with the node's line, and what exists."""
+        """Return an error with the node's line, and with similar or known names."""
         near = did_you_mean(str(node.value), known) if known else ""
         return RaffError(f"{self.path}:{node.start_mark.line + 1}: {message}{near}")

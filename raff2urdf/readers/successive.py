@@ -1,46 +1,42 @@
-"""Joints of several freedoms, written as successive joints of one freedom each.
+"""Replace joints of several degrees of freedom by successive joints of one each.
 
-    planar      two slides in the plane, then a turn about its normal
-    spherical   turns about x, y and z
-    floating    three slides, then turns about x, y and z
-    universal   turns about two axes
+    planar      two translations in the plane, then a rotation about its normal
+    spherical   rotations about x, y and z
+    floating    translations along x, y and z, then rotations about them
+    universal   rotations about two axes
 
-The same motions, exactly; but three turns in a row lose a direction where the middle one stands at 90 degrees.
+The motions are exactly the same; but three successive rotations are singular where the middle one is 90 degrees.
 """
 
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from lxml import etree
 
-from raff2urdf.errors import RaffError
-from raff2urdf.readers.urdf import joints, links, parse, remove, three
+from raff2urdf.placement import with_z
+from raff2urdf.readers.urdf import axis, joints, links, parse, remove
+from raff2urdf.readers.xml_file import error_at
 
 Step = tuple[str, str, Sequence[float]]
-"""What a joint's name gets behind it, the joint's type, and its axis."""
+"""Suffix of a joint's name, the joint's type, and its axis."""
 
-_X, _Y, _Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-TURNS: Mapping[str, Step] = {
-    "X": ("X", "continuous", _X),
-    "Y": ("Y", "continuous", _Y),
-    "Z": ("Z", "continuous", _Z),
-}
-SLIDES: tuple[Step, ...] = (("TX", "prismatic", _X), ("TY", "prismatic", _Y), ("TZ", "prismatic", _Z))
-SPHERICAL: tuple[Step, ...] = tuple(TURNS.values())
+_AXES: Mapping[str, Sequence[float]] = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
+ROTATIONS: Mapping[str, Step] = {letter: (letter, "continuous", vector) for letter, vector in _AXES.items()}
+TRANSLATIONS: tuple[Step, ...] = tuple((f"T{letter}", "prismatic", vector) for letter, vector in _AXES.items())
+SPHERICAL: tuple[Step, ...] = tuple(ROTATIONS.values())
 
-_FAR = "1e9"  # what a URDF says of a slide without limits
+_FAR = "1e9"  # limit of a prismatic joint without limits in a URDF
 
 
 def moving(text: str, name: str) -> dict[str, str]:
-    """Types of the joints of a URDF that move, once each is one number: revolute or prismatic, by name.
+    """Return the types, revolute or prismatic, of the moving joints of a URDF by name, once each has one variable.
 
     Raises:
-        RaffError: no URDF.
+        RaffError: not a URDF.
     """
     tree = parse(text, name)
     replace_compound(tree, name, keep_root=True)
@@ -52,46 +48,48 @@ def moving(text: str, name: str) -> dict[str, str]:
 
 
 def replace_compound(tree: Any, name: str, keep_root: bool) -> dict[str, list[str]]:
-    """Replaces all planar, spherical and floating joints of a URDF.
+    """Replace all planar, spherical and floating joints of a URDF.
 
     Args:
         tree: the URDF's root; changed.
-        name: what errors call it.
-        keep_root: leave a floating joint alone that lets the whole robot move: the only one at its root.
+        name: of the file, in errors.
+        keep_root: leave a floating joint that lets the whole robot move: the only one at its root.
 
     Returns:
-        the joints that were replaced, each with the names of those that it became.
+        the joints that were replaced, each with the names of the joints that replace it.
     """
     replaced: dict[str, list[str]] = {}
     for joint in joints(tree):
         kind = joint.get("type")
-        if kind == "floating" and keep_root and is_root(tree, joint):
-            continue
-        own = str(joint.get("name"))
         if kind == "planar":
-            replaced[own] = replace(tree, joint, _planar(joint, name), name)
+            normal = axis(joint, name)
+            x, y, z = with_z(normal / np.linalg.norm(normal)).T.tolist()
+            steps: Sequence[Step] = (("TX", "prismatic", x), ("TY", "prismatic", y), ("Z", "continuous", z))
         elif kind == "spherical":
-            replaced[own] = replace(tree, joint, SPHERICAL, name)
-        elif kind == "floating":
-            replaced[own] = replace(tree, joint, (*SLIDES, *SPHERICAL), name)
+            steps = SPHERICAL
+        elif kind == "floating" and not (keep_root and is_root(tree, joint)):
+            steps = (*TRANSLATIONS, *SPHERICAL)
+        else:
+            continue
+        replaced[str(joint.get("name"))] = replace(tree, joint, steps, name)
     return replaced
 
 
 def is_root(tree: Any, joint: Any) -> bool:
-    """Whether a joint is the only one on a link that stands on nothing."""
+    """Return whether a joint is the only one at a link without a parent."""
     parent = joint.find("parent").get("link")
     others = [other for other in joints(tree) if other is not joint]
     return all(parent not in (other.find("parent").get("link"), other.find("child").get("link")) for other in others)
 
 
 def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str]:
-    """Replaces a joint by successive ones, each named after it; between them stand empty links.
+    """Replace a joint by successive ones, each named after it, with empty links between them.
 
     Args:
         tree: the URDF's root; changed.
-        joint: an element of it. It becomes the last of the successive joints.
+        joint: an element of it.
         steps: the joints, from the parent on.
-        file: what errors call the URDF.
+        file: name of the URDF, in errors.
 
     Returns:
         names of the successive joints.
@@ -105,40 +103,23 @@ def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str
     for name in names:
         if name in taken:
             what = f"joint '{own}' can't be written as successive joints: the name '{name}' is taken"
-            raise RaffError(f"{file}:{joint.sourceline}: {what}")
+            raise error_at(file, joint, what)
     parent, start = joint.find("parent").get("link"), joint.find("origin")
-    at = joint.getparent().index(joint)
-    for i, (name, (_, kind, axis)) in enumerate(zip(names, steps, strict=True)):
-        last = i == len(steps) - 1
-        made = etree.Element("joint", name=name, type=kind)
-        etree.SubElement(made, "parent", link=parent)
-        etree.SubElement(made, "child", link=joint.find("child").get("link") if last else name)
-        if i == 0 and start is not None:
-            made.append(copy.deepcopy(start))
-        etree.SubElement(made, "axis", xyz=" ".join(repr(float(x)) for x in axis))
+    made: list[Any] = []
+    for name, (_, kind, vector) in zip(names, steps, strict=True):
+        last = name == names[-1]
+        element = etree.Element("joint", name=name, type=kind)
+        etree.SubElement(element, "parent", link=parent)
+        etree.SubElement(element, "child", link=joint.find("child").get("link") if last else name)
+        if not made and start is not None:
+            element.append(copy.deepcopy(start))
+        etree.SubElement(element, "axis", xyz=" ".join(repr(float(x)) for x in vector))
         if kind == "prismatic":
-            etree.SubElement(made, "limit", lower=f"-{_FAR}", upper=_FAR, effort=_FAR, velocity=_FAR)
-        made.sourceline = joint.sourceline
-        joint.getparent().insert(at, made)
-        at += 1
-        if not last:
-            joint.getparent().insert(at, etree.Element("link", name=name))
-            at += 1
+            etree.SubElement(element, "limit", lower=f"-{_FAR}", upper=_FAR, effort=_FAR, velocity=_FAR)
+        element.sourceline = joint.sourceline
+        made += [element] if last else [element, etree.Element("link", name=name)]
         parent = name
+    for element in made:
+        joint.addprevious(element)
     remove(joint)
     return names
-
-
-def _planar(joint: Any, name: str) -> tuple[Step, ...]:
-    """Slides along two directions at right angles to the axis, and a turn about it."""
-    axis = joint.find("axis")
-    normal = np.array((1.0, 0.0, 0.0) if axis is None else three(axis, "xyz", name, "1 0 0"))
-    normal = normal / math.hypot(*normal)
-    aside = np.array(_X if abs(normal[0]) < 0.9 else _Y)
-    first = aside - normal * float(normal @ aside)
-    first = first / math.hypot(*first)
-    return (
-        ("TX", "prismatic", first.tolist()),
-        ("TY", "prismatic", np.cross(normal, first).tolist()),
-        ("Z", "continuous", normal.tolist()),
-    )

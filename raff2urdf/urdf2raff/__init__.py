@@ -1,1 +1,1 @@
-"""The way back: from a URDF to RAFF."""
+"""Convert robots of other formats to RAFF."""

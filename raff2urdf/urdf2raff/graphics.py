@@ -1,13 +1,14 @@
-"""The graphics of a URDF for a RAFF file.
+"""Convert the graphics of a URDF to those of a RAFF file.
 
-RAFF names graphic files, in the file's unit of length and in the node's own frame. A mesh that is just that is named as
-it is. All else (shapes, and meshes that are placed, scaled or coloured) is written into one GLB for each link, which
-holds colours. What raff2urdf draws itself where a RAFF file names nothing is left out.
+RAFF names graphic files, in the file's unit of length and in the node's own frame. A mesh that has both is named as it
+is. Everything else (shapes, and meshes that are placed, scaled or coloured) is written into one GLB for each link, with
+its colours. Shapes that raff2urdf draws itself if a RAFF file names no graphics are left out.
 """
 
 from __future__ import annotations
 
 import os
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,8 +22,8 @@ from raff2urdf.errors import RaffError
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import find
 from raff2urdf.graphics.skeleton import SkeletonDrawing
-from raff2urdf.placement import from_origin
 from raff2urdf.readers.urdf import links, numbers, origin, three
+from raff2urdf.readers.xml_file import error_at
 
 Array = NDArray[np.float64]
 
@@ -30,60 +31,59 @@ _NEAR = 1e-5  # of its size: a shape that differs from the skeleton's by less is
 
 
 def units_of(tree: Any) -> str:
-    """The unit that most meshes of a URDF are in: mm unless their scales say another."""
-    counted: dict[str, int] = {}
-    for visual in tree.iter("visual"):
-        for mesh in visual.iter("mesh"):
-            scale = numbers(mesh.get("scale", "1 1 1")) or [0.0]
-            for unit, per_metre in UNITS_PER_METRE.items():
-                if all(abs(value * per_metre - 1.0) <= 1e-9 for value in scale):
-                    counted[unit] = counted.get(unit, 0) + 1
+    """Return the unit of most meshes of a URDF, according to their scales; mm by default."""
+    counted: Counter[str] = Counter()
+    for mesh in tree.iterfind(".//visual//mesh"):
+        scale = numbers(mesh.get("scale", "1 1 1")) or [0.0]
+        counted.update(u for u, per in UNITS_PER_METRE.items() if all(abs(v * per - 1.0) <= 1e-9 for v in scale))
     return max(counted, key=counted.__getitem__, default="mm")
 
 
-class Carried:
+class GraphicsExport:
     """The graphics of one URDF.
 
     Args:
         tree: its root element.
-        name: what errors call it.
-        folder: its own; its meshes are looked for from there.
+        name: of the file, in errors.
+        folder: of the URDF; its meshes are looked for relative to it.
         out: the folder of the RAFF file.
-        stem: of the RAFF file's name: what is written goes to `<stem>_graphics` beside it.
+        stem: of the RAFF file's name: graphics are written to the folder `<stem>_graphics` next to it.
 
     Attributes:
-        written: files to be written, with their bytes.
+        files: files to be written, with their contents.
     """
 
     def __init__(self, tree: Any, name: str, folder: Path, out: Path, stem: str) -> None:
         self.name, self.folder, self.out, self.stem = name, folder, out, stem
         self.links = {link.get("name"): link for link in links(tree)}
         self.colours = {m.get("name"): _rgba(m) for m in tree.iterchildren("material") if m.find("color") is not None}
-        self.written: dict[Path, bytes] = {}
+        self.files: dict[Path, bytes] = {}
 
     def robot(self, document: Document, nodes: Mapping[str, str]) -> RaffRobot:
-        """The document's robot with the graphic files of its nodes.
+        """Return the document's robot with the graphic files of its nodes.
 
         Args:
             document: with the robot, without graphics.
             nodes: the URDF's links -> the robot's nodes.
 
         Raises:
-            RaffError: a mesh is missing, can't be read, or lies where it must not: with its line.
+            RaffError: a mesh is missing, can't be read, or is outside the folders that may be read: with its line.
         """
         robot = document.robot()
         skeleton = SkeletonDrawing(document, robot)
         per_metre = UNITS_PER_METRE[document.units]
-        drawn = {part.node: skeleton.draw(part) for part in (robot.base, *robot.parts)}
-        seen: dict[str, list[Any]] = {node: [] for node in drawn}
+        visuals: dict[str, list[Any]] = {node.node: [] for node in (robot.base, *robot.parts)}
         for link, node in nodes.items():
-            seen[node] += self.links[link].iterchildren("visual")
-        files: dict[str, tuple[str, ...] | None] = {}
-        for node, visuals in seen.items():
-            plain = not any(seen.values()) or self._as_drawn(visuals, drawn[node])
-            files[node] = None if plain else tuple(self._files(visuals, node, per_metre))
-        base = replace(robot.base, filenames=files["base"])
-        return replace(robot, base=base, parts=tuple(replace(p, filenames=files[p.node]) for p in robot.parts))
+            visuals[node] += self.links[link].iterchildren("visual")
+        bare = not any(visuals.values())
+
+        def with_files(node: Any) -> Any:
+            own = visuals[node.node]
+            if bare or self._is_skeleton(own, skeleton.draw(node)):
+                return node
+            return replace(node, filenames=tuple(self._files(own, node.node, per_metre)))
+
+        return replace(robot, base=with_files(robot.base), parts=tuple(map(with_files, robot.parts)))
 
     def _files(self, visuals: Sequence[Any], node: str, per_metre: float) -> list[str]:
         named, baked = [], []
@@ -96,7 +96,7 @@ class Carried:
                 baked.append(visual)
         if baked:
             file = f"{self.stem}_graphics/{node}.glb"
-            self.written[self.out / file] = self._glb(baked, per_metre)
+            self.files[self.out / file] = self._glb(baked, per_metre)
             named.append(file)
         return named
 
@@ -104,19 +104,18 @@ class Carried:
         try:
             return find(mesh.get("filename", ""), self.folder)
         except RaffError as error:
-            raise RaffError(f"{self.name}:{mesh.sourceline}: {error}") from None
+            raise error_at(self.name, mesh, str(error)) from None
 
     def _is_plain(self, visual: Any, mesh: Any, path: Path, per_metre: float) -> bool:
-        """Whether a file can be named as it is."""
+        """Return whether a file can be named as it is."""
         scale = np.array(three(mesh, "scale", self.name, "1 1 1")) * per_metre
-        placed = from_origin(*origin(visual, self.name))
         return bool(
             path.suffix.lower() in (*SHOWN, *CONVERTED)
             and np.abs(scale - 1.0).max() <= 1e-9
-            and np.array_equal(placed, np.eye(4))
+            and np.array_equal(origin(visual, self.name), np.eye(4))
             and self._colour(visual) is None
             and '"' not in str(path)
-            and len(self._scene(mesh).geometry)  # so that what can't be read is told now
+            and len(self._scene(mesh).geometry)  # report an unreadable file now
         )
 
     def _glb(self, visuals: Sequence[Any], per_metre: float) -> bytes:
@@ -124,7 +123,7 @@ class Carried:
 
         scene = trimesh.Scene()
         for i, visual in enumerate(visuals):
-            placed, colour = from_origin(*origin(visual, self.name)), self._colour(visual)
+            placed, colour = origin(visual, self.name), self._colour(visual)
             for j, mesh in enumerate(self._meshes(visual)):
                 mesh.apply_transform(placed)
                 mesh.apply_scale(per_metre)
@@ -136,20 +135,17 @@ class Carried:
         return content
 
     def _meshes(self, visual: Any) -> list[Any]:
-        """The shape of a visual in the visual's frame, metres."""
+        """Return the shape of a visual in the visual's frame, metres."""
         import trimesh
 
-        shape = (
-            next(iter(visual.find("geometry").iterchildren("*")), None) if visual.find("geometry") is not None else None
-        )
+        shape = _shape(visual)
         if shape is None:
-            raise RaffError(f"{self.name}:{visual.sourceline}: a visual without a shape")
+            raise error_at(self.name, visual, "a visual without a shape")
         if shape.tag == "mesh":
             scale = np.array(three(shape, "scale", self.name, "1 1 1"))
-            stretch = np.diag([*scale, 1.0])
             found = [mesh for mesh in self._scene(shape).dump() if isinstance(mesh, trimesh.Trimesh)]
             for mesh in found:
-                mesh.apply_transform(stretch)
+                mesh.apply_transform(np.diag([*scale, 1.0]))
             return found
         if shape.tag == "box":
             return [trimesh.creation.box(extents=three(shape, "size", self.name))]
@@ -158,13 +154,13 @@ class Carried:
         if shape.tag in ("cylinder", "capsule"):
             make = getattr(trimesh.creation, shape.tag)
             return [make(radius=self._length(shape, "radius"), height=self._length(shape, "length"))]
-        raise RaffError(f"{self.name}:{shape.sourceline}: the shape <{shape.tag}> is none of URDF's")
+        raise error_at(self.name, shape, f"the shape <{shape.tag}> is not in URDF")
 
     def _length(self, shape: Any, word: str) -> float:
         found = numbers(shape.get(word, ""))
         if found is None or len(found) != 1 or found[0] <= 0.0:
             message = f'{word}="{shape.get(word)}" of <{shape.tag}> must be a number above 0'
-            raise RaffError(f"{self.name}:{shape.sourceline}: {message}")
+            raise error_at(self.name, shape, message)
         return found[0]
 
     def _scene(self, mesh: Any) -> Any:
@@ -175,9 +171,9 @@ class Carried:
             scene = trimesh.load_scene(path)
             if scene.is_empty:
                 raise ValueError("it holds no surface")
-        except Exception as error:  # every reader has errors of its own
-            said = " ".join(str(error).split()) or type(error).__name__
-            raise RaffError(f"{self.name}:{mesh.sourceline}: the mesh '{path}' can't be read: {said[:200]}") from None
+        except Exception as error:  # each reader has its own errors
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise error_at(self.name, mesh, f"the mesh '{path}' can't be read: {reason[:200]}") from None
         return scene
 
     def _colour(self, visual: Any) -> tuple[float, ...] | None:
@@ -186,33 +182,36 @@ class Carried:
             return None
         return _rgba(material) or self.colours.get(material.get("name"))
 
-    def _as_drawn(self, visuals: Sequence[Any], drawn: Sequence[Any]) -> bool:
-        """Whether shapes are those that raff2urdf draws where no file is named."""
-        if len(visuals) != len(drawn):
-            return False
-        return all(self._like(visual, own) for visual, own in zip(visuals, drawn, strict=True))
+    def _is_skeleton(self, visuals: Sequence[Any], drawn: Sequence[Any]) -> bool:
+        """Return whether shapes are those that raff2urdf draws if no file is named."""
+        return len(visuals) == len(drawn) and all(map(self._is_like, visuals, drawn))
 
-    def _like(self, visual: Any, drawn: Any) -> bool:
-        geometry = visual.find("geometry")
-        shape = None if geometry is None else next(iter(geometry.iterchildren("*")), None)
-        own = next((k, v) for k, v in vars(drawn.geometry).items() if v is not None)
-        if shape is None or shape.tag != own[0]:
+    def _is_like(self, visual: Any, drawn: Any) -> bool:
+        shape = _shape(visual)
+        kind, own = next((k, v) for k, v in vars(drawn.geometry).items() if v is not None)
+        if shape is None or shape.tag != kind:
             return False
-        said = [numbers(shape.get(word, "")) for word in ("size", "radius", "length") if shape.get(word)]
-        want = [np.ravel(getattr(own[1], word)) for word in ("size", "radius", "length") if hasattr(own[1], word)]
-        if len(said) != len(want) or any(a is None or len(a) != len(b) for a, b in zip(said, want, strict=True)):
+        words = [word for word in ("size", "radius", "length") if hasattr(own, word)]
+        found = [numbers(shape.get(word, "nan")) or [] for word in words]
+        expected = [np.ravel(getattr(own, word)) for word in words]
+        if any(len(a) != len(b) for a, b in zip(found, expected, strict=True)):
             return False
-        size = max(float(np.abs(b).max()) for b in want)
-        placed = from_origin(*origin(visual, self.name)) - (np.eye(4) if drawn.origin is None else drawn.origin)
-        sizes = max(float(np.abs(np.array(a) - b).max()) for a, b in zip(said, want, strict=True))
+        sizes = np.concatenate(expected)
+        size = float(np.abs(sizes).max())
+        placed = origin(visual, self.name) - (np.eye(4) if drawn.origin is None else drawn.origin)
         colour = self._colour(visual)
         return bool(
-            sizes <= _NEAR * size
+            np.abs(np.concatenate(found) - sizes).max() <= _NEAR * size
             and np.abs(placed[:3, :3]).max() <= _NEAR
             and np.abs(placed[:3, 3]).max() <= _NEAR * size
             and colour is not None
             and np.abs(np.array(colour) - drawn.material.color.rgba).max() <= 1.0 / 255.0
         )
+
+
+def _shape(visual: Any) -> Any:
+    geometry = visual.find("geometry")
+    return None if geometry is None else next(iter(geometry.iterchildren("*")), None)
 
 
 def _rgba(material: Any) -> tuple[float, ...] | None:

@@ -1,1 +1,1 @@
-"""Robots as simulators want them: with masses, at home, loops in the format's own words."""
+"""Writers of URDF and of simulators' formats: with masses, at home, loops in the format's own elements."""

@@ -1,17 +1,19 @@
-"""Mass, centre and moments of inertia of links, estimated from their graphics: RAFF says nothing about masses.
+"""Mass, centre and moments of inertia of links, estimated from their graphics: RAFF has no masses.
 
-A link is taken to be solid, of one density, as its graphics draw it. Boxes, cylinders and balls are exact; a mesh that
-encloses a volume is exact too, any other one counts as its convex hull. Where shapes of one link overlap, what they
-share counts twice.
+A link is treated as solid, of one density, in the shape of its graphics. Boxes, cylinders and balls are exact; a mesh
+that encloses a volume is exact too, any other one counts as its convex hull. Where shapes of one link overlap, their
+intersection counts twice.
 
-Moments are kept as second moments of mass, S = integral of x x^T dm about the centre, since any S without negative
-eigenvalues is an inertia that some body has; the inertia matrix is tr(S) - S.
+Moments are kept as second moments of mass, S = integral of x x^T dm about the centre: every S without negative
+eigenvalues is the inertia of some body. The inertia matrix is tr(S) - S.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,34 +21,23 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.formats import DENSITY
 
 Array = NDArray[np.float64]
 
-DENSITY = 1000.0
-"""kg/m3 where nothing else is asked for: water's, nearly that of plastics. A bar of it weighs what a tube of aluminium
-does whose wall is a fifth of its radius."""
-
 LEAST_MASS = 1e-9
-"""kg that a body has at least if it moves: simulators refuse it without."""
+"""Least mass of a body that moves, kg: simulators refuse a body without mass."""
 
 LEAST_MOMENT = 1e-13
-"""kg m2 that it has at least, about any axis through its centre."""
+"""Least moment of inertia of a body that moves, about any axis through its centre, kg m2."""
 
 Reader = Callable[[str], Any]
-"""Gives the surface behind the name of a mesh, in the mesh's own unit: a trimesh.Trimesh."""
-
-
-def _no_second() -> Array:
-    return np.zeros((3, 3))
-
-
-def _no_centre() -> Array:
-    return np.zeros(3)
+"""Returns the surface of a mesh by its name, in the mesh's own unit: a trimesh.Trimesh."""
 
 
 @dataclass(frozen=True)
 class Inertia:
-    """What a body's motion needs forces for, seen from the body's own axes.
+    """Mass, centre and second moments of a body, in the body's own axes.
 
     Attributes:
         mass: kg.
@@ -55,27 +46,27 @@ class Inertia:
     """
 
     mass: float = 0.0
-    centre: Array = field(default_factory=_no_centre)
-    second: Array = field(default_factory=_no_second)
+    centre: Array = field(default_factory=lambda: np.zeros(3))
+    second: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     @property
     def matrix(self) -> Array:
-        """(3, 3) inertia matrix about the centre, kg m2."""
+        """Inertia matrix (3, 3) about the centre, kg m2."""
         return np.asarray(np.trace(self.second) * np.eye(3) - self.second)
 
     @classmethod
-    def of_matrix(cls, mass: float, centre: Array, matrix: Array) -> Inertia:
-        """The same from an inertia matrix (3, 3) about the centre."""
+    def from_matrix(cls, mass: float, centre: Array, matrix: Array) -> Inertia:
+        """Return the inertia of a body from its inertia matrix (3, 3) about the centre."""
         return cls(mass, centre, 0.5 * np.trace(matrix) * np.eye(3) - matrix)
 
-    def seen_from(self, placement: Array) -> Inertia:
-        """The same body in other axes, from which its own stand at `placement` (4, 4)."""
+    def in_frame(self, placement: Array) -> Inertia:
+        """Return the inertia in another frame, in which the body's own is at `placement` (4, 4)."""
         rotation = placement[:3, :3]
         second = rotation @ self.second @ rotation.T
         return Inertia(self.mass, rotation @ self.centre + placement[:3, 3], (second + second.T) / 2.0)
 
     def __add__(self, other: Inertia) -> Inertia:
-        """Both bodies as one, by the parallel axes theorem."""
+        """Return the inertia of both bodies together, by the parallel axes theorem."""
         mass = self.mass + other.mass
         if mass <= 0.0:
             return self
@@ -88,11 +79,11 @@ class Inertia:
         )
 
     def share(self, part: float) -> Inertia:
-        """So much of the body, everywhere alike."""
+        """Return the inertia of a part of the body with the same distribution of mass."""
         return Inertia(part * self.mass, self.centre, part * self.second)
 
     def at_least(self, mass: float, moment: float) -> Inertia:
-        """The same body, with its mass raised to this, and its moments so far that none about its centre is less."""
+        """Return the inertia with at least this mass (kg) and moment about every axis through the centre (kg m2)."""
         lacking = moment - float(np.linalg.eigvalsh(self.matrix)[0])
         second = self.second + max(0.0, lacking) / 2.0 * np.eye(3)
         return Inertia(max(self.mass, mass), self.centre, second)
@@ -103,28 +94,28 @@ class Inertias:
     """The inertia of every link of a robot.
 
     Attributes:
-        links: by name. Links without a volume have none; others, and those that move together with what is fixed on
-            them, have at least `LEAST_MASS` and `LEAST_MOMENT`.
-        density: kg/m3 with which they were estimated.
-        said: links whose inertia the file itself says.
-        raised: links that were raised to the least.
+        links: by name. Links without a volume have none; others, and bodies that move, have at least `LEAST_MASS` and
+            `LEAST_MOMENT`.
+        density: of the estimates, kg/m3.
+        given: links whose inertia the URDF gives.
+        raised: links that were raised to the least values.
     """
 
     links: Mapping[str, Inertia]
     density: float
-    said: tuple[str, ...] = ()
+    given: tuple[str, ...] = ()
     raised: tuple[str, ...] = ()
 
     def sentence(self) -> str:
-        """How they came about, for a comment in a file."""
+        """Return their origin in words, for a comment in a file."""
         parts = []
-        if len(self.said) < len(self.links):
+        if len(self.given) < len(self.links):
             parts.append(f"Masses are estimated from the graphics, as solid bodies of {self.density:g} kg/m3.")
-        if self.said:
-            parts.append(f"Masses of {', '.join(self.said)} are the file's own.")
+        if self.given:
+            parts.append(f"Masses of {', '.join(self.given)} are those of the file.")
         if self.raised:
             parts.append(
-                f"Raised to {LEAST_MASS:g} kg and {LEAST_MOMENT:g} kg m2, the least that simulators take: "
+                f"Raised to {LEAST_MASS:g} kg and {LEAST_MOMENT:g} kg m2, the least that simulators accept: "
                 f"{', '.join(self.raised)}."
             )
         return " ".join(parts)
@@ -132,21 +123,23 @@ class Inertias:
 
 def inertias(
     model: yourdfpy.Robot,
-    density: float = DENSITY,
+    density: float | None = None,
     read: Reader | None = None,
     moving: Iterable[tuple[str, Iterable[tuple[str, Array]]]] = (),
 ) -> Inertias:
-    """The inertia of every link: as the URDF says, or else estimated from its graphics.
+    """Return the inertia of every link: that of the URDF, or else an estimate from its graphics.
 
     Args:
         model: the robot's tree.
-        density: of what the links are made of, kg/m3.
-        read: reads a mesh by its name; as a file unless said.
-        moving: the bodies that move: of each, the link that bears it, and the links fixed on it with their placements.
+        density: of the links, kg/m3; `DENSITY` if None.
+        read: reads a mesh by its name; by default, as a file.
+        moving: the bodies that move: of each, the link that represents it, and the links fixed to it with their
+            placements.
 
     Raises:
         RaffError: the density is no number above 0.
     """
+    density = DENSITY if density is None else density
     if not (np.isfinite(density) and density > 0.0):
         raise RaffError(f"a density of {density:g} kg/m3: it must be a number above 0")
     surfaces: dict[str, Any] = {}
@@ -157,32 +150,32 @@ def inertias(
         return surfaces[name]
 
     found: dict[str, Inertia] = {}
-    said: list[str] = []
+    given: list[str] = []
     for link in model.links:
         own = _of_urdf(link.inertial)
         if own is not None:
-            said.append(link.name)
+            given.append(link.name)
         found[link.name] = own if own is not None else sum_of(_of_visual(v, density, surface) for v in link.visuals)
     raised: dict[str, None] = {}
     for name, body in found.items():
-        if body.mass > 0.0 and name not in said:
+        if body.mass > 0.0 and name not in given:
             found[name] = enough = body.at_least(LEAST_MASS, LEAST_MOMENT)
             if enough.mass > body.mass or np.trace(enough.second) > np.trace(body.second):
                 raised[name] = None
-    for bearer, fixed in moving:
-        whole = found[bearer] + sum_of(found[name].seen_from(placement) for name, placement in fixed)
+    for carrier, fixed in moving:
+        whole = found[carrier] + sum_of(found[name].in_frame(placement) for name, placement in fixed)
         enough = whole.at_least(LEAST_MASS, LEAST_MOMENT)
         if enough.mass > whole.mass or np.trace(enough.second) > np.trace(whole.second):
-            own = found[bearer]
-            found[bearer] = Inertia(
+            own = found[carrier]
+            found[carrier] = Inertia(
                 own.mass + enough.mass - whole.mass, own.centre, own.second + enough.second - whole.second
             )
-            raised[bearer] = None
-    return Inertias(found, density, tuple(said), tuple(raised))
+            raised[carrier] = None
+    return Inertias(found, density, tuple(given), tuple(raised))
 
 
 def sum_of(bodies: Iterable[Inertia]) -> Inertia:
-    """Several bodies as one."""
+    """Return the inertia of several bodies together."""
     total = Inertia()
     for body in bodies:
         total = body + total if total.mass <= 0.0 else total + body
@@ -190,7 +183,7 @@ def sum_of(bodies: Iterable[Inertia]) -> Inertia:
 
 
 def of_geometry(geometry: yourdfpy.Geometry, density: float, surface: Reader | None = None) -> Inertia:
-    """A URDF's shape as a solid body, in the shape's own axes."""
+    """Return the inertia of a URDF's shape as a solid body, in the shape's own axes."""
     if geometry.box is not None:
         size = np.asarray(geometry.box.size, dtype=float)
         mass = density * float(np.prod(size))
@@ -210,12 +203,12 @@ def of_geometry(geometry: yourdfpy.Geometry, density: float, surface: Reader | N
 
 
 def of_surface(mesh: Any, density: float, scale: Any = 1.0) -> Inertia:
-    """What a mesh (trimesh.Trimesh) encloses, or its convex hull if it has holes; nothing if that is flat."""
+    """Return the inertia of the volume of a mesh (trimesh.Trimesh), or of its convex hull if it has holes."""
     from scipy.spatial import QhullError
 
     mesh = mesh.copy()
     mesh.apply_scale(scale)
-    with np.errstate(invalid="ignore", divide="ignore"):  # a surface that encloses nothing has no centre
+    with np.errstate(invalid="ignore", divide="ignore"):  # of a surface that encloses nothing
         if not mesh.is_volume:
             try:
                 mesh = mesh.convex_hull
@@ -225,13 +218,17 @@ def of_surface(mesh: Any, density: float, scale: Any = 1.0) -> Inertia:
     if not (np.isfinite(mass) and mass > 0.0):
         return Inertia()
     mesh.density = density
-    body = Inertia.of_matrix(mass, np.array(mesh.center_mass), np.array(mesh.moment_inertia))
+    body = Inertia.from_matrix(mass, np.array(mesh.center_mass), np.array(mesh.moment_inertia))
     values, axes = np.linalg.eigh((body.second + body.second.T) / 2.0)
-    return Inertia(mass, body.centre, axes @ np.diag(np.maximum(values, 0.0)) @ axes.T)  # rounding of thin plates
+    return Inertia(mass, body.centre, axes @ np.diag(np.maximum(values, 0.0)) @ axes.T)  # rounding
 
 
-def load_surface(name: str) -> Any:
-    """The mesh in a file, as one surface: a trimesh.Trimesh.
+def load_surface(path: str | Path, content: bytes | None = None) -> Any:
+    """Return the mesh in a file as one surface, a trimesh.Trimesh.
+
+    Args:
+        path: of the file.
+        content: of the file, if it is not written yet.
 
     Raises:
         RaffError: it can't be read.
@@ -239,20 +236,22 @@ def load_surface(name: str) -> Any:
     import trimesh
 
     try:
-        return trimesh.load(name, force="mesh")
+        if content is None:
+            return trimesh.load(str(path), force="mesh")
+        return trimesh.load(BytesIO(content), file_type=Path(path).suffix[1:].lower(), force="mesh")
     except Exception as error:  # every reader has errors of its own
-        raise RaffError(f"{name}: unreadable: {error}") from None
+        raise RaffError(f"{path}: unreadable: {error}") from None
 
 
 def _of_visual(visual: yourdfpy.Visual, density: float, surface: Reader) -> Inertia:
     if visual.geometry is None:
         return Inertia()
     body = of_geometry(visual.geometry, density, surface)
-    return body if visual.origin is None else body.seen_from(visual.origin)
+    return body if visual.origin is None else body.in_frame(visual.origin)
 
 
 def _of_urdf(inertial: yourdfpy.Inertial | None) -> Inertia | None:
     if inertial is None or inertial.mass is None or inertial.inertia is None:
         return None
-    body = Inertia.of_matrix(float(inertial.mass), np.zeros(3), np.asarray(inertial.inertia, dtype=float))
-    return body if inertial.origin is None else body.seen_from(inertial.origin)
+    body = Inertia.from_matrix(float(inertial.mass), np.zeros(3), np.asarray(inertial.inertia, dtype=float))
+    return body if inertial.origin is None else body.in_frame(inertial.origin)

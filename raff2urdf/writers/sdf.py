@@ -1,16 +1,16 @@
-"""A robot as SDF, the format of Gazebo and others.
+"""Write a robot as SDF, the format of Gazebo and others.
 
-SDF places links where a simulation begins, and joint values count from there: there is no other zero. The file gives
-closed home, so that a loop is what SDF has for it, one more joint between two links, and is closed from the first step
-on. Limits are shifted to this zero. What SDF has no words for stands in one element of ours, `raff:robot`:
+SDF places links at their initial poses, and joint values count from there: there is no other zero. The file gives
+closed home, so that a loop is an ordinary SDF joint, one more between two links, and is closed from the first step on.
+Limits are shifted to this zero. What SDF has no elements for is in one element of ours, `raff:robot`:
 
     <raff:joint name="joint1" home="0.87" actuated="true"/>    home: to be added to get the robot's own joint value
-    <raff:loop name="a-b" kind="ball" first="a" second="b"/>   the joint of a loop, and which links or frames meet there
+    <raff:loop name="a-b" kind="ball" first="a" second="b"/>   the joint of a loop, and the links or frames it joins
 
-`called` in either is what the robot calls it, where SDF wants another name.
+`raff_name` in either is the robot's own name, where SDF needs another one.
 
-Links that are rigidly joined are one link, as SDF wants it, which bears the mass and the shapes of all; the others are
-`frame`s on it. Version 1.7 is the oldest that knows frames, so that most programs can read it.
+Links that are rigidly joined are one link, as SDF requires, with the mass and the shapes of all; the others are
+`frame`s on it. Version 1.7 is the oldest with frames, so that most programs can read it.
 """
 
 from __future__ import annotations
@@ -18,213 +18,220 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yourdfpy
 from lxml import etree
 from numpy.typing import NDArray
 
-from raff2urdf.formats import Described
-from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.tree import BASE_JOINT
-from raff2urdf.writers.bodies import FIXED, SLIDES, WORLD, TreeAtHome, axis, greatest, limits, unlike
-from raff2urdf.writers.inertia import Inertia, Inertias, sum_of
-from raff2urdf.xml_text import comment, numeral, numerals, text_of
+from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
+from raff2urdf.writers.tree_at_home import (
+    FIXED,
+    PRISMATIC,
+    WORLD,
+    TreeAtHome,
+    axis,
+    greatest,
+    limits,
+    loop_element,
+    unique_name,
+)
+from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
+
+if TYPE_CHECKING:
+    from raff2urdf.conversion import Translation
+    from raff2urdf.formats import WriteOptions
 
 Array = NDArray[np.float64]
 
 VERSION = "1.7"
 
 NAMESPACE = "urn:raff2urdf"
-"""Of the elements that are not SDF's."""
+"""Namespace of the elements that are not SDF's."""
 
-_KINDS = {"rigid": "fixed", "prismatic": "prismatic", "revolute": "revolute", "ball": "ball"}
-_ENDLESS = 1e16  # what SDF says of a joint without limits
-
-
-def files(described: Described) -> dict[str, bytes]:
-    """What is written: one file."""
-    text = sdf(described.bodies, described.constraints, described.inertias)
-    return {f"{described.stem}.sdf": text.encode()}
+_LOOP_TYPES = {"rigid": "fixed", "prismatic": "prismatic", "revolute": "revolute", "ball": "ball"}
+_UNLIMITED = 1e16  # SDF's limit of a joint without limits
 
 
-def sdf(bodies: TreeAtHome, constraints: Mapping[str, Any], inertias: Inertias) -> str:
-    """The text of the file.
+def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
+    """Return the file."""
+    tree = TreeAtHome(translation.model, translation.analysis.home)
+    masses = inertias(translation.model, options.density, translation.surface, tree.moving)
+    return {f"{stem}.sdf": sdf(tree, translation.constraints, masses).encode()}
+
+
+def sdf(tree: TreeAtHome, constraints: Mapping[str, Any], inertias: Inertias) -> str:
+    """Return the text of the file.
 
     Args:
-        bodies: the robot's tree at closed home.
-        constraints: its loops and motors, as in constraints.schema.json.
+        tree: the robot's tree at closed home.
+        constraints: its loops and actuated joints, as in constraints.schema.json.
         inertias: of its links.
 
     Raises:
-        RaffError: the tree, or a loop, holds what SDF can't say.
+        RaffError: SDF has no notation for something in the tree or a loop.
     """
-    return text_of(_Writer(bodies, constraints, inertias).root())
+    return text_of(_Writer(tree, constraints, inertias).root())
 
 
 @dataclass
 class _Writer:
-    bodies: TreeAtHome
+    tree: TreeAtHome
     constraints: Mapping[str, Any]
     inertias: Inertias
     names: set[str] = field(default_factory=set)  # SDF has one list of names for links, frames and joints
     own: etree._Element = field(default_factory=lambda: etree.Element(f"{{{NAMESPACE}}}robot"))
 
     def root(self) -> etree._Element:
-        self.names |= {WORLD, *self.bodies.link}
+        tree = self.tree
+        self.names |= {WORLD, *tree.link}
         root = etree.Element("sdf", version=VERSION, nsmap={"raff": NAMESPACE})
-        root.append(comment(self._preface()))
-        model = etree.SubElement(root, "model", name=self.bodies.model.name)
-        for name in self.bodies.rigid:
+        lines = [
+            "Links are placed at home, and joint values count from there: add home of raff:joint.",
+            "Links that are rigidly joined are one link with frames on it.",
+            self.inertias.sentence(),
+        ]
+        root.append(comment(lines))
+        model = etree.SubElement(root, "model", name=tree.model.name)
+        for name in tree.rigid:
             if name != WORLD:
-                self._link(model, name)
-        for joint in self.bodies.order:
-            if self.bodies.bearers[joint.child][0] != joint.child:
+                self.add_link(model, name)
+        for joint in tree.order:
+            if tree.carriers[joint.child][0] != joint.child:
                 frame = etree.SubElement(model, "frame", name=joint.child, attached_to=joint.parent)
-                pose(frame, self.bodies.placed(joint))
-        if self.bodies.root != WORLD:
-            self._joint(model, BASE_JOINT, "fixed", WORLD, self.bodies.root)
-        for joint in self.bodies.order:
-            if self.bodies.bearers[joint.child][0] == joint.child and joint.type != "floating":
-                self._tree_joint(model, joint)
+                add_pose(frame, tree.placed(joint))
+        if tree.root != WORLD:
+            self.new_joint(model, BASE_JOINT, "fixed", WORLD, tree.root)
+        for joint in tree.order:
+            if tree.carriers[joint.child][0] == joint.child and joint.type != "floating":
+                self.add_joint(model, joint)
         for loop in self.constraints["loops"]:
-            self._loop(model, loop)
+            self.add_loop(model, loop)
         if len(self.own):
             model.append(self.own)
         return root
 
-    def _preface(self) -> list[str]:
-        return [
-            "Links stand at home, and joint values count from there: home in raff:joint is to be added.",
-            "Links that are rigidly joined are one link with frames on it.",
-            self.inertias.sentence(),
-        ]
-
-    def _link(self, model: etree._Element, name: str) -> None:
-        bodies = self.bodies
+    def add_link(self, model: etree._Element, name: str) -> None:
+        tree = self.tree
         link = etree.SubElement(model, "link", name=name)
-        holding = bodies.holding.get(name)
-        if holding is not None:
-            pose(link, bodies.placed(holding), holding.parent if holding.parent != WORLD else None)
-        parts = [(name, np.eye(4)), *bodies.rigid[name]]
-        inertial(link, sum_of(self.inertias.links[part].seen_from(placement) for part, placement in parts))
+        joint = tree.joint_of.get(name)
+        if joint is not None:
+            add_pose(link, tree.placed(joint), joint.parent if joint.parent != WORLD else None)
+        parts = [(name, np.eye(4)), *tree.rigid[name]]
+        add_inertial(link, sum_of(self.inertias.links[part].in_frame(placement) for part, placement in parts))
         for part, placement in parts:
-            source = bodies.link[part]
+            source = tree.link[part]
             for word, shapes in (("visual", source.visuals), ("collision", source.collisions)):
                 for number, shape in enumerate(shapes, 1):
                     if shape.geometry is not None:
-                        _shape(etree.SubElement(link, word, name=f"{part}_{word}{number}"), shape, placement)
+                        add_shape(etree.SubElement(link, word, name=f"{part}_{word}{number}"), shape, placement)
 
-    def _joint(self, model: etree._Element, name: str, kind: str, parent: str, child: str) -> etree._Element:
-        called = unlike(name, self.names)
-        self.names.add(called)
-        joint = etree.SubElement(model, "joint", name=called, type=kind)
+    def new_name(self, name: str) -> str:
+        found = unique_name(name, self.names)
+        self.names.add(found)
+        return found
+
+    def new_joint(self, model: etree._Element, name: str, kind: str, parent: str, child: str) -> etree._Element:
+        joint = etree.SubElement(model, "joint", name=self.new_name(name), type=kind)
         etree.SubElement(joint, "parent").text = parent
         etree.SubElement(joint, "child").text = child
         return joint
 
-    def _tree_joint(self, model: etree._Element, joint: yourdfpy.Joint) -> None:
+    def add_joint(self, model: etree._Element, joint: yourdfpy.Joint) -> None:
         fixed = joint.type in FIXED
-        kind = "fixed" if fixed else "prismatic" if joint.type in SLIDES else "revolute"
-        parent = self.bodies.bearers[joint.parent][0]
-        element = self._joint(model, joint.name, kind, parent, joint.child)
+        kind = "fixed" if fixed else "prismatic" if joint.type in PRISMATIC else "revolute"
+        element = self.new_joint(model, joint.name, kind, self.tree.carriers[joint.parent][0], joint.child)
         if fixed:
             return
-        home = self.bodies.value(joint)
-        low, high = (end - home for end in limits(joint))
-        along = _axis(element, axis(joint), low, high)
-        if joint.limit is not None:
-            for word in ("effort", "velocity"):
-                most = greatest(getattr(joint.limit, word))
-                if 0.0 < most < math.inf:
-                    etree.SubElement(along, word).text = numeral(most)
-        motors = {entry["name"]: entry.get("actuated", True) for entry in self.constraints["joints"]}
-        actuated = str(bool(motors.get(joint.name, True))).lower()
-        self._say("joint", element, joint.name, home=numeral(home), actuated=actuated)
+        home = self.tree.value(joint)
+        low, high = limits(joint)
+        limit = add_axis(element, axis(joint), low - home, high - home)
+        for word in ("effort", "velocity"):
+            most = greatest(joint, word)
+            if 0.0 < most < math.inf:
+                etree.SubElement(limit, word).text = numeral(most)
+        actuated = {entry["name"]: entry.get("actuated", True) for entry in self.constraints["joints"]}
+        is_actuated = str(bool(actuated.get(joint.name, True))).lower()
+        self.add_own("joint", element, joint.name, home=numeral(home), actuated=is_actuated)
 
-    def _loop(self, model: etree._Element, loop: Mapping[str, Any]) -> None:
-        """A joint between the two rigid bodies; its frame is the loop's second end."""
-        ends = [self.bodies.end(loop[which]) for which in ("first", "second")]
-        first, second = (self.bodies.bearers[node][0] for node, _ in ends)
-        nodes = [
-            self._end(model, f"{loop['name']}.{which}", *end)
-            for which, end in zip(("first", "second"), ends, strict=True)
-        ]
-        floating = self.bodies.floating
+    def add_loop(self, model: etree._Element, loop: Mapping[str, Any]) -> None:
+        """Add a joint between the two rigid bodies; its frame is the loop's second end."""
+        kind = loop_element(_LOOP_TYPES, loop, "SDF")
+        ends = {which: self.tree.end(loop[which]) for which in ("first", "second")}
+        first, second = (self.tree.carriers[node][0] for node, _ in ends.values())
+        nodes = [self.end_frame(model, f"{loop['name']}.{which}", *end) for which, end in ends.items()]
+        floating = self.tree.floating
         if second == WORLD or (floating is not None and second == floating.child):
-            # The same joint, seen from its other end: a link without another parent would hang on the loop alone.
+            # The same joint with its ends swapped: a joint's child needs another parent than the loop.
             first, second, nodes = second, first, nodes[::-1]
-        joint = self._joint(model, loop["name"], _KINDS[loop["kind"]], first, second)
+        joint = self.new_joint(model, loop["name"], kind, first, second)
         if nodes[1] != second:
-            place = etree.Element("pose", relative_to=nodes[1])
-            place.text = "0 0 0 0 0 0"
-            joint.insert(0, place)
-        if loop["kind"] in ("prismatic", "revolute"):
-            _axis(joint, np.array([0.0, 0.0, 1.0]), -math.inf, math.inf)
-        self._say("loop", joint, loop["name"], kind=loop["kind"], first=nodes[0], second=nodes[1])
+            pose = etree.Element("pose", relative_to=nodes[1])
+            pose.text = "0 0 0 0 0 0"
+            joint.insert(0, pose)
+        if kind in ("prismatic", "revolute"):
+            add_axis(joint, np.array([0.0, 0.0, 1.0]), -math.inf, math.inf)
+        self.add_own("loop", joint, loop["name"], kind=loop["kind"], first=nodes[0], second=nodes[1])
 
-    def _say(self, word: str, joint: etree._Element, called: str, **said: str) -> None:
-        """Says of a joint what SDF has no words for."""
-        name = joint.get("name", "")
-        other = {} if name == called else {"called": called}
-        etree.SubElement(self.own, f"{{{NAMESPACE}}}{word}", name=name, **other, **said)
+    def add_own(self, word: str, joint: etree._Element, name: str, **values: str) -> None:
+        """Add an element of ours for a joint, for which SDF has none."""
+        written = joint.get("name", "")
+        other = {} if name == written else {"raff_name": name}
+        etree.SubElement(self.own, f"{{{NAMESPACE}}}{word}", name=written, **other, **values)
 
-    def _end(self, model: etree._Element, name: str, node: str, placement: Array) -> str:
-        """The frame of a loop's end: its link, or a frame of its own where it does not stand at the link's origin."""
+    def end_frame(self, model: etree._Element, name: str, node: str, placement: Array) -> str:
+        """Return the frame of a loop's end: its link, or a new frame if the end is not at the link's origin."""
         if np.array_equal(placement, np.eye(4)):
             return node
-        called = unlike(name, self.names)
-        self.names.add(called)
-        pose(etree.SubElement(model, "frame", name=called, attached_to=node), placement)
-        return called
+        frame = self.new_name(name)
+        add_pose(etree.SubElement(model, "frame", name=frame, attached_to=node), placement)
+        return frame
 
 
-def pose(element: etree._Element, placement: Array, seen_from: str | None = None) -> None:
-    """Adds a placement (4, 4), seen from a link or frame, or from what SDF takes if none is named."""
-    place = etree.SubElement(element, "pose")
-    if seen_from is not None:
-        place.set("relative_to", seen_from)
-    place.text = numerals((*placement[:3, 3], *roll_pitch_yaw(placement)))
+def add_pose(element: etree._Element, placement: Array, relative_to: str | None = None) -> None:
+    """Add a placement (4, 4), relative to a link or frame, or to SDF's default if none is named."""
+    pose = etree.SubElement(element, "pose")
+    if relative_to is not None:
+        pose.set("relative_to", relative_to)
+    pose.text = numerals((*placement[:3, 3], *roll_pitch_yaw(placement)))
 
 
-def inertial(link: etree._Element, body: Inertia) -> None:
-    """Adds mass and inertia, of a body that has some."""
-    if body.mass <= 0.0:
+def add_inertial(link: etree._Element, inertia: Inertia) -> None:
+    """Add mass and inertia, unless the mass is 0."""
+    if inertia.mass <= 0.0:
         return
     element = etree.SubElement(link, "inertial")
-    centre = np.eye(4)
-    centre[:3, 3] = body.centre
-    pose(element, centre)
-    etree.SubElement(element, "mass").text = numeral(body.mass)
-    inertia = etree.SubElement(element, "inertia")
+    add_pose(element, translation(inertia.centre))
+    etree.SubElement(element, "mass").text = numeral(inertia.mass)
+    moments = etree.SubElement(element, "inertia")
     for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-        etree.SubElement(inertia, f"i{'xyz'[i]}{'xyz'[j]}").text = numeral(body.matrix[i, j])
+        etree.SubElement(moments, f"i{'xyz'[i]}{'xyz'[j]}").text = numeral(inertia.matrix[i, j])
 
 
-def _axis(joint: etree._Element, direction: Array, low: float, high: float) -> etree._Element:
-    """Adds an axis in the joint's own frame; returns its limits."""
+def add_axis(joint: etree._Element, direction: Array, low: float, high: float) -> etree._Element:
+    """Add an axis in the joint's own frame; return the element of its limits."""
     element = etree.SubElement(joint, "axis")
     etree.SubElement(element, "xyz").text = numerals(direction)
     limit = etree.SubElement(element, "limit")
-    etree.SubElement(limit, "lower").text = numeral(max(low, -_ENDLESS))
-    etree.SubElement(limit, "upper").text = numeral(min(high, _ENDLESS))
+    etree.SubElement(limit, "lower").text = numeral(max(low, -_UNLIMITED))
+    etree.SubElement(limit, "upper").text = numeral(min(high, _UNLIMITED))
     return limit
 
 
-def _shape(element: etree._Element, shape: Any, placement: Array) -> None:
-    pose(element, placement if shape.origin is None else placement @ shape.origin)
-    geometry = etree.SubElement(element, "geometry")
-    given = shape.geometry
-    if given.box is not None:
-        etree.SubElement(etree.SubElement(geometry, "box"), "size").text = numerals(given.box.size)
-    elif given.cylinder is not None:
-        cylinder = etree.SubElement(geometry, "cylinder")
-        etree.SubElement(cylinder, "radius").text = numeral(given.cylinder.radius)
-        etree.SubElement(cylinder, "length").text = numeral(given.cylinder.length)
-    elif given.sphere is not None:
-        etree.SubElement(etree.SubElement(geometry, "sphere"), "radius").text = numeral(given.sphere.radius)
-    elif given.mesh is not None:
+def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
+    """Add pose, geometry and colour of a URDF's visual or collision shape, whose link is at `placement`."""
+    add_pose(element, placement if shape.origin is None else placement @ shape.origin)
+    geometry, given = etree.SubElement(element, "geometry"), shape.geometry
+    for kind, words in (("box", ["size"]), ("cylinder", ["radius", "length"]), ("sphere", ["radius"])):
+        solid = getattr(given, kind)
+        if solid is not None:
+            inner = etree.SubElement(geometry, kind)
+            for word in words:
+                etree.SubElement(inner, word).text = numerals(np.ravel(getattr(solid, word)))
+    if given.mesh is not None:
         mesh = etree.SubElement(geometry, "mesh")
         etree.SubElement(mesh, "uri").text = given.mesh.filename
         scale = np.broadcast_to(1.0 if given.mesh.scale is None else given.mesh.scale, 3)

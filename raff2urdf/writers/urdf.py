@@ -1,71 +1,106 @@
-"""`RaffRobot` -> URDF, built with yourdfpy's classes and written by its writer.
+"""Write a robot as URDF, built with yourdfpy's classes, and its constraints file.
 
-Joint variables keep RAFF's own zero: the joint of a revolute link stands at Rz(gamma) Tz(epsilon) Rx(alpha)
-Tx(d) Tz(r) and turns by theta about its z, that of a prismatic link at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d)
-Rz(theta) and slides by r along it.
+Joint variables keep RAFF's own zero: the joint of a revolute link is placed at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d)
+Tz(r) and rotates by theta about its z; that of a prismatic link at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) and
+translates by r along it.
+
+URDF has no standard element for loops. Those written on request are of a proposal to ROS
+(https://github.com/ros/urdfdom_headers/pull/108); programs that don't know them ignore them.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import yourdfpy
 from lxml import etree
+from numpy.typing import NDArray
 
-from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffRobot
+from raff2urdf import constraints as constraints_file
+from raff2urdf.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.kleinfinger import transform
 from raff2urdf.placement import roll_pitch_yaw
+from raff2urdf.readers.declared_loops import note
+from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, kleinfinger, limits, velocity
+from raff2urdf.writers.tree_at_home import WORLD, loop_element
+from raff2urdf.writers.xml_text import numerals, text_of
 
-_WORLD = "world"
+if TYPE_CHECKING:
+    from raff2urdf.conversion import Translation
+    from raff2urdf.formats import WriteOptions
+
+_LOOP_TYPES = {"rigid": "link", "prismatic": "prismatic", "revolute": "revolute", "ball": "spherical"}
+"""The proposal's name for each kind of loop: the joint that was cut."""
 
 
-def urdf(
-    document: Document, robot: RaffRobot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
-) -> tuple[str, list[str]]:
-    """The robot's tree as URDF text; see `tree` for arguments and what could not be shown."""
-    model, missing = tree(document, robot, beside, out, graphics)
-    return dumps(model), missing
+def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
+    """Return the URDF and the constraints file."""
+    values, sidecar = translation.constraints, f"{stem}{ENDING}"
+    text = translation.urdf
+    if values["loops"]:
+        root = etree.fromstring(text.encode(), etree.XMLParser(remove_blank_text=True))
+        root.insert(0, note(sidecar, len(values["loops"])))
+        if options.constraint_elements:
+            add_constraints(root, values)
+        text = text_of(root)
+    return {f"{stem}.urdf": text.encode(), sidecar: constraints_file.dumps(values).encode()}
+
+
+def add_constraints(root: etree._Element, values: Mapping[str, Any]) -> None:
+    """Append an element `constraint` for each loop to the root of a URDF."""
+    for loop in values["loops"]:
+        kind = loop_element(_LOOP_TYPES, loop, "URDF")
+        element = etree.SubElement(root, "constraint", name=loop["name"], type=kind)
+        for word, which in (("parent", "first"), ("child", "second")):
+            placement: NDArray[np.float64] = np.array(loop[which]["placement"], dtype=float)
+            xyz, rpy = numerals(placement[:3, 3]), numerals(roll_pitch_yaw(placement))
+            etree.SubElement(element, word, link=loop[which]["node"])
+            etree.SubElement(element, f"{word}_origin", xyz=xyz, rpy=rpy)
+            if kind in ("prismatic", "revolute"):
+                etree.SubElement(element, f"{word}_axis", xyz="0 0 1")  # in the axes of the origin above
 
 
 def tree(
-    document: Document, robot: RaffRobot, beside: Path, out: Path | None = None, graphics: Graphics | None = None
+    document: Document, robot: RaffRobot, graphics: Graphics, out: Path | None = None
 ) -> tuple[yourdfpy.Robot, list[str]]:
-    """The robot's tree as yourdfpy's classes.
+    """Return the robot's tree as yourdfpy's classes.
 
     Args:
         document: that holds the robot.
-        robot: which one.
-        beside: the RAFF file's folder; graphics are looked for from there.
-        out: the folder the URDF will stand in, from which it names its meshes; absolute names if there is none.
-        graphics: takes the meshes that must be converted; unless said, they go to the user's cache.
+        robot: the robot.
+        graphics: of the robot.
+        out: the folder to which the URDF will be written, relative to which it names its meshes; absolute names if
+            None.
 
     Returns:
-        the tree, and what could not be shown: one line for each node without some of its graphics.
+        the tree, and what can't be shown: one line for each node that lacks some of its graphics.
     """
-    graphics = graphics or Graphics(robot, beside)
     missing: list[str] = []
     skeleton = SkeletonDrawing(document, robot)
     links, joints = [], []
 
-    def body(part: RaffNode) -> yourdfpy.Link:
-        drawings, reasons = graphics.of(part)
+    def body(node: RaffNode) -> yourdfpy.Link:
+        drawings, reasons = graphics.of(node)
         if reasons:
-            missing.append(f"{part.node}: {', '.join(reasons)}")
+            missing.append(f"{node.node}: {', '.join(reasons)}")
         visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
-        bare = part.filenames == ()  # nothing is to be seen there
-        return yourdfpy.Link(name=part.node, visuals=visuals if visuals or bare else skeleton.draw(part))
+        if not visuals and node.filenames != ():  # `filename { }` shows nothing
+            visuals = skeleton.draw(node)
+        return yourdfpy.Link(name=node.node, visuals=visuals)
 
-    placement = transform(kleinfinger(document, robot.base))
+    placement = transform(kleinfinger(document, robot.base.parameters))
     if robot.movable or not np.array_equal(placement, np.eye(4)):
-        links.append(yourdfpy.Link(name=_WORLD))
+        links.append(yourdfpy.Link(name=WORLD))
         kind = "floating" if robot.movable else "fixed"
-        joints.append(yourdfpy.Joint(name=BASE_JOINT, type=kind, parent=_WORLD, child="base", origin=placement))
+        joints.append(yourdfpy.Joint(name=BASE_JOINT, type=kind, parent=WORLD, child="base", origin=placement))
     links.append(body(robot.base))
     for part in robot.parts:
         links.append(body(part))
@@ -74,36 +109,25 @@ def tree(
 
 
 def dumps(model: yourdfpy.Robot) -> str:
-    """The text of a URDF."""
-    exact = _Exact(
-        model,
-        build_scene_graph=False,
-        filename_handler=yourdfpy.filename_handler_null,  # mesh names are right as they stand
-    )
-    text: bytes = etree.tostring(exact.write_xml(), xml_declaration=True, encoding="utf-8", pretty_print=True)
-    return text.decode()
+    """Return the text of a URDF."""
+    null = yourdfpy.filename_handler_null  # mesh names are right as they are
+    return text_of(_ExactWriter(model, build_scene_graph=False, filename_handler=null).write_xml())
 
 
-def _joint(document: Document, robot: RaffRobot, part: RaffLink | RaffFrame) -> yourdfpy.Joint:
-    parameters = kleinfinger(document, part)
+def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> yourdfpy.Joint:
+    parameters = kleinfinger(document, part.parameters)
     kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
     if kind is JointType.REVOLUTE:
         parameters = parameters._replace(theta=0.0)
     elif kind is JointType.PRISMATIC:
         parameters = parameters._replace(r=0.0)
-    joint = yourdfpy.Joint(
-        name=part.joint,
-        type="fixed",
-        parent=robot.nodes[part.pred].node,
-        child=part.node,
-        origin=transform(parameters),
-    )
+    parent = robot.nodes[part.pred].node
+    joint = yourdfpy.Joint(part.joint, type="fixed", parent=parent, child=part.node, origin=transform(parameters))
     if isinstance(part, RaffLink) and kind is not JointType.FIXED:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
-        speed = velocity(document, part)
-        joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(speed, UNLIMITED))
-        joint.type = "revolute" if kind is JointType.REVOLUTE else "prismatic"
+        joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(velocity(document, part), UNLIMITED))
+        joint.type = kind.name.lower()
         if kind is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"
         else:
@@ -111,15 +135,11 @@ def _joint(document: Document, robot: RaffRobot, part: RaffLink | RaffFrame) -> 
     return joint
 
 
-class _Exact(yourdfpy.URDF):  # type: ignore[misc]
-    """yourdfpy's writer, with angles that stay exact where its own lose nine digits (pitch near 90 degrees)."""
+class _ExactWriter(yourdfpy.URDF):  # type: ignore[misc]
+    """yourdfpy's writer, with exact angles: its own lose nine digits at a pitch near 90 degrees."""
 
     def _write_origin(self, xml_parent: etree._Element, origin: np.ndarray | None) -> None:
-        if origin is None:
-            return
-        xyz, rpy = origin[:3, 3].tolist(), roll_pitch_yaw(origin)
-        etree.SubElement(xml_parent, "origin", xyz=" ".join(map(_number, xyz)), rpy=" ".join(map(_number, rpy)))
-
-
-def _number(value: float) -> str:
-    return repr(value + 0.0)  # no -0.0; the shortest text that reads back to the same double
+        if origin is not None:
+            vectors = {"xyz": origin[:3, 3].tolist(), "rpy": roll_pitch_yaw(origin)}
+            texts = {word: " ".join(repr(value + 0.0) for value in vector) for word, vector in vectors.items()}
+            etree.SubElement(xml_parent, "origin", **texts)  # + 0.0: no -0.0

@@ -31,7 +31,7 @@ def twins(request, tmp_path):
     text = raff2urdf.dumps(replace(document, robots=(other,)))
     (tmp_path / "graphics").symlink_to(ROBOTS / "graphics")
     (tmp_path / "twin.raff").write_text(text)
-    at = pin.SE3(transform(kleinfinger(document, frame)))
+    at = pin.SE3(transform(kleinfinger(document, frame.parameters)))
     return cinegen.load(tmp_path / "twin.raff"), father.node, at
 
 

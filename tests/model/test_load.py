@@ -98,9 +98,9 @@ def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
 
 def test_the_urdf_of_a_mechanism_that_contradicts_itself_is_refused_alike(raff, tmp_path):
     (tmp_path / "bent.raff").write_text("RAFF bent\n" + BENT, encoding="utf-8")
-    from raff2urdf.conversion import convert_file
+    from raff2urdf.conversion import convert
 
-    convert_file(tmp_path / "bent.raff", tmp_path, loops={"base-end": "ball"})
+    convert(tmp_path / "bent.raff", tmp_path, loops={"base-end": "ball"})
     constraints = json.loads((tmp_path / "bent.constraints.json").read_text())
     constraints["loops"][0]["kind"] = "rigid"
     (tmp_path / "bent.constraints.json").write_text(json.dumps(constraints))
@@ -114,7 +114,7 @@ def test_the_urdf_of_a_mechanism_that_contradicts_itself_is_refused_alike(raff, 
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("<robot name='r'><link name='a'>", "no XML"),
+        ("<robot name='r'><link name='a'>", "invalid XML"),
         ("<sdf/>", "it holds no model"),
         ("<gazebo/>", "this is no robot"),
         ("<robot name='r'/>", "has no link"),
@@ -152,8 +152,8 @@ FOREIGN = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="ar
         (('lower="-1"', 'lower="nan"'), r":8: joint 'turn': its lower limit 'nan' is no number"),
         (('upper="2"', 'upper="two"'), r":8: joint 'turn': its upper limit 'two' is no number"),
         (('upper="2"', 'upper="-2"'), r":8: joint 'turn': its lower limit of -1 is above its upper one of -2"),
-        (('velocity="3"', 'velocity="-3"'), r":8: joint 'turn': its limit of velocity is -3, below 0"),
-        (("</joint>", ""), r":\d+: no XML"),
+        (('velocity="3"', 'velocity="-3"'), r":8: joint 'turn': its velocity limit is -3, below 0"),
+        (("</joint>", ""), r":\d+: invalid XML"),
         (('<robot name="arm">', f"{FOREIGN}&a;"), "entity 'a': entities are not read"),
         (('<robot name="arm">', FOREIGN.replace("SYSTEM ", "")), "entities are not read"),
     ],
@@ -290,7 +290,7 @@ def test_limits_may_be_infinite(tmp_path, limit, home, allowed):
     mechanism = cinegen.load(path)
     assert mechanism.q_home.tolist() == [home]
     assert (mechanism.model.lowerPositionLimit[0], mechanism.model.upperPositionLimit[0]) == allowed
-    raff2urdf.reverse(path)
+    raff2urdf.to_raff(path)
 
 
 def test_what_no_motion_depends_on_may_be_wrong(tmp_path):

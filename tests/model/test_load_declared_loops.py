@@ -42,7 +42,9 @@ def test_robots_in_urdf_plus_are_refused_or_opened(name, says, joints, mobility)
     with pytest.raises(cinegen.CinegenError, match=says) as caught:
         cinegen.load(path)
     assert "--ignore-loops (in Python ignore_loops=True)" in str(caught.value)
-    with pytest.warns(raff2urdf.RaffWarning, match=f"{name}.urdf: left out, as asked; every joint moves on its own: <"):
+    with pytest.warns(
+        raff2urdf.RaffWarning, match=f"{name}.urdf: left out, as requested; every joint moves independently: <"
+    ):
         mechanism = cinegen.load(path, ignore_loops=True)
     assert (len(mechanism.joints), mechanism.mobility, mechanism.loops) == (joints, mobility, ())
     assert mechanism.actuated == mechanism.joints
@@ -132,7 +134,7 @@ def test_loops_are_opened_in_every_format(format, root, tmp_path):
         path = raff2urdf.convert(path, tmp_path, format=format)[0].file
     assert cinegen.load(path).mobility == 2
     with pytest.warns(
-        UserWarning, match="left out, as asked; every joint moves on its own: .*loop 'link5-tool"
+        UserWarning, match="left out, as requested; every joint moves independently: .*loop 'link5-tool"
     ) as seen:
         mechanism = cinegen.load(path, ignore_loops=True)
     assert len(seen) == 1
@@ -143,7 +145,7 @@ def test_loops_are_opened_in_every_format(format, root, tmp_path):
 def test_a_robot_that_cannot_be_closed_is_opened(raff):
     with pytest.raises(cinegen.ClosureError):
         raff(BENT)
-    with pytest.warns(cinegen.CinegenWarning, match="left out, as asked"):
+    with pytest.warns(cinegen.CinegenWarning, match="left out, as requested"):
         mechanism = raff(BENT, ignore_loops=True)
     assert mechanism.mobility == len(mechanism.actuated) == 4
 
@@ -192,6 +194,9 @@ def test_every_command_refuses_and_opens_on_demand(command, tmp_path):
     assert refused.returncode == 1
     assert "four_bar.urdf:82: <loop> 'loop1' ('link2', 'link3') declares a loop" in refused.stderr
     opened = run("--ignore-loops")
-    assert "four_bar.urdf: left out, as asked; every joint moves on its own: <loop> 'loop1' (line 82)" in opened.stderr
+    assert (
+        "four_bar.urdf: left out, as requested; every joint moves independently: <loop> 'loop1' (line 82)"
+        in opened.stderr
+    )
     assert "Traceback" not in opened.stderr
     assert "declares a loop" not in opened.stderr

@@ -119,7 +119,7 @@ def test_a_loop_that_is_cut_by_a_ball_leaves_it_free(recwarn):
 @pytest.mark.parametrize("case", ["5bar", "delta", "cassie_v2"])
 def test_it_can_be_said_in_raff(case, tmp_path, recwarn):
     original = cinegen.load(MODELS[case][0])
-    found = raff2urdf.reverse(MODELS[case][0], tmp_path / "it.raff", graphics=False)
+    found = raff2urdf.to_raff(MODELS[case][0], tmp_path / "it.raff", graphics=False)
     nodes = {link: node for link, node in found.nodes.items() if link in original.nodes}
     ours = cinegen.load(tmp_path / "it.raff")
     assert ours.mobility == original.mobility

@@ -23,7 +23,7 @@ def ours(answer, folder):
     """The joints' values after our step, and before it, in the order of the problem."""
     problem, urdf = scene(answer["urdf"], answer["node"], answer["rotation"])
     (folder / "robot.urdf").write_bytes(urdf)
-    found = raff2urdf.reverse(folder / "robot.urdf", folder / "robot.raff")
+    found = raff2urdf.to_raff(folder / "robot.urdf", folder / "robot.raff")
     mechanism = cinegen.load(folder / "robot.raff")
     names = [joint["name"] for joint in problem["joints"]]
     begin = np.array([joint["home"] for joint in problem["joints"]])

@@ -18,7 +18,7 @@ from cinegen.model.urdf import simple
 from raff2urdf import readers
 from raff2urdf.conversion import translate
 from raff2urdf.readers.urdf import joints, parse
-from raff2urdf.urdf2raff.robot import reverse
+from raff2urdf.urdf2raff.robot import import_tree
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
 
@@ -73,9 +73,9 @@ def test_placements_and_jacobians_are_those_of_the_original(name):
     text = (SHARE / name).read_text(encoding="utf-8")
     tree = parse(text, name)
     if any(joint.find("mimic") is not None for joint in joints(tree)):
-        with pytest.raises(raff2urdf.RaffError, match="mimics another"):
-            reverse(tree, name)
-    found = reverse(tree, name, free_mimic=True)
+        with pytest.raises(raff2urdf.RaffError, match="joints that mimic others"):
+            import_tree(tree, name)
+    found = import_tree(tree, name, free_mimic=True)
     document = raff2urdf.loads(raff2urdf.dumps(found.document))
     assert document == found.document
     raff2urdf.check(document)
@@ -106,11 +106,11 @@ def test_placements_and_jacobians_are_those_of_the_original(name):
 @pytest.mark.parametrize("name", IN)
 def test_written_again_it_is_the_same(name):
     """URDF -> RAFF -> URDF -> RAFF -> URDF: a fixed point."""
-    found = reverse(parse((SHARE / name).read_text(encoding="utf-8"), name), name, free_mimic=True)
+    found = import_tree(parse((SHARE / name).read_text(encoding="utf-8"), name), name, free_mimic=True)
     made = translate(found.document, found.document.robot(), Path())
-    second = reverse(parse(made.urdf, name), name, made.constraints)
+    second = import_tree(parse(made.urdf, name), name, made.constraints)
     again = translate(second.document, second.document.robot(), Path())
-    third = reverse(parse(again.urdf, name), name, again.constraints)
+    third = import_tree(parse(again.urdf, name), name, again.constraints)
     assert third.document == second.document
     assert set(second.offsets.values()) == {0.0}
     assert len(second.document.robot().links) == len(found.document.robot().links)

@@ -10,7 +10,7 @@ import pytest
 
 import cinegen
 import raff2urdf
-from raff2urdf.conversion import convert_file
+from raff2urdf.conversion import convert
 
 ROBOTS = Path(__file__).resolve().parent.parent.parent / "robots"
 FILES = [(path, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
@@ -51,7 +51,7 @@ def original(request, tmp_path_factory):
 def test_what_comes_back_is_the_same_mechanism(original, format, tmp_path, recwarn):
     path, name = original
     there = cinegen.load(path, name)
-    made = [one for one in convert_file(path, tmp_path, format=format) if one.robot == there.name]
+    made = [one for one in convert(path, tmp_path, format=format) if one.robot == there.name]
     back = cinegen.load(made[0].file)
     assert back.mobility == there.mobility
     assert back.floating == there.floating

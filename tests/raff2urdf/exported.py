@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from mechanisms import CLOSED_CHAINS, KNOWN
@@ -14,9 +15,11 @@ from raff2urdf import loads
 from raff2urdf.check import check
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.document import Document
-from raff2urdf.formats import Described, files
+from raff2urdf.formats import WriteOptions, files
 from raff2urdf.reader import parse, read
 from raff2urdf.tree import characteristic_length, placements
+from raff2urdf.writers.inertia import Inertias, inertias
+from raff2urdf.writers.tree_at_home import TreeAtHome
 
 Matrix = NDArray[np.float64]
 
@@ -73,26 +76,23 @@ class Exported:
     made: Translation
     folder: Path
 
-    def described(self, **options: object) -> Described:
-        return Described(
-            stem="robot",
-            model=self.made.model,
-            urdf=self.made.urdf,
-            constraints=self.made.constraints,
-            home=self.made.analysis.home,
-            folder=self.folder,
-            meshes=self.made.meshes,
-            **options,  # type: ignore[arg-type]
-        )
+    @property
+    def tree(self) -> TreeAtHome:
+        return TreeAtHome(self.made.model, self.made.analysis.home)
 
-    def text(self, format: str, **options: object) -> str:
+    @property
+    def inertias(self) -> Inertias:
+        return inertias(self.made.model, None, self.made.surface, self.tree.moving)
+
+    def text(self, format: str, **options: Any) -> str:
         """The robot's own file."""
-        return next(iter(files(format, self.described(**options)).values())).decode()
+        return next(iter(files(format, self.made, "robot", WriteOptions(**options)).values())).decode()
 
-    def write(self, format: str, folder: Path, **options: object) -> Path:
+    def write(self, format: str, folder: Path, **options: Any) -> Path:
         """All files, where their meshes are found; returns the robot's own."""
         assert folder == self.folder
-        contents = {folder / name: content for name, content in files(format, self.described(**options)).items()}
+        made = files(format, self.made, "robot", WriteOptions(**options))
+        contents = {folder / name: content for name, content in made.items()}
         for path, content in {**self.made.meshes, **contents}.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)

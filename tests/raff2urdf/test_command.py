@@ -20,7 +20,7 @@ from mechanisms import delta, four_bar, skew_four_bar
 import raff2urdf
 from raff2urdf import RaffError, constraints
 from raff2urdf.cli import main
-from raff2urdf.urdf_and_constraints import with_constraints
+from raff2urdf.writers.urdf import add_constraints
 
 ARM = "RAFF arm\nrobot r { base { }\n  link 1 { type 2 pred 0 }\n  link 2 { parameters { d 100 } type 2 pred 1 }\n}\n"
 TWO = "RAFF two\nrobot left { base { } link 1 { type 2 pred 0 } }\nrobot right { base { } link 1 { type 1 pred 0 } }\n"
@@ -167,8 +167,8 @@ def test_a_wrong_density_writes_nothing(folder: Path, run: Run) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (["--format", "urdff"], "invalid choice: 'urdff'"),
-        (["--density", "5"], "--density: a URDF of RAFF has no masses"),
+        (["--format", "urdff"], "'urdff' is not one of 'urdf', 'sdf', 'mjcf'"),
+        (["--density", "5"], "--density is for --format sdf or mjcf: a URDF of RAFF has no masses"),
         (["--format", "sdf", "--constraint-elements"], "--constraint-elements is for --format urdf"),
     ],
     ids=["format", "density", "elements"],
@@ -220,10 +220,9 @@ def test_loops_may_stand_in_the_urdf_too(folder: Path, run: Run) -> None:
 def test_each_kind_of_loop_has_the_proposals_word(kind: str, word: str, axes: int) -> None:
     turned = [[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
     ends = {which: {"node": which, "placement": turned} for which in ("first", "second")}
-    text = with_constraints(
-        '<robot name="r"><link name="first"/></robot>', {"loops": [{"name": "l", "kind": kind, **ends}]}
-    )
-    (element,) = etree.fromstring(text.encode()).findall("constraint")
+    root = etree.fromstring('<robot name="r"><link name="first"/></robot>')
+    add_constraints(root, {"loops": [{"name": "l", "kind": kind, **ends}]})
+    (element,) = root.findall("constraint")
     assert element.get("type") == word
     assert [e.get("xyz") for e in element if e.tag.endswith("_axis")] == ["0 0 1"] * axes
     assert element.find("child_origin").get("xyz") == "0.1 0.2 0.3"

@@ -272,7 +272,7 @@ def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> No
         line = int(str(caught.value).split(":")[1])
         within = wrong.splitlines()[line - 1]
         assert str(value) in within or "placement" in within
-    with pytest.raises(RaffError, match=r"some\.json:\d+: joint 'joint1' of the URDF is left out"):
+    with pytest.raises(RaffError, match=r"some\.json:\d+: at \$\.joints: joint 'joint1' of the URDF is left out"):
         constraints.loads(constraints.dumps({**values, "joints": values["joints"][1:]}), "some.json", known)
 
 

@@ -277,7 +277,7 @@ def test_a_drawing_of_lines_has_no_surface(drawing: Drawing, tmp_path: Path) -> 
     space.add_line((0, 0), (1, 1))
     space.add_circle((0, 0), 1.0)
     assert refused(tmp_path, drawing) == "holds no faces or meshes, only 1 CIRCLE, 2 LINE"
-    assert refused(tmp_path, ezdxf.new()) == "holds no faces or meshes, nothing that can be seen"
+    assert refused(tmp_path, ezdxf.new()) == "holds no faces or meshes, nothing visible"
 
 
 def test_solids_are_said_to_be_left_out(drawing: Drawing, read: Read, tmp_path: Path) -> None:
@@ -332,18 +332,18 @@ def test_more_blocks_than_any_memory_holds_are_refused(
             block.add_blockref(f"b{i + 1}", (0, 0))
     drawing.blocks.new("b9").add_3dface(SQUARE)
     insert = drawing.modelspace().add_blockref("b0", (0, 0))
-    assert refused(tmp_path, drawing) == "its blocks come to more than 2000 entities"
+    assert refused(tmp_path, drawing) == "its blocks have more than 2000 entities in all"
     insert.dxf.name, insert.dxf.row_count, insert.dxf.row_spacing = "b9", 10**9, 1.0
-    assert refused(tmp_path, drawing) == "its blocks come to more than 2000 entities"
+    assert refused(tmp_path, drawing) == "its blocks have more than 2000 entities in all"
     drawing.blocks.new("empty")
     insert.dxf.name = "empty"
-    assert refused(tmp_path, drawing) == "its blocks come to more than 2000 entities"
+    assert refused(tmp_path, drawing) == "its blocks have more than 2000 entities in all"
 
 
 def test_a_mesh_that_names_a_point_it_has_not_is_refused(drawing: Drawing, tmp_path: Path) -> None:
     with drawing.modelspace().add_mesh().edit_data() as data:
         data.vertices, data.faces = SQUARE, [(0, 1, 4)]
-    assert refused(tmp_path, drawing) == "a MESH of 4 points names another one"
+    assert refused(tmp_path, drawing) == "a MESH of 4 points refers to another one"
 
 
 def test_a_polygon_mesh_of_too_few_points_is_refused(drawing: Drawing, tmp_path: Path) -> None:

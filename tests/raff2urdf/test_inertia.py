@@ -87,7 +87,7 @@ def test_so_does_a_ball() -> None:
 @examples(40)
 def test_a_mesh_of_a_box_is_that_box(x: float, y: float, z: float, place: np.ndarray) -> None:
     mesh = trimesh.creation.box((x, y, z), transform=place)
-    assert_same(of_surface(mesh, RHO), of_geometry(box(x, y, z), RHO).seen_from(place), 1e-6)
+    assert_same(of_surface(mesh, RHO), of_geometry(box(x, y, z), RHO).in_frame(place), 1e-6)
 
 
 def test_a_round_mesh_comes_near_the_ball() -> None:
@@ -145,8 +145,8 @@ def test_a_mesh_is_left_as_it_was() -> None:
 def test_two_halves_are_the_whole(x: float, y: float, z: float, place: np.ndarray) -> None:
     """The parallel axes theorem: a box sawn across, wherever it stands."""
     half = of_geometry(box(x / 2, y, z), RHO)
-    parts = [half.seen_from(place @ shift("x", side * x / 4)) for side in (-1, 1)]
-    assert_same(sum_of(parts), of_geometry(box(x, y, z), RHO).seen_from(place))
+    parts = [half.in_frame(place @ shift("x", side * x / 4)) for side in (-1, 1)]
+    assert_same(sum_of(parts), of_geometry(box(x, y, z), RHO).in_frame(place))
 
 
 def test_a_dumbbell_is_what_its_mesh_is() -> None:
@@ -156,11 +156,11 @@ def test_a_dumbbell_is_what_its_mesh_is() -> None:
     together = trimesh.util.concatenate(meshes)
     together.density = RHO
     body = sum_of(of_surface(mesh, RHO) for mesh in meshes)
-    assert_same(body, Inertia.of_matrix(together.mass, together.center_mass, together.moment_inertia))
+    assert_same(body, Inertia.from_matrix(together.mass, together.center_mass, together.moment_inertia))
 
 
 def test_nothing_added_changes_nothing() -> None:
-    body = of_geometry(box(1.0, 2.0, 3.0), RHO).seen_from(shift("x", 1.0))
+    body = of_geometry(box(1.0, 2.0, 3.0), RHO).in_frame(shift("x", 1.0))
     assert_same(sum_of([Inertia(), body, Inertia()]), body)
     assert sum_of([]).mass == 0.0
 
@@ -176,7 +176,7 @@ def test_whatever_is_drawn_some_body_has_that_inertia(
         visuals.append(Visual(geometry=shape, origin=place))
     found = inertias(drawn(*visuals), RHO)
     assert_physical(found.links["a"])
-    assert_same(found.links["a"], sum_of(of_geometry(v.geometry, RHO).seen_from(v.origin) for v in visuals))
+    assert_same(found.links["a"], sum_of(of_geometry(v.geometry, RHO).in_frame(v.origin) for v in visuals))
 
 
 def test_twice_the_density_is_twice_the_mass() -> None:
@@ -202,7 +202,7 @@ def test_what_the_urdf_says_is_kept() -> None:
     <visual><geometry><box size="1 1 1"/></geometry></visual></link></robot>"""
     model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False).robot
     found = inertias(model, RHO)
-    assert found.said == ("a",)
+    assert found.given == ("a",)
     assert found.links["a"].mass == 4.0
     np.testing.assert_allclose(found.links["a"].centre, [1, 2, 3])
     np.testing.assert_allclose(found.links["a"].matrix, np.diag([2.0, 1.0, 2.5]), atol=1e-12)

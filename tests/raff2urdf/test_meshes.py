@@ -127,7 +127,7 @@ def test_base_links_and_frames_show_all_their_files_that_can_be_shown(workshop: 
     shown = [("meshes/arm/red.nff.1.stl", RED), ("meshes/arm/face.dxf.1.stl", BLUE), ("../parts/bar.stl", None)]
     for node in ("base", "link1", "frame2"):
         assert named(xml, node) == shown
-        reason = "broken.nff (line 9: '9' is no vertex of this object: 0 to 3)"
+        reason = "broken.nff (line 9: '9' is no vertex of this object (0 to 3))"
         assert f"{node}: gone.nff (not found), {reason}" in warned
 
 
@@ -246,7 +246,7 @@ def test_a_scan_of_many_colours_becomes_few_files(workshop: Path) -> None:
         ("a.glb", b"glTF\x02\x00\x00\x00\xff\xff\xff\xff", "unreadable: "),
         ("a.ply", b"ply\nformat ascii 1.0\nelement vertex 1000000000000\nend_header\n", ""),
         ("a.off", b"OFF\n1000000000000 1000000000000 0\n", ""),
-        ("a.off", b"OFF\n3 1 0\n0 0 0\n1e300 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is no number up to 1e+37"),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n1e300 0 0\n0 1 0\n3 0 1 2\n", "a coordinate is not a number up to 1e+37"),
         ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "holds no surface"),
         ("a.blend", b"", ".blend: only .stl, .obj, .dae, .nff, .dxf, "),
     ],

@@ -6,6 +6,7 @@ from __future__ import annotations
 import io
 import math
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +22,10 @@ from mechanisms import KNOWN
 
 from raff2urdf import RaffError, RaffWarning, convert, loads
 from raff2urdf.conversion import translate
-from raff2urdf.writers.bodies import TreeAtHome
 from raff2urdf.writers.inertia import inertias
 from raff2urdf.writers.mjcf import mjcf, quaternion
+from raff2urdf.writers.sdf import sdf
+from raff2urdf.writers.tree_at_home import TreeAtHome
 
 EXACT = 1e-9  # m and rad
 STAY = 1e-3  # of the characteristic length: how far loops may open in a simulation
@@ -179,12 +181,11 @@ def test_limits_are_the_robots_own(robot: Exported) -> None:
 
 def test_masses_are_those_of_the_graphics(robot: Exported) -> None:
     model, data = read(robot)
-    described = robot.described()
-    expected = sum(body.mass for body in described.inertias.links.values())
+    expected = sum(body.mass for body in robot.inertias.links.values())
     spare = [loop for loop in robot.made.constraints["loops"] if loop["kind"] == "prismatic"]
     if not spare:
         assert model.body_mass.sum() == pytest.approx(expected)
-    for name, body in described.inertias.links.items():
+    for name, body in robot.inertias.links.items():
         if body.mass > 0.0 and not spare and name != "world":
             assert model.body(name).mass[0] == pytest.approx(body.mass)
             centre = data.body(name).xmat.reshape(3, 3) @ body.centre + data.body(name).xpos
@@ -199,9 +200,9 @@ def test_a_prismatic_loop_takes_its_mass_from_the_body_it_is_welded_to(folder: P
     document = loads(text)
     turned = Exported(document, translate(document, document.robot(), folder, folder), folder)
     model, data = read(turned)
-    whole = sum(body.mass for body in turned.described().inertias.links.values())
+    whole = sum(body.mass for body in turned.inertias.links.values())
     assert model.body_mass.sum() == pytest.approx(whole)
-    piston = turned.described().inertias.links["link3"].mass
+    piston = turned.inertias.links["link3"].mass
     assert model.body("link3").mass[0] == pytest.approx(piston / 2)
     assert model.body("frame5-frame4").mass[0] == pytest.approx(piston / 2)
     assert opening(model, data) < EXACT
@@ -405,8 +406,8 @@ def test_ends_of_loops_stand_where_their_placements_are() -> None:
     [
         (lambda: foreign(joint("planar")), "planar"),
         (lambda: foreign(joint("floating")), "floating"),
-        (lambda: foreign(joint(more='<mimic joint="x"/>')), "copies 'x'"),
-        (lambda: foreign(""), "2 links stand on no other"),
+        (lambda: foreign(joint(more='<mimic joint="x"/>')), "mimics 'x'"),
+        (lambda: foreign(""), "2 links have no parent"),
         (lambda: foreign(joint(child="world"), '<link name="a"/><link name="world"/>'), "'world'"),
         (lambda: foreign(joint(more='<axis xyz="0 0 0"/>')), "axis"),
     ],
@@ -422,6 +423,15 @@ def test_a_loop_that_ends_on_nothing_is_named() -> None:
     loop = {"name": "l", "kind": "ball", "first": end, "second": end}
     with pytest.raises(RaffError, match="nowhere"):
         written(foreign(joint()), {"joints": [], "loops": [loop]})
+
+
+@pytest.mark.parametrize("write", [mjcf, sdf])
+def test_a_kind_of_loop_that_a_format_does_not_have_is_an_error(write: Callable[..., str]) -> None:
+    end = {"node": "b", "placement": np.eye(4).tolist()}
+    loop = {"name": "l", "kind": "screw", "first": end, "second": {**end, "node": "a"}}
+    bodies = foreign(joint())
+    with pytest.raises(RaffError, match=r"loop 'l': (MJCF|SDF) has no loops of the kind 'screw'"):
+        write(bodies, {"joints": [], "loops": [loop]}, inertias(bodies.model))
 
 
 def test_comments_hold_what_xml_forbids() -> None:

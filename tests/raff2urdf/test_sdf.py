@@ -19,9 +19,9 @@ from yourdfpy import Box, Geometry, Visual
 
 from raff2urdf import RaffError, convert
 from raff2urdf.residual import loop_residual
-from raff2urdf.writers.bodies import TreeAtHome
 from raff2urdf.writers.inertia import inertias
 from raff2urdf.writers.sdf import NAMESPACE, sdf
+from raff2urdf.writers.tree_at_home import TreeAtHome
 
 Matrix = NDArray[np.float64]
 EXACT = 1e-9  # m and rad
@@ -196,7 +196,7 @@ def test_limits_are_shifted_by_home(robot: Exported) -> None:
 
 def test_a_link_bears_the_mass_of_all_that_is_fixed_on_it(robot: Exported) -> None:
     model = Model(robot.text("sdf"))
-    total, expected = 0.0, sum(body.mass for body in robot.described().inertias.links.values())
+    total, expected = 0.0, sum(body.mass for body in robot.inertias.links.values())
     for name, link in model.links.items():
         if link.find("inertial") is None:
             continue
@@ -265,7 +265,7 @@ def test_names_that_meet_are_parted_and_told() -> None:
     bodies = TreeAtHome(yourdfpy.Robot(name="r", links=links, joints=joints), {"b": 0.25})
     model = Model(sdf(bodies, {"joints": [], "loops": []}, inertias(bodies.model, moving=bodies.moving)))
     assert set(model.joints) == {"joint0", "b#2"}
-    assert model.own["b#2"].get("called") == "b"
+    assert model.own["b#2"].get("raff_name") == "b"
     assert model.own["b#2"].get("home") == "0.25"
 
 
@@ -291,8 +291,7 @@ def test_a_loop_on_the_world_or_on_a_base_that_moves_is_seen_from_its_other_end(
     (loop,) = constraints["loops"]
     end = {"node": "base", "placement": np.eye(4).tolist()}
     constraints["loops"] = [{**loop, "kind": "ball", "second": end}]
-    described = rover.described()
-    model = Model(sdf(described.bodies, constraints, described.inertias))
+    model = Model(sdf(rover.tree, constraints, rover.inertias))
     assert model.joints[loop["name"]].findtext("parent") == "base"
     assert model.joints[loop["name"]].findtext("child") == "link2"
 

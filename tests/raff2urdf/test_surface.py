@@ -119,7 +119,7 @@ def test_polygons_of_any_size_are_cut(size: float) -> None:
 def test_what_is_no_number_for_stl_is_refused(number: float, count: int) -> None:
     polygons = Polygons()
     polygons.add([(0.0, 0.0, float(i * i)) for i in range(count - 1)] + [(0.0, 1.0, number)], None)
-    with pytest.raises(RaffError, match="no number up to 1e\\+37"):
+    with pytest.raises(RaffError, match="not a number up to 1e\\+37"):
         polygons.surfaces()
 
 

@@ -26,7 +26,7 @@ from cinegen.workspace.sweep.variants import Variation, variants
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.files import write_all
 from raff2urdf.reader import parse, read
-from raff2urdf.writer import write
+from raff2urdf.writer import dumps
 
 _KIND, _VERSION = "cinegen sweep", 2
 _LONGEST = 200  # bytes of a folder's name
@@ -219,7 +219,7 @@ def _description(document: Document, variations: Sequence[Variation], plan: _Swe
     described = {
         "kind": _KIND,
         "version": _VERSION,
-        "raff": write(document),
+        "raff": dumps(document),
         "robot": plan.robot,
         "varied": [str(variation) for variation in variations],
         "region": plan.region.document(),

@@ -16,7 +16,7 @@ from cinegen.workspace.errors import MapError
 from raff2urdf.check import check_sizes, check_tree
 from raff2urdf.document import Document, JointType, Parameters, RaffBase, RaffLink, RaffNode, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.writer import number, write
+from raff2urdf.writer import dumps, number
 
 KLEINFINGER = tuple(Parameters.__dataclass_fields__)
 NAMES = (*KLEINFINGER, "limits.low", "limits.high", "velocity")
@@ -206,7 +206,7 @@ class Variant:
     def raff(self) -> str:
         """Return the text of its RAFF file, which reads back to the same document."""
         source = Path(self.document.source.name).name
-        return write(self.document, (f"{source} with {self.name.replace(',', ', ')}",))
+        return dumps(self.document, (f"{source} with {self.name.replace(',', ', ')}",))
 
 
 def variants(document: Document, variations: Sequence[Variation], robot: str | None = None) -> list[Variant]:

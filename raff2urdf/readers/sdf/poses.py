@@ -1,4 +1,4 @@
-"""Where everything of an SDF stands: poses relative to each other, names looked up, models within models."""
+"""Poses in an SDF: they are given relative to each other, by names, in nested models."""
 
 from __future__ import annotations
 
@@ -8,22 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import did_you_mean
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers.urdf import SIZE, numbers
+from raff2urdf.readers.xml_file import error_at
 
 Array = NDArray[np.float64]
 
 WORLD = "world"
 
 
-def error_at(name: str, element: Any, message: str) -> RaffError:
-    """What is wrong with an element of the file of that name."""
-    return RaffError(f"{name}:{element.sourceline}: {message}")
-
-
 def pose(element: Any, name: str) -> Array:
-    """The matrix (4, 4) of an element's <pose>, in whatever frame it names; `name` is the file's."""
+    """Return the placement (4, 4) of an element's <pose>, in whatever frame it names; `name` is the file's."""
     written = element.find("pose")
     text = "" if written is None else (written.text or "").strip()
     if not text:
@@ -32,23 +28,27 @@ def pose(element: Any, name: str) -> Array:
     quaternion = written.get("rotation_format") == "quat_xyzw"
     if found is None or len(found) != (7 if quaternion else 6):
         raise error_at(name, written, f"the pose '{text}' must be {'seven' if quaternion else 'six'} numbers{SIZE}")
-    matrix = np.eye(4)
-    matrix[:3, 3] = found[:3]
-    if quaternion:
-        x, y, z, w = found[3:]
-        if math.hypot(x, y, z, w) <= 1e-9:
-            raise error_at(name, written, f"the quaternion of the pose '{text}' is 0: it turns no way")
-        matrix[:3, :3] = from_quaternion(w, x, y, z)
-    else:
+    if not quaternion:
         degrees = written.get("degrees", "false") in ("1", "true")
-        matrix = from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
+        return from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
+    x, y, z, w = found[3:]
+    if math.hypot(x, y, z, w) <= 1e-9:
+        raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is no rotation")
+    matrix = np.eye(4)
+    matrix[:3, 3], matrix[:3, :3] = found[:3], from_quaternion(w, x, y, z)
     return matrix
 
 
 class SdfPoses:
-    """Where the links, joints, frames and models of one model stand, in the outermost model's frame.
+    """Poses of the links, joints, frames and nested models of one model, in the outermost model's frame.
 
-    Names are looked up in the model itself; `inner::name` is in a model within it.
+    Names are looked up in the model itself; `inner::name` is in a nested model.
+
+    Args:
+        name: of the file, in errors.
+        model: the element.
+        placed: (4, 4), of the model.
+        prefix: of full names of its links.
     """
 
     def __init__(self, name: str, model: Any, placed: Array, prefix: str) -> None:
@@ -57,60 +57,60 @@ class SdfPoses:
         for tag in ("link", "model", "frame", "joint"):  # files before 1.7 give a joint and a link the same name
             for element in model.iterchildren(tag):
                 self.elements.setdefault(str(element.get("name", "")), element)
-        self.found: dict[Any, Array] = {}
-        self.within: dict[Any, SdfPoses] = {}
-        self.asked: set[Any] = set()
+        self._found: dict[Any, Array] = {}
+        self._nested: dict[Any, SdfPoses] = {}
+        self._pending: set[Any] = set()
 
     def of(self, name: str, where: Any) -> Array:
-        """The placement of what bears this name; `where` is the element that speaks of it."""
+        """Return the pose of what has this name; `where` is the element that names it."""
         if name in ("__model__", ""):
             return self.placed
-        element, inner, rest = self._find(name)
-        if inner is not None:
-            return inner.of(rest, where)
+        element, nested, inner_name = self._find(name)
+        if nested is not None:
+            return nested.of(inner_name, where)
         if element is not None:
             return self.of_element(element)
         if name == WORLD:
             return np.eye(4)
-        known = [*self.elements, "__model__"]
-        raise error_at(self.name, where, f"no frame '{name}'{did_you_mean(name, known)}")
+        raise error_at(self.name, where, f"no frame '{name}'{did_you_mean(name, [*self.elements, '__model__'])}")
 
     def of_element(self, element: Any) -> Array:
-        """The placement of a link, joint, frame or model."""
+        """Return the pose of a link, joint, frame or model."""
         chain, at = [], element  # each is placed relative to the next
-        while at is not None and at not in self.found:
-            if at in self.asked:
+        while at is not None and at not in self._found:
+            if at in self._pending:
                 raise error_at(self.name, at, f"the pose of '{at.get('name')}' is given relative to itself")
-            self.asked.add(at)
+            self._pending.add(at)
             chain.append(at)
-            at = self._find(self._base(at)[0])[0]
+            at = self._find(self._relative_to(at)[0])[0]
         for one in reversed(chain):
-            self.found[one] = self.of(*self._base(one)) @ pose(one, self.name)
-        self.asked.difference_update(chain)
-        return self.found[element]
+            self._found[one] = self.of(*self._relative_to(one)) @ pose(one, self.name)
+        self._pending.difference_update(chain)
+        return self._found[element]
 
-    def inner(self, model: Any) -> SdfPoses:
-        """The same of a model within this one."""
-        if model not in self.within:
-            prefix, placed, held = f"{self.prefix}{model.get('name')}::", self.of_element(model), np.eye(4)
-            if model.get("placement_frame"):  # that is what the pose places
-                held = SdfPoses(self.name, model, np.eye(4), prefix).of(model.get("placement_frame"), model)
-            self.within[model] = SdfPoses(self.name, model, placed @ inverse(held), prefix)
-        return self.within[model]
+    def nested(self, model: Any) -> SdfPoses:
+        """Return the poses of a nested model."""
+        if model not in self._nested:
+            prefix, placed = f"{self.prefix}{model.get('name')}::", self.of_element(model)
+            if model.get("placement_frame"):  # the frame that the pose places
+                own = SdfPoses(self.name, model, np.eye(4), prefix)
+                placed = placed @ inverse(own.of(model.get("placement_frame"), model))
+            self._nested[model] = SdfPoses(self.name, model, placed, prefix)
+        return self._nested[model]
 
     def link(self, name: str, where: Any, wrong: str = "") -> str:
-        """The link, by its full name, that a name stands for: what a frame is attached to, a joint's child.
+        """Return the full name of the link that a name refers to: what a frame is attached to, a joint's child.
 
         Args:
             name: of a link, a frame, a joint or a model.
-            where: the element that speaks of it.
-            wrong: what to say if there is none.
+            where: the element that names it.
+            wrong: the error if there is none.
         """
         passed = set()
         while name not in ("__model__", ""):
-            element, inner, rest = self._find(name)
-            if inner is not None:
-                return inner.link(rest, where, wrong)
+            element, nested, inner_name = self._find(name)
+            if nested is not None:
+                return nested.link(inner_name, where, wrong)
             if element is None and name == WORLD:
                 return WORLD
             if element is None:
@@ -119,7 +119,7 @@ class SdfPoses:
             if element.tag == "link":
                 return self.prefix + name
             if element.tag == "model":
-                return self.inner(element).canonical()
+                return self.nested(element).canonical()
             if element in passed:
                 raise error_at(self.name, element, f"the {element.tag} '{name}' is attached to itself")
             passed.add(element)
@@ -128,33 +128,33 @@ class SdfPoses:
         return self.canonical()
 
     def canonical(self) -> str:
-        """The link, by its full name, that the model's own frame is attached to."""
-        said = self.model.get("canonical_link")
-        if said:
-            return self.link(said, self.model, f"the canonical link '{said}' does not exist")
+        """Return the full name of the link that the model's own frame is attached to."""
+        name = self.model.get("canonical_link")
+        if name:
+            return self.link(name, self.model, f"the canonical link '{name}' does not exist")
         for link in self.model.iterchildren("link"):
             return self.prefix + str(link.get("name", ""))
         for model in self.model.iterchildren("model"):
-            return self.inner(model).canonical()
+            return self.nested(model).canonical()
         raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link")
 
     def _find(self, name: str) -> tuple[Any, SdfPoses | None, str]:
-        """The element of that name; or the model within this one where the rest of the name is to be looked up."""
+        """Return the element of that name; or else the nested model and the name in it."""
         if name in ("__model__", WORLD, ""):
             return None, None, ""
         if name in self.elements:
             return self.elements[name], None, ""
         for model in self.model.iterchildren("model"):
             if name.startswith(f"{model.get('name')}::"):
-                return None, self.inner(model), name[len(str(model.get("name"))) + 2 :]
+                return None, self.nested(model), name[len(str(model.get("name"))) + 2 :]
         return None, None, ""
 
-    def _base(self, element: Any) -> tuple[str, Any]:
-        """The name of what an element's pose is relative to, and the element that says so."""
+    def _relative_to(self, element: Any) -> tuple[str, Any]:
+        """Return the name of what an element's pose is relative to, and the element that names it."""
         pose = element.find("pose")
-        said = None if pose is None else pose.get("relative_to") or pose.get("frame")
-        if said:
-            return str(said), pose
+        name = None if pose is None else pose.get("relative_to") or pose.get("frame")
+        if name:
+            return str(name), pose
         if element.tag == "joint":
             child = element.find("child")
             return ("", element) if child is None else (named(child), child)
@@ -162,5 +162,5 @@ class SdfPoses:
 
 
 def named(end: Any) -> str:
-    """The name that a joint's <parent> or <child> holds."""
+    """Return the name in a joint's <parent> or <child>."""
     return str(end.get("link_name") or end.text or "").strip()

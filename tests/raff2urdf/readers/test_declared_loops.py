@@ -112,7 +112,9 @@ def test_each_dialect_is_refused_at_its_line_with_a_remedy(dialect, bars):
 @pytest.mark.parametrize("dialect", DIALECTS)
 def test_each_dialect_is_opened_on_demand_with_a_warning_that_names_it(dialect, bars):
     path = bars(DIALECTS[dialect][0])
-    with pytest.warns(RaffWarning, match=r"left out, as asked; every joint moves on its own: .*\(line [67]\)") as seen:
+    with pytest.warns(
+        RaffWarning, match=r"left out, as requested; every joint moves independently: .*\(line [67]\)"
+    ) as seen:
         _, said = readers.read(path, ignore_loops=True)
     assert len(seen) == 1
     assert said is None
@@ -214,17 +216,17 @@ def test_a_loop_of_old_gazebo_is_warned_of(bars):
 
 def test_a_link_with_two_parents_is_refused_by_both_joints_or_opened(bars):
     path = bars(f'<joint name="pin" type="continuous">\n{ENDS}</joint>')
-    says = r":6: joint 'pin' holds link 'rocker', which joint 'swing' on line 5 holds already: .*--ignore-loops"
+    says = r":6: joint 'pin' has the child 'rocker', as joint 'swing' on line 5 has: .*--ignore-loops"
     with pytest.raises(RaffError, match=says):
         readers.read(path)
-    with pytest.warns(RaffWarning, match=r"every joint moves on its own: joint 'pin' \(line 6\)"):
+    with pytest.warns(RaffWarning, match=r"every joint moves independently: joint 'pin' \(line 6\)"):
         text, _ = readers.read(path, ignore_loops=True)
     assert "'pin'" not in text
     assert text.count("<joint") == 3
 
 
 def test_of_xacro_it_is_said_what_it_is(bars):
-    with pytest.raises(RaffError, match=r"declares a loop.*load what `xacro"):
+    with pytest.raises(RaffError, match=r"declares a loop.*load the output of `xacro"):
         readers.read(bars('<xacro:leg_loop xmlns:xacro="http://ros.org/wiki/xacro"/>'))
 
 

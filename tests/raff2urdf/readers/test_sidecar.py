@@ -27,7 +27,7 @@ def refused(path, says):
     with pytest.raises(RaffError, match=says) as caught:
         readers.read(path)
     assert "--ignore-loops (in Python ignore_loops=True)" in str(caught.value)
-    with pytest.warns(RaffWarning, match="left out, as asked"):
+    with pytest.warns(RaffWarning, match="left out, as requested"):
         assert readers.read(path, ignore_loops=True)[1] is None
 
 

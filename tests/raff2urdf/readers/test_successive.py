@@ -90,7 +90,8 @@ def test_a_floating_joint_that_frees_the_whole_robot_may_be_kept():
 def test_two_axes_are_turned_about_one_after_the_other():
     tree = parse(BODY.format(kind="revolute", axis="0 0 1"), "x")
     joint = joints(tree)[1]
-    assert successive.replace(tree, joint, [successive.TURNS["Z"], successive.TURNS["X"]], "x") == ["j_Z", "j_X"]
+    steps = [successive.ROTATIONS[axis] for axis in "ZX"]
+    assert successive.replace(tree, joint, steps, "x") == ["j_Z", "j_X"]
     again = parse(etree.tostring(tree, encoding="unicode"), "x")
     model = pin.buildModelFromXML(etree.tostring(again, encoding="unicode"))
     turn = pin.utils.rotate("z", 0.3) @ pin.utils.rotate("x", 0.7)

@@ -29,10 +29,10 @@ def test_what_can_mean_only_one_thing_is_read(text):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("", "x:1: no XML"),
-        ("<robot>\n<link>\n</robot>", r"x:3: no XML: Opening and ending tag mismatch"),
-        ("<robot/><robot/>", "x:1: no XML: Extra content"),
-        ("<robot>\n" + 10_000 * "<a>" + 10_000 * "</a>" + "</robot>", "x:2: no XML: Excessive depth"),
+        ("", "x:1: invalid XML"),
+        ("<robot>\n<link>\n</robot>", r"x:3: invalid XML: Opening and ending tag mismatch"),
+        ("<robot/><robot/>", "x:1: invalid XML: Extra content"),
+        ("<robot>\n" + 10_000 * "<a>" + 10_000 * "</a>" + "</robot>", "x:2: invalid XML: Excessive depth"),
         ("<!DOCTYPE r [<!ENTITY a 'ha'><!ENTITY b '&a;&a;'>]><r>&b;</r>", "x:1: it defines the entity 'a'"),
         ("<!DOCTYPE r SYSTEM 'x.dtd'><r>\n&b;</r>", r"x:\d: it uses the entity 'b'"),
         (
@@ -62,8 +62,8 @@ def test_a_text_is_read_in_the_encoding_that_it_says(tmp_path):
     ("content", "says"),
     [
         (b"<r>\n\xe9</r>", r":2: this is no text in utf-8: save it as UTF-8"),
-        (b"<?xml version='1.0' encoding='klingon'?><r/>", r":1: no encoding is called 'klingon'"),
-        (b"<?xml version='1.0' encoding='hex'?><r/>", r":1: no encoding is called 'hex'"),
+        (b"<?xml version='1.0' encoding='klingon'?><r/>", r":1: unknown encoding 'klingon'"),
+        (b"<?xml version='1.0' encoding='hex'?><r/>", r":1: unknown encoding 'hex'"),
     ],
 )
 def test_an_encoding_that_is_none_is_told(content, says, tmp_path):

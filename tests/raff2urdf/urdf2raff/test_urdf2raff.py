@@ -17,8 +17,8 @@ import raff2urdf
 from raff2urdf import tree as raff_tree
 from raff2urdf.conversion import translate
 from raff2urdf.readers.urdf import joints, parse
-from raff2urdf.urdf2raff.robot import reverse
-from raff2urdf.urdf2raff.tidy import tidy
+from raff2urdf.urdf2raff.frames import tidy
+from raff2urdf.urdf2raff.robot import import_tree
 
 SPECIAL = st.sampled_from([0.0, 0.0, 0.0, math.pi / 2, -math.pi / 2, math.pi, 1.5708, 1e-7, 2.5e-5, 0.3])
 AXES = st.sampled_from(["0 0 1", "0 1 0", "1 0 0", "0 0 -1", "1 1 0", "0.3 -0.2 1", "0 1e-7 1"])
@@ -80,7 +80,7 @@ def largest_difference(text, found, seed=0, count=3):
 @settings(max_examples=300)
 @given(trees())
 def test_every_link_stands_where_it_stood(text):
-    found = reverse(parse(text, "x"), "x")
+    found = import_tree(parse(text, "x"), "x")
     assert set(found.nodes) == {f"l{i}" for i in range(text.count("<link"))}
     assert largest_difference(text, found) < 1e-10
     again = raff2urdf.loads(raff2urdf.dumps(found.document))  # and so it does in the file
@@ -90,7 +90,7 @@ def test_every_link_stands_where_it_stood(text):
 @settings(max_examples=300)
 @given(trees())
 def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
-    robot = reverse(parse(text, "x"), "x").document.robot()
+    robot = import_tree(parse(text, "x"), "x").document.robot()
 
     def body(number):
         """What a node is fixed on: a link that moves, or the base."""
@@ -108,11 +108,11 @@ def test_gamma_and_epsilon_are_said_only_where_a_link_branches(text):
 @settings(max_examples=100)
 @given(trees(), st.sampled_from(["mm", "m", "um", "cm"]))
 def test_to_and_fro_is_a_fixed_point(text, units):
-    first = reverse(parse(text, "x"), "x", units=units)
+    first = import_tree(parse(text, "x"), "x", units=units)
     made = translate(first.document, first.document.robot(), Path())
-    second = reverse(parse(made.urdf, "y"), "y", made.constraints, units)
+    second = import_tree(parse(made.urdf, "y"), "y", made.constraints, units)
     again = translate(second.document, second.document.robot(), Path())
-    third = reverse(parse(again.urdf, "z"), "z", again.constraints, units)
+    third = import_tree(parse(again.urdf, "z"), "z", again.constraints, units)
     assert third.document == second.document
     assert again.urdf == translate(third.document, third.document.robot(), Path()).urdf
     model, other = model_of(made.urdf), model_of(again.urdf)
@@ -140,7 +140,7 @@ CHAIN = """<robot name="arm">
 
 
 def test_a_chain_reads_as_the_textbook_has_it():
-    found = reverse(parse(CHAIN, "x"), "x")
+    found = import_tree(parse(CHAIN, "x"), "x")
     links = {link.number: link for link in found.document.robot().links}
     assert links[1].parameters.alpha in (90, -90)
     assert (links[2].parameters.d, links[2].parameters.alpha, links[2].parameters.r) == (300, 0, 0)
@@ -155,42 +155,42 @@ def test_a_chain_reads_as_the_textbook_has_it():
 
 def test_home_is_0_or_where_the_limits_let_it():
     text = CHAIN.replace('lower="-1"', 'lower="1"')
-    found = reverse(parse(text, "x"), "x")
+    found = import_tree(parse(text, "x"), "x")
     first = found.document.robot().links[0]
     assert math.radians(first.parameters.theta) - found.offsets["joint1"] == pytest.approx(1.5)
 
 
 def test_a_joint_that_mimics_another_is_named_or_freed():
     text = CHAIN.replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0"/><mimic joint="lift"/>')
-    says = r"x:5: RAFF can't say .* mimics another: 'bend' \(line 5\).*--free-mimic"
+    says = r"x:5: RAFF has no notation for joints that mimic others: 'bend' \(line 5\).*--free-mimic"
     with pytest.raises(raff2urdf.RaffError, match=says):
-        reverse(parse(text, "x"), "x")
-    assert set(reverse(parse(text, "x"), "x", free_mimic=True).joints) == {"lift", "bend"}
+        import_tree(parse(text, "x"), "x")
+    assert set(import_tree(parse(text, "x"), "x", free_mimic=True).joints) == {"lift", "bend"}
 
 
 @pytest.mark.parametrize(("kind", "said"), [("planar", 3), ("spherical", 3), ("floating", 6)])
 def test_joints_of_several_freedoms_become_successive_ones(kind, said):
     text = CHAIN.replace('name="bend" type="revolute"', f'name="bend" type="{kind}"')
-    found = reverse(parse(text, "x"), "x")
+    found = import_tree(parse(text, "x"), "x")
     assert sum(name.startswith("bend_") for name in found.joints) == said
 
 
 def test_a_robot_that_floats_has_a_base_that_moves():
     text = CHAIN.replace('name="lift" type="revolute"', 'name="lift" type="floating"')
-    found = reverse(parse(text, "x"), "x")
+    found = import_tree(parse(text, "x"), "x")
     robot = found.document.robot()
     assert robot.movable
     assert found.nodes["shoulder"] == "shoulder"
     assert robot.base.parameters.r == 400
     made = translate(found.document, robot, Path())
     assert made.constraints["floating"] == "joint0"
-    again = reverse(parse(made.urdf, "y"), "y", made.constraints)
+    again = import_tree(parse(made.urdf, "y"), "y", made.constraints)
     assert again.document.robot().movable
 
 
 def test_names_that_raff_cant_say_are_changed_and_told():
     text = CHAIN.replace('"tool"', '"base"').replace('"elbow"', '"left elbow#2"')
-    found = reverse(parse(text, "x"), "x")
+    found = import_tree(parse(text, "x"), "x")
     assert found.nodes["base"] == "base_2"
     assert found.nodes["left elbow#2"] == "left_elbow_2"
     raff2urdf.check(found.document)
@@ -199,7 +199,7 @@ def test_names_that_raff_cant_say_are_changed_and_told():
 def test_axes_that_are_nearly_parallel_are_said_with_numbers_near_the_robot():
     """Their common perpendicular is a thousand kilometres away: a frame stands in between."""
     text = CHAIN.replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0" rpy="3e-7 0 0"/>')
-    found = reverse(parse(text, "x"), "x")
+    found = import_tree(parse(text, "x"), "x")
     written = [part.parameters for part in found.document.robot().parts]
     assert max(abs(x) for p in written for x in (p.r, p.d, p.epsilon)) < 3000.0  # mm
     assert largest_difference(text, found) < 1e-12
@@ -209,7 +209,7 @@ def test_a_urdf_of_raff_gives_its_file_back(root):
     """Numbers, names, limits, motors, loops and sensors: what `robots/planar_hybrid.raff` says."""
     document = raff2urdf.load(root / "robots" / "planar_hybrid.raff")
     made = translate(document, document.robot(), root / "robots")
-    found = reverse(parse(made.urdf, "x"), "x", made.constraints, document.units)
+    found = import_tree(parse(made.urdf, "x"), "x", made.constraints, document.units)
     robot = found.document.robot()
     assert [link.number for link in robot.links] == [link.number for link in document.robot().links]
     assert {link.number: link.parameters for link in robot.links} == {
@@ -231,7 +231,7 @@ def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
 
 
 def test_every_joint_of_the_file_is_there_once():
-    found = reverse(parse(CHAIN, "x"), "x")
+    found = import_tree(parse(CHAIN, "x"), "x")
     assert len(found.joints) == len([j for j in joints(parse(CHAIN, "x")) if j.get("type") != "fixed"])
 
 
@@ -247,17 +247,17 @@ def chain(count):
 
 def test_a_chain_of_two_thousand_links_is_turned():
     """Bodies were counted by a function that called itself, as deep as the chain is long."""
-    assert len(reverse(parse(chain(2000), "x"), "x").document.robot().links) == 1999
+    assert len(import_tree(parse(chain(2000), "x"), "x").document.robot().links) == 1999
 
 
 def test_a_joint_may_be_called_as_raff2urdf_calls_the_one_that_places_the_base():
-    found = reverse(parse(chain(3).replace('"j1"', '"joint0"'), "x"), "x")
+    found = import_tree(parse(chain(3).replace('"j1"', '"joint0"'), "x"), "x")
     assert found.joints == {"joint0": "joint1", "j2": "joint2"}
     held = chain(3).replace('"j2" type="continuous"', '"joint0" type="fixed"')
-    assert set(reverse(parse(held, "x"), "x").nodes) == {"l0", "l1", "l2"}
+    assert set(import_tree(parse(held, "x"), "x").nodes) == {"l0", "l1", "l2"}
 
 
 @pytest.mark.parametrize("name", ["\uff11\uff12", "1a", "a b", "-"])
 def test_a_robot_of_any_name_is_read_back(name):
-    text = raff2urdf.dumps(reverse(parse(chain(2).replace('"r"', f'"{name}"'), "x"), "x").document)
+    text = raff2urdf.dumps(import_tree(parse(chain(2).replace('"r"', f'"{name}"'), "x"), "x").document)
     assert len(raff2urdf.loads(text).robot().links) == 1

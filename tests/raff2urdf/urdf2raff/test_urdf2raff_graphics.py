@@ -12,7 +12,7 @@ import trimesh
 from lxml import etree
 
 import raff2urdf
-from raff2urdf.conversion import convert_file
+from raff2urdf.conversion import convert
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.urdf import numbers
 
@@ -78,8 +78,8 @@ def shown(urdf: Path):
 def test_every_link_shows_what_it_showed(there, units):
     upper = BOX + MESH.format("meshes/part.stl", ' scale="2 2 -2"', RED)
     path = write(there, base=MESH.format("file://" + str(there / "ball.stl"), "", ""), upper=upper)
-    raff2urdf.reverse(path, there / "out/arm.raff", units=units)
-    (made,) = convert_file(there / "out/arm.raff", there / "again")
+    raff2urdf.to_raff(path, there / "out/arm.raff", units=units)
+    (made,) = convert(there / "out/arm.raff", there / "again")
     before, after = shown(path), shown(made.urdf)
     assert set(after) == {"base_link", "upper"}
     for link, surfaces in before.items():
@@ -93,7 +93,7 @@ def test_every_link_shows_what_it_showed(there, units):
 
 def test_a_mesh_that_needs_nothing_done_is_named_as_it_is(there):
     path = write(there, base=MESH.format("meshes/part.stl", "", ""))
-    found = raff2urdf.reverse(path, there / "arm.raff")
+    found = raff2urdf.to_raff(path, there / "arm.raff")
     assert found.document.units == "m"
     robot = found.document.robot()
     files = {part.node: part.filenames for part in (robot.base, *robot.parts)}
@@ -105,33 +105,33 @@ def test_a_mesh_that_needs_nothing_done_is_named_as_it_is(there):
 def test_units_are_those_of_the_meshes(there):
     mm = ' scale="0.001 0.001 0.001"'
     path = write(there, base=MESH.format("meshes/part.stl", mm, ""), upper=MESH.format("ball.stl", mm, RED))
-    assert raff2urdf.reverse(path).document.units == "mm"
-    assert raff2urdf.reverse(write(there)).document.units == "mm"
+    assert raff2urdf.to_raff(path).document.units == "mm"
+    assert raff2urdf.to_raff(write(there)).document.units == "mm"
 
 
 def test_where_some_links_show_something_the_others_show_nothing(there):
-    found = raff2urdf.reverse(write(there, upper=BOX), there / "arm.raff")
+    found = raff2urdf.to_raff(write(there, upper=BOX), there / "arm.raff")
     robot = found.document.robot()
     assert {p.node: p.filenames for p in robot.parts if p.node != "base_link"}["upper"] == ("arm_graphics/upper.glb",)
-    (made,) = convert_file(there / "arm.raff", there / "again")
+    (made,) = convert(there / "arm.raff", there / "again")
     assert set(shown(made.urdf)) == {"upper"}
 
 
 def test_what_raff2urdf_draws_itself_is_drawn_again(root, tmp_path):
     """A skeleton needs no files."""
-    convert_file(root / "robots/four_bar.raff", tmp_path)
-    found = raff2urdf.reverse(tmp_path / "four_bar.urdf", tmp_path / "four_bar.raff")
+    convert(root / "robots/four_bar.raff", tmp_path)
+    found = raff2urdf.to_raff(tmp_path / "four_bar.urdf", tmp_path / "four_bar.raff")
     robot = found.document.robot()
     assert all(part.filenames is None for part in (robot.base, *robot.parts))
     assert not (tmp_path / "four_bar_graphics").exists()
-    (made,) = convert_file(tmp_path / "four_bar.raff", tmp_path / "again")
+    (made,) = convert(tmp_path / "four_bar.raff", tmp_path / "again")
     assert made.urdf.read_bytes() == (tmp_path / "four_bar.urdf").read_bytes()
 
 
 def test_a_robot_with_legacy_graphics_comes_back_with_its_colours(root, tmp_path):
-    convert_file(root / "robots/rx90.raff", tmp_path)
-    raff2urdf.reverse(tmp_path / "rx90.urdf", tmp_path / "out/rx90.raff")
-    (made,) = convert_file(tmp_path / "out/rx90.raff", tmp_path / "again")
+    convert(root / "robots/rx90.raff", tmp_path)
+    raff2urdf.to_raff(tmp_path / "rx90.urdf", tmp_path / "out/rx90.raff")
+    (made,) = convert(tmp_path / "out/rx90.raff", tmp_path / "again")
 
     def coloured(urdf):
         colours: dict[object, float] = {}
@@ -170,7 +170,7 @@ def shown_meshes(urdf):
         (MESH.format("cut.dae", "", ""), r"arm.urdf:3: the mesh .*cut.dae' can't be read"),
         (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> must be three'),
         ('<visual><geometry><cylinder radius="-1" length="1"/></geometry></visual>', r"arm.urdf:3: radius=.-1. of"),
-        ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is none"),
+        ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
         ("<visual/>", r"arm.urdf:3: a visual without a shape"),
     ],
 )  # fmt: skip
@@ -181,7 +181,7 @@ def test_a_mesh_that_is_missing_cut_short_or_elsewhere_is_told_by_its_line(there
     path = write(there, base=visual, upper=BOX)
     before = set(there.rglob("*"))
     with pytest.raises(raff2urdf.RaffError, match=says):
-        raff2urdf.reverse(path, there / "out/arm.raff")
+        raff2urdf.to_raff(path, there / "out/arm.raff")
     assert set(there.rglob("*")) == before
     run = subprocess.run(
         [sys.executable, "-m", "raff2urdf.urdf2raff", path, "-o", there / "out/arm.raff"],
@@ -193,7 +193,7 @@ def test_a_mesh_that_is_missing_cut_short_or_elsewhere_is_told_by_its_line(there
     assert "Traceback" not in run.stderr
     assert "arm.urdf:3:" in run.stderr
     assert set(there.rglob("*")) == before
-    raff2urdf.reverse(path, there / "out/arm.raff", graphics=False)  # what can be read is not lost
+    raff2urdf.to_raff(path, there / "out/arm.raff", graphics=False)  # what can be read is not lost
 
 
 def test_packages_are_found_by_name(there, monkeypatch):
@@ -202,13 +202,13 @@ def test_packages_are_found_by_name(there, monkeypatch):
     (there / "meshes/part.stl").rename(there / "arm_description/meshes/part.stl")
     name = "package://arm_description/meshes/part.stl"
     path = write(there / "arm_description/urdf", base=MESH.format(name, "", ""))
-    assert raff2urdf.reverse(path, path.with_suffix(".raff")).document.units == "m"
+    assert raff2urdf.to_raff(path, path.with_suffix(".raff")).document.units == "m"
     elsewhere = there / "elsewhere"
     elsewhere.mkdir()
     path = write(elsewhere, base=MESH.format(name.replace("arm_desc", "an_arm_desc"), "", ""))
     with pytest.raises(raff2urdf.RaffError, match=r"no folder 'an_arm_description' is known: .*ROS_PACKAGE_PATH"):
-        raff2urdf.reverse(path, path.with_suffix(".raff"))
+        raff2urdf.to_raff(path, path.with_suffix(".raff"))
     (there / "far").mkdir()
     (there / "arm_description").rename(there / "far/an_arm_description")
     monkeypatch.setenv("ROS_PACKAGE_PATH", str(there / "far"))
-    raff2urdf.reverse(path, path.with_suffix(".raff"))
+    raff2urdf.to_raff(path, path.with_suffix(".raff"))

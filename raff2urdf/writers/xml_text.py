@@ -1,4 +1,4 @@
-"""What an XML file holds besides its elements: numbers that read back to the same double, and comments."""
+"""Text of XML files: numbers that read back to the same double, and comments."""
 
 from __future__ import annotations
 
@@ -8,18 +8,17 @@ from lxml import etree
 
 
 def numeral(value: float) -> str:
-    """The shortest text that reads back to the same double; no -0.0."""
-    text = repr(float(value) + 0.0)
-    return text.removesuffix(".0")
+    """Return the shortest text that reads back to the same double; no -0.0."""
+    return repr(float(value) + 0.0).removesuffix(".0")
 
 
 def numerals(values: Iterable[float]) -> str:
-    """The same of several numbers, with spaces between."""
+    """Return several numbers with spaces between."""
     return " ".join(map(numeral, values))
 
 
 def comment(lines: Iterable[str]) -> etree._Element:
-    """A comment of several lines; XML allows no two hyphens in one."""
+    """Return a comment of several lines; XML forbids two hyphens in a row in it."""
     text = "\n  ".join(lines)
     while "--" in text:
         text = text.replace("--", "- -")
@@ -27,6 +26,6 @@ def comment(lines: Iterable[str]) -> etree._Element:
 
 
 def text_of(root: etree._Element) -> str:
-    """The text of a whole file."""
+    """Return the text of a whole file."""
     text: bytes = etree.tostring(root, xml_declaration=True, encoding="utf-8", pretty_print=True)
     return text.decode()

@@ -1,0 +1,212 @@
+"""Convert a model of an SDF to a tree of joints, and the loops that its other joints close."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import yourdfpy
+from numpy.typing import NDArray
+
+from raff2urdf.constraints import IDENTITY, Constraints
+from raff2urdf.errors import RaffWarning
+from raff2urdf.placement import inverse, with_z
+from raff2urdf.readers import urdf_builder as shapes
+from raff2urdf.readers.sdf.model import COUPLING, LOOP_KINDS, TWO_AXES, SdfJoint, SdfModel
+from raff2urdf.readers.sdf.poses import WORLD, pose
+from raff2urdf.readers.urdf import numbers
+from raff2urdf.readers.urdf_builder import UNBOUNDED, UrdfBuilder
+from raff2urdf.readers.xml_file import error_at
+from raff2urdf.tree import BASE_JOINT
+
+Array = NDArray[np.float64]
+
+_ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
+
+
+class SdfToUrdf:
+    """Conversion of one model.
+
+    Args:
+        name: of the file, in errors.
+        model: its model.
+    """
+
+    def __init__(self, name: str, model: SdfModel) -> None:
+        self.name, self.model = name, model
+        self.placements = {**model.placements, WORLD: np.eye(4)}
+        names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
+        self.urdf = UrdfBuilder(model.name, names)
+        self.own = {} if model.own is None else {e.get("name"): e for e in model.own if isinstance(e.tag, str)}
+
+    def run(self) -> tuple[str, Constraints]:
+        """Return the URDF and its constraints."""
+        model, urdf = self.model, self.urdf
+        tree, cut, detached, root = self._spanning_tree()
+        floating = model.own is not None and root != WORLD
+        if root == WORLD or floating:
+            urdf.add_link(WORLD)
+        for link in detached:
+            urdf.add_fixed(urdf.free_name(f"{link}_fixed"), root, link, self._relative(root, link))
+        if floating:  # raff2urdf fixes a base to the world unless it can move
+            urdf.add_fixed(BASE_JOINT, WORLD, root, self.placements[root], "floating")
+        for name, element in model.links.items():
+            urdf.add_link(name, self._visuals(element))
+        for frame in model.frames:
+            urdf.add_link(frame)
+        for frame, link in model.frames.items():
+            urdf.add_fixed(urdf.free_name(f"{frame}_attached"), link, frame, self._relative(link, frame))
+        nodes = [root, *(n for n in (*model.links, *model.frames) if n != root)]
+        if model.own is not None and root == WORLD and "base" in nodes:  # raff2urdf's own robots
+            nodes = ["base", *(node for node in nodes if node not in (WORLD, "base"))]
+        for joint, reversed_ends in tree:
+            self._add_joint(joint, reversed_ends)
+        for joint in cut:
+            self._add_loop(joint)
+        return urdf.result(nodes, BASE_JOINT if floating else None)
+
+    def _relative(self, parent: str, child: str) -> Array:
+        """Return the placement of a link or frame on another one."""
+        return inverse(self.placements[parent]) @ self.placements[child]
+
+    def _spanning_tree(self) -> tuple[list[tuple[SdfJoint, bool]], list[SdfJoint], list[str], str]:
+        """Choose the joints of the tree.
+
+        The parent of a link is at the first joint of the file that reaches it: from its parent if any does, else from
+        its child.
+
+        Returns:
+            the tree's joints, each with whether its parent and child are swapped; joints that close loops; links that
+            no joint reaches; the root.
+        """
+        model = self.model
+        couplings = [j for j in model.joints if j.kind == COUPLING or j.element.find("axis/mimic") is not None]
+        if couplings:
+            first, more = couplings[0], len(couplings) - 1
+            others = f" and {more} more" if more else ""
+            message = f"joint '{first.name}'{others} couples two joints: left out, both move independently"
+            warnings.warn(str(error_at(self.name, first.element, message)), RaffWarning, stacklevel=6)
+        joints = [joint for joint in model.joints if joint.kind != COUPLING]
+        fixed = model.static or any(WORLD in (joint.parent, joint.child) for joint in joints)
+        root = WORLD if fixed else model.root or self._first(joints, set())
+        reached, tree, remaining, detached = {root}, [], list(joints), []
+        while True:
+            ahead = next((j for j in remaining if j.parent in reached and j.child not in reached), None)
+            step = ahead or next((j for j in remaining if j.child in reached and j.parent not in reached), None)
+            if step is not None:
+                remaining.remove(step)
+                tree.append((step, ahead is None))
+                reached |= {step.parent, step.child}
+            elif len(reached - {WORLD}) < len(model.links):
+                link = self._first(remaining, reached)  # it stays at its pose, with all links connected to it
+                detached.append(link)
+                reached.add(link)
+            else:
+                return tree, remaining, detached, root
+
+    def _first(self, joints: Sequence[SdfJoint], reached: set[str]) -> str:
+        """Return the first link, of those not reached, that is no joint's child; or else the first of them."""
+        children = {joint.child for joint in joints}
+        remaining = [link for link in self.model.links if link not in reached]
+        return next((link for link in remaining if link not in children), remaining[0])
+
+    def _add_joint(self, joint: SdfJoint, reversed_ends: bool) -> None:
+        """Add one joint for each axis, and a fixed one if the axis does not pass through the link's origin."""
+        parent, child = (joint.child, joint.parent) if reversed_ends else (joint.parent, joint.child)
+        sign = -1.0 if reversed_ends else 1.0
+        prismatic = joint.kind == "prismatic"
+        steps = list(zip(joint.axes, joint.limits, joint.velocities, strict=True))
+        if joint.kind == "ball":
+            steps = [(joint.placement[:3, i], UNBOUNDED, math.inf) for i in range(3)]
+        if reversed_ends:
+            steps.reverse()
+        at = joint.placement.copy()
+        arms = [np.cross(axis, self.placements[child][:3, 3] - at[:3, 3]) for axis, _, _ in steps]
+        on_axis = prismatic or all(np.abs(arm).max() <= _ON_AXIS for arm in arms)
+        if on_axis and len(steps) <= 1:
+            at = self.placements[child]
+        before = self.placements[parent]
+        for i, (axis, limits, velocity) in enumerate(steps):
+            name = joint.name if len(steps) == 1 else f"{joint.name}_{'XYZ'[i] if joint.kind == 'ball' else i + 1}"
+            home, actuated = self._own_values(name)
+            link = child
+            if i < len(steps) - 1 or not np.array_equal(at, self.placements[child]):
+                link = self.urdf.free_name(f"{name}_axis")
+                self.urdf.add_link(link)
+            self.urdf.add_joint(
+                name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis),
+                zero=home, home=home, limits=(limits[0] + home, limits[1] + home), velocity=velocity, actuated=actuated,
+            )  # fmt: skip
+            parent, before = link, at
+        if parent != child:
+            name = self.urdf.free_name(f"{joint.name}_fixed") if steps else joint.name
+            self.urdf.add_fixed(name, parent, child, inverse(before) @ self.placements[child])
+
+    def _own_values(self, joint: str) -> tuple[float, bool | None]:
+        """Return raff2urdf's entries for a joint: its value at the links' poses, and whether it is actuated."""
+        own = self.own.get(joint)
+        if own is None:
+            return 0.0, None
+        home = numbers(own.get("home", "0"))
+        if home is None or len(home) != 1:
+            raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is no number")
+        return home[0], own.get("actuated") == "true"
+
+    def _add_loop(self, joint: SdfJoint) -> None:
+        """Add a loop for a joint that was cut; of two axes, the first becomes a joint of the tree."""
+        first, kind, axes = joint.parent, joint.kind, joint.axes
+        if kind in TWO_AXES:
+            cross = self.urdf.free_name(f"{joint.name}_cross")
+            self.placements[cross] = joint.placement
+            self.urdf.add_link(cross)
+            one_axis = axes[:1], joint.limits[:1], joint.velocities[:1]
+            half = SdfJoint(joint.element, f"{joint.name}_1", "revolute", first, cross, joint.placement, *one_axis)
+            self._add_joint(half, False)
+            first, kind, axes = cross, "revolute", axes[1:]
+        at = joint.placement.copy()
+        if axes and kind != "fixed":
+            at[:3, :3] = with_z(axes[0])
+        ends = [(node, inverse(self.placements[node]) @ at) for node in (first, joint.child)]
+        own = self.own.get(joint.name)
+        if own is not None and all(own.get(word) in self.placements for word in ("first", "second")):
+            ends = [(own.get(word), np.array(IDENTITY)) for word in ("first", "second")]  # SDF keeps only one of them
+        self.urdf.add_loop(joint.name, LOOP_KINDS[kind], *ends)
+
+    def _visuals(self, link: Any) -> Iterator[yourdfpy.Visual]:
+        for visual in link.iterchildren("visual"):
+            for shape, offset in _geometry(visual.find("geometry")):
+                origin = pose(visual, self.name) @ offset
+                yield yourdfpy.Visual(origin=origin, geometry=shape, material=_material(visual))
+
+
+def _geometry(geometry: Any) -> Iterator[shapes.Shape]:
+    """Yield the shapes of a visual that URDF has."""
+
+    def three(path: str) -> Array:
+        return np.array((numbers(geometry.findtext(path, "1 1 1")) or [1.0, 1.0, 1.0])[:3])
+
+    def one(path: str) -> float:
+        return (numbers(geometry.findtext(path, "1")) or [1.0])[0]
+
+    for shape in () if geometry is None else geometry.iterchildren("box", "cylinder", "capsule", "sphere", "mesh"):
+        if shape.tag == "box":
+            yield shapes.box(three("box/size"))
+        elif shape.tag == "cylinder":
+            yield shapes.cylinder(one("cylinder/radius"), one("cylinder/length"))
+        elif shape.tag == "capsule":
+            yield from shapes.capsule(one("capsule/radius"), one("capsule/length"))
+        elif shape.tag == "sphere":
+            yield shapes.sphere(one("sphere/radius"))
+        else:
+            yield shapes.mesh(geometry.findtext("mesh/uri", "").strip(), three("mesh/scale"))
+
+
+def _material(visual: Any) -> yourdfpy.Material | None:
+    for word in ("diffuse", "ambient"):
+        found = numbers(visual.findtext(f"material/{word}", "none"))
+        if found is not None and len(found) in (3, 4):
+            return shapes.material([*found, 1.0][:4])
+    return None

@@ -1,0 +1,145 @@
+"""Build a URDF and the contents of its constraints file, from other formats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import yourdfpy
+from numpy.typing import ArrayLike, NDArray
+
+from raff2urdf.constraints import Constraints
+from raff2urdf.placement import inverse, joint_motion, translation
+from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.writers.urdf import dumps
+
+Array = NDArray[np.float64]
+
+WORLD = "world"
+
+UNBOUNDED = (-math.inf, math.inf)
+
+Shape = tuple[yourdfpy.Geometry, Array]
+"""A shape, and its placement (4, 4) in the visual."""
+
+
+class UrdfBuilder:
+    """A URDF that is being built.
+
+    Attributes:
+        taken: names that are taken; `free_name` adds to them.
+    """
+
+    def __init__(self, robot: str, taken: Iterable[str]) -> None:
+        self.taken = set(taken)
+        self._robot = yourdfpy.Robot(name=robot, links=[], joints=[])
+        self._entries: list[dict[str, Any]] = []
+        self._loops: list[dict[str, Any]] = []
+
+    def free_name(self, name: str) -> str:
+        """Return a name for something without a name in the file."""
+        while name in self.taken:
+            name += "_"
+        self.taken.add(name)
+        return name
+
+    def add_link(self, name: str, visuals: Iterable[yourdfpy.Visual] = ()) -> None:
+        """Add a link."""
+        self._robot.links.append(yourdfpy.Link(name=name, visuals=list(visuals)))
+
+    def add_fixed(self, name: str, parent: str, child: str, origin: Array, kind: str = "fixed") -> None:
+        """Add a fixed joint, or a floating one."""
+        self._robot.joints.append(yourdfpy.Joint(name=name, type=kind, parent=parent, child=child, origin=origin))
+
+    def add_joint(
+        self,
+        name: str,
+        prismatic: bool,
+        ends: tuple[str, str],
+        placed: Array,
+        axis: Array,
+        *,
+        zero: float = 0.0,
+        home: float = 0.0,
+        limits: tuple[float, float] = UNBOUNDED,
+        velocity: float = math.inf,
+        actuated: bool | None = None,
+    ) -> None:
+        """Add a joint that moves.
+
+        Args:
+            name: of the joint.
+            prismatic: whether it is prismatic; else it is revolute.
+            ends: the parent and the child.
+            placed: (4, 4), the child on its parent at the value `zero`.
+            axis: (3,) in the child's frame.
+            zero: value of the joint at that placement, rad or m.
+            home: value at home, rad or m.
+            limits: low and high, rad or m; infinite without limits.
+            velocity: limit, rad/s or m/s; infinite without a limit.
+            actuated: whether it is actuated; None if the file does not say.
+        """
+        axis = np.array(axis, dtype=float)
+        kind = "prismatic" if prismatic else "continuous" if limits == UNBOUNDED else "revolute"
+        limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(velocity, UNLIMITED))
+        if kind != "continuous":
+            limit.lower, limit.upper = max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED)
+        origin = placed @ inverse(joint_motion(prismatic, axis / np.linalg.norm(axis), zero))
+        joint = yourdfpy.Joint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
+        self._robot.joints.append(joint)
+        self._entries.append({"name": name, "home": home, **({} if actuated is None else {"actuated": actuated})})
+
+    def add_loop(self, name: str, kind: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> None:
+        """Add a loop between two ends: nodes, and placements (4, 4) on them."""
+        ends = {
+            word: {"node": node, "placement": np.asarray(placement).tolist()}
+            for word, (node, placement) in (("first", first), ("second", second))
+        }
+        self._loops.append({"name": name, "kind": kind, **ends})
+
+    def result(self, nodes: Sequence[str], floating: str | None) -> tuple[str, Constraints]:
+        """Return the text of the URDF and its constraints."""
+        values: Constraints = {
+            "robot": self._robot.name,
+            "nodes": list(nodes),
+            "floating": floating,
+            "joints": self._entries,
+            "loops": self._loops,
+        }
+        return dumps(self._robot), values
+
+
+def box(size: ArrayLike) -> Shape:
+    """Return a box of three sizes, m."""
+    return yourdfpy.Geometry(box=yourdfpy.Box(size=np.asarray(size, dtype=float))), np.eye(4)
+
+
+def sphere(radius: float, height: float = 0.0) -> Shape:
+    """Return a sphere whose centre is at a height along z, m."""
+    return yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=radius)), translation((0.0, 0.0, height))
+
+
+def cylinder(radius: float, length: float) -> Shape:
+    """Return a cylinder along z, m."""
+    return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius=radius, length=length)), np.eye(4)
+
+
+def capsule(radius: float, length: float) -> Iterator[Shape]:
+    """Yield the cylinder and the two spheres of a capsule along z, m: URDF has no capsules."""
+    yield cylinder(radius, length)
+    for end in (-0.5, 0.5):
+        yield sphere(radius, end * length)
+
+
+def mesh(filename: str, scale: ArrayLike) -> Shape:
+    """Return a mesh by the name of its file."""
+    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(filename=filename, scale=np.asarray(scale, dtype=float))), np.eye(4)
+
+
+def material(rgba: ArrayLike) -> yourdfpy.Material:
+    """Return a colour, from 0 to 1, as a material that is named by it, so that a name never has two meanings."""
+    clipped = np.clip(np.asarray(rgba, dtype=float), 0.0, 1.0)
+    name = "".join(f"{round(255 * value):02x}" for value in clipped.tolist())
+    return yourdfpy.Material(name=f"c{name}", color=yourdfpy.Color(rgba=clipped))

@@ -1,0 +1,106 @@
+"""Convert a URDF, SDF or MJCF to a RAFF file: everything is made before anything is written."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from raff2urdf import readers
+from raff2urdf.analysis import loop_kind
+from raff2urdf.check import check
+from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
+from raff2urdf.files import is_stream, write_all
+from raff2urdf.readers.urdf import joints, lacks_limits, listed, parse
+from raff2urdf.urdf2raff.graphics import GraphicsExport, units_of
+from raff2urdf.urdf2raff.robot import RaffImport, import_tree
+from raff2urdf.writer import dumps
+
+
+def to_raff(
+    path: str | Path,
+    out: str | Path | None = None,
+    units: str | None = None,
+    free_mimic: bool = False,
+    graphics: bool = True,
+    robot: str | None = None,
+    loops: Mapping[str, str] | None = None,
+    ignore_loops: bool = False,
+) -> RaffImport:
+    """Describe a robot in RAFF, from a URDF, SDF or MJCF.
+
+    Loops of a URDF are read from `<stem>.constraints.json` or `robot.yaml` next to it.
+
+    Args:
+        path: the file.
+        out: the RAFF file to write; its graphics are written to the folder `<stem>_graphics` next to it. Nothing is
+            written if None.
+        units: of the RAFF file: um, mm, cm or m; by default the unit of most meshes, or else mm.
+        free_mimic: write joints that mimic others as independent joints.
+        graphics: whether meshes and shapes are converted too.
+        robot: which model of an SDF with several; the first by default.
+        loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
+        ignore_loops: leave all loops open, including those that a URDF declares in elements that are not read.
+
+    Returns:
+        the document, and how its joints, zeros and nodes correspond to the URDF's.
+
+    Raises:
+        RaffError: the file is wrong, holds something for which RAFF has no notation, or declares loops that are not
+            read; a mesh is missing; `out` can't be written.
+    """
+    path, out = Path(path), None if out is None else Path(out)
+    text, constraints = readers.read(path, robot, ignore_loops)
+    entries = {entry["name"]: entry for entry in (constraints or {}).get("loops", [])}
+    for name, kind in (loops or {}).items():
+        if name not in entries:
+            raise RaffError(f"{path}: no loop '{name}'{did_you_mean(name, list(entries))}")
+        entries[name]["kind"] = loop_kind(kind).name.lower()
+    tree = parse(text, str(path))
+    unlimited = [joint for joint in joints(tree) if lacks_limits(joint)]
+    if unlimited:
+        message = f"{listed(unlimited, str(path))}: neither lower nor upper limit is given; written without limits"
+        warnings.warn(message, RaffWarning, stacklevel=2)
+    found = import_tree(tree, str(path), constraints, units or units_of(tree), free_mimic)
+    try:
+        check(found.document)
+    except RaffError as error:
+        problems = "; ".join(problem.message for problem in error.problems)
+        raise RaffError(f"{path}: RAFF has no notation for it: {problems}") from None
+    if out is None:
+        return found
+    try:
+        folder = None if is_stream(out) else out.parent
+    except OSError as error:
+        raise RaffError(f"{out}: can't be written: {error.strerror}") from None
+    contents: dict[Path, bytes] = {}
+    if graphics:
+        export = GraphicsExport(tree, str(path), path.parent, folder or Path(), out.stem)
+        found = replace(found, document=replace(found.document, robots=(export.robot(found.document, found.nodes),)))
+        contents |= export.files
+        if contents and folder is None:
+            raise RaffError(f"{path}: {out} has no folder for graphics: name a file, or give --no-graphics")
+    try:
+        contents[out] = dumps(found.document, _head(path, found), found.notes).encode()
+    except RaffError as error:
+        raise RaffError(f"{path}: {error}") from None
+    try:
+        write_all(contents)
+    except OSError as error:
+        raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
+    return found
+
+
+def _head(path: Path, found: RaffImport) -> Sequence[str]:
+    """Return the comment at the head of the file."""
+    lines = [f"From {path.name}. The comment on a link is the name of its joint there."]
+    moved = sum(offset != 0.0 for offset in found.offsets.values())
+    if moved:
+        lines.append(f"Joint variables are those of {path.name}, except {moved}, which have another zero there.")
+    renamed = {link: node for link, node in found.nodes.items() if link != node}
+    if renamed:
+        shown = ", ".join(f"{link} is {node}" for link, node in list(renamed.items())[:8])
+        more = f" and {len(renamed) - 8} more" if len(renamed) > 8 else ""
+        lines.append(f"Names that differ: {shown}{more}.")
+    return lines
