@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cinegen.lazy import lazy_names
+from raff2urdf.lazy import lazy_names
 
 if TYPE_CHECKING:
     from cinegen.planning.attempt import PlanStatus as PlanStatus
