@@ -17,7 +17,6 @@ from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
 from cinegen.errors import CinegenError
-from cinegen.workspace.quantities import DIRECTED, QUANTITIES
 
 if TYPE_CHECKING:
     import xarray
@@ -30,6 +29,12 @@ _LARGE = 2e9  # bytes, that a map may take without a question
 _SURELY = 200_000  # cells that take neither
 _WIDTH = 100  # columns of text
 _ROUNDING = 1e-9  # relative error of a sum over cells
+QUANTITIES = (
+    "solutions", "sigma_1", "sigma_2", "condition", "manipulability", "margin", "velocity", "force", "solid_angle",
+    "clearance",
+)  # fmt: skip
+"""Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
+
 _SLOW = ("solutions", "solid_angle")
 _UNITS = "m and rad, or with a unit: -900mm, 15deg"
 
@@ -273,7 +278,7 @@ def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[st
         three = ", ".join(
             f"{key} {'unbounded' if values[key] is None else f'{values[key]:.3g}'}" for key in ("min", "median", "max")
         )
-        along = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in DIRECTED else ""
+        along = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in ("velocity", "force") else ""
         lines.append(f"  {quantity:<15} {three}{unit}{along}")
     return lines
 

@@ -11,7 +11,9 @@ import pytest
 import cinegen
 from cinegen.cli import app
 from cinegen.cli.export import FORMATS
+from cinegen.cli.map import QUANTITIES
 from cinegen.mission import FORMATS as FORMATS_OF_MISSIONS
+from cinegen.workspace.quantities import QUANTITIES as QUANTITIES_OF_MAPS
 
 LIGHT = {
     "__main__", "annotated_doc", "annotated_types", "attr", "cinegen", "cmeel_pth", "markdown_it", "mdurl", "pydantic",
@@ -50,8 +52,8 @@ def imported(root):
     }
 
 
-def test_import_cinegen_imports_no_package_at_all(imported):
-    assert imported["import cinegen"] <= {"__main__", "cinegen", "cmeel_pth"}
+def test_import_cinegen_imports_no_other_package(imported):
+    assert imported["import cinegen"] <= {"__main__", "cinegen", "cmeel_pth", "raff2urdf"}
     assert imported["names of cinegen"] <= {"__main__", "cinegen", "cmeel_pth", "raff2urdf"}
 
 
@@ -61,8 +63,9 @@ def test_help_of_every_command_imports_nothing_that_computes(imported):
     assert not imported["cinegen --version"] & {"pydantic", "rich"}
 
 
-def test_the_formats_are_those_of_missions():
+def test_choices_are_those_of_the_library():
     assert set(FORMATS) == set(FORMATS_OF_MISSIONS)
+    assert tuple(QUANTITIES_OF_MAPS) == QUANTITIES
 
 
 def test_all_public_names_are_there_when_they_are_asked_for():

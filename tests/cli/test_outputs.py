@@ -115,7 +115,11 @@ def once(function: str) -> Callable[..., object]:
 @pytest.fixture
 def command(root, inputs, tmp_path, monkeypatch):
     """`command("plan -o", target)`: its exit code."""
-    for name in ("cinegen.assembly.assembly_modes", "cinegen.planning.plan", "cinegen.singularities.loci.singular_loci"):
+    for name in (
+        "cinegen.assembly.assembly_modes",
+        "cinegen.planning.plan",
+        "cinegen.singularities.loci.singular_loci",
+    ):
         monkeypatch.setattr(name, once(name))
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")

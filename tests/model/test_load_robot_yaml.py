@@ -122,10 +122,13 @@ def test_a_joint_that_is_not_there_is_not_replaced_and_told(write):
         (("['6d']", "['6d', '3d']"), r"robot.yaml:2: closed_loop has 1 entries and type 2"),
         (("['6d']", "6d"), r"robot.yaml:2: type must be a list"),
         (("'loop_A', ", ""), r"robot.yaml:1: a closed loop is a pair of frames"),
-        (("'drive'", "'driver'"), r"robot.yaml:3: the motor 'driver' is no joint that moves: did you mean 'drive'"),
-        (("name_mot", "motors"), r"robot.yaml:3: 'motors' is none of its words"),
-        (("['drive']", "['drive'"), r"robot.yaml:\d: no YAML"),
-        ((YAML, "- a\n"), r"robot.yaml:1: it must say closed_loop"),
+        (
+            ("'drive'", "'driver'"),
+            r"robot.yaml:3: the actuated joint 'driver' is no joint that moves: did you mean 'drive'",
+        ),
+        (("name_mot", "motors"), r"robot.yaml:3: unknown key 'motors'"),
+        (("['drive']", "['drive'"), r"robot.yaml:\d: invalid YAML"),
+        ((YAML, "- a\n"), r"robot.yaml:1: it must hold closed_loop"),
         ((YAML, YAML + "joint_name: [elbow]\njoint_type: [UJOINT_XX]\n"), r"robot.yaml:5: a joint's type is SPHERICAL"),
         ((YAML, YAML + "joint_name: [elbow]\njoint_type: [HINGE]\n"), r"robot.yaml:5: .*not 'HINGE'"),
     ],
@@ -140,10 +143,10 @@ def test_what_is_wrong_is_told_by_its_line(write, change, says):
     ("text", "says"),
     [
         ("closed_loop: &a [*a]\ntype: [3d]\n", r":1: a closed loop is a pair of frames"),
-        ("closed_loop: [&a [*a, *a]]\ntype: [3d]\n", r":1: here must stand a word, not a list"),
-        ("name_mot: [[a]]\n", r":1: here must stand a word, not a list"),
-        ("name_mot: [a]\nname_mot: [a]\n", r":2: 'name_mot' is said a second time"),
-        ("closed_loop: " + 20_000 * "[", r":1: its lists stand in one another too deeply"),
+        ("closed_loop: [&a [*a, *a]]\ntype: [3d]\n", r":1: this must be a word, not a list"),
+        ("name_mot: [[a]]\n", r":1: this must be a word, not a list"),
+        ("name_mot: [a]\nname_mot: [a]\n", r":2: the key 'name_mot' is repeated"),
+        ("closed_loop: " + 20_000 * "[", r":1: its lists are nested too deeply"),
     ],
 )
 def test_lists_where_words_should_be_are_refused(tmp_path, text, says):
