@@ -20,10 +20,10 @@ from pathlib import Path
 from statistics import median
 
 import cinegen
+from cinegen.cluster import connected, each
 from cinegen.ik.batch import evaluate
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 from cinegen.workspace.chunks import back_and_forth
-from cinegen.workspace.cluster import connected, each
 
 ROBOTS = Path(__file__).parent.parent / "robots"
 PANDA = "cmeel.prefix/share/example-robot-data/robots/panda_description/urdf/panda.urdf"

@@ -1,4 +1,4 @@
-"""What is said when a map can't be made."""
+"""The error of maps."""
 
 from cinegen.errors import CinegenError
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.cluster import connected, each
 from cinegen.workspace.chunks import cube_shape, line_shape
-from cinegen.workspace.cluster import connected, each
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.evaluator import ChunkEvaluator
 from cinegen.workspace.specification import MapSpecification
@@ -69,7 +69,8 @@ def make_map(
         the map, see `open_map`.
 
     Raises:
-        MapError: there is something else at the path, or it can't be written, or the cluster does not answer.
+        MapError: there is something else at the path, or it can't be written.
+        ClusterError: the cluster does not answer.
     """
     from cinegen.workspace.zarr_store import open_for_writing
 

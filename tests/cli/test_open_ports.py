@@ -13,7 +13,7 @@ import psutil
 import pytest
 from distributed import Client
 
-from cinegen.workspace import cluster
+from cinegen import cluster
 
 PATIENCE = 120.0  # s, on a busy machine
 LOOPBACK = ("127.", "::1")
@@ -147,7 +147,7 @@ STRANGER = """
 import asyncio, os, sys
 from distributed.core import rpc
 from distributed.protocol.pickle import dumps
-import cinegen.workspace.local_cluster  # registers its scheme
+import cinegen.cluster.local  # registers its scheme
 
 async def ask(address, name):
     there = rpc(address, timeout=5)

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import raff2urdf
+from cinegen.cluster import connected, each
 from cinegen.errors import ClosureError
 from cinegen.model.load import load
-from cinegen.workspace.cluster import connected, each
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import extent
 from cinegen.workspace.maps import OVER_POSES, Report, make_map
@@ -72,7 +72,8 @@ def sweep(
     Raises:
         RaffError: the file is wrong.
         MapError: parameters, a box or settings that make no sense; or the folder is of something else, or can't be
-            written; or the cluster does not answer.
+            written.
+        ClusterError: the cluster does not answer.
         UnknownNameError: no such node.
     """
     if workers is not None and workers < 1:

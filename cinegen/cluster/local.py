@@ -29,7 +29,7 @@ from distributed.comm.registry import backends
 from distributed.comm.tcp import TCPBackend, TCPConnector, TCPListener
 from tornado.iostream import StreamClosedError
 
-from cinegen.workspace.errors import MapError
+from cinegen.cluster import ClusterError
 
 SCHEME = "cinegen"
 """Of addresses such as cinegen://127.0.0.1:40123."""
@@ -40,10 +40,10 @@ HOST = "127.0.0.1"
 _PATIENCE = 60.0  # s, in which all workers must connect
 _INTERVAL = 0.5  # s between two checks of the workers
 _DEATHS = 20  # of workers, at start, before giving up
-_START = "from cinegen.workspace.local_cluster import serve_worker; serve_worker()"
+_START = "from cinegen.cluster.local import serve_worker; serve_worker()"
 _OPTIONS = (
     "--host", HOST, "--protocol", SCHEME, "--no-nanny", "--no-dashboard", "--nthreads", "1", "--nworkers", "1",
-    "--memory-limit", "0", "--worker-class", "cinegen.workspace.local_cluster.LocalWorker",
+    "--memory-limit", "0", "--worker-class", "cinegen.cluster.local.LocalWorker",
     "--death-timeout", str(_PATIENCE),
 )  # fmt: skip
 _ENVIRONMENT = {
@@ -139,7 +139,7 @@ def local_cluster(workers: int) -> Iterator[Client]:
     again there. They end with this process, however it ends; one that dies is replaced.
 
     Raises:
-        MapError: workers can't be started.
+        ClusterError: workers can't be started.
     """
     options = {"host": HOST, "port": 0, "protocol": SCHEME, "dashboard": False}
     with (
@@ -179,14 +179,16 @@ class _Workers:
         """Wait until all workers have connected.
 
         Raises:
-            MapError: they don't.
+            ClusterError: they don't.
         """
         until = time.monotonic() + _PATIENCE
         while len(client.scheduler_info(n_workers=-1)["workers"]) < self._count:
             if self._deaths >= _DEATHS or time.monotonic() > until:
                 self._output.seek(0)
                 lines = self._output.read().decode(errors="replace").strip().splitlines()
-                raise MapError(f"worker processes can't be started: {lines[-1] if lines else 'they report nothing'}")
+                raise ClusterError(
+                    f"worker processes can't be started: {lines[-1] if lines else 'they report nothing'}"
+                )
             time.sleep(0.02)
 
     def _start(self) -> subprocess.Popen[bytes]:

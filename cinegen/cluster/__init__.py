@@ -9,7 +9,6 @@ from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from cinegen.errors import CinegenError
-from cinegen.workspace.errors import MapError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -29,6 +28,10 @@ _SETTINGS = {
 Task = TypeVar("Task")
 
 
+class ClusterError(CinegenError):
+    """A cluster that does not answer, can't be started, or can't do a task."""
+
+
 @contextmanager
 def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
     """Yield a Dask client: of the scheduler at an address, or else of so many processes on this machine.
@@ -36,7 +39,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
     A client of a given scheduler listens on no port.
 
     Raises:
-        MapError: no scheduler answers there; or processes can't be started.
+        ClusterError: no scheduler answers there; or processes can't be started.
     """
     import dask
     from distributed import Client
@@ -44,7 +47,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
 
     with dask.config.set(_SETTINGS), silence_logging_cmgr("CRITICAL"):
         if scheduler is None:
-            from cinegen.workspace.local_cluster import local_cluster
+            from cinegen.cluster.local import local_cluster
 
             with local_cluster(workers) as client:
                 yield client
@@ -52,7 +55,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
         try:
             client = Client(scheduler, timeout=_PATIENCE)
         except (OSError, ValueError) as error:
-            raise MapError(f"no Dask scheduler answers at {scheduler}: {error}") from None
+            raise ClusterError(f"no Dask scheduler answers at {scheduler}: {error}") from None
         with client:
             yield client
 
@@ -108,5 +111,5 @@ def _check(future: Any) -> None:
         error = future.exception()
         if isinstance(error, CinegenError):
             raise error
-        raise MapError(f"a task could not be done: {error}. Complete chunks stay") from error
-    raise MapError("the Dask scheduler is gone. Complete chunks stay: repeat the command")
+        raise ClusterError(f"a task could not be done: {error}. Finished tasks stay") from error
+    raise ClusterError("the Dask scheduler is gone. Finished tasks stay: repeat the command")
