@@ -5,7 +5,6 @@ from cinegen.devices.kinds import KINDS, open_sensor, overrides
 from cinegen.devices.lines import Lines, start_from
 from cinegen.devices.reading_recorder import ReadingRecorder, RecordError
 from cinegen.devices.scripted_path import SHAPES, ScriptedPath, ScriptedSensor, fit_path
-from cinegen.devices.shared_sensor import SensorReader, SharedSensor
 from cinegen.devices.teleoperation import Teleoperation, TwistMapping
 from cinegen.sensor import Reading, Sensor, SensorError, SensorState, SensorStatus
 
@@ -21,10 +20,8 @@ __all__ = [
     "ScriptedSensor",
     "Sensor",
     "SensorError",
-    "SensorReader",
     "SensorState",
     "SensorStatus",
-    "SharedSensor",
     "Teleoperation",
     "TwistMapping",
     "fit_path",

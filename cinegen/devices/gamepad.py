@@ -5,35 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from cinegen.devices.latest_reading import LatestReading
-from cinegen.sensor import Reading, SensorState, SensorStatus
+from cinegen.devices.latest_reading import DeviceSensor, LatestReading
+from cinegen.sensor import SensorState
 
 _BUTTONS = 64
 
 
-class Gamepad:
+class Gamepad(DeviceSensor):
     """Sensor whose readings come by calls of `put`, from any thread.
 
     The browser sends one message when the gamepad comes to rest, and at least 10 a second while it is deflected.
-
-    Attributes:
-        url: "gamepad:".
-        timeout: time without a message, s, after which a deflected gamepad counts as silent.
-        damaged: number of invalid messages.
     """
 
-    timeout = 0.25
-
     def __init__(self) -> None:
-        self.url = "gamepad:"
-        self.damaged = 0
-        self._newest = LatestReading()
-        self._reported = SensorState.CLOSED, f"{self.url} is not started"
+        super().__init__("gamepad:")
 
     def start(self) -> None:
         """Start to accept readings."""
         if self._reported[0] is SensorState.CLOSED:
-            self._newest, self.damaged = LatestReading(), 0
+            self.newest, self.damaged = LatestReading(), 0
             self._reported = SensorState.OPENING, "no browser has sent a gamepad's reading yet"
 
     def put(self, twist: Sequence[float], buttons: Iterable[int] = ()) -> None:
@@ -54,29 +44,16 @@ class Gamepad:
         if not good:
             self.damaged += 1
             return
-        self._newest.put(twist=(x, y, z, a, b, c), buttons=down)
+        self.newest.put(twist=(x, y, z, a, b, c), buttons=down)
         self._reported = SensorState.LIVE, "the gamepad of a browser"
 
     def gone(self) -> None:
         """Report that the browser or its gamepad is gone: the motion ends at once, without the time-out."""
         if self._reported[0] is SensorState.LIVE:
             self._reported = SensorState.LOST, "the browser with the gamepad is gone"
-            self._newest.end()
-
-    def read(self) -> Reading | None:
-        """Return the newest reading that was not read yet, or None."""
-        return self._newest.take()
-
-    @property
-    def status(self) -> SensorStatus:
-        """Status of the connection."""
-        state, message = self._reported
-        silent = self._newest.silence()
-        if state is SensorState.LIVE and silent > self.timeout:
-            state, message = SensorState.SILENT, f"the browser has sent nothing of its gamepad for {silent:.1f} s"
-        return SensorStatus(state, message, self._newest.count, self.damaged)
+            self.newest.end()
 
     def close(self) -> None:
         """Close; it may be started again."""
         self._reported = SensorState.CLOSED, f"{self.url} is closed"
-        self._newest.end()
+        self.newest.end()

@@ -1,12 +1,11 @@
-"""Anybody's program as a sensor: it connects by TCP and sends lines of JSON."""
+"""A program as a sensor: it connects by TCP and sends lines of JSON."""
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
-import selectors
 import socket
 import time
-from dataclasses import dataclass, field
 
 from cinegen.devices.reading_json import LONGEST, ReadingError, decode_reading
 from cinegen.devices.threaded_sensor import DeviceLostError, ThreadedSensor
@@ -14,39 +13,59 @@ from cinegen.sensor import NO_TWIST
 from cinegen.typed_json import encode
 
 CLIENTS = 16
-"""At once; one more is told so."""
+"""Largest number of clients; further ones are refused with a message."""
 
 LINES = 2000
-"""A second, from one client, on the average of half a second."""
+"""Largest number of lines per second from one client, averaged over half a second."""
 
 MISTAKES = 20
-"""Lines that make no sense, in succession, after which a client is dropped."""
+"""Number of invalid lines in succession after which a client is disconnected."""
 
 _POLL = 0.1  # s
-_CHUNK = 1 << 14  # bytes that are taken from one client before the next has its turn
 
 
-@dataclass(eq=False)
+class _RejectedError(Exception):
+    """A client must be disconnected."""
+
+
 class _Client:
-    line: bytes = b""
-    mistakes: int = 0
-    credit: float = LINES / 2  # lines that it may send now
-    since: float = field(default_factory=time.monotonic)
-    spoken: bool = False
-    ignored: bool = False
+    """A connected program."""
+
+    def __init__(self, writer: asyncio.StreamWriter) -> None:
+        self.writer = writer
+        self.mistakes = 0  # invalid lines in succession
+        self.has_sent = self.ignored = False
+        self._credit, self._since = LINES / 2, time.monotonic()  # lines that it may send now
+
+    def count_line(self) -> None:
+        """Count a line.
+
+        Raises:
+            _RejectedError: there are too many per second.
+        """
+        now = time.monotonic()
+        self._credit = min(LINES / 2, self._credit + LINES * (now - self._since)) - 1
+        self._since = now
+        if self._credit < 0:
+            raise _RejectedError(f"more than {LINES} lines per second")
+
+    def answer(self, error: str) -> None:
+        """Send an error message, if the client is still there."""
+        with contextlib.suppress(OSError):
+            self.writer.write(encode({"error": error}) + b"\n")
 
 
 class JsonSocket(ThreadedSensor):
-    """Listens for programs. The one that connected last, of those that have said something, speaks.
+    """Listen for programs; the readings of the one that connected last, of those that have sent one, are used.
 
-    A line that makes sense is not answered; one that doesn't is, by `{"error": "..."}`. Whoever goes on with that, or
-    sends lines faster than anything needs, is dropped.
+    Valid lines are not answered; invalid ones are answered by `{"error": "..."}`. A client that continues to send
+    invalid lines, or sends too many, is disconnected.
 
     Args:
-        url: `tcp://address:port`; only programs on this machine reach 127.0.0.1. Port 0 takes any that is free.
+        url: `tcp://address:port`; 127.0.0.1 is reached from this machine only. Port 0 takes any free port.
 
     Attributes:
-        port: that it listens on; 0 while it doesn't.
+        port: port on which it listens; 0 until then.
     """
 
     def __init__(self, url: str, address: str, port: int) -> None:
@@ -55,120 +74,88 @@ class JsonSocket(ThreadedSensor):
         self.port = 0
 
     def serve(self) -> None:
-        """Listens, until `ending`.
+        """Listen until `ending`.
 
         Raises:
-            OSError: somebody else has the port, or the address is not this machine's.
+            DeviceLostError: the port is in use, or the address is not of this machine.
         """
+        asyncio.run(self._serve())
+
+    async def _serve(self) -> None:
         host, port = self._address
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        self._clients: dict[socket.socket, _Client] = {}  # in the order of their coming
         try:
             listener = socket.create_server((host, self.port or port), family=family, backlog=128)
         except OSError as error:
             raise DeviceLostError(f"can't listen ({(error.strerror or str(error)).lower()})") from None
-        with listener, selectors.DefaultSelector() as selector:
-            listener.setblocking(False)
-            self.port = int(listener.getsockname()[1])
-            selector.register(listener, selectors.EVENT_READ)
-            self._introduce()
-            try:
-                while not self.ending:
-                    for key, _ in selector.select(_POLL):
-                        if key.fileobj is listener:
-                            self._accept(listener, selector)
-                        else:
-                            self._hear(key.fileobj, selector)  # type: ignore[arg-type]
-            finally:
-                for client in self._clients:
-                    client.close()
+        self._clients: list[_Client] = []  # in the order of their connection
+        self.port = int(listener.getsockname()[1])
+        server = await asyncio.start_server(self._serve_client, sock=listener, limit=LONGEST)
+        self._report_clients()
+        try:
+            while not self.ending:
+                await asyncio.sleep(_POLL)
+        finally:
+            server.close()
 
-    def _introduce(self) -> None:
+    async def _serve_client(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        client = _Client(writer)
+        if len(self._clients) >= CLIENTS:
+            client.answer(f"{CLIENTS} programs are connected already")
+            writer.close()
+            return
+        self._clients.append(client)
+        self._report_clients()
+        try:
+            while (line := await reader.readline()).endswith(b"\n"):
+                client.count_line()
+                if line.strip():
+                    self._take(client, line)
+        except ValueError:
+            self._reject(client, f"a line of more than {LONGEST} bytes")
+        except _RejectedError as error:
+            self._reject(client, str(error))
+        except OSError:  # the connection is broken
+            pass
+        finally:
+            was_source = client is self._source()
+            self._clients.remove(client)
+            writer.close()
+            if was_source:  # its deflection and buttons end with it
+                self.newest.put(NO_TWIST if self.newest.last.twist is not None else None, None, frozenset())
+            self._report_clients()
+
+    def _report_clients(self) -> None:
         count = len(self._clients)
         self.live(f"{count or 'no'} program{'s' * (count != 1)} on port {self.port} of {self._address[0]}")
 
-    def _accept(self, listener: socket.socket, selector: selectors.BaseSelector) -> None:
-        try:
-            client, _ = listener.accept()
-        except OSError:  # it is gone already, or this process has too many files open
-            return
-        client.setblocking(False)
-        if len(self._clients) >= CLIENTS:
-            _answer(client, f"{CLIENTS} programs are here already")
-            client.close()
-            return
-        self._clients[client] = _Client()
-        selector.register(client, selectors.EVENT_READ)
-        self._introduce()
+    def _source(self) -> _Client | None:
+        """Return the client whose readings are used."""
+        return next((client for client in reversed(self._clients) if client.has_sent), None)
 
-    def _hear(self, client: socket.socket, selector: selectors.BaseSelector) -> None:
-        try:
-            data = client.recv(_CHUNK)
-        except BlockingIOError:
-            return
-        except OSError:
-            data = b""
-        if not data:
-            self._drop(client, selector)
-            return
-        state = self._clients[client]
-        *lines, rest = (state.line + data).split(b"\n")
-        state.line = rest
-        now = time.monotonic()
-        state.credit = min(LINES / 2, state.credit + LINES * (now - state.since)) - len(lines)
-        state.since = now
-        if state.credit < 0:
-            self._drop(client, selector, f"more than {LINES} lines a second")
-            return
-        if len(rest) > LONGEST:
-            self._drop(client, selector, f"a line of more than {LONGEST} bytes")
-            return
-        for line in lines:
-            if line.strip():
-                self._take(client, line)
-            if state.mistakes > MISTAKES:
-                self._drop(client, selector, f"{state.mistakes} lines in succession that make no sense")
-                return
+    def _reject(self, client: _Client, reason: str) -> None:
+        self.damaged += 1
+        client.answer(f"{reason}: disconnected")
 
-    def _take(self, client: socket.socket, line: bytes) -> None:
-        state = self._clients[client]
+    def _take(self, client: _Client, line: bytes) -> None:
         try:
             reading = decode_reading(line)
         except ReadingError as error:
             self.damaged += 1
-            state.mistakes += 1
-            _answer(client, str(error))
+            client.mistakes += 1
+            client.answer(str(error))
+            if client.mistakes > MISTAKES:
+                raise _RejectedError(f"{client.mistakes} invalid lines in succession") from None
             return
-        state.mistakes, state.spoken = 0, True
-        if client is not self._speaker():
-            if not state.ignored:
-                _answer(client, "a program that came later speaks; this one will be heard again when that is gone")
-            state.ignored = True
+        client.mistakes, client.has_sent = 0, True
+        if client is not self._source():
+            if not client.ignored:
+                client.answer("ignored while a program that connected later is in control")
+            client.ignored = True
             return
-        state.ignored = False
+        client.ignored = False
         if reading.twist is None and reading.target is None:  # only buttons: the motion goes on
             if reading.buttons is not None:
                 self.newest.press(reading.buttons)
         else:
             self.newest.put(*reading)
-
-    def _speaker(self) -> socket.socket | None:
-        return next((client for client in reversed(self._clients) if self._clients[client].spoken), None)
-
-    def _drop(self, client: socket.socket, selector: selectors.BaseSelector, why: str = "") -> None:
-        if why:
-            self.damaged += 1
-            _answer(client, f"{why}: dropped")
-        spoke = client is self._speaker()
-        selector.unregister(client)
-        del self._clients[client]
-        client.close()
-        if spoke:  # what it held, nobody holds now
-            self.newest.put(NO_TWIST if self.newest.last.twist is not None else None, None, frozenset())
-        self._introduce()
-
-
-def _answer(client: socket.socket, error: str) -> None:
-    """Says what is wrong; whoever does not listen, misses it."""
-    with contextlib.suppress(OSError):
-        client.send(encode({"error": error}) + b"\n")

@@ -7,7 +7,6 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from ipaddress import ip_address
 from pathlib import Path as File
-from typing import NamedTuple
 
 from cinegen.devices.gamepad import Gamepad
 from cinegen.devices.json_socket import JsonSocket
@@ -22,70 +21,54 @@ from cinegen.toolpath.seam_file import open_seam
 from raff2urdf.errors import did_you_mean
 
 
-class SensorContext(NamedTuple):
-    """Mechanism and node that a sensor is to move."""
-
-    mechanism: Mechanism | None
-    node: str | None
-
-
-def _serial(url: str, context: SensorContext) -> Sensor:
+def _serial(url: str, *_: object) -> Sensor:
     return SerialMouse(url)
 
 
-def _spacenav(url: str, context: SensorContext) -> Sensor:
-    return Spacenav(url)
-
-
-def _tcp(url: str, context: SensorContext) -> Sensor:
+def _tcp(url: str, *_: object) -> Sensor:
     found = re.fullmatch(r"tcp://(\[[0-9a-fA-F:.]+\]|[^:/\[\]]*):(\d{1,5})/?", url)
     if found is None or int(found[2]) > 65535:
         raise SensorError(f"'{url}': write tcp://127.0.0.1:7070, an address of this machine and a port")
     return JsonSocket(url, found[1].strip("[]") or "127.0.0.1", int(found[2]))
 
 
-def _replay(url: str, context: SensorContext) -> Sensor:
-    return Replay(url.removeprefix("replay:"))
-
-
-def _path(url: str, context: SensorContext) -> Sensor:
+def _path(url: str, mechanism: Mechanism | None, node: str | None) -> Sensor:
     shape = url.removeprefix("path:")
     if shape not in SHAPES:
         raise SensorError(f"'{url}': no path '{shape}'{did_you_mean(shape, tuple(SHAPES))}")
-    if context.mechanism is None:
+    if mechanism is None:
         raise SensorError(f"'{url}': a path needs a robot")
-    return ScriptedSensor(fit_path(context.mechanism, context.node or context.mechanism.end, shape))
+    return ScriptedSensor(fit_path(mechanism, node or mechanism.end, shape))
 
 
-def _seam(url: str, context: SensorContext) -> Sensor:
-    return open_seam(url)
-
-
-def _gamepad(url: str, context: SensorContext) -> Sensor:
+def _gamepad(url: str, *_: object) -> Sensor:
     if url != "gamepad:":
         raise SensorError(f"'{url}': write gamepad: for the gamepad of the browser that shows the robot")
     return Gamepad()
 
 
-KINDS: Mapping[str, tuple[Callable[[str, SensorContext], Sensor], str]] = {
+KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None], Sensor], str]] = {
     "": (_serial, "/dev/ttyUSB0, COM3 - a Magellan (SpaceMouse) or Spaceball on a serial port"),
-    "spnav": (_spacenav, "spnav: - USB and wireless 3D mice, through the spacenav daemon"),
+    "spnav": (lambda url, *_: Spacenav(url), "spnav: - USB and wireless 3D mice, through the spacenav daemon"),
     "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends lines of JSON"),
-    "replay": (_replay, "replay:FILE.jsonl - a recording"),
+    "replay": (lambda url, *_: Replay(url.removeprefix("replay:")), "replay:FILE.jsonl - a recording"),
     "path": (_path, "path:circle - a script"),
-    "seam": (_seam, "seam:weld.csv?distance=10&speed=20 - along points with normals: a weld, or what is inspected"),
+    "seam": (
+        lambda url, *_: open_seam(url),
+        "seam:weld.csv?distance=10&speed=20 - along points with normals: a weld or an inspection",
+    ),
     "gamepad": (_gamepad, "gamepad: - the gamepad of the browser that shows the robot"),
     "socket": (_serial, "socket://host:port - a serial 3D mouse on another machine"),
     "rfc2217": (_serial, "rfc2217://host:port - the same, behind a serial server"),
-    "hwgrep": (_serial, "hwgrep://text - the serial port whose description holds a text"),
-    "spy": (_serial, "spy:///dev/ttyUSB0?file=log.txt - a serial port that is overheard"),
-    "loop": (_serial, "loop:// - a serial port that hears itself, for tests"),
+    "hwgrep": (_serial, "hwgrep://text - the serial port whose description contains a text"),
+    "spy": (_serial, "spy:///dev/ttyUSB0?file=log.txt - a serial port whose data are logged"),
+    "loop": (_serial, "loop:// - a serial port that receives what it sends, for tests"),
 }
-"""How a sensor is made, and what it is, by what stands before the colon of its URL."""
+"""Factory (of a URL, and the mechanism and node to move) and description of each kind, by the scheme of its URL."""
 
 
 def scheme(url: str) -> str:
-    """What stands before the colon of a sensor's URL; nothing where it is the name of a port."""
+    """Return the scheme of a sensor's URL; empty for the name of a port."""
     found = re.match(r"([A-Za-z][A-Za-z0-9+.]+):", url)  # two letters at least: C: is a drive
     return found[1].lower() if found else ""
 
@@ -93,17 +76,17 @@ def scheme(url: str) -> str:
 def open_sensor(
     url: str, number: int | None = None, mechanism: Mechanism | None = None, node: str | None = None
 ) -> Sensor:
-    """A sensor by its URL, not started yet. One whose serial port is not there is made too, and warned of.
+    """Return a sensor by its URL, not started yet. A serial port that does not exist only causes a warning.
 
     Args:
-        url: a port, or one of `KINDS`.
-        number: of the sensor in its file; for messages.
-        mechanism: that it moves; a scripted path is fit_path to it.
-        node: that it moves; the mechanism's end unless given.
+        url: name of a port, or a URL with one of the schemes of `KINDS`.
+        number: number of the sensor in its file, for messages.
+        mechanism: mechanism that it moves; a scripted path is fitted to it.
+        node: node that it moves; the mechanism's end unless given.
 
     Raises:
-        SensorError: there is no such kind, or the URL is not written as that kind needs it.
-        CinegenError: the kind says that it can't be.
+        SensorError: no such kind, or the URL is malformed.
+        CinegenError: the sensor can't be constructed, such as from a damaged file.
     """
     kind = scheme(url)
     if kind not in KINDS:
@@ -113,7 +96,7 @@ def open_sensor(
     missing = why_missing(url, number)
     if missing:
         warnings.warn(missing, CinegenWarning, stacklevel=2)
-    return KINDS[kind][0](url, SensorContext(mechanism, node))
+    return KINDS[kind][0](url, mechanism, node)
 
 
 def what_is(url: str) -> str | None:

@@ -1,4 +1,4 @@
-"""The newest reading of a sensor: its thread writes, another thread reads, neither waits."""
+"""The newest reading of a device: one thread writes, another thread reads, neither waits."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections import deque
 
 import pinocchio as pin
 
-from cinegen.sensor import NO_TWIST, Reading, Twist
+from cinegen.sensor import NO_TWIST, Reading, SensorState, SensorStatus, Twist
 
 _MOST = 64  # presses that are kept until they are read
 
@@ -67,3 +67,40 @@ class LatestReading:
         while self._pressed:
             pressed.append(self._pressed.popleft())
         return newest._replace(pressed=tuple(pressed))
+
+
+class DeviceSensor:
+    """Base of sensors whose readings another thread puts into `newest`.
+
+    Args:
+        url: address of the device.
+
+    Attributes:
+        timeout: time without a reading, s, after which a deflected sensor counts as silent.
+        newest: newest reading.
+        damaged: number of packets that could not be used.
+    """
+
+    timeout = 0.25
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self.newest = LatestReading()
+        self.damaged = 0
+        self._reported = SensorState.CLOSED, f"{url} is not started"
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.url}: {self.status.state.value}>"
+
+    def read(self) -> Reading | None:
+        """Return the newest reading that was not read yet, or None."""
+        return self.newest.take()
+
+    @property
+    def status(self) -> SensorStatus:
+        """Status of the connection."""
+        state, message = self._reported
+        silent = self.newest.silence()
+        if state is SensorState.LIVE and silent > self.timeout:
+            state, message = SensorState.SILENT, f"{self.url} has sent nothing for {silent:.1f} s"
+        return SensorStatus(state, message, self.newest.count, self.damaged)

@@ -100,11 +100,7 @@ class Teleoperation:
         self.axes: dict[str, Array] = {"world": np.eye(3), "base": np.eye(3)}
         self.frame = frame
         self._twist: Twist = NO_TWIST
-        self._mapped = (
-            NO_TWIST,
-            self.mapping,
-            np.zeros(6),
-        )  # a deflection and its velocity
+        self._mapped = NO_TWIST, self.mapping, np.zeros(6)  # a deflection and its velocity
         self._time = 0.0  # time of the last reading, s
         self._age = 0.0  # time since then, s
 
@@ -129,8 +125,14 @@ class Teleoperation:
         return status
 
     def advance(self, dt: float) -> Reading | None:
-        """Advance by dt (s), before a tick of the solver; does not raise. Return the reading since the last call."""
+        """Read the sensor and advance by dt (s), before a tick of the solver; does not raise. Return the reading since
+        the last call."""
         reading = self.sensor.read()
+        self.advance_by(reading, dt)
+        return reading
+
+    def advance_by(self, reading: Reading | None, dt: float) -> None:
+        """Advance by dt (s) with a reading of the sensor, of which several tasks follow the same; does not raise."""
         self._age += dt
         if reading is not None and reading.time != self._time:  # else only its buttons are new
             self._time, self._age = reading.time, 0.0
@@ -139,7 +141,6 @@ class Teleoperation:
                 self._set(reading.target)
         if self._twist != NO_TWIST:
             self._move(dt)
-        return reading
 
     def _axes(self) -> Array:
         return self.task.target.rotation if self._frame == "node" else self.axes[self._frame]

@@ -6,10 +6,10 @@ import re
 import threading
 from abc import ABC, abstractmethod
 
-from cinegen.devices.latest_reading import LatestReading
+from cinegen.devices.latest_reading import DeviceSensor
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
-from cinegen.sensor import Reading, SensorState, SensorStatus
+from cinegen.sensor import SensorState
 
 _SHORTEST, _LONGEST = 0.1, 3.0  # s between two attempts to open: doubled from one to the next
 _PATIENCE = 3.0  # s that `close` waits for the thread
@@ -23,33 +23,24 @@ class WrongDeviceError(CinegenError):
     """Another kind of device answers. This ends the connection; readers never get it."""
 
 
-class ThreadedSensor(ABC):
+class ThreadedSensor(DeviceSensor, ABC):
     """Base of sensors that wait for input: a subclass implements `serve`, which runs while the device is open.
 
     Args:
         url: address of the device.
 
     Attributes:
-        timeout: time without a reading, s, after which a deflected sensor counts as silent.
         longest: longest time between two attempts to open it, s.
         exception_log: exceptions of `serve` other than `OSError` and `CinegenError`, each logged once.
     """
 
-    timeout = 0.25
-
     def __init__(self, url: str) -> None:
-        self.url = url
+        super().__init__(url)
         self.longest = _LONGEST
-        self.newest = LatestReading()
-        self.damaged = 0
         self.exception_log = ExceptionLog()
-        self._reported = SensorState.CLOSED, f"{url} is not started"
         self._ending = threading.Event()
         self._own = threading.local()  # a thread that hung while the sensor was closed still ends
         self._thread: threading.Thread | None = None
-
-    def __repr__(self) -> str:
-        return f"<{type(self).__name__} {self.url}: {self.status.state.value}>"
 
     @abstractmethod
     def serve(self) -> None:
@@ -59,7 +50,7 @@ class ThreadedSensor(ABC):
             Exception: the device can't be opened, or is gone; it is opened again later.
         """
 
-    # --- of a sensor ---------------------------------------------------------------------------------------------
+    # --- interface of a sensor ---------------------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Start the thread, and return at once."""
@@ -70,20 +61,6 @@ class ThreadedSensor(ABC):
         self._thread = threading.Thread(target=self._run, args=(self._ending,), name=f"sensor {self.url}", daemon=True)
         self._thread.start()
 
-    def read(self) -> Reading | None:
-        """Return the newest reading that was not read yet, or None."""
-        return self.newest.take()
-
-    @property
-    def status(self) -> SensorStatus:
-        """Status of the connection."""
-        state, message = self._reported
-        if state is SensorState.LIVE:
-            silent = self.newest.silence()
-            if silent > self.timeout:
-                state, message = SensorState.SILENT, f"{self.url} has sent nothing for {silent:.1f} s"
-        return SensorStatus(state, message, self.newest.count, self.damaged)
-
     def close(self) -> None:
         """Close the sensor, and wait for its thread for a while; a thread in a system call ends after it."""
         self._ending.set()
@@ -92,19 +69,19 @@ class ThreadedSensor(ABC):
             thread.join(_PATIENCE)
         self._reported = SensorState.CLOSED, f"{self.url} is closed"
 
-    # --- for its kinds -------------------------------------------------------------------------------------------
+    # --- for subclasses -------------------------------------------------------------------------------------------
 
     @property
     def ending(self) -> bool:
-        """Whether `serve` should return."""
+        """True when `serve` should return."""
         return self._own_ending.is_set()
 
     def wait(self, seconds: float) -> bool:
-        """Waits; whether `serve` should return."""
+        """Wait (s). Return whether `serve` should return."""
         return self._own_ending.wait(seconds)
 
     def live(self, message: str) -> None:
-        """The device is there, and is this."""
+        """Report that the device is connected, with a description."""
         if not self.ending:
             self._reported = SensorState.LIVE, message
 
@@ -139,7 +116,7 @@ class ThreadedSensor(ABC):
 
 
 def _sentence(error: Exception) -> str:
-    """What the system says, out of what pyserial has put around it."""
+    """Return the message of the operating system, without the text that pyserial adds."""
     text = str(error) or type(error).__name__
-    said = re.findall(r"\[Errno -?\d+\] ([^:\[\]]+)|\(\d+, '([^']+)'\)", text)
-    return "".join(said[-1]).strip().lower() if said else text
+    found = re.findall(r"\[Errno -?\d+\] ([^:\[\]]+)|\(\d+, '([^']+)'\)", text)
+    return "".join(found[-1]).strip().lower() if found else text

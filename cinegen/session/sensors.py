@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.devices import Gamepad, ScriptedSensor, SharedSensor, Teleoperation, TwistMapping, open_sensor
+from cinegen.devices import Gamepad, ScriptedSensor, Sensor, Teleoperation, TwistMapping, open_sensor
 from cinegen.devices.kinds import scheme
 from cinegen.sensor import Reading, Twist
 from cinegen.session.obstacle import is_obstacle
@@ -43,7 +43,7 @@ class SessionSensors:
         self.selected: dict[tuple[str, str], str | None] = {(one.robot, one.node): None for one in setup.switches}
         self.view = np.eye(3)
         self._devices = {device.name: device for device in setup.devices}
-        self._sensors: dict[str, SharedSensor] = {}
+        self._sensors: dict[str, Sensor] = {}
         self._readings: dict[str, Reading] = {}
         self._driven: dict[tuple[str, str], tuple[UserTask, Teleoperation]] = {}
         self._suspended: set[tuple[str, str]] = set()  # nodes that are dragged
@@ -51,19 +51,19 @@ class SessionSensors:
             robot = robots.get(device.robot or "")
             mechanism = robot.mechanism if robot is not None else None
             number = int(device.name) if device.name.isdecimal() else None
-            self._sensors[device.name] = SharedSensor(open_sensor(device.url, number, mechanism, device.node))
+            self._sensors[device.name] = open_sensor(device.url, number, mechanism, device.node)
 
     def close(self) -> None:
         """Close all sensors."""
-        for shared in self._sensors.values():
-            shared.sensor.close()
+        for sensor in self._sensors.values():
+            sensor.close()
 
     def select(self, robot: str, node: str, name: str | None) -> None:
         """Let a node follow a sensor, from its present pose; None: no sensor."""
         self._disconnect(robot, node)
         self.selected[robot, node] = name
         if name is not None:
-            sensor = self._sensors[name].sensor
+            sensor = self._sensors[name]
             if scheme(sensor.url) in _SCRIPTS:
                 sensor.close()  # it starts anew
             sensor.start()
@@ -90,42 +90,38 @@ class SessionSensors:
     def stop_scripts(self, robot: str) -> None:
         """Stop all scripts of a robot."""
         for (owner, node), name in self.selected.items():
-            if owner == robot and name is not None and scheme(self._sensors[name].sensor.url) in _SCRIPTS:
+            if owner == robot and name is not None and scheme(self._sensors[name].url) in _SCRIPTS:
                 self._disconnect(owner, node)
                 self.selected[owner, node] = None
 
     def put_gamepad(self, twist: Twist, buttons: frozenset[int]) -> None:
         """Give the state of a browser's gamepad to the sensors that stand for it."""
-        for shared in self._sensors.values():
-            if isinstance(shared.sensor, Gamepad):
-                shared.sensor.put(twist, buttons)
+        for sensor in self._sensors.values():
+            if isinstance(sensor, Gamepad):
+                sensor.put(twist, buttons)
 
     def advance(self, dt: float, settings: Settings, moving: bool) -> None:
         """Read all sensors, and move the targets of their nodes by dt (s), unless `moving` is False."""
-        for name, shared in self._sensors.items():
-            reading = shared.read()
-            if reading is not None:
-                self._readings[name] = reading
+        new = {name: sensor.read() for name, sensor in self._sensors.items()}
+        self._readings |= {name: reading for name, reading in new.items() if reading is not None}
         speeds = settings.linear_speed, settings.angular_speed
-        for (name, _), (_, teleoperation) in self._driven.items():
-            robot = self.robots[name]
+        for key, (_, teleoperation) in self._driven.items():
+            robot = self.robots[key[0]]
             rotation = robot.base.rotation.T
             teleoperation.axes["world"], teleoperation.axes["view"] = rotation, rotation @ self.view
             teleoperation.frame = _FRAMES[settings.frame]
             mapping = teleoperation.mapping
             if (mapping.speed, mapping.turning) != speeds:
                 teleoperation.mapping = replace(mapping, speed=speeds[0], turning=speeds[1])
-            if moving and robot.motion is None:
-                teleoperation.advance(dt)
-            else:
-                teleoperation.sensor.read()  # readings of now have no effect later
+            if moving and robot.motion is None:  # readings during a motion have no effect later
+                teleoperation.advance_by(new[self.selected[key] or ""], dt)
 
     def reports(self) -> tuple[SensorReport, ...]:
         """Return the state of each sensor."""
         driving = {self.selected[key]: teleoperation for key, (_, teleoperation) in self._driven.items()}
         reports = []
-        for name, shared in self._sensors.items():
-            status = driving[name].status if name in driving else shared.sensor.status
+        for name, sensor in self._sensors.items():
+            status = (driving.get(name) or sensor).status
             reading = self._readings.get(name)
             twist = reading.twist if reading is not None else None
             reports.append(SensorReport(name, *status, twist))
@@ -133,13 +129,13 @@ class SessionSensors:
 
     def _connect(self, name: str, node: str, device: Device) -> None:
         self._suspended.discard((name, node))
-        shared = self._sensors[device.name]
-        rotation = shared.sensor.path.rotation if isinstance(shared.sensor, ScriptedSensor) else device.rotation
+        sensor = self._sensors[device.name]
+        rotation = sensor.path.rotation if isinstance(sensor, ScriptedSensor) else device.rotation
         dof = device.translation, rotation
         task = self.robots[name].add_task(self._new_id(), node, SENSOR, f"sensor {device.name}", dof=dof)
         task.scripted = scheme(device.url) in _SCRIPTS
         mapping = TwistMapping(translation=device.translation, rotation=device.rotation)
-        self._driven[name, node] = task, Teleoperation(shared.reader(), task.task, mapping)
+        self._driven[name, node] = task, Teleoperation(sensor, task.task, mapping)
 
     def _disconnect(self, name: str, node: str) -> None:
         self._suspended.discard((name, node))

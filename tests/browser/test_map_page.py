@@ -122,7 +122,7 @@ def test_cells_in_space_are_clicked_coloured_cut_and_hidden_as_is_wished(opened)
     cockpit, tab, shown = opened("delta4", BOX, "sigma_1", "margin")
     goes_there(tab, cockpit, shown, "r1")
     cloud = shown.cloud()
-    assert tab.text_content("#map-words") == f"{len(cloud.numbers):,} of 1,352 cells reached"
+    assert tab.text_content("#map-note") == f"{len(cloud.numbers):,} of 1,352 cells reached"
     tab.select_option("#map-quantity", "margin")
     assert "joint-limit margin" in tab.text_content("#legend .name")
     assert tab.text_content("#legend .high").endswith(f"{float(f'{cloud.quantities[1].high:.3g}'):g}")

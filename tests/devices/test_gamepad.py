@@ -85,7 +85,7 @@ def test_it_falls_silent_only_when_it_was_not_at_rest(gamepad, clock):
     assert gamepad.status.state is SensorState.LIVE
     clock[0] += 0.06
     assert gamepad.status.state is SensorState.SILENT
-    assert gamepad.status.message == "the browser has sent nothing of its gamepad for 0.3 s"
+    assert gamepad.status.message == "gamepad: has sent nothing for 0.3 s"
     gamepad.put(NO_TWIST)
     clock[0] += 100.0
     assert gamepad.status.state is SensorState.LIVE

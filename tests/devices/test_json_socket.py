@@ -126,7 +126,7 @@ def test_what_a_program_can_say(sensor):
         (b'{"buttons": 3}', "Expected `array`, got `int` - at `$.buttons`"),
     ],
 )
-def test_what_makes_no_sense_is_answered(sensor, line, why):
+def test_invalid_lines_are_answered(sensor, line, why):
     with Program(sensor) as program:
         program.send(line + b"\n")
         assert why in program.answer()
@@ -143,7 +143,7 @@ def test_whoever_goes_on_with_nonsense_is_dropped(sensor):
         said = []
         while answer := bad.answer():
             said.append(answer)
-        assert "dropped" in said[-1]
+        assert "disconnected" in said[-1]
         good.send({"twist": [0, 0.5, 0, 0, 0, 0]})
         comes(sensor, lambda r: r.twist == (0, 0.5, 0, 0, 0, 0))
 
@@ -203,7 +203,7 @@ def test_the_newest_speaks(sensor):
             second.send({"twist": [0, 1, 0, 0, 0, 0], "buttons": [7]})
             comes(sensor, lambda r: r.twist == (0, 1, 0, 0, 0, 0))
             first.send({"twist": [0.5, 0, 0, 0, 0, 0]})
-            assert "came later" in first.answer()
+            assert "connected later" in first.answer()
             assert sensor.newest.last.twist == (0, 1, 0, 0, 0, 0)
         reading = comes(sensor, lambda r: r.twist == (0,) * 6)  # at rest, and let go, when it goes
         assert reading.buttons == frozenset()

@@ -12,7 +12,7 @@ globalThis.localStorage = {
   setItem: (name, text) => kept.set(name, text),
 };
 
-/** A session's line to the server, spoken to by hand: `line.tell("state", ...)`; `line.sent` holds what was sent. */
+/** A session's line to the server, spoken to by hand: `line.emit("state", ...)`; `line.sent` holds what was sent. */
 export async function line() {
   const { Events } = await import("../../cinegen/cockpit/static/base/events.js");
   return Object.assign(new Events(), {

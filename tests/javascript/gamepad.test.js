@@ -32,18 +32,18 @@ beforeEach(() => {
 test("a gamepad is read only while a node follows it, and says once that it rests", async () => {
   const link = await line();
   new Gamepad(new Session(link));
-  link.tell("hello", { client: 1, robots: [], sensors: [{ id: "pad", url: "gamepad:0" }] });
+  link.emit("hello", { client: 1, robots: [], sensors: [{ id: "pad", url: "gamepad:0" }] });
   pads = [null, { connected: true, axes: [1, 0], buttons: buttons({ 0: 1 }) }];
   mock.timers.tick(100);
   assert.deepEqual(link.sent, []);
-  for (let i = 0; i < 2; i += 1) link.tell("report", { switches: [{ robot: "arm", node: "tool", sensor: "pad" }] });
+  for (let i = 0; i < 2; i += 1) link.emit("report", { switches: [{ robot: "arm", node: "tool", sensor: "pad" }] });
   mock.timers.tick(34);
   assert.deepEqual(link.sent.splice(0), [{ type: "gamepad_input", twist: [1, 0, 0, 0, 0, 0], buttons: [0] }]);
   pads = [];
   mock.timers.tick(340);
   assert.deepEqual(link.sent.splice(0), [{ type: "gamepad_input", twist: [0, 0, 0, 0, 0, 0], buttons: [] }]);
   pads = [{ connected: true, axes: [1], buttons: buttons() }];
-  link.tell("report", { switches: [{ robot: "arm", node: "tool", sensor: null }] });
+  link.emit("report", { switches: [{ robot: "arm", node: "tool", sensor: null }] });
   mock.timers.tick(340);
   assert.deepEqual(link.sent, []);
 });

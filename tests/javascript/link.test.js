@@ -3,7 +3,7 @@ import { beforeEach, mock, test } from "node:test";
 
 import { root } from "./browser.js";
 
-const { beside, Link } = await import("../../cinegen/cockpit/static/base/link.js");
+const { pageUrl, Link } = await import("../../cinegen/cockpit/static/base/link.js");
 
 class Socket extends EventTarget {
   static OPEN = 1;
@@ -38,22 +38,22 @@ class Socket extends EventTarget {
 globalThis.WebSocket = Socket;
 
 let link;
-let told;
+let last;
 
 beforeEach(() => {
   mock.timers.reset();
   mock.timers.enable({ apis: ["setTimeout"] });
   Socket.opened = [];
   link = new Link((address) => new Socket(address));
-  told = [];
+  last = [];
   for (const name of ["hello", "state", "report", "notice", "lost", "dropped"]) {
-    link.on(name, (value) => told.push([name, value]));
+    link.on(name, (value) => last.push([name, value]));
   }
   link.connect();
 });
 
 test("addresses keep the page's token", () => {
-  assert.equal(beside("map/about.json"), "http://127.0.0.1:7000/map/about.json?token=a+b");
+  assert.equal(pageUrl("map/about.json"), "http://127.0.0.1:7000/map/about.json?token=a+b");
   assert.deepEqual(
     Socket.opened.map(({ url }) => url),
     ["ws://127.0.0.1:7000/session?token=a+b", "ws://127.0.0.1:7000/scene?token=a+b"],
@@ -62,10 +62,10 @@ test("addresses keep the page's token", () => {
 
 test("a state is acknowledged after all listeners have applied it", () => {
   const [session] = Socket.opened;
-  link.on("state", () => told.push(["sent before", session.sent.length]));
+  link.on("state", () => last.push(["sent before", session.sent.length]));
   session.say({ type: "state", frame: 5, report: { clients: 1 } });
-  assert.deepEqual(told.map(([name]) => name), ["state", "sent before", "report"]);
-  assert.deepEqual(told[1], ["sent before", 0]);
+  assert.deepEqual(last.map(([name]) => name), ["state", "sent before", "report"]);
+  assert.deepEqual(last[1], ["sent before", 0]);
   assert.deepEqual(session.sent, [{ type: "ack", frame: 5 }]);
   assert.equal(root.dataset.frame, "5");
 });
@@ -74,16 +74,16 @@ test("text that is not JSON, and messages of unknown kinds, are ignored", () => 
   const [session] = Socket.opened;
   session.dispatchEvent(Object.assign(new Event("message"), { data: "{" }));
   session.say({ type: "gossip" });
-  assert.deepEqual(told, []);
+  assert.deepEqual(last, []);
 });
 
-test("a cut line is told once, and tried again after ever longer waits", () => {
+test("a cut line is last once, and tried again after ever longer waits", () => {
   for (const wait of [500, 750, 1125, 1687.5, 2531.25, 3000, 3000]) {
-    told.length = 0;
+    last.length = 0;
     const [session, scene] = Socket.opened.splice(0);
     session.cut(1006, "gone");
     assert.equal(scene.readyState, 3);
-    assert.deepEqual(told, [["lost", "gone"]]);
+    assert.deepEqual(last, [["lost", "gone"]]);
     mock.timers.tick(Math.floor(wait) - 1);
     assert.equal(Socket.opened.length, 0, `too early before ${wait} ms`);
     mock.timers.tick(2);
@@ -102,7 +102,7 @@ test("a server that refuses the page is not asked again", () => {
   const [, scene] = Socket.opened.splice(0);
   scene.cut(1008, "a wrong token");
   mock.timers.tick(60_000);
-  assert.deepEqual(told, [["dropped", "a wrong token"]]);
+  assert.deepEqual(last, [["dropped", "a wrong token"]]);
   assert.equal(Socket.opened.length, 0);
 });
 
@@ -110,7 +110,7 @@ test("a page that is left does not connect again", () => {
   window.dispatchEvent(new Event("pagehide"));
   Socket.opened.splice(0)[0].cut();
   mock.timers.tick(60_000);
-  assert.deepEqual(told, []);
+  assert.deepEqual(last, []);
   assert.equal(Socket.opened.length, 0);
 });
 

@@ -72,7 +72,7 @@ export async function loaded(map) {
   serve(map);
   const field = new Field(session);
   const ready = new Promise((resolve) => field.on("cells", resolve));
-  session.tell("hello", { map: "arm" });
+  session.emit("hello", { map: "arm" });
   await ready;
   return field;
 }

@@ -22,7 +22,7 @@ async function cellsOf(map, place = new Group()) {
   };
   const field = await loaded(map);
   const cells = new Cells({ view, field });
-  field.tell("cells");
+  field.emit("cells");
   for (const step of steps) step();
   return { cells, field, drawn: () => view.stage.children[0].children[0], steps };
 }

@@ -68,7 +68,7 @@ test("a session without a map is ready at once", async () => {
   const session = await line();
   const field = new Field(session);
   assert.equal(field.ready, false);
-  session.tell("hello", {});
+  session.emit("hello", {});
   assert.equal(field.ready, true);
 });
 

@@ -6,7 +6,7 @@ import "./browser.js";
 const { share, tone } = await import("../../cinegen/cockpit/static/panel/singularity.js");
 const { summary } = await import("../../cinegen/cockpit/static/bar/status.js");
 const { fill } = await import("../../cinegen/cockpit/static/panel/slider.js");
-const { Fresh } = await import("../../cinegen/cockpit/static/aids/fresh.js");
+const { Changes } = await import("../../cinegen/cockpit/static/aids/changes.js");
 const { AIDS, Aids } = await import("../../cinegen/cockpit/static/aids/aids.js");
 
 test("the scale of a singular value is logarithmic from 0.001 to 1", () => {
@@ -55,16 +55,16 @@ test("a slider is filled by the share of its range, also where it has none", () 
   assert.deepEqual(filled({ min: "1", max: "1", value: "1" }), ["--fill", "0.00%"]);
 });
 
-test("what is told again unchanged is not fresh", () => {
-  const fresh = new Fresh();
-  assert.equal(fresh.is("a", { at: [1, 2] }), true);
-  assert.equal(fresh.is("a", { at: [1, 2] }), false);
-  assert.equal(fresh.is("b", { at: [1, 2] }), true);
-  assert.equal(fresh.is("a", { at: [1, 3] }), true);
-  assert.equal(fresh.is("a", undefined), true);
-  assert.equal(fresh.is("a", null), false);
-  fresh.clear();
-  assert.equal(fresh.is("a", null), true);
+test("what is last again unchanged is not fresh", () => {
+  const changes = new Changes();
+  assert.equal(changes.differs("a", { at: [1, 2] }), true);
+  assert.equal(changes.differs("a", { at: [1, 2] }), false);
+  assert.equal(changes.differs("b", { at: [1, 2] }), true);
+  assert.equal(changes.differs("a", { at: [1, 3] }), true);
+  assert.equal(changes.differs("a", undefined), true);
+  assert.equal(changes.differs("a", null), false);
+  changes.clear();
+  assert.equal(changes.differs("a", null), true);
 });
 
 test("aids that were chosen are remembered, and none is shown where none is wished for", () => {

@@ -9,19 +9,19 @@ const ARM = { name: "arm", obstacle: false, nodes: [{ name: "base" }, { name: "t
 const WALL = { name: "wall", obstacle: true, nodes: [{ name: "box" }] };
 let link;
 let session;
-let told;
+let last;
 
 beforeEach(async () => {
   link = await line();
   session = new Session(link);
-  told = [];
+  last = [];
   for (const name of ["hello", "state", "report", "control", "select", "denied", "notice", "lost", "dropped"]) {
-    session.on(name, (value) => told.push([name, value]));
+    session.on(name, (value) => last.push([name, value]));
   }
 });
 
-test("robots and obstacles are told apart, and what the server leaves out is empty", () => {
-  link.tell("hello", { client: 1, robots: [ARM, WALL, { name: "bare", obstacle: false }] });
+test("robots and obstacles are last apart, and what the server leaves out is empty", () => {
+  link.emit("hello", { client: 1, robots: [ARM, WALL, { name: "bare", obstacle: false }] });
   assert.deepEqual(session.robots.map(({ name }) => name), ["arm", "bare"]);
   assert.deepEqual(session.obstacles.map(({ name }) => name), ["wall"]);
   const { nodes, joints, loops } = session.robot("bare");
@@ -33,34 +33,34 @@ test("robots and obstacles are told apart, and what the server leaves out is emp
 });
 
 test("a part is called by its node alone where there is one robot", () => {
-  link.tell("hello", { client: 1, robots: [ARM, WALL] });
+  link.emit("hello", { client: 1, robots: [ARM, WALL] });
   assert.equal(session.called("arm", "tool"), "tool");
   assert.equal(session.called("wall", "box"), "wall");
-  link.tell("hello", { client: 1, robots: [ARM, { ...ARM, name: "other" }] });
+  link.emit("hello", { client: 1, robots: [ARM, { ...ARM, name: "other" }] });
   assert.equal(session.called("arm", "tool"), "arm · tool");
 });
 
-test("who has control is told when it changes, and only then", () => {
-  link.tell("hello", { client: 7, robots: [ARM] });
-  const changes = () => told.filter(([name]) => name === "control").map(([, value]) => value);
-  for (const controller of [null, 7, 7, 3, 3, null]) link.tell("state", { controller, poses: {} });
+test("who has control is last when it changes, and only then", () => {
+  link.emit("hello", { client: 7, robots: [ARM] });
+  const changes = () => last.filter(([name]) => name === "control").map(([, value]) => value);
+  for (const controller of [null, 7, 7, 3, 3, null]) link.emit("state", { controller, poses: {} });
   assert.deepEqual(changes(), ["mine", "other", "free"]);
   assert.equal(root.dataset.control, "free");
 });
 
 test("commands are denied while another browser has control", () => {
-  link.tell("hello", { client: 7, robots: [ARM] });
+  link.emit("hello", { client: 7, robots: [ARM] });
   assert.equal(session.mayAct(), true);
-  link.tell("state", { controller: 3, poses: {} });
+  link.emit("state", { controller: 3, poses: {} });
   assert.equal(session.mayAct(), false);
-  assert.equal(told.filter(([name]) => name === "denied").length, 1);
-  link.tell("state", { controller: 7, poses: {} });
+  assert.equal(last.filter(([name]) => name === "denied").length, 1);
+  link.emit("state", { controller: 7, poses: {} });
   assert.equal(session.mayAct(), true);
 });
 
 test("a part is selected once; unknown ones select nothing", () => {
-  link.tell("hello", { client: 1, robots: [ARM] });
-  const selected = () => told.filter(([name]) => name === "select").map(([, value]) => value);
+  link.emit("hello", { client: 1, robots: [ARM] });
+  const selected = () => last.filter(([name]) => name === "select").map(([, value]) => value);
   session.select("arm", "tool");
   session.select("arm", "tool");
   session.select("arm", "base");
@@ -70,22 +70,22 @@ test("a part is selected once; unknown ones select nothing", () => {
 });
 
 test("another scene forgets the state, and a selection that is not in it", () => {
-  link.tell("hello", { client: 1, robots: [ARM] });
-  link.tell("state", { controller: null, tasks: [{ id: 1 }], poses: {} });
-  link.tell("report", { robots: {} });
+  link.emit("hello", { client: 1, robots: [ARM] });
+  link.emit("state", { controller: null, tasks: [{ id: 1 }], poses: {} });
+  link.emit("report", { robots: {} });
   session.select("arm", "tool");
   assert.equal(session.tasks.length, 1);
-  link.tell("hello", { client: 2, robots: [ARM] });
+  link.emit("hello", { client: 2, robots: [ARM] });
   assert.deepEqual([session.state, session.report, session.tasks], [null, null, []]);
   assert.deepEqual(session.selected, { robot: "arm", node: "tool" });
-  link.tell("hello", { client: 3, robots: [WALL] });
+  link.emit("hello", { client: 3, robots: [WALL] });
   assert.equal(session.selected, null);
   assert.equal(session.knows("arm", "tool"), false);
 });
 
 test("what the link says is passed on, and what is sent goes to the link", () => {
-  for (const name of ["notice", "lost", "dropped"]) link.tell(name, name);
-  assert.deepEqual(told, [["notice", "notice"], ["lost", "lost"], ["dropped", "dropped"]]);
+  for (const name of ["notice", "lost", "dropped"]) link.emit(name, name);
+  assert.deepEqual(last, [["notice", "notice"], ["lost", "lost"], ["dropped", "dropped"]]);
   session.send({ home: true });
   assert.deepEqual(link.sent, [{ home: true }]);
 });

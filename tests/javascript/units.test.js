@@ -46,12 +46,12 @@ test("a joint's unit and digits are those of its kind", () => {
 
 test("toggling tells listeners and is remembered", () => {
   const units = new Units();
-  let told = 0;
-  units.on("change", () => (told += 1));
+  let last = 0;
+  units.on("change", () => (last += 1));
   assert.deepEqual([units.name, units.other], ["mm · °", "m · rad"]);
   units.toggle();
   assert.deepEqual([units.name, units.other], ["m · rad", "mm · °"]);
-  assert.equal(told, 1);
+  assert.equal(last, 1);
   assert.equal(kept.get("cinegen.units"), '"m"');
   assert.equal(new Units().small, false);
   units.toggle();

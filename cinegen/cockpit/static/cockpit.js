@@ -1,18 +1,18 @@
 // The cockpit: any part of any robot is picked and moved. This puts the page's parts together.
 //
 // On the root element, for tests: data-frame (last state applied), data-connected, data-control, data-view ("ready" once
-// the robots fill the view). `window.cockpit` lets tests and the curious in. With ?camera=1 the scene alone is shown,
-// for pictures taken from outside; &aids=1 with aids.
+// the robots fill the view). `window.cockpit` is for tests and debugging. With ?camera=1 the scene alone is shown,
+// for films; &aids=1 with aids.
 
 import { Aids } from "./aids/aids.js";
 import { Ellipsoids } from "./aids/ellipsoid.js";
 import { Forecasts } from "./aids/forecast.js";
 import { Ghosts } from "./aids/ghost.js";
-import { Lost } from "./aids/lost.js";
+import { SingularMotions } from "./aids/singular_motions.js";
 import { Marks } from "./aids/marks.js";
 import { Trails } from "./aids/trail.js";
 import { Commands } from "./bar/commands.js";
-import { Foot } from "./bar/foot.js";
+import { Footer } from "./bar/footer.js";
 import { keys } from "./bar/keys.js";
 import { menus } from "./bar/menus.js";
 import { Messages } from "./bar/messages.js";
@@ -30,7 +30,7 @@ import { Pick } from "./pointer/pick.js";
 import { Cells } from "./map/cells.js";
 import { Field } from "./map/field.js";
 import { Legend } from "./map/legend.js";
-import { visit } from "./map/visit.js";
+import { pointAtCells } from "./map/cell_pointer.js";
 import { Joints } from "./panel/joints.js";
 import { MapSection } from "./panel/map.js";
 import { Motion } from "./panel/motion.js";
@@ -39,8 +39,8 @@ import { Record } from "./panel/record.js";
 import { Sensors } from "./panel/sensors.js";
 import { Singularity } from "./panel/singularity.js";
 import { Tree } from "./panel/tree.js";
-import { begin } from "./view/begin.js";
-import { tellEye } from "./view/eye.js";
+import { frameFirstView } from "./view/first_view.js";
+import { sendCamera } from "./view/camera.js";
 import { lay } from "./view/floor.js";
 import { Labels } from "./view/labels.js";
 import { Skeleton } from "./view/skeleton.js";
@@ -48,9 +48,9 @@ import { paint } from "./view/theme.js";
 import { Tint } from "./view/tint.js";
 import { View } from "./view/view.js";
 
-const wished = new URLSearchParams(location.search);
-const still = wished.get("camera") === "1";
-const withAids = !still || wished.get("aids") === "1";
+const parameters = new URLSearchParams(location.search);
+const still = parameters.get("camera") === "1";
+const withAids = !still || parameters.get("aids") === "1";
 document.body.classList.toggle("camera", still);
 document.body.classList.toggle("with-aids", withAids);
 
@@ -70,18 +70,18 @@ const labels = new Labels(view);
 const tint = new Tint(view, session);
 const aids = new Aids(!withAids);
 const shown = { view, session, labels, aids, tint };
-for (const Aid of [Ghosts, Lost, Ellipsoids, Forecasts, Trails, Marks]) new Aid(shown);
+for (const Aid of [Ghosts, SingularMotions, Ellipsoids, Forecasts, Trails, Marks]) new Aid(shown);
 
 const pick = new Pick(view, session);
 new Skeleton({ ...shown, pick });
-const foot = new Foot({ view, session });
+const footer = new Footer({ view, session });
 const gizmo = new Gizmo(view, session);
 const drag = new Drag({ view, session, pick, gizmo });
-for (const one of [drag, gizmo]) one.target.sent = (position) => foot.sent(position);
+for (const one of [drag, gizmo]) one.target.sent = (position) => footer.sent(position);
 hover({ ...shown, drag });
 const cells = new Cells({ view, field });
 const legend = new Legend({ view, field });
-visit({ ...shown, field, cells, legend, drag, pick });
+pointAtCells({ ...shown, field, cells, legend, drag, pick });
 
 /** End the drag, with a pin at the target if wanted. Return whether there was one. */
 function endDrag(pinned = false) {
@@ -106,8 +106,8 @@ new Gamepad(session);
 const panel = byId("panel");
 new MapSection(panel, field);
 for (const Section of [Singularity, Joints, Tasks, Sensors, Tree, Motion, Record]) new Section(panel, session);
-tellEye(view, session);
-begin(view, session, still, field);
+sendCamera(view, session);
+frameFirstView(view, session, still, field);
 keys({ commands, gizmo, session, view, endDrag, pin });
 
 window.cockpit = {

@@ -4,20 +4,20 @@ import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
 
 export const AIDS = [
-  { id: "ghost", words: "Targets of tasks", hint: "A translucent copy of the part at its target, and a line to it" },
+  { id: "ghost", label: "Targets of tasks", hint: "A translucent copy of the part at its target, and a line to it" },
   {
-    id: "lost",
-    words: "Lost directions",
+    id: "singular",
+    label: "Lost and uncontrolled DoF",
     hint: "Arrow or arc of a motion that is lost or uncontrolled, near singularities",
   },
-  { id: "forecast", words: "Forecast", hint: "Path of the task, with the singularities and limits on it" },
-  { id: "limits", words: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
-  { id: "trail", words: "Trail", hint: "Past positions of the task or the end" },
-  { id: "ellipsoid", words: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
-  { id: "frames", words: "Frames", hint: "Axes of the tool: red x, green y, blue z" },
-  { id: "loops", words: "Loop marks", hint: "Balls where a loop is closed" },
+  { id: "forecast", label: "Forecast", hint: "Path of the task, with the singularities and limits on it" },
+  { id: "limits", label: "Limits as colours", hint: "Parts turn orange near a joint's limit, red at it" },
+  { id: "trail", label: "Trail", hint: "Past positions of the task or the end" },
+  { id: "ellipsoid", label: "Manipulability ellipsoid", hint: "Long where the tool moves easily, flat where hardly" },
+  { id: "frames", label: "Frames", hint: "Axes of the tool: red x, green y, blue z" },
+  { id: "loops", label: "Loop marks", hint: "Balls where a loop is closed" },
 ];
-const OFF = ["ellipsoid"]; // until they are wished for
+const OFF = ["ellipsoid"]; // until they are chosen
 export const BODIES = ["parts", "skeleton"];
 
 /**
@@ -51,13 +51,13 @@ export class Aids extends Events {
   choose(id, on) {
     this.#on.set(id, on);
     memory.set("aids", Object.fromEntries(this.#on));
-    this.tell("change");
+    this.emit("change");
   }
 
   /** @param {string} bodies */
   draw(bodies) {
     this.bodies = bodies;
     memory.set("bodies", bodies);
-    this.tell("change");
+    this.emit("change");
   }
 }

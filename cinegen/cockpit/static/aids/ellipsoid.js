@@ -1,7 +1,7 @@
 // The manipulability ellipsoid: long where the tool moves easily, flat where it hardly does.
 
 import { Group, Matrix4, Mesh, SphereGeometry, Vector3 } from "three";
-import { Fresh } from "./fresh.js";
+import { Changes } from "./changes.js";
 import { paint, rod, span } from "../view/shapes.js";
 import { COLOURS } from "../view/theme.js";
 
@@ -14,7 +14,7 @@ const ORIGIN = new Vector3();
 export class Ellipsoids {
   /** @type {Map<string, Drawn>} */
   #shown = new Map();
-  #fresh = new Fresh();
+  #changes = new Changes();
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
@@ -28,7 +28,7 @@ export class Ellipsoids {
     session.on("hello", () => {
       for (const one of this.#shown.values()) view.stage.remove(one.group);
       this.#shown.clear();
-      this.#fresh.clear();
+      this.#changes.clear();
     });
     aids.on("change", () => this.#show());
   }
@@ -37,7 +37,7 @@ export class Ellipsoids {
     for (const robot of this.session.robots) {
       const found = this.aids.shows("ellipsoid") ? this.session.report?.robots?.[robot.name]?.ellipsoid : null;
       const one = this.#shown.get(robot.name);
-      if (!this.#fresh.is(robot.name, found)) continue;
+      if (!this.#changes.differs(robot.name, found)) continue;
       if (found?.center && found.axes?.length > 0) this.#place(one ?? this.#make(robot.name), found, robot);
       else if (one?.group.visible) {
         one.group.visible = false;

@@ -10,7 +10,7 @@ import {
   PointsMaterial,
   Vector3,
 } from "three";
-import { Fresh } from "./fresh.js";
+import { Changes } from "./changes.js";
 import { ball, paint } from "../view/shapes.js";
 import { COLOURS, theme } from "../view/theme.js";
 
@@ -35,7 +35,7 @@ const COLOUR = {
 export class Forecasts {
   /** @type {Map<string, Drawn>} */
   #shown = new Map();
-  #fresh = new Fresh();
+  #changes = new Changes();
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
@@ -50,7 +50,7 @@ export class Forecasts {
     session.on("hello", () => {
       for (const one of this.#shown.values()) this.#hide(one);
       this.#shown.clear();
-      this.#fresh.clear();
+      this.#changes.clear();
     });
     aids.on("change", () => this.#show());
   }
@@ -59,7 +59,7 @@ export class Forecasts {
     for (const robot of this.session.robots) {
       const found = this.aids.shows("forecast") ? this.session.report?.robots?.[robot.name]?.forecast : null;
       const one = this.#shown.get(robot.name);
-      if (!this.#fresh.is(robot.name, found)) continue;
+      if (!this.#changes.differs(robot.name, found)) continue;
       const path = (found?.path ?? []).filter((point) => point?.length === 3);
       if (path.length > 1) this.#place(one ?? this.#make(robot.name), path, found?.events ?? [], robot);
       else if (one !== undefined) this.#hide(one);

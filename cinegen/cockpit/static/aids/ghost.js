@@ -11,14 +11,14 @@ const LABELLED = 0.02; // characteristic lengths: a larger error has a label
 /** @typedef {import("../base/messages").TaskMessage} Task */
 /** @typedef {import("three").MeshBasicMaterial} Material */
 /**
- * @typedef {{ group: Group, target: Vector3, label: string, paint: Material, veil: Material, ball: Mesh, way: Mesh,
+ * @typedef {{ group: Group, target: Vector3, label: string, paint: Material, veil: Material, ball: Mesh, line: Mesh,
  *   copy: Group }} Mark
  */
 
 export class Ghosts {
   /** @type {Map<number, Mark>} */
   #marks = new Map(); // by the task's id
-  #told = ""; // the tasks of the last state
+  #last = ""; // the tasks of the last state
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
@@ -30,9 +30,9 @@ export class Ghosts {
     this.labels = labels;
     this.aids = aids;
     session.on("state", ({ tasks = [] }) => {
-      const told = JSON.stringify(tasks);
-      if (told !== this.#told) view.changed();
-      this.#told = told;
+      const now = JSON.stringify(tasks);
+      if (now !== this.#last) view.changed();
+      this.#last = now;
     });
     session.on("hello", () => this.#keep(new Set()));
     view.before(() => this.#show());
@@ -69,8 +69,8 @@ export class Ghosts {
     mark.paint.color.setHex(colour);
     mark.veil.color.setHex(theme.accent);
     mark.ball.position.copy(target);
-    span(mark.way, point, target, 0.004 * length);
-    mark.way.visible &&= off;
+    span(mark.line, point, target, 0.004 * length);
+    mark.line.visible &&= off;
     mark.copy.visible = off;
     if (off) this.#lay(mark.copy, task, part, point, target);
     this.labels.put(mark.label, far > LABELLED * length ? `${units.length(far)} away` : "", target, "far");
@@ -106,11 +106,11 @@ export class Ghosts {
       paint: solid,
       veil: paint(theme.accent, { opacity: 0.22, through: false }),
       ball: ball(solid, 0.014 * length),
-      way: rod(solid),
+      line: rod(solid),
       copy: new Group(),
     };
     this.#copy(this.view.group(task.robot, task.node), mark);
-    mark.group.add(mark.ball, mark.way, mark.copy);
+    mark.group.add(mark.ball, mark.line, mark.copy);
     this.view.stage.add(mark.group);
     this.#marks.set(task.id, mark);
     return mark;

@@ -48,9 +48,9 @@ export class Marks {
 
   #limits() {
     for (const robot of this.session.robots) {
-      const told = this.aids.shows("limits") ? this.session.report?.robots?.[robot.name] : null;
-      const at = new Set(told?.saturated);
-      const near = new Set(told?.near_limit);
+      const report = this.aids.shows("limits") ? this.session.report?.robots?.[robot.name] : null;
+      const at = new Set(report?.saturated);
+      const near = new Set(report?.near_limit);
       for (const { name, joint } of robot.nodes) {
         if (!joint) continue;
         const colour = at.has(joint) ? COLOURS.vermillion : near.has(joint) ? COLOURS.orange : null;

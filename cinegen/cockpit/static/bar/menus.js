@@ -59,14 +59,14 @@ export function menus(aids) {
  * @param {import("../aids/aids.js").Aids} aids
  */
 function fill(menu, aids) {
-  for (const { id, words, hint } of AIDS) {
+  for (const { id, label, hint } of AIDS) {
     const box = make("input", {
       type: "checkbox",
       data: { aid: id },
       on: { change: () => aids.choose(id, box.checked) },
     });
     box.checked = aids.shows(id);
-    menu.append(make("label", { title: hint }, box, words));
+    menu.append(make("label", { title: hint }, box, label));
   }
   const select = make(
     "select",

@@ -31,9 +31,9 @@ export class Messages {
       this.#hint();
     });
     session.on("notice", ({ text, level, action }) => this.toast(text, level, action));
-    session.on("lost", () => this.#tell("Connection lost, trying again."));
+    session.on("lost", () => this.#cover("Connection lost, trying again."));
     session.on("dropped", (reason) =>
-      this.#tell(`The server closed the connection: ${reason}. Load the page again to go on.`),
+      this.#cover(`The server closed the connection: ${reason}. Load the page again to go on.`),
     );
     session.on("control", (control) => {
       byId("crowd").hidden = control !== "other";
@@ -75,7 +75,7 @@ export class Messages {
   }
 
   /** @param {string} text */
-  #tell(text) {
+  #cover(text) {
     this.cover.textContent = text;
     this.cover.hidden = false;
   }

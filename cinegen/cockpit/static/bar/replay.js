@@ -25,7 +25,7 @@ export class Replay {
       class: "small",
       "aria-label": "Play",
       "aria-pressed": "false",
-      title: "Play or hold the recording",
+      title: "Play or pause the recording",
       on: { click: () => this.#send({ playing: this.play.getAttribute("aria-pressed") !== "true" }) },
     });
     const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
@@ -52,7 +52,7 @@ export class Replay {
       {
         id: "playback-speed",
         class: "small",
-        "aria-label": "Tempo",
+        "aria-label": "Playback speed",
         title: "How fast it is played",
         on: { change: () => this.#send({ speed: Number(this.speed.value) }) },
       },

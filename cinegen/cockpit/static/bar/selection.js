@@ -6,7 +6,7 @@ import { byId, make, sign, write } from "../base/dom.js";
 import { AXES } from "../pointer/gizmo.js";
 
 /** @type {Record<string, string>} */
-const WORDS = { world: "world axes", local: "its own axes", view: "view axes" };
+const LABELS = { world: "world axes", local: "its own axes", view: "view axes" };
 
 export class Selection {
   /**
@@ -25,7 +25,7 @@ export class Selection {
       make("button", { type: "button", id, title, on: { click: action } }, ...children);
     this.name = make("span", { class: "name" });
     this.move = press("move", () => gizmo.setMode("translate"), "Move it (W)", sign("move"), "Move");
-    this.turn = press("turn", () => gizmo.setMode("rotate"), "Turn it (E)", sign("turn"), "Turn");
+    this.turn = press("turn", () => gizmo.setMode("rotate"), "Rotate it (E)", sign("turn"), "Rotate");
     this.axes = make(
       "select",
       {
@@ -35,7 +35,7 @@ export class Selection {
         "aria-label": "Axes of the gizmo",
         on: { change: () => gizmo.setAxes(this.axes.value) },
       },
-      ...AXES.map((axes) => make("option", { value: axes }, WORDS[axes])),
+      ...AXES.map((axes) => make("option", { value: axes }, LABELS[axes])),
     );
     this.upright = make("input", {
       type: "checkbox",
@@ -44,7 +44,7 @@ export class Selection {
     });
     this.keep = make(
       "label",
-      { class: "field", title: "Moving it, its orientation is held too" },
+      { class: "field", title: "Constrain its orientation while it is moved" },
       this.upright,
       "keep orientation",
     );
@@ -54,7 +54,7 @@ export class Selection {
       make("span", { class: "segments" }, this.move, this.turn),
       this.axes,
       this.keep,
-      press("pin", pin, "Hold it where it is, while you drag other parts (P)", sign("pin"), "Pin"),
+      press("pin", pin, "Keep it where it is while other parts are dragged (P)", sign("pin"), "Pin"),
       press("deselect", () => session.select(null, null), "Select nothing (Esc)", sign("close")),
     );
     byId("deselect").setAttribute("aria-label", "Select nothing");

@@ -1,4 +1,4 @@
-// Who wants to know of something is told.
+// Who wants to know of something is last.
 
 /** @template {object} [T=Record<string, any>] the value of each event, by its name */
 export class Events {
@@ -6,7 +6,7 @@ export class Events {
   #listeners = new Map();
 
   /**
-   * Calls `listener(value)` whenever `name` happens.
+   * Call `listener(value)` whenever `name` happens.
    *
    * @template {keyof T} K
    * @param {K} name
@@ -18,13 +18,13 @@ export class Events {
   }
 
   /**
-   * Calls all listeners to `name`, in the order in which they were added.
+   * Call all listeners to `name`, in the order in which they were added.
    *
    * @template {keyof T} K
    * @param {K} name
    * @param {T[K]} [value]
    */
-  tell(name, value) {
+  emit(name, value) {
     for (const listener of this.#listeners.get(name) ?? []) {
       try {
         listener(value);

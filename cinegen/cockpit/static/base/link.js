@@ -70,19 +70,19 @@ export class Link extends Events {
       return;
     }
     if (message.type === "state") {
-      this.tell("state", message);
+      this.emit("state", message);
       if (Number.isFinite(message.frame)) {
         this.send({ type: "ack", frame: message.frame });
         document.documentElement.dataset.frame = String(message.frame);
       }
-      if (message.report) this.tell("report", message.report);
+      if (message.report) this.emit("report", message.report);
     } else if (message.type === "hello") {
       this.connected = true;
       this.#wait = SOONEST;
       document.documentElement.dataset.connected = "yes";
-      this.tell("hello", message);
+      this.emit("hello", message);
     } else if (message.type === "notice") {
-      this.tell("notice", message);
+      this.emit("notice", message);
     }
   }
 
@@ -99,10 +99,10 @@ export class Link extends Events {
     document.documentElement.dataset.connected = "no";
     if (this.#over) return;
     if (event.code === REFUSED) {
-      this.tell("dropped", event.reason || "the server refused this page");
+      this.emit("dropped", event.reason || "the server refused this page");
       return;
     }
-    this.tell("lost", event.reason);
+    this.emit("lost", event.reason);
     setTimeout(() => this.connect(), this.#wait);
     this.#wait = Math.min(LATEST, 1.5 * this.#wait);
   }
@@ -114,7 +114,7 @@ export class Link extends Events {
  * @param {string} name
  */
 function address(name) {
-  const url = new URL(beside(name));
+  const url = new URL(pageUrl(name));
   url.protocol = url.protocol.replace("http", "ws");
   return url.href;
 }
@@ -124,7 +124,7 @@ function address(name) {
  *
  * @param {string} name
  */
-export function beside(name) {
+export function pageUrl(name) {
   const url = new URL(name, location.href);
   const token = new URLSearchParams(location.search).get("token");
   if (token !== null) url.searchParams.set("token", token);

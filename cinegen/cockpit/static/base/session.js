@@ -37,9 +37,9 @@ export class Session extends Events {
     link.on("state", (state) => this.#follow(state));
     link.on("report", (report) => {
       this.report = report;
-      this.tell("report", report);
+      this.emit("report", report);
     });
-    for (const name of /** @type {const} */ (["notice", "lost", "dropped"])) link.on(name, (value) => this.tell(name, value));
+    for (const name of /** @type {const} */ (["notice", "lost", "dropped"])) link.on(name, (value) => this.emit(name, value));
     document.documentElement.dataset.control = this.control;
   }
 
@@ -95,7 +95,7 @@ export class Session extends Events {
   /** Return whether commands may be sent; tell the user if another browser has control. */
   mayAct() {
     if (this.control !== "other") return true;
-    this.tell("denied");
+    this.emit("denied");
     return false;
   }
 
@@ -109,7 +109,7 @@ export class Session extends Events {
     const selected = robot !== null && node !== null && this.knows(robot, node) ? { robot, node } : null;
     if (selected?.robot === this.selected?.robot && selected?.node === this.selected?.node) return;
     this.selected = selected;
-    this.tell("select", selected);
+    this.emit("select", selected);
   }
 
   /** @param {Hello} hello */
@@ -123,7 +123,7 @@ export class Session extends Events {
       const byName = new Map(nodes.map((node) => [node.name, node]));
       this.#robots.set(robot.name, { ...robot, nodes, joints, loops: robot.loops ?? [], byName });
     }
-    this.tell("hello", hello);
+    this.emit("hello", hello);
     if (this.selected !== null && !this.knows(this.selected.robot, this.selected.node)) this.select(null, null);
   }
 
@@ -132,11 +132,11 @@ export class Session extends Events {
     this.state = state;
     const controller = state.controller ?? null;
     const control = controller === null ? "free" : controller === this.hello?.client ? "mine" : "other";
-    this.tell("state", state);
+    this.emit("state", state);
     if (control === this.control) return;
     this.control = control;
     document.documentElement.dataset.control = control;
-    this.tell("control", control);
+    this.emit("control", control);
   }
 }
 

@@ -15,7 +15,7 @@ export class Units extends Events {
   toggle() {
     this.small = !this.small;
     memory.set("units", this.small ? "mm" : "m");
-    this.tell("change");
+    this.emit("change");
   }
 
   get name() {

@@ -1,4 +1,4 @@
-// The cells of a map as they are drawn: balls in space, or tiles where they make a surface; all in one go.
+// The cells of a map as they are drawn: balls in space, or tiles where they make a surface; in one draw call.
 
 import {
   BufferAttribute,

@@ -1,10 +1,10 @@
-// The map that is shown beside a robot: its cells, what is known of each, and which of them are to be seen.
+// The map that is shown with a robot: its cells, their values, and which of them are shown.
 //
 // Events: cells (there are others), change (others of them are to be seen, or otherwise).
 
 import { memory } from "../base/dom.js";
 import { Events } from "../base/events.js";
-import { beside } from "../base/link.js";
+import { pageUrl } from "../base/link.js";
 
 const GROWING = 2000; // ms until a map that is being made is looked at again
 const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn of it
@@ -22,7 +22,7 @@ const SHARE = { cloud: 0.6, surface: 0.96 }; // of a cell's width, that is drawn
 /** @extends {Events<{ cells: undefined, change: undefined }>} */
 export class Field extends Events {
   /** @type {About | null} */
-  about = null; // what is said of the map; null without one
+  about = null; // description of the map; null without one
   /** @type {string | null} */
   quantity = null; // name of what the colours show
   shown = true;
@@ -73,7 +73,7 @@ export class Field extends Events {
   }
 
   /**
-   * What is said of a quantity; null if none is shown.
+   * Return the description of the quantity that is shown; null without one.
    *
    * @param {string | null} name
    */
@@ -89,13 +89,13 @@ export class Field extends Events {
   /**
    * Chooses what is seen.
    *
-   * @param {Partial<Choice>} wished
+   * @param {Partial<Choice>} choice
    */
-  choose(wished) {
-    Object.assign(this, wished);
-    if ("share" in wished) memory.set(`map.share.${this.#kind}`, this.share);
+  choose(choice) {
+    Object.assign(this, choice);
+    if ("share" in choice) memory.set(`map.share.${this.#kind}`, this.share);
     this.#look();
-    this.tell("change");
+    this.emit("change");
   }
 
   get #kind() {
@@ -109,7 +109,7 @@ export class Field extends Events {
         this.about = this.#take(await (await got("map/cells.bin")).arrayBuffer());
         if (first) this.#begin(this.about);
         this.#look();
-        this.tell("cells");
+        this.emit("cells");
       }
     } catch (error) {
       console.warn("map:", error);
@@ -126,7 +126,7 @@ export class Field extends Events {
   }
 
   /**
-   * What is said of the map, and behind it the arrays that this is said of.
+   * Description of the map, followed by the arrays that it describes.
    *
    * @param {ArrayBuffer} block
    * @returns {About}
@@ -147,9 +147,9 @@ export class Field extends Events {
   #begin({ quantity, axes }) {
     this.quantity = quantity;
     this.share = memory.get(`map.share.${this.#kind}`, SHARE[this.#kind]);
-    const turn = axes.findIndex(({ translates, count }) => !translates && count > 1);
-    if (turn >= 0 && axes.some(({ translates }) => translates)) {
-      this.cut = { axis: turn, index: axes[turn].count >> 1, layer: true }; // else all turns are in one place
+    const angle = axes.findIndex(({ translates, count }) => !translates && count > 1);
+    if (angle >= 0 && axes.some(({ translates }) => translates)) {
+      this.cut = { axis: angle, index: axes[angle].count >> 1, layer: true }; // otherwise all rotations are at one point
     } else if (axes.length > 2 && this.#surrounds()) {
       this.cut = { axis: 0, index: (axes[0].count - 1) >> 1, layer: false };
     }
@@ -186,12 +186,12 @@ export class Field extends Events {
 }
 
 /**
- * What the server has beside the page.
+ * Fetch a file that the server has next to the page.
  *
  * @param {string} name
  */
 export async function got(name) {
-  const answer = await fetch(beside(name));
+  const answer = await fetch(pageUrl(name));
   if (!answer.ok) throw new Error(`${name}: ${answer.status}`);
   return answer;
 }

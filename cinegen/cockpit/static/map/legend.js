@@ -1,11 +1,11 @@
-// What the colours of a map mean: at the foot of the pane, so that pictures have it, too.
+// The legend of a map, at the bottom of the pane, so that pictures contain it.
 //
-// For tests: #legend, with .name, .low, .high and .cell (what is known of the cell under the pointer).
+// For tests: #legend, with .name, .low, .high and .cell (values of the cell under the pointer).
 
 import { make, write } from "../base/dom.js";
 import { units } from "../base/units.js";
 import { GRADIENT } from "./colours.js";
-import { spelled, valueOf } from "./words.js";
+import { formatted, valueOf } from "./numbers.js";
 
 export class Legend {
   /** @type {number | null} */
@@ -37,13 +37,13 @@ export class Legend {
   }
 
   /**
-   * Tells of a cell, or of none: null.
+   * Show the coordinates and values of a cell; null: of none.
    *
    * @param {number | null} cell
    */
-  tell(cell) {
+  point(cell) {
     this.#cell = cell;
-    this.#tell();
+    this.#showCell();
   }
 
   #show() {
@@ -53,14 +53,14 @@ export class Legend {
     this.bar.hidden = this.ends.hidden = described === null;
     write(this.name, described === null ? "reached" : described.text);
     if (described !== null) {
-      write(this.low, `${(described.least ?? described.low) < described.low ? "≤ " : ""}${spelled(described.low, described.unit)}`);
-      write(this.high, `${(described.most ?? described.high) > described.high ? "≥ " : ""}${spelled(described.high, described.unit)}`);
+      write(this.low, `${(described.least ?? described.low) < described.low ? "≤ " : ""}${formatted(described.low, described.unit)}`);
+      write(this.high, `${(described.most ?? described.high) > described.high ? "≥ " : ""}${formatted(described.high, described.unit)}`);
       this.element.setAttribute("aria-label", `${described.text}: ${this.low.textContent} to ${this.high.textContent}`);
     }
-    this.#tell();
+    this.#showCell();
   }
 
-  #tell() {
+  #showCell() {
     const { field } = this;
     const { about } = field;
     const cell = this.#cell;
@@ -68,7 +68,7 @@ export class Legend {
     if (cell === null || about === null) return;
     const rows = [
       ...about.axes.map((axis, k) => [axis.name, valueOf(axis, field.array("indices")[cell * about.axes.length + k])]),
-      ...about.quantities.map(({ name, unit }) => [name, spelled(field.values(name)?.[cell] ?? NaN, unit)]),
+      ...about.quantities.map(({ name, unit }) => [name, formatted(field.values(name)?.[cell] ?? NaN, unit)]),
     ];
     this.cell.replaceChildren(...rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, value)]));
   }

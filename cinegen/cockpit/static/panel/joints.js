@@ -9,7 +9,7 @@ import { byRobot, folded, Section } from "./section.js";
 import { fill } from "./slider.js";
 
 const PICTURE = 1000 / 60;
-const OVER = 250; // ms after the last change: the motion ends
+const OVER = 250; // ms after the report change: the motion ends
 const SETTLED = 600; // ms after that: the joint is at rest
 /** @type {Record<string, number>} */
 const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, where there is no limit; rad, lengths
@@ -37,7 +37,7 @@ export class Joints {
     this.session = session;
     this.section = new Section(panel, {
       id: "joints",
-      words: "Joints",
+      title: "Joints",
       hint: "Move actuated joints one by one; the ends of each bar are the joint's limits",
     });
     this.send = atMostEvery(PICTURE, (/** @type {{ robot: string, joint: string, value: number }} */ move) => session.send({ type: "move_joint", ...move }));
@@ -181,14 +181,14 @@ export class Joints {
 
   #show() {
     for (const robot of this.session.robots) {
-      const told = this.session.report?.robots?.[robot.name];
-      if (!told) continue;
-      const at = new Set(told.saturated);
-      const near = new Set(told.near_limit);
+      const report = this.session.report?.robots?.[robot.name];
+      if (!report) continue;
+      const at = new Set(report.saturated);
+      const near = new Set(report.near_limit);
       robot.joints.forEach((joint, i) => {
         const row = this.#rows.get(`${robot.name}/${joint.name}`);
         if (row === undefined) return;
-        const value = told.q?.[i];
+        const value = report.q?.[i];
         const limit = at.has(joint.name) ? "at" : near.has(joint.name) ? "near" : "";
         if (row.element.dataset.limit !== limit) row.element.dataset.limit = limit;
         if (Number.isFinite(value)) this.#value(row, value);

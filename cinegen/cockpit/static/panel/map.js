@@ -1,10 +1,10 @@
 // Map: which quantity the cells show, how large they are, and where they are cut open.
 //
-// For tests: #section-map; #map-quantity, #map-shown, #map-axis, #map-cut, #map-layer, #map-share, #map-words.
+// For tests: #section-map; #map-quantity, #map-shown, #map-axis, #map-cut, #map-layer, #map-share, #map-note.
 
 import { make, write } from "../base/dom.js";
 import { units } from "../base/units.js";
-import { valueOf } from "../map/words.js";
+import { valueOf } from "../map/numbers.js";
 import { Section } from "./section.js";
 import { fill } from "./slider.js";
 
@@ -22,7 +22,7 @@ export class MapSection {
   cut = make("input");
   how = make("span");
   at = make("output", { class: "number" });
-  words = make("div", { id: "map-words", class: "words quiet" });
+  note = make("div", { id: "map-note", class: "description quiet" });
 
   /**
    * @param {HTMLElement} panel
@@ -30,11 +30,11 @@ export class MapSection {
    */
   constructor(panel, field) {
     this.field = field;
-    this.section = new Section(panel, { id: "map", words: "Map", hint: HINT });
+    this.section = new Section(panel, { id: "map", title: "Map", hint: HINT });
     this.section.element.hidden = true;
     field.on("cells", () => this.#show());
     units.on("change", () => {
-      if (field.about !== null) this.#tellCut();
+      if (field.about !== null) this.#showCut();
     });
   }
 
@@ -48,8 +48,8 @@ export class MapSection {
     const thin = about.axes.filter(({ every }) => every > 1).map(({ name, every }) => `1 of ${every} along ${name}`);
     const all = `${about.cells.toLocaleString("en")} cells`;
     const shown = about.shown.toLocaleString("en");
-    const words = thin.length > 0 ? `${shown} shown of ${all} (${thin.join(", ")})` : `${shown} of ${all} reached`;
-    write(this.words, about.shown === 0 ? `${words}: nothing to be seen` : words);
+    const text = thin.length > 0 ? `${shown} shown of ${all} (${thin.join(", ")})` : `${shown} of ${all} reached`;
+    write(this.note, about.shown === 0 ? `${text}: nothing to be seen` : text);
   }
 
   /** @param {About} about */
@@ -95,7 +95,7 @@ export class MapSection {
         make("label", { title: "Only the cells at this place, not those up to it" }, this.layer, "one layer"),
         make("label", { title: "Show the cells" }, this.shown, "shown"),
       ),
-      this.words,
+      this.note,
     );
   }
 
@@ -110,7 +110,7 @@ export class MapSection {
     if (axis === undefined) return;
     this.cut.max = String(axis.count - 1);
     this.cut.value = String(index ?? (this.layer.checked ? axis.count >> 1 : axis.count - 1));
-    this.#tellCut();
+    this.#showCut();
   }
 
   #choose() {
@@ -118,16 +118,16 @@ export class MapSection {
     const layer = this.layer.checked;
     const whole = !layer && index === Number(this.cut.max);
     this.field.choose({ cut: whole ? null : { axis: this.#axis, index, layer } });
-    this.#tellCut();
+    this.#showCut();
   }
 
-  #tellCut() {
+  #showCut() {
     const axis = this.field.about?.axes[this.#axis];
     if (axis === undefined) return;
-    const words = this.field.cut === null ? "all" : valueOf(axis, Number(this.cut.value));
+    const text = this.field.cut === null ? "all" : valueOf(axis, Number(this.cut.value));
     write(this.how, this.layer.checked ? "Only at" : "Up to");
-    write(this.at, words);
-    this.cut.setAttribute("aria-valuetext", words);
+    write(this.at, text);
+    this.cut.setAttribute("aria-valuetext", text);
     fill(this.cut);
   }
 

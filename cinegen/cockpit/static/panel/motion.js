@@ -15,22 +15,22 @@ export class Motion {
   constructor(panel, session) {
     const section = new Section(panel, {
       id: "motion",
-      words: "Following",
+      title: "Following",
       hint: "How quickly robots follow, and how gently near singularities",
       open: false,
     });
     /** @param {string} name */
-    const say = (name) => (/** @type {number} */ value) => {
+    const change = (name) => (/** @type {number} */ value) => {
       if (session.mayAct()) session.send({ type: "change_settings", [name]: value });
     };
     this.gain = logSlider({
       id: "gain",
       label: "Gain",
-      hint: "How fast the rest of the way is made good: more is quicker",
+      hint: "Part of the remaining error that is corrected per second: more is quicker",
       low: 1,
       high: 1000,
-      words: (value) => `${significant(value)} /s`,
-      said: say("gain"),
+      format: (value) => `${significant(value)} /s`,
+      changed: change("gain"),
     });
     this.damping = logSlider({
       id: "damping",
@@ -38,11 +38,11 @@ export class Motion {
       hint: "Below which singular value the motion is damped: more is gentler near singularities, and less exact",
       low: 0.001,
       high: 0.3,
-      words: (value) => significant(value),
-      said: say("damping"),
+      format: (value) => significant(value),
+      changed: change("damping"),
     });
-    for (const [words, slider] of Object.entries({ gain: this.gain, damping: this.damping })) {
-      section.body.append(make("label", { class: "pair three" }, words, slider.input, slider.output));
+    for (const [label, slider] of Object.entries({ gain: this.gain, damping: this.damping })) {
+      section.body.append(make("label", { class: "pair three" }, label, slider.input, slider.output));
     }
     session.on("report", ({ settings }) => {
       this.gain.show(settings?.gain);

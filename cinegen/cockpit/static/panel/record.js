@@ -1,6 +1,6 @@
 // Record: targets and motion are written to a file beside the server.
 //
-// For tests: #record (aria-pressed), #record-words.
+// For tests: #record (aria-pressed), #record-status.
 
 import { make, sign, write } from "../base/dom.js";
 import { fixed } from "../base/units.js";
@@ -14,7 +14,7 @@ export class Record {
    * @param {import("../base/session.js").Session} session
    */
   constructor(panel, session) {
-    const section = new Section(panel, { id: "record", words: "Record", hint: HINT, open: false });
+    const section = new Section(panel, { id: "record", title: "Record", hint: HINT, open: false });
     this.label = make("span", {}, "Record");
     this.button = make(
       "button",
@@ -33,20 +33,20 @@ export class Record {
       sign("record"),
       this.label,
     );
-    this.words = make("span", { id: "record-words", class: "words quiet" });
-    section.body.append(make("div", { class: "head" }, this.button), this.words);
+    this.status = make("span", { id: "record-status", class: "description quiet" });
+    section.body.append(make("div", { class: "head" }, this.button), this.status);
     session.on("report", ({ recording }) => {
       const on = Boolean(recording);
       this.button.setAttribute("aria-pressed", String(on));
       write(this.label, on ? "Stop recording" : "Record");
       write(section.note, on ? `${fixed(recording?.seconds ?? 0, 0)} s` : "");
-      const told = recording?.error
+      const status = recording?.error
         ? recording.error
         : on
           ? `to ${recording?.file}`
           : "cinegen replay shows it, cinegen export hands it on";
-      write(this.words, told);
-      this.words.classList.toggle("bad", Boolean(recording?.error));
+      write(this.status, status);
+      this.status.classList.toggle("bad", Boolean(recording?.error));
     });
   }
 }

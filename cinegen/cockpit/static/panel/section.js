@@ -6,15 +6,15 @@ import { make, memory } from "../base/dom.js";
 export class Section {
   /**
    * @param {HTMLElement} panel
-   * @param {{ id: string, words: string, hint: string, open?: boolean }} options
+   * @param {{ id: string, title: string, hint: string, open?: boolean }} options
    */
-  constructor(panel, { id, words, hint, open = true }) {
+  constructor(panel, { id, title, hint, open = true }) {
     this.note = make("span", { class: "note" });
     this.body = make("div", { class: "body" });
     const element = make(
       "details",
       { class: "section", id: `section-${id}`, open: memory.get(`section.${id}`, open) },
-      make("summary", { title: hint }, words, this.note),
+      make("summary", { title: hint }, title, this.note),
       this.body,
     );
     element.addEventListener("toggle", () => memory.set(`section.${id}`, element.open));
@@ -47,17 +47,17 @@ export function byRobot(body, robots, fill) {
 }
 
 /**
- * A part of a section that is folded until it is wished for.
+ * A part of a section that is folded until it is opened.
  *
- * @param {string} words
+ * @param {string} title
  * @param {string} hint
  * @param {...Node} children
  */
-export function folded(words, hint, ...children) {
+export function folded(title, hint, ...children) {
   return make(
     "details",
     { class: "fold" },
-    make("summary", { title: hint }, words),
+    make("summary", { title: hint }, title),
     make("div", { class: "body" }, ...children),
   );
 }

@@ -15,7 +15,7 @@ const PORTS = "Name its port when starting: --sensor ID=PORT";
 
 /** @typedef {import("../base/messages").SensorDescription} Sensor */
 /**
- * @typedef {{ element: HTMLElement, dot: HTMLElement, state: HTMLElement, words: HTMLElement, count: HTMLElement,
+ * @typedef {{ element: HTMLElement, dot: HTMLElement, state: HTMLElement, message: HTMLElement, count: HTMLElement,
  *   bars: HTMLElement, beams: HTMLElement[], url: string }} Card
  */
 
@@ -33,7 +33,7 @@ export class Sensors {
     this.session = session;
     this.section = new Section(panel, {
       id: "sensors",
-      words: "Sensors",
+      title: "Sensors",
       hint: "3D mice, gamepads and scripts; each node may follow one of them",
     });
     session.on("hello", (hello) => this.#build(hello));
@@ -52,7 +52,7 @@ export class Sensors {
     }
     for (const one of switches) body.append(this.#switch(one, sensors));
     for (const sensor of sensors) body.append(this.#card(sensor));
-    const say = (/** @type {"linear_speed" | "angular_speed"} */ name) => (/** @type {number} */ value) => {
+    const change = (/** @type {"linear_speed" | "angular_speed"} */ name) => (/** @type {number} */ value) => {
       if (this.session.mayAct()) this.session.send({ type: "change_settings", [name]: value });
     };
     this.speed = logSlider({
@@ -61,8 +61,8 @@ export class Sensors {
       hint: "How fast a fully deflected sensor moves",
       low: 0.001,
       high: 10,
-      words: (value) => units.speed(value),
-      said: say("linear_speed"),
+      format: (value) => units.speed(value),
+      changed: change("linear_speed"),
     });
     this.turning = logSlider({
       id: "turning",
@@ -70,8 +70,8 @@ export class Sensors {
       hint: "How fast a fully deflected sensor turns",
       low: 0.01,
       high: 10,
-      words: (value) => units.turning(value),
-      said: say("angular_speed"),
+      format: (value) => units.turning(value),
+      changed: change("angular_speed"),
     });
     body.append(row("speed", this.speed), row("turning", this.turning));
   }
@@ -106,7 +106,7 @@ export class Sensors {
     return make(
       "label",
       { class: "pair", data: { switch: key } },
-      make("span", { class: "words" }, `${whose} follows`),
+      make("span", { class: "description" }, `${whose} follows`),
       select,
     );
   }
@@ -115,7 +115,7 @@ export class Sensors {
   #card(sensor) {
     const dot = make("span", { class: "dot" });
     const state = make("span", { class: "quiet" });
-    const words = make("div", { class: "words quiet" });
+    const message = make("div", { class: "description quiet" });
     const count = make("div", { class: "number quiet", title: "Packets received, and damaged ones thrown away" });
     const beams = AXES.map(() => make("b"));
     const bars = make(
@@ -133,31 +133,31 @@ export class Sensors {
         make("span", { class: "name", title: sensor.url ?? "" }, sensor.kind || sensor.id),
         make("span", { class: "end" }, state),
       ),
-      make("div", { class: "words quiet" }, [sensor.id, sensor.url].filter(Boolean).join(" · ")),
-      words,
+      make("div", { class: "description quiet" }, [sensor.id, sensor.url].filter(Boolean).join(" · ")),
+      message,
       bars,
       count,
     );
-    this.#cards.set(sensor.id, { element, dot, state, words, count, bars, beams, url: sensor.url ?? "" });
+    this.#cards.set(sensor.id, { element, dot, state, message, count, bars, beams, url: sensor.url ?? "" });
     return element;
   }
 
   /** @param {import("../base/link.js").Report} report */
   #show({ sensors = [], switches = [], settings }) {
-    for (const told of sensors) {
-      const card = this.#cards.get(told.id);
+    for (const report of sensors) {
+      const card = this.#cards.get(report.id);
       if (card === undefined) continue;
-      card.element.dataset.state = told.state ?? "";
-      card.dot.dataset.tone = TONES[told.state] ?? "none";
-      write(card.state, told.state ?? "");
-      write(card.words, told.message && told.message !== told.state ? told.message : "");
-      card.words.hidden = card.words.textContent === "";
-      const damaged = told.damaged > 0 ? `, ${told.damaged} damaged` : "";
-      write(card.count, told.packets > 0 ? `${told.packets} packets${damaged}` : "");
+      card.element.dataset.state = report.state ?? "";
+      card.dot.dataset.tone = TONES[report.state] ?? "none";
+      write(card.state, report.state ?? "");
+      write(card.message, report.message && report.message !== report.state ? report.message : "");
+      card.message.hidden = card.message.textContent === "";
+      const damaged = report.damaged > 0 ? `, ${report.damaged} damaged` : "";
+      write(card.count, report.packets > 0 ? `${report.packets} packets${damaged}` : "");
       card.count.hidden = card.count.textContent === "";
-      card.bars.hidden = !Array.isArray(told.twist);
+      card.bars.hidden = !Array.isArray(report.twist);
       card.beams.forEach((beam, i) => {
-        const value = Math.min(1, Math.max(-1, told.twist?.[i] ?? 0));
+        const value = Math.min(1, Math.max(-1, report.twist?.[i] ?? 0));
         beam.style.transform = `scaleX(${value.toFixed(3)})`;
       });
     }
@@ -182,9 +182,9 @@ function named(id, sensors) {
 }
 
 /**
- * @param {string} words
+ * @param {string} label
  * @param {ReturnType<typeof logSlider>} slider
  */
-function row(words, { input, output }) {
-  return make("label", { class: "pair three" }, words, input, output);
+function row(label, { input, output }) {
+  return make("label", { class: "pair three" }, label, input, output);
 }

@@ -1,5 +1,5 @@
 // Singularity: how near the robot is to losing a motion (type 1) and to one that its actuated joints don't control
-// (type 2), each on a log scale with the mark below which it is near, and in words.
+// (type 2), each on a log scale with the mark below which it is near, and as a text.
 //
 // For tests: [data-meter="ROBOT/type1"], [data-meter="ROBOT/type2"]; role meter with aria-valuenow = sigma.
 
@@ -13,20 +13,20 @@ const AWARE = 3; // times the threshold: the meter turns orange
 
 /** @typedef {import("../base/messages").SingularityReport} Singular */
 /**
- * @typedef {{ none: string, meter: HTMLElement, value: HTMLElement, bar: HTMLElement, mark: HTMLElement, said: HTMLElement }} Row
+ * @typedef {{ none: string, meter: HTMLElement, value: HTMLElement, bar: HTMLElement, mark: HTMLElement, label: HTMLElement }} Row
  */
 
-/** @type {{ kind: "type1" | "type2", words: string, none: string, hint: string }[]} */
+/** @type {{ kind: "type1" | "type2", title: string, none: string, hint: string }[]} */
 const KINDS = [
   {
     kind: "type1",
-    words: "Motion lost",
+    title: "Motion lost",
     none: "drag a part to see it",
     hint: "Type 1: near 0 the part can't move along some direction, however the joints turn. Full and green is good.",
   },
   {
     kind: "type2",
-    words: "Motion not controlled",
+    title: "Motion not controlled",
     none: "no loops: can't happen",
     hint: "Type 2: near 0 the robot can move while its actuated joints are locked. Full and green is good.",
   },
@@ -44,7 +44,7 @@ export class Singularity {
     this.session = session;
     this.section = new Section(panel, {
       id: "singularity",
-      words: "Singularity",
+      title: "Singularity",
       hint: "How far the robot is from places where it loses a motion or control of one",
     });
     session.on("hello", () => this.#build());
@@ -54,11 +54,11 @@ export class Singularity {
   #build() {
     this.#meters.clear();
     byRobot(this.section.body, this.session.robots, (robot, body) => {
-      for (const { kind, words, none, hint } of KINDS) {
+      for (const { kind, title, none, hint } of KINDS) {
         const value = make("output", { class: "number quiet" });
         const bar = make("b");
         const mark = make("i", { title: "Below this mark it is near a singularity" });
-        const said = make("div", { class: "words" });
+        const label = make("div", { class: "description" });
         const key = `${robot.name}/${kind}`;
         const scale = make("div", { class: "scale" }, bar, mark);
         const meter = make(
@@ -69,15 +69,15 @@ export class Singularity {
             role: "meter",
             title: hint,
             tabindex: 0,
-            "aria-label": `${words}, ${robot.name}`,
+            "aria-label": `${title}, ${robot.name}`,
             "aria-valuemin": 0,
             "aria-valuemax": MOST,
           },
-          make("div", { class: "head" }, make("span", {}, words), value),
+          make("div", { class: "head" }, make("span", {}, title), value),
           scale,
-          said,
+          label,
         );
-        this.#meters.set(key, { none, meter, value, bar, mark, said });
+        this.#meters.set(key, { none, meter, value, bar, mark, label });
         body.append(meter);
       }
     });
@@ -98,11 +98,11 @@ export class Singularity {
         if (!one.mark.hidden) one.mark.style.left = `${(100 * share(near)).toFixed(1)}%`;
         one.meter.dataset.tone = !known ? "none" : tone(sigma, near);
         one.meter.setAttribute("aria-valuenow", known ? String(sigma) : "0");
-        const words = known ? (found?.text ?? "") : none;
-        one.meter.setAttribute("aria-valuetext", words);
+        const text = known ? (found?.text ?? "") : none;
+        one.meter.setAttribute("aria-valuetext", text);
         write(one.value, known ? significant(sigma) : "–");
-        write(one.said, words);
-        if (one.said.title !== words) one.said.title = words;
+        write(one.label, text);
+        if (one.label.title !== text) one.label.title = text;
       }
     }
   }

@@ -16,34 +16,34 @@ export function fill(input) {
 }
 
 /**
- * A slider on a log scale from `low` to `high`, with its value in words: { input, output, show(value) }.
- * `said(value)` is called while it is moved; meanwhile `show` has no effect.
+ * A slider on a log scale from `low` to `high`, with its value in format: { input, output, show(value) }.
+ * `changed(value)` is called while it is moved; meanwhile `show` has no effect.
  *
- * @param {{ id?: string, label: string, hint: string, low: number, high: number, words: (value: number) => string,
- *   said: (value: number) => void }} options
+ * @param {{ id?: string, label: string, hint: string, low: number, high: number, format: (value: number) => string,
+ *   changed: (value: number) => void }} options
  */
-export function logSlider({ id, label, hint, low, high, words, said }) {
+export function logSlider({ id, label, hint, low, high, format, changed }) {
   const input = make("input", { type: "range", id, min: 0, max: STEPS, step: 1, title: hint, "aria-label": label });
   const output = make("output", { class: "number" });
   const value = () => low * (high / low) ** (Number(input.value) / STEPS);
   /** @param {number} number */
-  const tell = (number) => {
-    output.textContent = words(number);
-    input.setAttribute("aria-valuetext", words(number));
+  const display = (number) => {
+    output.textContent = format(number);
+    input.setAttribute("aria-valuetext", format(number));
     fill(input);
   };
   let moved = -Infinity;
   input.addEventListener("input", () => {
     moved = performance.now();
-    tell(value());
-    said(Number(value().toPrecision(3)));
+    display(value());
+    changed(Number(value().toPrecision(3)));
   });
   /** @param {number | undefined} number */
   const show = (number) => {
     if (number === undefined || !(number > 0) || performance.now() - moved < 400) return;
     const at = Math.round((STEPS * Math.log(number / low)) / Math.log(high / low));
     if (Number(input.value) !== at) input.value = String(at);
-    tell(number);
+    display(number);
   };
   return { input, output, show };
 }

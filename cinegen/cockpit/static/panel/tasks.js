@@ -30,7 +30,7 @@ export class Tasks {
     this.session = session;
     this.section = new Section(panel, {
       id: "tasks",
-      words: "Tasks",
+      title: "Tasks",
       hint: "What moves the robots: the pointer, pins and sensors. If not all tasks can be met, weights decide",
     });
     this.empty = make("p", { class: "empty" }, "No tasks. Drag a part, or select one and pin it.");
@@ -87,10 +87,10 @@ export class Tasks {
     );
     /**
      * @param {string} kind
-     * @param {string[]} words
+     * @param {string[]} labels
      * @param {string} hint
      */
-    const choose = (kind, words, hint) =>
+    const choose = (kind, labels, hint) =>
       make(
         "select",
         {
@@ -100,7 +100,7 @@ export class Tasks {
           data: { dof: kind },
           on: { change: () => this.#change(card, id) },
         },
-        ...words.map((word, i) => make("option", { value: i }, word)),
+        ...labels.map((label, i) => make("option", { value: i }, label)),
       );
     const translation = choose("translation", TRANSLATIONS, "Axes of the target along which the position is constrained");
     const rotation = choose("rotation", ROTATIONS, "Constrained part of the orientation");
@@ -109,8 +109,8 @@ export class Tasks {
       hint: "If not all tasks can be met, those of larger weight are met better",
       low: 0.01,
       high: 100,
-      words: (value) => `× ${significant(value)}`,
-      said: (value) => {
+      format: (value) => `× ${significant(value)}`,
+      changed: (value) => {
         if (this.session.mayAct()) this.session.send({ type: "change_task", task: id, weight: value });
       },
     });

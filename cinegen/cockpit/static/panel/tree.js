@@ -22,7 +22,7 @@ export class Tree {
     this.session = session;
     this.section = new Section(panel, {
       id: "tree",
-      words: "Parts",
+      title: "Parts",
       hint: "All parts of the robots. Click one to select it, also those that have no shape",
       open: false,
     });
@@ -44,9 +44,9 @@ export class Tree {
       for (const node of robot.nodes) if (!robot.byName.has(node.parent ?? "")) this.#grow(list, robot, node, children);
       list.addEventListener("keydown", (event) => this.#walk(event, list));
       const actuated = robot.joints.filter((joint) => joint.actuated).length;
-      const words = [`mobility ${robot.mobility ?? "–"}`, `${actuated} actuated joints`, `${robot.loops.length} loops`];
-      if (robot.base !== null) words.push(`base on ${robot.base.join(" · ")}`);
-      body.append(make("p", { class: "empty" }, words.join(" · ")), list);
+      const texts = [`mobility ${robot.mobility ?? "–"}`, `${actuated} actuated joints`, `${robot.loops.length} loops`];
+      if (robot.base !== null) texts.push(`base on ${robot.base.join(" · ")}`);
+      body.append(make("p", { class: "empty" }, texts.join(" · ")), list);
     });
     if (obstacles.length > 0) this.section.body.append(this.#obstacles(obstacles));
     this.#mark(false);
@@ -99,7 +99,7 @@ export class Tree {
     const loops = robot.loops
       .filter((loop) => loop.first === node.name || loop.second === node.name)
       .map((loop) => (loop.first === node.name ? loop.second : loop.first));
-    const words = [
+    const texts = [
       robot.obstacle ? "obstacle" : (node.kind ?? "node"),
       joint && !robot.obstacle ? `on ${joint.name} (${joint.actuated ? "actuated" : "passive"})` : "",
       loops.length > 0 ? `loop closed with ${loops.join(", ")}` : "",
@@ -112,7 +112,7 @@ export class Tree {
         class: `node${kind}`,
         data: { node: `${robot.name}/${node.name}` },
         "aria-pressed": "false",
-        title: words.filter(Boolean).join("; "),
+        title: texts.filter(Boolean).join("; "),
         on: { click: () => this.session.select(robot.name, node.name) },
       },
       make("span", { class: "text" }, node.name),

@@ -68,7 +68,7 @@ export class Drag extends Events {
     if (this.view.canvas.hasPointerCapture(press.pointer)) this.view.canvas.releasePointerCapture(press.pointer);
     if (!press.dragged) return;
     this.session.send({ type: "end_drag", pin });
-    this.tell("drag", null);
+    this.emit("drag", null);
   }
 
   /** @param {PointerEvent} event */
@@ -123,7 +123,7 @@ export class Drag extends Events {
       }
       press.dragged = true;
       this.session.send({ type: "start_drag", robot: press.robot, node: press.node, point: press.at.toArray() });
-      this.tell("drag", press);
+      this.emit("drag", press);
     }
     const met = this.pick.aim(event).intersectPlane(this.#plane, new Vector3());
     if (met !== null) this.target.move(this.view.root.worldToLocal(met).toArray());
@@ -142,7 +142,7 @@ export class Drag extends Events {
     const beside = this.#beside;
     this.#beside = null;
     if (beside === null || event.type !== "pointerup") return;
-    if (Math.hypot(event.clientX - beside.x, event.clientY - beside.y) <= STILL) this.tell("free", event);
+    if (Math.hypot(event.clientX - beside.x, event.clientY - beside.y) <= STILL) this.emit("free", event);
   }
 
   /** @param {PointerEvent | null} event */
@@ -162,9 +162,9 @@ export class Drag extends Events {
     const pointer = this.gizmo.hovered ? null : this.#pointer;
     const hit = pointer === null ? null : this.pick.seen(pointer);
     this.view.canvas.style.cursor = this.gizmo.hovered ? "move" : hit === null ? "" : "grab";
-    this.tell("point", hit !== null ? null : pointer);
+    this.emit("point", hit !== null ? null : pointer);
     if (hit?.robot === this.over?.robot && hit?.node === this.over?.node) return;
     this.over = hit;
-    this.tell("hover", hit);
+    this.emit("hover", hit);
   }
 }

@@ -112,12 +112,12 @@ export class Gizmo extends Events {
     this.controls.axis = null;
     if (denied) return;
     this.session.send({ type: "end_drag", pin });
-    this.tell("drag", null);
+    this.emit("drag", null);
   }
 
   #changed() {
     this.view.changed();
-    this.tell("change");
+    this.emit("change");
   }
 
   /** @param {Part | null} part */
@@ -162,7 +162,7 @@ export class Gizmo extends Events {
       return;
     }
     this.session.send({ type: "start_drag", robot, node, rotation: this.#rotates });
-    this.tell("drag", this.#part);
+    this.emit("drag", this.#part);
   }
 
   #move() {
@@ -185,7 +185,7 @@ export class Gizmo extends Events {
     const { position, quaternion } = this.view.pose(this.#part.robot, this.#part.node, new Vector3(), new Quaternion());
     this.proxy.position.copy(position);
     if (this.axes === "local") this.proxy.quaternion.copy(quaternion);
-    else if (this.axes === "view") this.view.eye(this.proxy.quaternion);
+    else if (this.axes === "view") this.view.cameraOrientation(this.proxy.quaternion);
     else this.proxy.quaternion.identity();
   }
 }

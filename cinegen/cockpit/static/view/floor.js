@@ -1,4 +1,4 @@
-// The floor: a grid that fades away from the middle, in place of meshcat's that ends in the void.
+// The floor: a grid that fades away from the centre; it replaces meshcat's grid.
 
 import { Color, DoubleSide, Mesh, PlaneGeometry, ShaderMaterial } from "three";
 import { theme } from "./theme.js";

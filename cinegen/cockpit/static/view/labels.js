@@ -1,4 +1,4 @@
-// Words that stand beside points of the scene.
+// Labels next to points of the scene.
 
 import { Vector3 } from "three";
 import { make, write } from "../base/dom.js";

@@ -39,11 +39,11 @@ export class Skeleton {
       this.#switch();
     });
     aids.on("change", () => this.#switch());
-    view.pace.on("slow", () => {
+    view.resolution.on("slow", () => {
       if (this.#offered || this.#on) return;
       this.#offered = true;
       const action = { label: "Draw skeletons", run: () => aids.draw("skeleton") };
-      session.tell("notice", { text: "Pictures take long here.", action });
+      session.emit("notice", { text: "Pictures take long here.", action });
     });
     view.before((drawn) => {
       if (drawn && this.#on) this.#hide();

@@ -6,7 +6,7 @@
 
 import { Box3, Group, Mesh, Object3D, PCFSoftShadowMap, Quaternion, Vector3, WebGLRenderer } from "three";
 import { keyOf } from "../base/session.js";
-import { Pace } from "./pace.js";
+import { Resolution } from "./resolution.js";
 
 const ROOT = ["meshcat", "cinegen"];
 const POSE = 7;
@@ -47,7 +47,7 @@ export class View {
     this.stage.matrixAutoUpdate = false;
     this.level.add(this.stage);
     viewer.scene.add(this.level);
-    this.pace = new Pace(viewer, still);
+    this.resolution = new Resolution(viewer, still);
     /** @param {number} now */
     const draw = (now) => {
       requestAnimationFrame(draw);
@@ -177,7 +177,7 @@ export class View {
   }
 
   /** How the camera stands in the world: x right, y up, z towards the viewer. */
-  eye(quaternion = new Quaternion()) {
+  cameraOrientation(quaternion = new Quaternion()) {
     const turned = this.root.getWorldQuaternion(new Quaternion()).invert();
     return quaternion.copy(turned).multiply(this.camera.getWorldQuaternion(new Quaternion()));
   }
@@ -232,7 +232,7 @@ export class View {
 
   /** The picture as it is now, as a PNG's address. */
   picture() {
-    this.pace.choose(false);
+    this.resolution.choose(false);
     this.#prepare(false);
     this.viewer.render();
     return this.canvas.toDataURL("image/png");
@@ -253,15 +253,15 @@ export class View {
     const drawn = this.viewer.num_messages_received !== this.#heard;
     this.#heard = this.viewer.num_messages_received;
     const moving = drawn || this.viewer.needs_render;
-    if (!moving && !this.pace.due(now)) {
-      this.pace.idle();
+    if (!moving && !this.resolution.due(now)) {
+      this.resolution.idle();
       return;
     }
     if (drawn) this.#apply(); // whatever the scene says of where parts are
-    this.pace.choose(moving);
+    this.resolution.choose(moving);
     this.#prepare(drawn);
     this.viewer.render();
-    this.pace.drew(now, moving);
+    this.resolution.drew(now, moving);
   }
 }
 

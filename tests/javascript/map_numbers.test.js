@@ -4,7 +4,7 @@ import { test } from "node:test";
 import "./browser.js";
 
 const { colour, GRADIENT, UNKNOWN } = await import("../../cinegen/cockpit/static/map/colours.js");
-const { spelled, valueOf } = await import("../../cinegen/cockpit/static/map/words.js");
+const { formatted, valueOf } = await import("../../cinegen/cockpit/static/map/numbers.js");
 const { units } = await import("../../cinegen/cockpit/static/base/units.js");
 
 function rgb(part) {
@@ -32,16 +32,16 @@ test("the bar has the same ends as the colours", () => {
 });
 
 test("values have three digits and their unit", () => {
-  assert.equal(spelled(0.123456, "1"), "0.123");
-  assert.equal(spelled(1.5, "m s-1"), "1.5 m/s");
-  assert.equal(spelled(12.3456, "m"), "12.3 m");
-  assert.equal(spelled(0, "m"), "0 m");
-  assert.equal(spelled(0.00012345, "1"), "1.2e-4");
-  assert.equal(spelled(-123456, "1"), "-1.2e+5");
-  assert.equal(spelled(99999, "1"), "100000");
-  assert.equal(spelled(Infinity, "m"), "∞");
-  assert.equal(spelled(NaN, "m"), "–");
-  assert.equal(spelled(-Infinity, "m"), "–");
+  assert.equal(formatted(0.123456, "1"), "0.123");
+  assert.equal(formatted(1.5, "m s-1"), "1.5 m/s");
+  assert.equal(formatted(12.3456, "m"), "12.3 m");
+  assert.equal(formatted(0, "m"), "0 m");
+  assert.equal(formatted(0.00012345, "1"), "1.2e-4");
+  assert.equal(formatted(-123456, "1"), "-1.2e+5");
+  assert.equal(formatted(99999, "1"), "100000");
+  assert.equal(formatted(Infinity, "m"), "∞");
+  assert.equal(formatted(NaN, "m"), "–");
+  assert.equal(formatted(-Infinity, "m"), "–");
 });
 
 test("an index along an axis is told as a length or an angle", () => {

@@ -1,8 +1,8 @@
-// Keeps the page usable where pictures take long: fewer pixels while something moves, all of them when it rests.
+// Adapts the resolution to the time that a frame takes: fewer pixels while something moves, all of them at rest.
 
 import { Events } from "../base/events.js";
 
-const SLOW = 60; // ms a picture
+const SLOW = 60; // ms per frame
 const TOO_SLOW = 150;
 const USEFUL = 0.8; // of the time before: fewer pixels that spare less are not worth it
 const SAMPLES = 8; // pictures before it is judged
@@ -14,7 +14,7 @@ const PAUSE = 1000; // ms: a longer time between two pictures says nothing of ho
  *
  * @extends {Events<{ slow: undefined }>}
  */
-export class Pace extends Events {
+export class Resolution extends Events {
   /** @type {number | null} */
   #last = null; // when the last picture of a motion was asked for
   #moved = 0;
@@ -41,7 +41,7 @@ export class Pace extends Events {
   }
 
   /**
-   * Whether the picture that rests should be drawn with all pixels now.
+   * Return whether the scene at rest should be drawn with all pixels now.
    *
    * @param {number} now
    */
@@ -50,7 +50,7 @@ export class Pace extends Events {
   }
 
   /**
-   * Sets how many pixels the next picture has.
+   * Set the resolution of the next frame.
    *
    * @param {boolean} moving
    */
@@ -62,13 +62,13 @@ export class Pace extends Events {
     this.viewer.set_3d_pane_size();
   }
 
-  /** Nothing was to be drawn. */
+  /** Record that nothing had to be drawn. */
   idle() {
     this.#last = null;
   }
 
   /**
-   * A picture was asked for at a time (ms). The next one comes when the machine is done with it.
+   * Record that a frame was requested at a time (ms). The next one is requested when it is drawn.
    *
    * @param {number} now
    * @param {boolean} moving
@@ -100,7 +100,7 @@ export class Pace extends Events {
       this.#before = { mean, ratio: this.#ratio };
       this.#ratio = next;
     } else if (mean > TOO_SLOW) {
-      this.tell("slow");
+      this.emit("slow");
     }
   }
 }

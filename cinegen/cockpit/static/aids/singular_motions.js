@@ -1,20 +1,20 @@
-// The direction that is being lost (type 1) or the motion that the motors hold badly (type 2), drawn on the robot: an
-// arrow both ways for a translation, an arc for a turn, both where it is a screw. It shows stronger the nearer it is.
+// Motions that are lost near a type 1 singularity, or uncontrolled near a type 2 singularity: a double arrow for a
+// translation, an arc for a rotation, both for a screw motion. They are drawn stronger the nearer the singularity is.
 
 import { Group, Vector3 } from "three";
-import { Fresh } from "./fresh.js";
+import { Changes } from "./changes.js";
 import { along, paint, twist, twoWays } from "../view/shapes.js";
 import { COLOURS } from "../view/theme.js";
 
 const WIDE = 5; // times the threshold: where it begins to show
-const SAID = 1.5; // times the threshold: where it is told in words
+const LABELLED = 1.5; // times the threshold: where it has a label
 const SHARE = 0.3; // of a twist: a smaller part of it is not drawn
 const SIZE = 0.2; // characteristic lengths
 
 /** @type {Record<"type1" | "type2", { colour: number, label: string }>} */
 export const KINDS = {
   type1: { colour: COLOURS.vermillion, label: "lost" },
-  type2: { colour: COLOURS.purple, label: "gained" },
+  type2: { colour: COLOURS.purple, label: "uncontrolled" },
 };
 
 /** @typedef {import("../base/messages").SingularityReport} SingularityReport */
@@ -23,10 +23,10 @@ export const KINDS = {
  *   arrow: Group, arc: Group }} Mark
  */
 
-export class Lost {
+export class SingularMotions {
   /** @type {Map<string, Mark>} */
   #marks = new Map();
-  #fresh = new Fresh();
+  #changes = new Changes();
 
   /**
    * @param {{ view: import("../view/view.js").View, session: import("../base/session.js").Session,
@@ -45,7 +45,7 @@ export class Lost {
   #clear() {
     for (const mark of this.#marks.values()) this.#hide(mark);
     this.#marks.clear();
-    this.#fresh.clear();
+    this.#changes.clear();
   }
 
   #show() {
@@ -53,9 +53,9 @@ export class Lost {
       for (const kind of /** @type {const} */ (["type1", "type2"])) {
         const found = this.session.report?.robots?.[robot.name]?.[kind];
         const key = `${kind} ${robot.name}`;
-        const near = this.aids.shows("lost") ? closeness(found) : 0;
+        const near = this.aids.shows("singular") ? closeness(found) : 0;
         const mark = this.#marks.get(key);
-        if (!this.#fresh.is(key, near > 0 ? found : null)) continue;
+        if (!this.#changes.differs(key, near > 0 ? found : null)) continue;
         if (near > 0 && found && found.twist?.length === 6 && found.position) {
           this.#place(mark ?? this.#make(key, kind), found, near, robot);
         } else if (mark !== undefined) this.#hide(mark);
@@ -79,8 +79,8 @@ export class Lost {
    */
   #place(mark, found, near, robot) {
     const straight = new Vector3().fromArray(found.twist, 0);
-    const turn = new Vector3().fromArray(found.twist, 3);
-    const shares = [straight.length() / robot.length, turn.length()];
+    const rotation = new Vector3().fromArray(found.twist, 3);
+    const shares = [straight.length() / robot.length, rotation.length()];
     const most = Math.max(...shares) || 1;
     mark.group.visible = true;
     mark.group.position.fromArray(found.position);
@@ -89,10 +89,10 @@ export class Lost {
     mark.arrow.visible = shares[0] >= SHARE * most;
     mark.arc.visible = shares[1] >= SHARE * most;
     along(mark.arrow, straight);
-    along(mark.arc, turn);
-    const said = found.sigma < SAID * (found.threshold ?? 0);
+    along(mark.arc, rotation);
+    const labelled = found.sigma < LABELLED * (found.threshold ?? 0);
     mark.where.fromArray(found.position);
-    this.labels.put(mark.key, said ? (found.text ?? "") : "", mark.where, KINDS[mark.kind].label);
+    this.labels.put(mark.key, labelled ? (found.text ?? "") : "", mark.where, KINDS[mark.kind].label);
     this.view.changed();
   }
 

@@ -1,5 +1,5 @@
-// The first view: as soon as the scene is there, the robots fill it. From then on data-view on the root element is
-// "ready", and nothing moves the camera but the person.
+// The first view: when the scene is complete, the robots fill it. Then data-view on the root element is "ready", and only
+// the user moves the camera.
 
 const QUIET = 250; // ms without a command of the scene: it is there
 const LATEST = 5000;
@@ -8,9 +8,9 @@ const LATEST = 5000;
  * @param {import("./view.js").View} view
  * @param {import("../base/session.js").Session} session
  * @param {boolean} still pictures are taken from outside
- * @param {import("../map/field.js").Field} field the map that is shown beside a robot: it is waited for, too
+ * @param {import("../map/field.js").Field} field map that is shown with a robot; it must be complete too
  */
-export function begin(view, session, still, field) {
+export function frameFirstView(view, session, still, field) {
   const started = performance.now();
   let heard = -1;
   let since = 0;

@@ -1,14 +1,14 @@
-// The foot: who has control, the loop gap, and how fast things are.
+// The footer: who has control, the loop gap, and how fast things are.
 //
 // For tests: #gap, #rate, #delay, #pictures, #control.
 
 import { byId, write } from "../base/dom.js";
 import { fixed, units } from "../base/units.js";
 
-const CLOSED = 1e-9; // rad or characteristic lengths: nobody sees less
+const CLOSED = 1e-9; // rad or characteristic lengths: smaller gaps are shown as 0
 const SAME = 1e-5; // m: a target that came back
 
-export class Foot {
+export class Footer {
   /** @type {[number, number[]][]} */
   #sent = []; // targets under way: [when, numbers]
   /** @type {number | null} */
@@ -30,10 +30,10 @@ export class Foot {
   /**
    * A target was sent: the delay is the time until a state has it.
    *
-   * @param {number[]} lead
+   * @param {number[]} position
    */
-  sent(lead) {
-    this.#sent.push([performance.now(), lead]);
+  sent(position) {
+    this.#sent.push([performance.now(), position]);
     if (this.#sent.length > 60) this.#sent.shift();
   }
 
@@ -42,7 +42,7 @@ export class Foot {
     if (this.#sent.length === 0) return;
     const target = state.tasks?.find((task) => task.source === "pointer")?.target;
     if (!target) return;
-    const found = this.#sent.findIndex(([, lead]) => [0, 1, 2].every((i) => Math.abs(lead[i] - target[i]) < SAME));
+    const found = this.#sent.findIndex(([, position]) => [0, 1, 2].every((i) => Math.abs(position[i] - target[i]) < SAME));
     if (found < 0) return;
     const time = performance.now() - this.#sent[found][0];
     this.#sent.splice(0, found + 1);
@@ -62,9 +62,9 @@ export class Foot {
     write(byId("rate"), Number.isFinite(rate?.ticks) ? `${Math.round(rate.ticks)} /s` : "–");
     if (Number.isFinite(rate?.late)) byId("rate").title = `99 % begin ${fixed(rate.late, 2)} ms late at most`;
     write(byId("delay"), this.#delay === null ? "–" : `${fixed(this.#delay, 0)} ms`);
-    write(byId("pictures"), this.view.pace.mean === null ? "–" : `${fixed(this.view.pace.mean, 0)} ms`);
+    write(byId("pictures"), this.view.resolution.mean === null ? "–" : `${fixed(this.view.resolution.mean, 0)} ms`);
     const others = clients > 1 ? ` · ${clients} browsers` : "";
-    const labels = { mine: "you have control", other: "another browser has control", free: "nobody has control" };
+    const labels = { mine: "you have control", other: "another browser has control", free: "no browser has control" };
     write(byId("control"), `${labels[this.session.control]}${others}`);
   }
 }

@@ -1,4 +1,4 @@
-// Numbers of a map in words.
+// Numbers of a map as texts.
 
 import { units } from "../base/units.js";
 
@@ -7,12 +7,12 @@ const SMALL = 1e-3;
 const LARGE = 1e5;
 
 /**
- * A value with its unit; "1" is none.
+ * Return a value with its unit; "1" is dimensionless.
  *
  * @param {number} value
  * @param {string} unit
  */
-export function spelled(value, unit) {
+export function formatted(value, unit) {
   if (!Number.isFinite(value)) return value === Infinity ? "∞" : "–";
   const size = Math.abs(value);
   const text = size !== 0 && (size < SMALL || size >= LARGE) ? value.toExponential(1) : String(Number(value.toPrecision(DIGITS)));
@@ -20,7 +20,7 @@ export function spelled(value, unit) {
 }
 
 /**
- * Where a cell is along an axis, by its index among those that are shown.
+ * Return the coordinate of a cell along an axis, by its index among those that are shown.
  *
  * @param {Pick<import("./field.js").Axis, "unit" | "low" | "step">} axis
  * @param {number} index

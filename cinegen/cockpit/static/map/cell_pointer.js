@@ -1,11 +1,11 @@
-// Cells under the pointer: each tells what is known of it, and a click brings the robot there.
+// Cells under the pointer: the legend shows their values, and a click moves the robot there.
 //
 // On the root element, for tests: data-cell, the number in the map of the cell under the pointer; else it is not there.
 
 import { Box3, Mesh, MeshBasicMaterial, SphereGeometry, Vector3 } from "three";
 import { theme } from "../view/theme.js";
 import { got } from "./field.js";
-import { spelled } from "./words.js";
+import { formatted } from "./numbers.js";
 
 const MARK = 0.62; // of a cell's width: a cell that is pointed at
 
@@ -14,7 +14,7 @@ const MARK = 0.62; // of a cell's width: a cell that is pointed at
  *   cells: import("./cells.js").Cells, legend: import("./legend.js").Legend, drag: import("../pointer/drag.js").Drag,
  *   pick: import("../pointer/pick.js").Pick }} parts
  */
-export function visit({ view, session, labels, field, cells, legend, drag, pick }) {
+export function pointAtCells({ view, session, labels, field, cells, legend, drag, pick }) {
   const material = new MeshBasicMaterial({ color: theme.accent, transparent: true, opacity: 0.75, depthTest: false });
   const mark = new Mesh(new SphereGeometry(0.5, 24, 16), material);
   mark.visible = false;
@@ -42,9 +42,9 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
       mark.scale.setScalar(MARK * (field.about?.size ?? 0));
       material.color.setHex(theme.accent);
       const described = field.description();
-      labels.put("cell", described === null ? "go there" : `${described.name} ${spelled(field.values()?.[cell] ?? NaN, described.unit)}`, where, "cell");
+      labels.put("cell", described === null ? "go there" : `${described.name} ${formatted(field.values()?.[cell] ?? NaN, described.unit)}`, where, "cell");
     }
-    legend.tell(cell);
+    legend.point(cell);
     view.changed();
   };
 
@@ -57,7 +57,7 @@ export function visit({ view, session, labels, field, cells, legend, drag, pick 
       const to = await (await got(`map/cell/${field.array("numbers")[cell]}`)).json();
       if (mine === asked) session.send({ type: "move_to", ...to }); // else another was clicked meanwhile
     } catch (error) {
-      session.tell("notice", { text: `The cell can't be read: ${error instanceof Error ? error.message : error}`, level: "warning" });
+      session.emit("notice", { text: `The cell can't be read: ${error instanceof Error ? error.message : error}`, level: "warning" });
     }
   };
 
