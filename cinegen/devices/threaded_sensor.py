@@ -50,7 +50,7 @@ class ThreadedSensor(DeviceSensor, ABC):
             Exception: the device can't be opened, or is gone; it is opened again later.
         """
 
-    # --- interface of a sensor ---------------------------------------------------------------------------------------------
+    # --- interface of a sensor -------------------------------------------------------------------------------------
 
     def start(self) -> None:
         """Start the thread, and return at once."""
@@ -69,7 +69,7 @@ class ThreadedSensor(DeviceSensor, ABC):
             thread.join(_PATIENCE)
         self._reported = SensorState.CLOSED, f"{self.url} is closed"
 
-    # --- for subclasses -------------------------------------------------------------------------------------------
+    # --- for subclasses --------------------------------------------------------------------------------------------
 
     @property
     def ending(self) -> bool:
