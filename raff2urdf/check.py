@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterable, Iterator
 
 from raff2urdf.document import Document, JointType, RaffPart, RaffRobot
-from raff2urdf.errors import Problem, RaffError, RaffWarning, SourceLocation, did_you_mean, sort_key
+from raff2urdf.errors import Problem, RaffError, RaffWarning, SourceLocation, did_you_mean
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -76,7 +76,7 @@ def check_sizes(document: Document, robot: RaffRobot) -> None:
 
 
 def _raise(problems: Iterable[Problem]) -> None:
-    if found := sorted(problems, key=sort_key):
+    if found := list(problems):
         raise RaffError(found)
 
 

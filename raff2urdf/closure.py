@@ -55,7 +55,7 @@ class Closing(NamedTuple):
 
     @property
     def closed(self) -> bool:
-        """Whether all loops are closed."""
+        """True if all loops are closed."""
         return self.gap <= CLOSED
 
 

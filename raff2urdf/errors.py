@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, order=True)
 class SourceLocation:
     """Location of a word in a text: line and column count from 1, `length` is in characters."""
 
@@ -46,7 +46,9 @@ class RaffError(Exception):
     def __init__(self, problems: str | Problem | Iterable[Problem]) -> None:
         if isinstance(problems, str):
             problems = Problem(problems)
-        self.problems: tuple[Problem, ...] = (problems,) if isinstance(problems, Problem) else tuple(problems)
+        if isinstance(problems, Problem):
+            problems = [problems]
+        self.problems = tuple(sorted(problems, key=lambda problem: problem.location or SourceLocation(0, 0)))
         super().__init__("\n".join(map(str, self.problems)))
 
     def __reduce__(self) -> tuple[type[RaffError], tuple[tuple[Problem, ...]]]:
@@ -68,11 +70,6 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
         return f": did you mean '{near[0]}'?"
     shown = list(known[:12])
     return f" (known: {', '.join(shown)}{', ...' if len(known) > len(shown) else ''})" if shown else ""
-
-
-def sort_key(problem: Problem) -> tuple[int, int]:
-    """Return the key that sorts problems in the order of the text."""
-    return (problem.location.line, problem.location.column) if problem.location else (0, 0)
 
 
 _WIDTH = 100

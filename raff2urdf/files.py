@@ -27,7 +27,7 @@ def write_all(contents: Mapping[Path, bytes]) -> None:
     them can't be taken back.
 
     Raises:
-        OSError: one of them can't be written; `filename` says which. Then no regular file was created or changed
+        OSError: one of them can't be written; `filename` names it. Then no regular file was created or changed
             (unless it is the renaming that fails, as of a file that is a mount point), and no new folder is left.
     """
     targets: dict[Path, Path] = {}  # of the paths that are no streams

@@ -9,14 +9,14 @@ from collections.abc import Callable
 from typing import Any, TextIO
 
 STOPPED = 130
-"""Exit code after Ctrl-C, as shells report it: 128 + SIGINT."""
+"""Exit code after Ctrl-C, by the convention of command interpreters: 128 + SIGINT."""
 
 NO_READER = 141
-"""Exit code if the reader of standard output has gone (`| head -1`): 128 + SIGPIPE, as shells report it of cat."""
+"""Exit code if the reader of standard output has gone (`| head -1`): 128 + SIGPIPE, by the same convention."""
 
 
 class OutputLostError(Exception):
-    """Nobody gets any more what a command writes as it goes."""
+    """Standard output no longer reaches a reader, so that a command that streams its results can stop."""
 
 
 def run(program: str, command: Callable[[], int]) -> int:
@@ -63,10 +63,10 @@ def run(program: str, command: Callable[[], int]) -> int:
 
 
 def write_at_once(text: str) -> None:
-    """Write a text that somebody waits for to standard output.
+    """Write a text to standard output and flush it.
 
     Raises:
-        OutputLostError: nobody gets it any more.
+        OutputLostError: standard output no longer reaches a reader.
     """
     sys.stdout.write(text)
     sys.stdout.flush()

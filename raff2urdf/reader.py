@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection
+from contextlib import suppress
 from enum import IntEnum
-from functools import cache
-from importlib.resources import files
 from pathlib import Path
-from typing import Any
-
-from lark import Lark, Token, UnexpectedCharacters, UnexpectedToken
+from typing import Any, NoReturn
 
 from raff2urdf.check import check_tree
 from raff2urdf.document import Document, JointType, LoopKind, SourceText
-from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean, sort_key
-from raff2urdf.rules import Build, location_of
+from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
+from raff2urdf.syntax import STATEMENTS, Block, Token, tokens
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
 MOST_PROBLEMS = 100  # a file with more is not RAFF
@@ -92,277 +87,243 @@ def parse(text: str, name: str = "<text>") -> Document:
     source = SourceText(name, tuple(lines))
     for number, line in enumerate(lines, 1):
         if len(line) > LONGEST_LINE:
-            message = f"line {number} is {len(line)} characters long; at most {LONGEST_LINE} make sense"
+            message = f"line {number} is {len(line)} characters long; at most {LONGEST_LINE} are allowed"
             raise RaffError(Problem(message, name, SourceLocation(number, 1)))
     reading = _Reading(source)
-    document = reading.run(text)
-    problems = sorted(reading.problems or reading.missing, key=sort_key)
-    if problems:
+    document = reading.run()
+    if problems := reading.problems or reading.missing:
         raise RaffError(problems[:MOST_PROBLEMS])
     return document
 
 
 # --- reading on after an error ----------------------------------------------------------------------------------
 
-_PARAMETERS = ["theta", "r", "d", "alpha", "gamma", "epsilon"]
-_WORDS: dict[str, list[str]] = {  # statements of each kind of block; "" is the file
-    "": ["robot", "sensor", "units"],
-    "robot": ["path", "base", "link", "frame", "constraint"],
-    "base": ["parameters", "filename"],
-    "link": ["parameters", "type", "pred", "limits", "velocity", "actuated", "name", "filename"],
-    "frame": ["parameters", "pred", "name", "filename"],
-    "parameters": _PARAMETERS,
-    "constraint": ["link", "frame", "base", "type", "sensor"],
-    "sensor": ["port", "translation", "rotation"],
-    "limits": [],
-    "filename": [],
-}
-_SHOWN = {"LBRACE": "'{'", "RBRACE": "'}'", "LPAR": "'('", "RPAR": "')'", "$END": "the end of the file"}
-_SHOWN |= {"NUMBER": "a number", "STRING": 'a text in "..."', "WORD": "a name"}
-
-
-class _Everywhere:
-    """Terminals that lark's contextual lexer accepts everywhere, so that the parser finds the error."""
-
-    always_accept = ("WORD", "NUMBER", "STRING", "LBRACE", "RBRACE", "LPAR", "RPAR")
-
-    def process(self, stream: Iterator[Token]) -> Iterator[Token]:
-        return stream
-
-
-class _Parser(threading.local):
-    """The parser and the builder of its document: made once in each thread (33 ms), used for one text at a time."""
-
-    def __init__(self) -> None:
-        self.build = Build()
-        grammar = files("raff2urdf").joinpath("raff.lark").read_text(encoding="utf-8")
-        postlex: Any = _Everywhere()
-        self.lark = Lark(grammar, parser="lalr", lexer="contextual", postlex=postlex, transformer=self.build)
-
-
-@cache
-def _parser() -> _Parser:
-    return _Parser()
-
-
-@dataclass(slots=True)
-class _Block:
-    kind: str  # the word before its brace: robot, link, parameters...
-    label: str  # with its number or name: "link 2"
-    line: int
-
-
-class _Tokens:
-    """A stream of tokens that takes back a token."""
-
-    def __init__(self, stream: Iterator[Token]) -> None:
-        self.stream = stream
-        self.back: list[Token] = []
-
-    def __iter__(self) -> _Tokens:
-        return self
-
-    def __next__(self) -> Token:
-        return self.back.pop() if self.back else next(self.stream)
-
-    def push(self, token: Token) -> None:
-        self.back.append(token)
+_SHOWN = {"STRING": 'a text in "..."', "WORD": "a name", "NAME": 'a name or a text in "..."'}
+_SHOWN["MORE"] = "')' or a number"
+_LABELS = {"base": "the base", "parameters": "the parameter block", "constraint": "the constraint"}
+_LABELS |= {"limits": "the limits", "filename": "the list of files"}
 
 
 class _StopReadingError(Exception):
-    """What follows would only be guesses."""
+    """Reading ends here: errors in the remainder of the text would only be guesses."""
 
 
 class _Reading:
-    """One pass over a text: feeds the parser, keeps track of the blocks, and goes on after most errors."""
+    """One pass over a text, by `STATEMENTS`; it goes on after most errors.
+
+    Attributes:
+        problems: that were found.
+        missing: statements that blocks lack; reported only if there are no other problems.
+    """
 
     def __init__(self, source: SourceText) -> None:
         self.source = source
         self.problems: list[Problem] = []
-        self.missing: list[Problem] = []  # reported only if there are no other problems
-        self.open: list[_Block] = []
-        self.closed: dict[str, _Block] = {}  # the last block of each kind, with the line of its closing brace
-        self.header = SourceLocation(1, 1)
-        self.last: tuple[str, str] = ("", "")  # the word to which a brace would belong, and what follows it
+        self.missing: list[Problem] = []
+        self.open = [Block("", "the file", 1)]
+        self.closed: dict[str, tuple[str, int]] = {}  # the last block of each kind: its label, and the line of its end
+        self.tokens = tokens(source.lines)
 
     def report(self, message: str, location: SourceLocation) -> None:
         self.problems.append(self.source.problem(message, location))
+        if len(self.problems) >= MOST_PROBLEMS:
+            raise _StopReadingError
 
     def report_missing(self, message: str, location: SourceLocation) -> None:
         self.missing.append(self.source.problem(message, location))
 
-    def run(self, text: str) -> Document:
-        made = _parser()
-        made.build.report, made.build.report_missing = self.report, self.report_missing
-        self.parser: Any = made.lark.parse_interactive(text)
-        self.tokens = _Tokens(self.parser.lexer_thread.lex(self.parser.parser_state))
-        end = SourceLocation(max(1, len(self.source.lines)), 1)
-        try:
-            for token in self.tokens:
-                end = SourceLocation(token.line or 1, (token.column or 1) + len(token))
-                self.feed(token)
-            return Document(**self.parser.feed_eof(), source=self.source)
-        except UnexpectedToken:
-            self.at_end(end)
-        except UnexpectedCharacters as error:
-            self.at_character(error)
-        except _StopReadingError:
-            pass
+    def stop(self, message: str, token: Token) -> NoReturn:
+        """Report an error after which nothing more can be understood."""
+        self.report(message, token.location)
+        raise _StopReadingError
+
+    def run(self) -> Document:
+        file = self.open[0]
+        with suppress(_StopReadingError):
+            self.advance()
+            name = self.header()
+            while not self.ends(file):
+                self.statement(file)
+            robots, sensors = (tuple(file.values.pop(word, ())) for word in ("robots", "sensors"))
+            return Document(name, robots, sensors, **file.values, source=self.source)
         return Document("")
 
-    def feed(self, token: Token) -> None:
-        """Feed one token to the parser; report a token that doesn't fit, and pass over it."""
-        if len(self.problems) >= MOST_PROBLEMS:
-            raise _StopReadingError
-        if self.last[0] == "RAFF" and self.last[1] == "RAFF" and (token.line or 1) > self.header.line:
-            self.report("a RAFF file begins with 'RAFF <name>', both on one line", self.header)
-            raise _StopReadingError
-        try:
-            self.parser.feed_token(token)
-        except UnexpectedToken as error:
-            self.recover(token, error)
+    def advance(self) -> None:
+        """Read the next token into `self.token`."""
+        self.token = next(self.tokens)
+        if self.token.kind == "ILLEGAL":
+            known = {'"': "this text is not closed on its line: a '\"' is missing"}
+            known["/"] = "a lone '/': comments begin with '//'"
+            self.stop(known.get(self.token.text, f"unexpected character {self.token.text!r}: remove it"), self.token)
+
+    def take(self) -> Token:
+        """Return the current token, and advance."""
+        token = self.token
+        self.advance()
+        return token
+
+    def header(self) -> str:
+        """Return the name in the first line."""
+        first = self.token
+        if first.kind != "END" and first.text != "RAFF":
+            self.stop(f"a RAFF file begins with 'RAFF <name>', not with '{first.text}'", first)
+        if first.kind != "END":
+            self.advance()
+        if self.token.kind == "END":
+            self.stop("the file ends too early: a RAFF file begins with 'RAFF <name>'", self.token)
+        if self.token.line > first.line:
+            self.stop("a RAFF file begins with 'RAFF <name>', both on one line", first)
+        return self.expect("NAME").string
+
+    # --- by the table ---------------------------------------------------------------------------------------------
+
+    def statement(self, block: Block) -> None:
+        """Read a statement, and add its value to the block."""
+        statement = STATEMENTS[block.kind].get(self.token.text)
+        if statement is None or self.token.kind != "WORD":
+            self.unfitting(block, self.take())
             return
-        if token.type == "LBRACE":
-            word, label = self.last
-            self.open.append(_Block(word, label, token.line or 1))
-        elif token.type == "RBRACE":
-            block = self.open.pop()
-            self.closed[block.kind] = _Block(block.kind, block.label, token.line or 1)
-        elif token.type in ("NUMBER", "STRING", "WORD"):
-            self.last = (self.last[0], f"{self.last[0]} {token}")
-        elif token.type not in ("LPAR", "RPAR"):
-            self.last = (str(token), str(token))
-        if token.type == "RAFF":
-            self.header = location_of(token)
+        word, found, inner = self.take(), list[Token](), block
+        follows = statement.follows.split()
+        for kind in follows:
+            if kind == "{":
+                label = _LABELS.get(word.text) or " ".join([word.text, *(token.text for token in found)])
+                inner = Block(word.text, label, self.expect(kind).line)
+                self.open.append(inner)
+            elif kind == "}":
+                while not self.ends(inner):
+                    self.unfitting(inner, self.take())
+            elif kind == "STRING*":
+                while self.token.kind in ("STRING", "WORD"):
+                    found.append(self.expect("STRING"))
+            elif kind == "NUMBER" and found and found[-1].kind == "MISSING":
+                found.append(found[-1])
+            elif kind.startswith("NUMBER"):
+                found.append(self.number(word))
+                while kind == "NUMBER+" and self.token.kind != ")":
+                    found.append(self.expect("NUMBER" if self.token.kind == "NUMBER" else "MORE"))
+            else:
+                found += [token for token in [self.expect(kind)] if kind not in "()"]
+        arguments: list[Any] = found if follows[:1] not in ([], ["{"]) or "}" in follows else [word]
+        location = (found if found and block.kind != "parameters" else [word])[0].location
+        if follows[-1:] == ["{"]:
+            while not self.ends(inner):
+                self.statement(inner)
+            arguments = [inner, *arguments]
+        block.add(self, statement, word, statement.value(self, *arguments), location)
 
-    def here(self) -> str:
-        return self.open[-1].kind if self.open else ""
+    def ends(self, block: Block) -> bool:
+        """Return whether a block ends here, and read its closing brace."""
+        if self.token.kind == "END":
+            if block.kind:
+                self.at_end("a '}'")
+            return True
+        if not block.kind or self.token.kind != "}":
+            return False
+        self.open.pop()
+        self.closed[block.kind] = block.label, self.take().line
+        return True
 
-    def where(self) -> str:
-        return self.open[-1].label if self.open else "the file"
+    def number(self, word: Token) -> Token:
+        """Return the number after a word; if there is none, 1."""
+        token = self.token
+        if token.kind == "WORD":
+            message = f"'{word.text}' needs a number, and '{token.text}' is not one{self.hint(word, token)}"
+            self.report(message, token.location)
+            return self.take()._replace(kind="NUMBER", text="1")
+        if token.kind in ("NUMBER", "END"):
+            return self.expect("NUMBER")
+        wanted = "two numbers" if word.text == "limits" else "a number"
+        self.report(f"'{word.text}' needs {wanted} here", token.location)
+        return token._replace(kind="MISSING", text="1")
 
-    def recover(self, token: Token, error: UnexpectedToken) -> None:
-        """Report a token that doesn't fit, with its likely meaning, and find where to go on."""
-        word, location, expected = str(token), location_of(token), set(error.expected)
-        kind = self.here()
-        shown = "'{'" if token.type == "LBRACE" else f"'{word}'"
-        if "RAFF" in expected:
-            self.report(f"a RAFF file begins with 'RAFF <name>', not with {shown}", location)
-            raise _StopReadingError
-        if expected == {"NUMBER"}:
-            if token.type == "WORD":
-                self.report(f"'{self.last[0]}' needs a number, and {shown} is not one{self.hint(word)}", location)
-                self.substitute("NUMBER", "1", token)
-                return
-            self.report(f"'{self.last[0]}' needs {'two numbers' if kind == 'limits' else 'a number'} here", location)
-            while self.parser.accepts() == {"NUMBER"}:
-                self.substitute("NUMBER", "1", token)
-            self.tokens.push(token)
-            return
-        if token.type == "WORD" and (expected == {"STRING"} or kind == "filename"):
-            self.report(f'expected a text in "..." here, found {shown}', location)
-            self.substitute("STRING", '""', token)
-            return
-        if not expected & {"RBRACE", "$END"}:  # within a statement, such as 'link {'
-            wanted = sorted(_SHOWN.get(name, f"'{name.lower()}'") for name in expected)
-            self.report(f"expected {' or '.join(wanted)} here, found {shown}", location)
-            raise _StopReadingError
-        if token.type == "RBRACE":
-            robot = self.closed.get("robot")
-            closed = f": {robot.label} was closed on line {robot.line}" if robot else ""
-            self.report(f"a '}}' too many{closed}", location)
-            raise _StopReadingError
-        if token.type != "WORD":
-            listed = ", ".join(f"'{w}'" for w in _WORDS.get(kind, [])) or "'}'"
-            self.report(f"unexpected {shown} in {self.where()}: expected {listed}", location)
-            self.skip(location.line)
-            return
-        self.stray(word, kind, location)
+    def expect(self, kind: str) -> Token:
+        """Return the current token, which must be of this kind, and advance."""
+        token, shown = self.token, _SHOWN.get(kind, f"'{kind}'")
+        if token.kind in (kind, *(("WORD", "STRING") if kind == "NAME" else ())):
+            return self.take()
+        if token.kind == "END":
+            self.at_end(shown)
+        message = f"expected {shown} here, found '{token.text}'"
+        if kind == "STRING" and token.kind == "WORD":
+            self.report(f"{message}: put it in quotation marks", token.location)
+            return self.take()._replace(kind="STRING", text='""')
+        self.stop(message, token)
 
-    def substitute(self, kind: str, text: str, token: Token) -> None:
-        """Feed a token that fits instead of one that does not, so that reading can go on."""
-        self.parser.feed_token(Token(kind, text, line=token.line, column=token.column))
+    # --- what does not fit it -------------------------------------------------------------------------------------
 
-    def hint(self, word: str) -> str:
+    def at_end(self, missing: str) -> NoReturn:
+        block = self.open[-1]
+        if not self.problems and block.kind:
+            message = f"the file ends inside {block.label}, opened on line {block.line}: a '}}' is missing"
+            self.stop(message, self.token)
+        if not self.problems:
+            self.stop(f"the file ends too early: {missing} is missing", self.token)
+        raise _StopReadingError
+
+    def hint(self, word: Token, token: Token) -> str:
         """Return the likely meaning of a word where a number should be."""
-        if self.last[0] == "type":
-            kinds: list[IntEnum] = list(LoopKind if self.here() == "constraint" else JointType)
+        if word.text == "type":
+            kinds: list[IntEnum] = list(LoopKind if self.open[-1].kind == "constraint" else JointType)
             return f" ({', '.join(f'{kind.value} {kind.name.lower()}' for kind in kinds)})"
-        if word[0].isdigit() and word.rstrip("umcdegra").replace(".", "", 1).isdigit():
+        if token.text[0].isdigit() and token.text.rstrip("umcdegra").replace(".", "", 1).isdigit():
             return " (numbers have no unit: lengths are in the file's `units`, angles in degrees)"
         return ""
 
-    def stray(self, word: str, kind: str, location: SourceLocation) -> None:
-        """Report a word that doesn't belong in this kind of block."""
-        if kind and word in _WORDS[""]:
-            self.report(f"'{word}' is inside {self.where()}: it belongs outside every robot", location)
-            self.skip(location.line)
-            return
-        homes = [home for home, words in _WORDS.items() if word in words and home not in ("", kind)]
+    def unfitting(self, block: Block, token: Token) -> None:
+        """Report a token that doesn't belong in a block, with its likely meaning, and find where to go on."""
+        word, known = token.text, list(STATEMENTS[block.kind])
+        homes = [home for home, words in STATEMENTS.items() if word in words and home not in ("", block.kind)]
         outer = [home for home in homes if home in self.closed]
-        if outer and not any(block.kind in homes for block in self.open):
-            block = max((self.closed[home] for home in outer), key=lambda block: block.line)
-            home = "a " * (block.kind != "parameters") + block.kind
-            self.report(f"'{word}' is outside {home}: {block.label} was closed on line {block.line}", location)
-            self.reopen(kind)
+        if token.kind == "}":
+            label, line = self.closed.get("robot", ("", 0))
+            self.stop(f"a '}}' too many: {f'{label} was closed on line {line}' if label else 'remove it'}", token)
+        if token.kind != "WORD":
+            listed = ", ".join(f"'{one}'" for one in known) or "'}'"
+            message = f"unexpected '{word}' in {block.label}: expected {listed}"
+        elif block.kind and word in STATEMENTS[""]:
+            message = f"'{word}' is inside {block.label}: it belongs outside every robot"
+        elif outer and not any(one.kind in homes for one in self.open):
+            home = max(outer, key=lambda kind: self.closed[kind][1])
+            label, line = self.closed[home]
+            name = "a parameter block" if home == "parameters" else f"a {home}"
+            self.report(f"'{word}' is outside {name}: {label} was closed on line {line}", token.location)
+            self.reopen(known)
             return
-        if kind == "parameters":
-            self.report(f"unknown parameter '{word}'{did_you_mean(word, _PARAMETERS)}", location)
+        elif block.kind == "parameters":
+            message = f"unknown parameter '{word}'{did_you_mean(word, known)}"
         elif homes:
             listed = " or ".join(f"'{home} {{ }}'" for home in homes)
-            self.report(f"'{word}' does not belong in {self.where()}, but in {listed}", location)
+            message = f"'{word}' does not belong in {block.label}, but in {listed}"
         else:
-            known = _WORDS.get(kind, [])
-            self.report(f"unknown word '{word}' in {self.where()}{did_you_mean(word, known)}", location)
-        self.skip(location.line)
+            message = f"unknown word '{word}' in {block.label}{did_you_mean(word, known)}"
+        self.report(message, token.location)
+        self.skip(token.line, token.kind == "WORD" and block.kind != "parameters")
 
-    def skip(self, line: int) -> None:
+    def skip(self, line: int, word_may_follow: bool) -> None:
         """Pass over what belongs to a stray word: a word after it on its line, its values, its block."""
         depth = 0
-        word_may_follow = self.here() != "parameters"
-        for token in self.tokens:
-            if token.type == "LBRACE":
-                depth += 1
-            elif token.type == "RBRACE" and depth > 0:
-                depth -= 1
-                if depth == 0:
-                    return
-            elif depth == 0 and token.type == "WORD" and token.line == line and word_may_follow:
-                pass
-            elif depth == 0 and token.type not in ("NUMBER", "STRING", "LPAR", "RPAR"):
-                self.tokens.push(token)
+        while self.token.kind != "END":
+            kind = self.token.kind
+            if kind == "}" and depth == 1:
+                self.advance()
+                return
+            depth += (kind == "{") - (kind == "}" and depth > 0)
+            name = word_may_follow and kind == "WORD" and self.token.line == line
+            if depth == 0 and not name and kind not in ("NUMBER", "STRING", "(", ")"):
                 return
             word_may_follow = False
+            self.advance()
         raise _StopReadingError
 
-    def reopen(self, kind: str) -> None:
+    def reopen(self, known: Collection[str]) -> None:
         """Pass over the remainder of a block that was closed too early, its second closing brace included."""
         depth = 0
-        parts = _WORDS[kind]
-        for token in self.tokens:
-            if token.type == "LBRACE":
-                depth += 1
-            elif token.type == "RBRACE":
-                if depth == 0:
-                    return
-                depth -= 1
-            elif depth == 0 and str(token) in parts:
-                self.tokens.push(token)
+        while self.token.kind != "END":
+            if depth == 0 and self.token.kind == "WORD" and self.token.text in known:
+                return
+            depth += (self.token.kind == "{") - (self.token.kind == "}")
+            self.advance()
+            if depth < 0:
                 return
         raise _StopReadingError
-
-    def at_end(self, end: SourceLocation) -> None:
-        if self.open and not self.problems:
-            block = self.open[-1]
-            self.report(f"the file ends inside {block.label}, opened on line {block.line}: a '}}' is missing", end)
-        elif not self.problems:
-            self.report("the file ends too early: a RAFF file begins with 'RAFF <name>'", end)
-
-    def at_character(self, error: UnexpectedCharacters) -> None:
-        location = SourceLocation(max(1, error.line), max(1, error.column))
-        if error.char == '"':
-            self.report("this text is not closed on its line: a '\"' is missing", location)
-        elif error.char == "/":
-            self.report("a lone '/': comments begin with '//'", location)
-        else:
-            self.report(f"unexpected character {error.char!r}", location)

@@ -137,7 +137,7 @@ def inertias(
             placements.
 
     Raises:
-        RaffError: the density is no number above 0.
+        RaffError: the density is not a number above 0.
     """
     density = DENSITY if density is None else density
     if not (np.isfinite(density) and density > 0.0):

@@ -121,7 +121,7 @@ class TreeAtHome:
 
     @cached_property
     def carriers(self) -> Mapping[str, tuple[str, Array]]:
-        """Of each link, the link that represents its rigid body (moved by a joint, or the root), and its placement."""
+        """By link: the link that represents its rigid body (moved by a joint, or the root), and its placement on it."""
         found = {self.root: (self.root, np.eye(4))}
         for joint in self.order:
             carrier, placement = found[joint.parent]
@@ -141,7 +141,7 @@ class TreeAtHome:
 
     @cached_property
     def moving(self) -> list[tuple[str, list[tuple[str, Array]]]]:
-        """Those of `rigid` that can move."""
+        """The bodies of `rigid` that can move."""
         return [
             (carrier, fixed)
             for carrier, fixed in self.rigid.items()

@@ -5,7 +5,7 @@ Tz(r) and rotates by theta about its z; that of a prismatic link at Rz(gamma) Tz
 translates by r along it.
 
 URDF has no standard element for loops. Those written on request are of a proposal to ROS
-(https://github.com/ros/urdfdom_headers/pull/108); programs that don't know them ignore them.
+(ros/urdfdom_headers#108); programs that don't know them ignore them.
 """
 
 from __future__ import annotations

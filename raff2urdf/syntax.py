@@ -1,0 +1,305 @@
+"""The syntax of RAFF: its tokens, and for each kind of block a table of the statements that it may hold.
+
+RAFF, the Robot Arm File Format (Flueckiger, Piguet, Baur: "Generic robotic kinematic generator for virtual environment
+interfaces", figures 5 and 6, and section 3.1). A file is `RAFF <name>`, and then statements in any order. A statement
+is a word and the tokens that follow it, perhaps a block of further statements:
+
+    robot r1 { base { } link 1 { parameters { theta 30 d 400 } type 2 pred 0 limits { -85 80 } } }
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, NamedTuple, Protocol
+
+from raff2urdf.document import (
+    UNITS_PER_METRE,
+    JointType,
+    LoopKind,
+    Parameters,
+    RaffBase,
+    RaffFrame,
+    RaffLink,
+    RaffLoop,
+    RaffRobot,
+    RaffSensor,
+    SensorConstraint,
+)
+from raff2urdf.errors import SourceLocation
+
+# --- tokens -------------------------------------------------------------------------------------------------------
+
+_TOKEN = re.compile(
+    r"""[ \t\f\r]+|//.*
+    |(?P<NUMBER>[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?(?![^\s{}()"/]))  # ends where a word ends: `5mm` is a word
+    |(?P<STRING>"[^"]*")
+    |(?P<WORD>[^\s{}()"/]+)
+    |(?P<MARK>[{}()])
+    |(?P<ILLEGAL>.)""",
+    re.VERBOSE,
+)
+
+
+class Token(NamedTuple):
+    """A token of a text: its kind is NUMBER, STRING, WORD, ILLEGAL or END; of a brace or parenthesis, itself."""
+
+    kind: str
+    text: str
+    line: int
+    column: int
+
+    @property
+    def location(self) -> SourceLocation:
+        """Location in the text."""
+        return SourceLocation(self.line, self.column, len(self.text))
+
+    @property
+    def string(self) -> str:
+        """The text without its quotation marks."""
+        return self.text[1:-1] if self.kind == "STRING" else self.text
+
+
+def tokens(lines: Sequence[str]) -> Iterator[Token]:
+    """Yield the tokens of a text; the last one is of the kind END."""
+    end = Token("END", "", max(1, len(lines)), 1)
+    for number, line in enumerate(lines, 1):
+        for found in _TOKEN.finditer(line):
+            if kind := found.lastgroup:
+                token = Token(found[0] if kind == "MARK" else kind, found[0], number, found.start() + 1)
+                end = Token("END", "", number, found.end() + 1)
+                yield token
+    yield end
+
+
+# --- values -------------------------------------------------------------------------------------------------------
+
+
+class Reports(Protocol):
+    """Takes problems."""
+
+    def report(self, message: str, location: SourceLocation) -> None:
+        """Take a problem and its location."""
+
+    def report_missing(self, message: str, location: SourceLocation) -> None:
+        """Take a problem that counts only if there are no others: a statement that a block lacks."""
+
+
+@dataclass(slots=True)
+class Block:
+    """A block of statements.
+
+    Attributes:
+        kind: the word before its brace; empty for the file.
+        label: the block, for errors: "link 2".
+        line: of its opening brace.
+        values: of its statements; a list for statements that may be repeated.
+        locations: of the statements.
+    """
+
+    kind: str
+    label: str
+    line: int
+    values: dict[str, Any] = field(default_factory=dict)
+    locations: dict[str, SourceLocation] = field(default_factory=dict)
+
+    def add(self, reports: Reports, statement: Statement, word: Token, value: Any, location: SourceLocation) -> None:
+        """Add the value of a statement; of statements that may not be repeated, the first counts."""
+        name = statement.name or word.text
+        if statement.repeats:
+            self.values.setdefault(name, []).append(value)
+        elif name in self.values:
+            first = self.locations[name].line
+            reports.report(f"'{word.text}' is given twice in {self.label}: first on line {first}", location)
+        else:
+            self.values[name], self.locations[name] = value, location
+
+    def numbered(self, reports: Reports, number: Token, **required: str) -> dict[str, Any]:
+        """Return the values of a block with a number, and the locations.
+
+        Args:
+            reports: takes problems.
+            number: of the block.
+            required: words that the block must have, and their meanings.
+        """
+        for word, meaning in required.items():
+            if word not in self.values:
+                reports.report_missing(f"{self.label} has no '{word}'{meaning}", number.location)
+        locations = {**self.locations, "number": number.location}
+        return {"number": whole(reports, number, 1), **self.node, "locations": locations}
+
+    @property
+    def node(self) -> dict[str, Any]:
+        """The values of a node: the names of all its graphic files together."""
+        if "filenames" not in self.values:
+            return self.values
+        return {**self.values, "filenames": tuple(name for names in self.values["filenames"] for name in names)}
+
+
+def finite(reports: Reports, token: Token) -> float:
+    """Return the number of a token."""
+    value = float(token.text)
+    if not math.isfinite(value):
+        reports.report(f"'{token.text}' is too large for a number: the largest is 1.8e308", token.location)
+        return 0.0
+    return value
+
+
+def whole(reports: Reports, token: Token, least: int = 0) -> int:
+    """Return the whole number of a token, from `least` on."""
+    value = finite(reports, token)
+    if value != int(value) or value < least:
+        reports.report(f"'{token.text}' must be a whole number from {least}", token.location)
+        return least
+    return int(value)
+
+
+def _choice(what: str, meanings: type[IntEnum] | Sequence[str], make: Callable[[int], Any] = int) -> Any:
+    """Return the value of a whole number that stands for one of the meanings."""
+    words = [kind.name.lower() for kind in meanings] if isinstance(meanings, type) else meanings
+    known = ", ".join(f"{i} {word}" for i, word in enumerate(words))
+
+    def value(reports: Reports, token: Token) -> Any:
+        found = finite(reports, token)
+        if found != int(found) or not 0 <= found < len(words):
+            reports.report(f"{what} {token.text} is unknown (known: {known})", token.location)
+            found = 0
+        return make(int(found))
+
+    return value
+
+
+def _units(reports: Reports, token: Token) -> str:
+    if token.text not in UNITS_PER_METRE:
+        reports.report(f"unknown unit '{token.text}' (known: {', '.join(UNITS_PER_METRE)})", token.location)
+    return token.text
+
+
+def _strings(_: Reports, *found: Token) -> tuple[str, ...]:
+    return tuple(token.string for token in found)
+
+
+def _robot(_: Reports, block: Block, name: Token) -> RaffRobot:
+    values = block.values
+    constraints = values.pop("constraints", [])
+    return RaffRobot(
+        name=name.string,
+        parts=tuple(values.pop("parts", ())),
+        loops=tuple(one for one in constraints if isinstance(one, RaffLoop)),
+        sensor_constraints=tuple(one for one in constraints if isinstance(one, SensorConstraint)),
+        locations={"name": name.location} | block.locations,
+        **values,
+    )
+
+
+def _link(reports: Reports, block: Block, number: Token) -> RaffLink:
+    values = block.numbered(reports, number, type=" (0 fixed, 1 prismatic, 2 revolute)", pred=_PRED)
+    return RaffLink(**{**_DEFAULTS, "type": JointType.FIXED, **values})
+
+
+def _frame(reports: Reports, block: Block, number: Token) -> RaffFrame:
+    return RaffFrame(**{**_DEFAULTS, **block.numbered(reports, number, pred=_PRED)})
+
+
+def _sensor(reports: Reports, block: Block, number: Token) -> RaffSensor:
+    return RaffSensor(**{"port": "", **block.numbered(reports, number, port="")})
+
+
+def _constraint(reports: Reports, block: Block, keyword: Token) -> RaffLoop | SensorConstraint:
+    nodes, values, locations = block.values.get("nodes", []), block.values, block.locations
+    at = min([*(at for _, at in nodes), *locations.values()], default=keyword.location)
+    if "sensor" in values:
+        if len(nodes) != 1 or "type" in values:
+            reports.report("a constraint with sensors names one node, and no type", at)
+        own = {f"sensor {number}": location for number, location in values["sensor"]}
+        node = nodes[0] if nodes else (0, at)
+        numbers = tuple(number for number, _ in values["sensor"])
+        return SensorConstraint(node[0], numbers, {**locations, **own, "node": node[1]})
+    if len(nodes) != 2:
+        reports.report("a constraint names two nodes (a loop), or one node and the sensors that it may follow", at)
+        return RaffLoop(0, 0)
+    (first, first_at), (second, second_at) = nodes
+    kind = values.get("type", LoopKind.RIGID)
+    return RaffLoop(first, second, kind, {**locations, "first": first_at, "second": second_at})
+
+
+_PRED = ": the number of its parent (0: the base)"
+_DEFAULTS: dict[str, Any] = {"parameters": Parameters(), "pred": 0}
+
+# --- statements ---------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class Statement:
+    """A word of a block, and what follows it.
+
+    Attributes:
+        follows: tokens: NUMBER, STRING, WORD, NAME (WORD or STRING), braces and parentheses; `+` and `*` repeat. A
+            brace at the end opens a block of the same name as the word.
+        value: returns the value of the tokens, braces and parentheses left out, as `value(reports, *tokens)`;
+            of a block, `value(reports, block, *tokens)`, with the word itself if no other token precedes the brace.
+        name: of the value; the word itself if empty.
+        repeats: whether the statement may be repeated.
+    """
+
+    follows: str
+    value: Callable[..., Any]
+    name: str = ""
+    repeats: bool = False
+
+
+_NUMBER = Statement("NUMBER", finite)
+_TEXT = Statement("STRING", lambda _, token: token.string)
+_PARAMETERS = Statement("{", lambda _, block, __: Parameters(**block.values))
+_FILES = Statement("{ STRING* }", _strings, "filenames", repeats=True)
+_PRED_OF = Statement("NUMBER", whole)
+_NODE = Statement("NUMBER", lambda reports, number: (whole(reports, number), number.location), "nodes", repeats=True)
+_DOF = ["none", "one", "two", "three"]
+
+STATEMENTS: dict[str, dict[str, Statement]] = {
+    "": {
+        "robot": Statement("NAME {", _robot, "robots", repeats=True),
+        "sensor": Statement("NUMBER {", _sensor, "sensors", repeats=True),
+        "units": Statement("WORD", _units),  # mm (default), um, cm or m
+    },
+    "robot": {
+        "path": _TEXT,  # the folder of the graphic files
+        "base": Statement("{", lambda _, block, __: RaffBase(**block.node, locations=block.locations)),
+        "link": Statement("NUMBER {", _link, "parts", repeats=True),
+        "frame": Statement("NUMBER {", _frame, "parts", repeats=True),
+        "constraint": Statement("{", _constraint, "constraints", repeats=True),
+    },
+    "base": {"parameters": _PARAMETERS, "filename": _FILES},
+    "link": {
+        "parameters": _PARAMETERS,
+        "type": Statement("NUMBER", _choice("joint type", JointType, JointType)),
+        "pred": _PRED_OF,  # the number of the parent
+        "limits": Statement("{ NUMBER NUMBER }", lambda reports, *ends: tuple(finite(reports, end) for end in ends)),
+        "velocity": _NUMBER,  # velocity limit, degrees or lengths per second
+        "actuated": Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool)),
+        "name": _TEXT,
+        "filename": _FILES,
+    },
+    "frame": {"parameters": _PARAMETERS, "pred": _PRED_OF, "name": _TEXT, "filename": _FILES},
+    "parameters": dict.fromkeys(["theta", "r", "d", "alpha", "gamma", "epsilon"], _NUMBER),
+    "constraint": {
+        "link": _NODE,
+        "frame": _NODE,
+        "base": Statement("", lambda _, word: (0, word.location), "nodes", repeats=True),
+        "type": Statement("NUMBER", _choice("loop type", LoopKind, LoopKind)),
+        "sensor": Statement(  # sensors that the node may follow; 0: left free
+            "( NUMBER+ )", lambda reports, *found: [(whole(reports, one), one.location) for one in found]
+        ),
+    },
+    "sensor": {
+        "port": _TEXT,
+        "translation": Statement("NUMBER", _choice("'translation'", _DOF)),  # number of degrees of freedom
+        "rotation": Statement("NUMBER", _choice("'rotation'", _DOF)),
+    },
+    "limits": {},
+    "filename": {},
+}
+"""The statements of each kind of block, by their words; the file itself is the block without a name."""
