@@ -26,7 +26,7 @@ from scipy.spatial import ConvexHull
 import cinegen
 from cinegen.collision import Clearance, Scene, clearance_of, scene_of
 from cinegen.ik import FrameTask
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.model import Mechanism
 
 SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix/share/example-robot-data/robots"
@@ -203,7 +203,7 @@ def clear_posture(
     mechanism: Mechanism, node: str, place: Array, near: Clearance, rng: np.random.Generator
 ) -> Array | None:
     target = pin.SE3(np.eye(3), place)
-    seeker = Seeker(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
+    seeker = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
     seeker.tasks[0].target = target
     for _ in range(5):
         if seeker.seek(seeker.anywhere(rng), 1e-10) and near.least(seeker.best) > CLEAR:

@@ -44,7 +44,7 @@ def main() -> None:
             svds.append((ended - between) / TICKS * 1e6)
         tick, svd = median(ticks), median(svds)
         rows = sum(loop.rows for loop in mechanism.loops)
-        print(f"{name:<16}{len(mechanism.joints):>7}{rows:>6}{tick:>10.0f}{svd:>9.0f}{tick / svd:>8.1f}")
+        print(f"{name:<16}{len(mechanism.joints):>7}{rows:>6}{tick:>10.2f}{svd:>9.0f}{tick / svd:>8.1f}")
 
 
 if __name__ == "__main__":

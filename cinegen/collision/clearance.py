@@ -3,17 +3,18 @@ motion."""
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numba import types
 from numpy.typing import NDArray
 
-from cinegen.collision._kernels.near import DISTANCE, FIRST_POINT, NORMAL, RESULT_WIDTH, SECOND_POINT, approach
+from cinegen.collision._kernels.memory import ClearanceMemory
+from cinegen.collision._kernels.near import approach
 from cinegen.collision._kernels.sweep import sweep
 from cinegen.collision.body import Body, geometry_model
 from cinegen.collision.errors import PlanningError
@@ -21,9 +22,9 @@ from cinegen.collision.links import link_bodies
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import collision_pairs
-from cinegen.jit.compiled import TABLE, prepare
+from cinegen.jit.compiled import prepare
+from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults, JointFrames
 from cinegen.joints import supporting_columns
-from cinegen.loops._kernels.memory import address, placements_address
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -88,20 +89,24 @@ class Clearance:
         found = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
         self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         self.groups = _groups(self.pairs, self.links, self.obstacles)
-        self._shapes = self._geometry.createData()
-        self.results = DistanceResults(self._shapes, len(found))
-        self.flat_pairs = self.pairs.ravel().copy()
-        self.joints = np.array([body.joint for body in self.bodies], dtype=np.int64)
-        self.moved_by = np.array([supporting_columns(model, j) for j in range(model.njoints)])
-        self._balls = np.array([[*body.centre, body.radius] for body in self.bodies]).reshape(-1, 4)
-        self._ends, self._radii = _capsule_ends(self.bodies)
-        self._placements = placements_address(self._data) if model.njoints > 1 else 0
-        most = len(found) + 2 * int((self._radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
-        self._which, self._room = np.zeros(most, dtype=np.int64), np.zeros(most)
-        self._rows, self._scratch = np.zeros((most, model.nv)), np.zeros((2, 3))
-        self._before, self._bounds = np.zeros(len(found)), np.zeros(len(found))
+        self.results = DistanceResults(self._geometry.createData())
+        self._frames = JointFrames(self._data)
+        ends, radii = _capsule_ends(self.bodies)
+        most = len(found) + 2 * int((radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
+        memory = self.memory = ClearanceMemory(
+            nv=model.nv, joints=model.njoints, bodies=len(self.bodies), pairs=len(found), most=most
+        )
+        memory.pair[:], memory.joint[:] = self.pairs, [body.joint for body in self.bodies]
+        memory.ends[:], memory.radius[:] = ends, radii
+        memory.ball[:] = np.reshape([[*body.centre, body.radius] for body in self.bodies], (-1, 4))
+        memory.moved_by[:] = [supporting_columns(model, joint) for joint in range(model.njoints)]
+        memory.point_at("results", self.results.table)
+        memory.point_at("frames", self._frames.frames)
+        if model.nv:
+            memory.point_at("screws", self._data.J.reshape(6, model.nv).T)  # one column has one dimension
+        self.joints, self.moved_by = memory.joint, memory.moved_by
+        self._approach, self._sweep = prepare_clearance()
         self._at: Array | None = None
-        prepare_clearance()
 
     # --- distances -----------------------------------------------------------------------------------------------
 
@@ -119,9 +124,11 @@ class Clearance:
         if self._model.nv:
             pin.computeJointJacobians(self._model, self._data, q)
         if len(self.pairs):
-            pin.updateGeometryPlacements(self._model, self._data, self._geometry, self._shapes)
-            pin.computeDistances(self._geometry, self._shapes)
+            pin.updateGeometryPlacements(self._model, self._data, self._geometry, self.results.shapes)
+            pin.computeDistances(self._geometry, self.results.shapes)
             self.results.read()
+            self.memory.point_at("results", self.results.table)
+        self._frames.read()
         self._at = q.copy()
 
     def distances(self, q: Array) -> Array:
@@ -156,25 +163,19 @@ class Clearance:
     def near(self, q: Array, within: float) -> NearPairs:
         """Return the pairs whose distance at q (nq,) is below `within`, m. Views: the next call overwrites them."""
         self.update(q)
-        count = 0
+        memory, count = self.memory, 0
         if len(self.pairs) and self._model.nv:
-            count = approach(
-                self.results.address, self.flat_pairs, self.joints, self._ends, self._radii, self.moved_by,
-                self._placements, address(self._data.J), within, self._which, self._room, self._rows, self._scratch,
-            )  # fmt: skip
-        return NearPairs(self._which[:count], self._room[:count], self._rows[:count])
+            count = self._approach(memory.handle, within)
+        return NearPairs(memory.which[:count], memory.room[:count], memory.rows[:count])
 
     def motion_bounds(self, q: Array, end: Array) -> tuple[Array, Array]:
         """Return the distances (pairs,) at q (nq,), and bounds (pairs,) of their change anywhere on the straight motion
         to another configuration (nq,), m. Views: the next call overwrites them."""
         self.update(q)
-        motion = np.ascontiguousarray(self.mechanism.difference(q, end))
+        self.memory.motion[:] = pin.difference(self._model, q, end)
         if len(self.pairs) and self._model.nv:
-            sweep(
-                self.results.address, self.flat_pairs, self.joints, self._balls, self.moved_by, self._placements,
-                address(self._data.J), motion, self._before, self._bounds, self._scratch,
-            )  # fmt: skip
-        return self._before, self._bounds
+            self._sweep(self.memory.handle)
+        return self.memory.before, self.memory.bounds
 
 
 def clearance_of(scene: Scene) -> Clearance:
@@ -205,55 +206,18 @@ def _groups(pairs: Table, links: Sequence[Body], obstacles: Sequence[Obstacle]) 
     return np.array(found, dtype=np.int64)
 
 
-class DistanceResults:
-    """Coal's results as one array, which reads them in place where this build of coal stores them as expected.
-
-    Attributes:
-        table: (pairs, `RESULT_WIDTH`) results.
-        address: address of the table.
-    """
-
-    def __init__(self, shapes: pin.GeometryData, count: int) -> None:
-        self._shapes, self._in_place = shapes, False
-        self.table = np.zeros((count, RESULT_WIDTH))
-        self.address = address(self.table)
-        if count:
-            begin = [address(shapes.distanceResults[i].normal) - 8 * NORMAL for i in range(count)]
-            if begin == list(range(begin[0], begin[0] + 8 * RESULT_WIDTH * count, 8 * RESULT_WIDTH)):
-                numbers = ctypes.cast(begin[0], ctypes.POINTER(ctypes.c_double))
-                self.table = np.ctypeslib.as_array(numbers, (count, RESULT_WIDTH))
-                self._in_place, self.address = True, begin[0]
-
-    def read(self) -> None:
-        """Copy the results, unless they are read in place."""
-        if self._in_place:
-            return
-        for i, row in enumerate(self.table):
-            one = self._shapes.distanceResults[i]
-            row[DISTANCE], row[NORMAL : NORMAL + 3] = one.min_distance, one.normal
-            row[FIRST_POINT : FIRST_POINT + 3] = one.getNearestPoint1()
-            row[SECOND_POINT : SECOND_POINT + 3] = one.getNearestPoint2()
-
-
 def _capsule_ends(bodies: Sequence[Body]) -> tuple[Array, Array]:
-    """Return the centres of both ends (bodies, 6) of moving capsules, in the frames of their joints, and the radii
+    """Return the centres of both ends (bodies, 2, 3) of moving capsules, in the frames of their joints, and the radii
     (bodies,), -1 for other bodies."""
-    ends, radii = np.zeros((len(bodies), 6)), np.full(len(bodies), -1.0)
+    ends, radii = np.zeros((len(bodies), 2, 3)), np.full(len(bodies), -1.0)
     for i, body in enumerate(bodies):
         if body.joint and isinstance(body.shape, coal.Capsule):
             half = body.shape.halfLength * body.placement.rotation[:, 2]
-            ends[i] = np.concatenate([body.placement.translation - half, body.placement.translation + half])
+            ends[i] = body.placement.translation - half, body.placement.translation + half
             radii[i] = body.shape.radius
     return ends, radii
 
 
-def prepare_clearance() -> None:
+def prepare_clearance() -> tuple[Callable[..., Any], ...]:
     """Compile the kernels, or load them from disk."""
-    from numba import types
-
-    vector, matrix = types.float64[::1], types.float64[:, ::1]
-    prepare(
-        approach, types.int64, TABLE, TABLE, matrix, vector, matrix, types.int64, types.int64, types.float64, TABLE,
-        vector, matrix, matrix,
-    )  # fmt: skip
-    prepare(sweep, types.int64, TABLE, TABLE, matrix, matrix, types.int64, types.int64, vector, vector, vector, matrix)
+    return prepare(approach, ClearanceMemory, types.float64), prepare(sweep, ClearanceMemory)

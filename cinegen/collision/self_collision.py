@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.body import Body, Pairs
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.joints import translations
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.document import LoopKind
@@ -68,7 +68,7 @@ def classified_pairs(
     ]
     if not candidates:
         return (), ()
-    samples = Seeker(mechanism).spread(_SAMPLES, np.random.default_rng(0))
+    samples = LocalIK(mechanism).spread(_SAMPLES, np.random.default_rng(0))
     always = _always_touching(mechanism, bodies, candidates, samples)
     points, length = _body_points(mechanism, bodies, samples[:_FEW]), mechanism.length
     free = tuple(pair for pair in candidates if pair not in always)

@@ -1,12 +1,20 @@
 """`python -m cinegen.ik` compiles all kernels, so that nobody has to wait for that later."""
 
-from cinegen.ik._kernels.batch import prepare_sample
-from cinegen.ik._kernels.seek import prepare_seek
-from cinegen.ik._kernels.tick import prepare_tick
-from cinegen.jit.compiled import together
-from cinegen.loops._kernels.newton import prepare_newton
-from cinegen.loops._kernels.walk import prepare_walk
+from numba import types
+
+from cinegen.ik._kernels.batch import measure_all
+from cinegen.ik._kernels.local_ik import nearest_start, solve
+from cinegen.ik._kernels.memory import BatchMemory, LocalIKMemory, SolverMemory
+from cinegen.ik._kernels.tick import tick
+from cinegen.jit.compiled import prepare, together
+from cinegen.loops._kernels.closure import close_from_trial
+from cinegen.loops._kernels.follow import follow
+from cinegen.loops._kernels.memory import LoopMemory
 
 with together():
-    for prepare in (prepare_newton, prepare_walk, prepare_tick, prepare_seek, prepare_sample):
-        prepare()
+    prepare(close_from_trial, LoopMemory)
+    prepare(follow, LoopMemory)
+    prepare(tick, SolverMemory)
+    prepare(solve, LocalIKMemory)
+    prepare(measure_all, BatchMemory)
+    prepare(nearest_start, types.float64[:, ::1], types.float64[::1], types.float64[::1])

@@ -9,10 +9,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik._kernels import memory as m
 from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import BEGIN, ERROR_CAP, JUDGE
+from cinegen.ik.thresholds import BEGIN, ERROR_CAP
 from cinegen.model import Mechanism
 from raff2urdf.residual import log
 
@@ -61,8 +60,8 @@ class Ahead:
         self._kinds: list[tuple[str, str, int, int, pin.SE3]] = []
         self._notes: list[tuple[Array, Array, Array]] = []
         self._noted = False
-        self._evaluate = twin._evaluate
-        twin._evaluate = self._note_first
+        twin._memory.is_watched = 1
+        twin._watch = self._note  # type: ignore[method-assign]
 
     def run(self, solver: Solver, ticks: int, moving: bool) -> Path:
         """Where a solver, which is only looked at, will be.
@@ -80,7 +79,8 @@ class Ahead:
             course = _course(solver, i, task) if moving else None
             if course is not None:
                 courses.append((own, course))
-        start, last = twin.q, twin._memory.arrays["last"].copy()
+        memory = twin._memory
+        start, last = twin.q, memory.last.copy()
         self._notes = []
         steps = []
         for tick in range(1, ticks + 2):  # one more, for what is known where the last one ends
@@ -90,9 +90,8 @@ class Ahead:
             steps.append(twin.step())
             if not self._noted:
                 self._note()
-        offset, n = int(twin._table[m.OFFSET]), int(twin._table[m.N])
         first = np.zeros(mechanism.model.nv)
-        first[offset:] = last[:n]
+        first[memory.fixed :] = last
         rows, motions, passive = (np.array(part) for part in zip(*self._notes, strict=True))
         if mechanism.loop_rank:
             rows = rows @ motions.transpose(0, 2, 1) @ motions
@@ -104,7 +103,7 @@ class Ahead:
             np.array([step.stopped for step in steps]),
             tuple(step.status for step in steps),
             rows,
-            min(int(twin._table[m.PULL_RANK]), rows.shape[1], mechanism.mobility - offset),
+            min(memory.task_rank, rows.shape[1], memory.mobility),
             passive,
         )
 
@@ -124,42 +123,32 @@ class Ahead:
                 own.twist = task.twist
         if twin._changed:
             twin._write_tasks()
-        arrays, others, ratio = twin._memory.arrays, solver._memory.arrays, self.dt / solver.dt
+        own_memory, memory, ratio = twin._memory, solver._memory, self.dt / solver.dt
         twin.gain = solver.gain
         twin._q[:], twin._objectives = solver._q, solver._objectives
         twin.exception_log = solver.exception_log  # the same objectives: none of their exceptions is logged twice
-        arrays["settings"][[m.CLOSED, m.TRUST, m.NEAR]] = others["settings"][[m.CLOSED, m.TRUST, m.NEAR]]
-        arrays["acceleration"][:] = others["acceleration"] * (ratio * ratio)
-        goes_on = twin._table[m.OFFSET] == solver._table[m.OFFSET]
+        for name in ("closure", "secondary_scale", "damping_threshold", "has_acceleration_limits", "ticks"):
+            setattr(own_memory, name, getattr(memory, name))
+        own_memory.tasks_are_suspended, own_memory.is_warm = memory.tasks_are_suspended, 0
+        goes_on = own_memory.fixed == memory.fixed
+        own_memory.longest_change[:] = memory.longest_change * (ratio * ratio) if goes_on else np.inf
         for name in ("last", "drift", "secondary"):  # of the last tick
-            arrays[name][:] = others[name] * ratio if goes_on else 0.0
-        twin._table[[m.ACCELERATED, m.TICKS, m.DETOUR]] = solver._table[[m.ACCELERATED, m.TICKS, m.DETOUR]]
-        twin._table[m.WARM] = 0
-        for j, (i, _) in enumerate(held):
-            arrays["pull_state"][j] = 0.0 if solver._changed else others["pull_state"][i]
+            getattr(own_memory, name)[:] = getattr(memory, name) * ratio if goes_on else 0.0
+        for own, (_, task) in zip(twin.tasks, held, strict=True):
+            own.memory.aim[:] = task.memory.aim
+            own.memory.is_followed = task.memory.is_followed
         if not solver._changed and len(held) == len(solver.tasks):  # then it goes on as the solver will, bit for bit
-            twin._table[[m.WARM, m.SIGNATURE, m.PULL_RANK]] = solver._table[[m.WARM, m.SIGNATURE, m.PULL_RANK]]
-            arrays["u"][:] = others["u"]
-        self._evaluate(twin._model, twin._data, twin._q)
-        twin._table[m.PHASE] = BEGIN
-
-    def _note_first(self, *arguments: object) -> None:
-        """In place of Pinocchio's: takes notes when the twin asks first in a tick."""
-        if self._twin._table[m.PHASE] == JUDGE and not self._noted:
-            self._note()
-        self._evaluate(*arguments)
+            for name in ("is_warm", "signature", "task_rank"):
+                setattr(own_memory, name, getattr(memory, name))
+            own_memory.left[:] = memory.left
+        own_memory.is_at_q, own_memory.phase = 0, BEGIN
 
     def _note(self) -> None:
-        """Keeps the Jacobians with which the tick began: a trial of it will overwrite those of the loops."""
-        self._noted = True
-        table, arrays = self._twin._table, self._twin._memory.arrays
-        n, p, k, rows = (int(table[size]) for size in (m.N, m.P, m.K, m.ROWS))
-        columns = self._twin.mechanism.passive_columns - int(table[m.OFFSET])
-        tasks, motions, loops = (
-            arrays[name].ravel()[: height * n].reshape(height, n)
-            for name, height in (("jp", p), ("motions", k), ("jc", rows))
-        )
-        self._notes.append((tasks.copy(), motions.copy(), loops[:, columns]))
+        """Keep the Jacobians with which a tick began: a trial of it will overwrite those of the loops."""
+        self._noted, memory = True, self._twin._memory
+        columns = self._twin.mechanism.passive_columns - memory.fixed
+        tasks = memory.task_jacobian[: memory.active_rows]
+        self._notes.append((tasks.copy(), memory.null_space.copy(), memory.jacobian[:, columns]))
 
 
 class _Course(NamedTuple):
@@ -181,14 +170,16 @@ def _course(solver: Solver, i: int, task: FrameTask) -> _Course | None:
     earlier, latest = solver._earlier, solver._latest
     if earlier is None or latest is None or solver._changed or task.twist is not None:
         return None
-    if solver._memory.arrays["pull_state"][i, m.FOLLOWED]:  # it followed a twist
+    if task.memory.is_followed:  # it followed a twist
         return None
-    begin = solver._layout.starts[3] + m.WANTED * i
-    before, now = (record[begin : begin + m.WANTED] for record in (earlier, latest))
-    if not (before[24] and now[24]) or (before[:12] == now[:12]).all():
+    (before, was_active), (now, is_active) = (
+        (solver._layout.get(record, "record_aims")[i], solver._layout.get(record, "record_tasks")[i, 3])
+        for record in (earlier, latest)
+    )
+    if not (was_active and is_active) or (before == now).all():
         return None
-    linear = now[9:12] - before[9:12]
-    angular = log(now[:9].reshape(3, 3).T @ before[:9].reshape(3, 3))
+    linear = now[3] - before[3]
+    angular = log(now[:3].T @ before[:3])
     far = max(float(np.abs(linear).max()) / solver.mechanism.length, float(np.abs(angular).max()))
     if not far <= ERROR_CAP:
         return None

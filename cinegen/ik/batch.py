@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
-from cinegen.ik._kernels import batch as kernel
-from cinegen.ik._kernels import memory as m
-from cinegen.ik._kernels.batch import measure_closed, measure_given, measure_next, prepare_sample, work_size
-from cinegen.ik.solver import Solver
-from cinegen.loops._kernels.memory import address
-from cinegen.loops.arrays import put_motors
+from cinegen.ik._kernels.batch import measure_all
+from cinegen.ik._kernels.memory import BatchMemory
+from cinegen.jit.compiled import prepare
+from cinegen.jit.foreign import frame_of
+from cinegen.joints import supporting_columns
+from cinegen.loops.arrays import actuate, set_up
 from cinegen.loops.thresholds import CORRECTION
 from cinegen.model import Mechanism
 
@@ -75,15 +75,16 @@ def evaluate(
     return Sampler(mechanism, node, translation, rotation).led(given)
 
 
-class Sampler(Solver):
-    """Evaluates a node of a mechanism at many configurations, batch after batch.
+class Sampler:
+    """Evaluates a node of a mechanism at many configurations, batch after batch. Not for two threads at once.
 
     Args:
-        mechanism: which.
+        mechanism: mechanism.
         node: base, link or frame.
-        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes.
-        rotation: how many rotations.
-        balls: joints, by threes, that are written for a ball joint each: they count as the balls that they are.
+        translation: number of translations of the node that count for its singular values, 0 to 3, in its own axes;
+            see `FrameTask.translation`.
+        rotation: number of rotations that count.
+        balls: names of joints, by threes, that are written for a ball joint each: they count as balls.
         second: whether the smallest singular value of the passive joints is wanted.
         whole: whether all of `Evaluations` is wanted; else its placements and Jacobians stay empty, (count, 0, 0), and
             of singular values only the smallest is there, as the last: that is quicker.
@@ -102,85 +103,54 @@ class Sampler(Solver):
         second: bool = False,
         whole: bool = True,
     ) -> None:
-        prepare_sample()
-        super().__init__(mechanism, dt=1.0)
-        self.add_task(node, None, translation, rotation, axes=node)
-        self._write_tasks()
-        n = int(self._table[m.N])
-        self._rows = min(translation + rotation, n - mechanism.loop_rank)
-        self._places = [mechanism.q_index(joint) for joint in mechanism.actuated]
-        put_motors(self._memory, [mechanism.v_index(joint) for joint in mechanism.actuated], self._places)
-        settings = self._memory.arrays["settings"]
-        settings[m.TOLERANCE], settings[m.STRIDE], settings[m.ASTRAY] = _TOLERANCE, _STRIDE, CORRECTION
-        self._anchor, self._work = np.zeros(mechanism.model.nq), np.zeros(work_size(n, n - mechanism.loop_rank))
+        self._measure = prepare(measure_all, BatchMemory)
+        self.mechanism, self._whole = mechanism, whole
+        model, frame = mechanism.model, mechanism.model.frames[mechanism.frame_id(node)]
+        fixed = 6 if mechanism.floating and node != mechanism.nodes[0] else 0
+        self._memory = memory = set_up(BatchMemory(), mechanism.system, mechanism.loop_rank, fixed)
+        actuate(memory, [mechanism.v_index(joint) for joint in mechanism.actuated])
+        self._actuated = [mechanism.q_index(joint) for joint in mechanism.actuated]
+        memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, CORRECTION
+        mobility = memory.n - memory.rank
         columns = mechanism.passive_columns
-        wanted = second and 0 < mechanism.passive_rank == len(columns)
-        self._passive = columns.astype(float) if wanted else np.zeros(0)
-        at = [[mechanism.v_index(name) for name in three] for three in balls]
-        self._balls = np.array(at, dtype=float).reshape(-1, 3)
-        self._whole, self._one = whole, np.zeros((4, 4))
-        self._second_work = np.zeros((int(self._table[m.ROWS]) + 2) * max(len(self._passive), 1))
+        passive = columns if second and 0 < mechanism.passive_rank == len(columns) else columns[:0]
+        memory.resize(
+            mobility=mobility, wide=max(memory.n, 6), wide_system=mobility + 6, passive=len(passive), balls=len(balls),
+            width=min(translation + rotation, mobility),
+        )  # fmt: skip
+        memory.translation, memory.rotation, memory.is_whole = translation, rotation, int(whole)
+        memory.joint, memory.node_offset[:] = frame.parentJoint, frame_of(frame.placement)
+        memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
+        memory.passive_dof[:] = passive - fixed
+        memory.ball_dof[:] = np.reshape([mechanism.v_index(name) - fixed for three in balls for name in three], (-1, 3))
 
     def led(self, values: Array, start: Array | None = None) -> Evaluations:
-        """At values of the motors (count, motors), loops closed from one to the next as `evaluate` does, from home, or
-        from a configuration (nq,) whose loops are closed."""
-        model, data = self._model, self._data
-        done, todo = self._empty(len(values)), self._todo(values)
-        table, evaluate, trial = self._table, self._evaluate, self._trial
-        self._point(todo, done)
+        """Evaluate at values of the actuated joints (count, actuated), loops closed from one to the next as `evaluate`
+        does, from home, or from a configuration (nq,) whose loops are closed."""
         if not self.mechanism.loops:
-            done.q[:] = self.mechanism.q_home
-            done.q[:, self._places] = values
-            done.closure[:] = 0.0
-            for q in done.q:
-                evaluate(model, data, q)
-                measure_next(table, todo)
-            return done
-        trial[:] = self._q[:] = self.mechanism.q_home if start is None else start
-        table[m.FACTORED] = table[m.ALIKE] = 0
-        evaluate(model, data, trial)
-        while measure_closed(table, todo):
-            if self._curved is not None:
-                self._integrate(*self._curved)
-            evaluate(model, data, trial)
-        return done
+            configurations = np.tile(self.mechanism.q_home, (len(values), 1))
+            configurations[:, self._actuated] = values
+            return self.at(configurations)
+        self._memory.resize(count=len(values))
+        self._memory.is_given, self._memory.q[:] = 0, self.mechanism.q_home if start is None else start
+        self._memory.point_at("values", np.ascontiguousarray(values))
+        return self._run()
 
     def at(self, configurations: Array) -> Evaluations:
-        """At configurations (count, nq), as they are."""
-        model, data = self._model, self._data
-        done, todo = self._empty(len(configurations)), self._todo(np.zeros((0, len(self._places))))
-        table, evaluate, trial = self._table, self._evaluate, self._trial
-        todo[kernel.COUNT] = len(configurations)
-        self._point(todo, done)
-        if not self.mechanism.loops:
-            done.q[:], done.closure[:] = configurations, 0.0
-        measure = measure_given if self.mechanism.loops else measure_next
-        for q in configurations:
-            trial[:] = q
-            evaluate(model, data, trial)
-            measure(table, todo)
-        table[m.FACTORED] = 0
-        return done
+        """Evaluate at configurations (count, nq), as they are."""
+        self._memory.resize(count=len(configurations))
+        self._memory.is_given = 1
+        self._memory.point_at("given", np.ascontiguousarray(configurations))
+        return self._run()
 
-    def _empty(self, count: int) -> Evaluations:
-        more = ((4, 4), (6, len(self._places))) if self._whole else ((0, 0), (0, 0))
-        shapes = (self._model.nq,), *more, (self._rows,), (), ()
-        return Evaluations(*(np.full((count, *shape), np.nan) for shape in shapes))
-
-    def _todo(self, values: Array) -> NDArray[np.int64]:
-        todo = np.zeros(kernel.SIZE, dtype=np.int64)
-        todo[kernel.COUNT], todo[kernel.WIDTH] = len(values), self._rows
-        todo[kernel.PASSIVE], todo[kernel.BALLS] = len(self._passive), len(self._balls)
-        todo[kernel.VALUES], todo[kernel.WHOLE] = address(values), self._whole
-        for name, array in (
-            (kernel.ANCHOR, self._anchor), (kernel.WORK, self._work), (kernel.PASSIVE_COLUMNS, self._passive),
-            (kernel.BALL_COLUMNS, self._balls), (kernel.SECOND_WORK, self._second_work),
-        ):  # fmt: skip
-            todo[name] = address(array)
-        return todo
-
-    def _point(self, todo: NDArray[np.int64], done: Evaluations) -> None:
-        """Names where the results go."""
-        placements = done.placements if self._whole else self._one
-        results = (done.q, placements, done.jacobians, done.singular_values, done.closure, done.second)
-        todo[kernel.Q : kernel.Q + len(results)] = [address(array) for array in results]
+    def _run(self) -> Evaluations:
+        memory, count = self._memory, self._memory.count
+        memory.resize(whole=count if self._whole else 0)
+        names = ("result_q", "placements", "jacobians", "singular_values", "closures", "passive_sigma")
+        for name in names:
+            memory.point_at(name, np.full(memory.shape(name), np.nan))
+        self._measure(memory.handle)
+        results = [getattr(memory, name) for name in names]
+        if not self._whole:
+            results[1:3] = [np.empty((count, 0, 0)), np.empty((count, 0, 0))]
+        return Evaluations(*results)

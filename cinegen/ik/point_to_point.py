@@ -13,8 +13,9 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
-from cinegen.ik._kernels.seek import nearest_start
-from cinegen.ik.seeker import Seeker
+from cinegen.ik._kernels.local_ik import nearest_start
+from cinegen.ik.local_ik import LocalIK
+from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
@@ -120,16 +121,16 @@ def inverse_kinematics(
 
 
 class _Finder:
-    """For one mechanism and some nodes: the seeker and its starts."""
+    """For one mechanism and some nodes: the local solver and its starts."""
 
     def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> None:
         self.mechanism = mechanism
-        self.seeker = Seeker(mechanism, tasks, limits)
-        self._seed = seed
+        self.local = LocalIK(mechanism, tasks, limits)
+        self._seed, self._limits = seed, limits
         self._weights = [_weights(task, mechanism.length) for task in tasks]
-        closer = Seeker(mechanism, (), limits) if mechanism.loops else self.seeker
+        closer = LocalIK(mechanism, (), limits) if mechanism.loops else self.local
         self._spread = closer.spread(_SPREAD_CLOSED if mechanism.loops else _SPREAD, np.random.default_rng(seed))
-        self._features = np.array([self._feature(self.seeker.placements(q)) for q in self._spread])
+        self._features = np.array([self._feature(self.local.placements(q)) for q in self._spread])
         self._used = np.zeros(len(self._spread))
 
     def _feature(self, placements: Sequence[pin.SE3]) -> Array:
@@ -140,8 +141,8 @@ class _Finder:
         return np.concatenate(parts)
 
     def find(self, targets: Sequence[pin.SE3], q: Array | None, tolerance: float, starts: int) -> IKResult:
-        seeker = self.seeker
-        for task, target in zip(seeker.tasks, targets, strict=True):
+        local = self.local
+        for task, target in zip(local.tasks, targets, strict=True):
             task.target = target
         goal = 0.5 * min(tolerance, tolerance / self.mechanism.length)  # of each of up to three residuals
         rng: np.random.Generator | None = None  # begun anew: what was asked before makes no difference
@@ -161,35 +162,39 @@ class _Finder:
                     self._used[nearest] = 1.0
                 else:
                     rng = rng or np.random.default_rng(self._seed)
-                    start = seeker.anywhere(rng)
-            found = seeker.seek(start, goal)
-            iterations += seeker.iterations
+                    start = local.anywhere(rng)
+            found = local.seek(start, goal)
+            iterations += local.iterations
             if found:
                 return self._reached(count + 1, iterations)
-            if seeker.open_by <= CLOSURE and seeker.cost < best[0]:
-                best = seeker.cost, seeker.best
+            if local.open_by <= CLOSURE and local.cost < best[0]:
+                best = local.cost, local.best
         return self._approached(best[1], starts, iterations)
 
     def _reached(self, starts: int, iterations: int) -> IKResult:
-        seeker = self.seeker
-        return IKResult(True, seeker.best, seeker.open_by, starts, iterations, (), self.mechanism, self._aims())
+        local = self.local
+        return IKResult(True, local.best, local.open_by, starts, iterations, (), self.mechanism, self._aims())
 
     def _approached(self, q: Array, starts: int, iterations: int) -> IKResult:
         """As near as ticks come, from the best that was found."""
-        seeker = self.seeker
-        seeker.q = q
+        solver = Solver(self.mechanism, 1.0, q)
+        for task in self.local.tasks:
+            solver.add_task(
+                task.node, task.target, task.translation, task.rotation, task.weight, task.axes, task.offset
+            )
+        solver.lift_limits(position=not self._limits)
         for _ in range(_APPROACH):
-            step = seeker.step()
+            step = solver.step()
             if step.status is Status.OUT_OF_REACH or not np.abs(step.v).max(initial=0.0) > 1e-7:
                 break
         held, aims = step.saturated, self._aims()
         return IKResult(False, step.q, step.closure, starts, iterations, held, self.mechanism, aims)
 
     def _aims(self) -> tuple[FrameTask, ...]:
-        """What was asked for, as values of its own: the seeker's tasks are for the next one."""
+        """What was asked for, as values of its own: the solver's tasks are for the next one."""
         return tuple(
             FrameTask(task.node, task.target, task.translation, task.rotation, 1.0, task.axes, offset=task.offset)
-            for task in self.seeker.tasks
+            for task in self.local.tasks
         )
 
 

@@ -1,72 +1,86 @@
-"""The memory that a solver's kernels work on, set up for a mechanism."""
+"""Memory of the kernels that move a mechanism, set up for it and its tasks."""
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from collections.abc import Sequence
 
-from cinegen.ik._kernels import memory as m
-from cinegen.ik.thresholds import ERROR_CAP, NEAR, STEP_CAP
-from cinegen.joints import translations
+import numpy as np
+
+from cinegen.ik._kernels.memory import OF_NODE, OF_TARGET, OF_WORLD, SolverMemory, TasksMemory
+from cinegen.ik.task import FrameTask
+from cinegen.ik.thresholds import STEP_CAP
+from cinegen.jit.foreign import frame_of
+from cinegen.joints import supporting_columns, translations
 from cinegen.loops import arrays as loops
-from cinegen.loops._kernels.memory import Memory
-from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism
 
-Array = NDArray[np.float64]
 
+def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int) -> None:
+    """Fill a memory with a mechanism and its position limits.
 
-def memory_of(mechanism: Mechanism, system: ClosedLoops, dt: float) -> Memory:
-    """All that does not depend on tasks, for Pinocchio's data in `system`."""
-    model = mechanism.model
-    nv = model.nv
-    memory = loops.memory_of(system, mechanism.loop_rank, m.LAYOUT)
-    for name in ("taken", "moved", "last", "drift", "braking", "wish", "wish_free", "secondary"):
-        memory.put(name, np.zeros(nv))
-    for name in ("y", "x", "size"):
-        memory.put(name, np.zeros(nv))
-    for name in ("motions", "axes"):
-        memory.put(name, np.zeros((nv, nv)))
-    make_room_for_barriers(memory, nv, 0)
-    memory.put("work", np.zeros((3, nv, nv)))
-    memory.put("scratch", np.zeros((6, nv)))
-    memory.put("r", np.zeros((4, 3)))
-    settings = np.zeros(m.SETTINGS_WIDTH)
-    settings[m.LENGTH] = mechanism.length
-    settings[m.DT], settings[m.GAIN], settings[m.ERROR_CAP] = dt, 1.0, ERROR_CAP
-    settings[m.NEAR] = NEAR
-    settings[m.BEND] = _bend(mechanism)
-    settings[m.TRUST] = 1.0
-    memory.put("settings", settings)
-    _put_limits(memory, mechanism, dt)
-    return memory
-
-
-def make_room_for_barriers(memory: Memory, nv: int, count: int) -> None:
-    """Room for so many rows of barriers in a tick."""
-    for name in ("stopped", "floor", "ceiling"):
-        memory.put(name, np.zeros(nv + count))
-    memory.put("room", np.zeros((3, nv + count)))
-    memory.put("g", np.zeros((nv + count, nv)))
-    memory.put("barrier_rows", np.zeros((count, nv)))
-    memory.put("barrier_room", np.zeros(count))
-
-
-def _put_limits(memory: Memory, mechanism: Mechanism, dt: float) -> None:
-    limits, nv = mechanism.limits, mechanism.model.nv
+    Args:
+        memory: of a solver.
+        mechanism: mechanism to move.
+        fixed: 6 where a base that could move stays where it is, else 0.
+    """
+    loops.set_up(memory, mechanism.system, mechanism.loop_rank, fixed)
     at_q, at_v = mechanism.scalar_joints
-    low, high, longest = np.full(nv, -np.inf), np.full(nv, np.inf), np.full(nv, np.inf)
-    low[at_v], high[at_v] = limits.lower[at_q], limits.upper[at_q]
-    longest[at_v] = np.minimum(limits.velocity[at_v] * dt / mechanism.scale[at_v], STEP_CAP)
-    memory.put("low", low)
-    memory.put("high", high)
-    memory.put("longest", longest)
-    memory.put("acceleration", np.full(nv, np.inf))
+    memory.lower[:], memory.upper[:] = -np.inf, np.inf
+    memory.lower[at_v - fixed], memory.upper[at_v - fixed] = mechanism.limits.lower[at_q], mechanism.limits.upper[at_q]
 
 
-def _bend(mechanism: Mechanism) -> float:
-    """A bound on the second derivative of any placement by the joints, in characteristic lengths; infinite where a
-    joint may slide without end or is no number."""
+def set_up_tasks(memory: TasksMemory, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
+    """Fill a memory with tasks, whose numbers it uses where they are."""
+    for task in tasks:
+        _bind(task, mechanism, memory.fixed)
+    rows = sum(task.memory.translation + task.memory.rotation for task in tasks)
+    memory.resize(tasks=len(tasks), task_rows=rows)
+    memory.task_handles[:] = [task.memory.handle for task in tasks]
+    memory.signature = -1
+
+
+def _bind(task: FrameTask, mechanism: Mechanism, fixed: int) -> None:
+    """Write into a task's memory what depends on the mechanism."""
+    model, memory = mechanism.model, task.memory
+    frame = model.frames[task.frame]
+    memory.resize(n=model.nv - fixed)
+    memory.joint, memory.offset[:] = frame.parentJoint, frame_of(frame.placement * task.offset)
+    memory.moved_by[:] = supporting_columns(model, frame.parentJoint)[fixed:]
+    memory.axes_of = {"target": OF_TARGET, "world": OF_WORLD}.get(task.axes, OF_NODE)
+    if memory.axes_of == OF_NODE:
+        axes = model.frames[mechanism.frame_id(task.axes)]
+        memory.axes_joint, memory.axes[:] = axes.parentJoint, axes.placement.rotation.T
+
+
+def set_up_solver(memory: SolverMemory, mechanism: Mechanism, fixed: int) -> None:
+    """Fill a solver's memory as `set_up` does, and with the limits of velocity; all accelerations are unlimited."""
+    set_up(memory, mechanism, fixed)
+    memory.resize(nv=mechanism.model.nv, mobility=max(mechanism.mobility - fixed, 0))
+    make_room_for_barriers(memory, memory.barrier_capacity)
+    at_v = mechanism.scalar_joints[1]
+    memory.longest_step[:] = memory.longest_change[:] = np.inf
+    limits = mechanism.limits.velocity[at_v] * memory.dt / mechanism.scale[at_v]
+    memory.longest_step[at_v - fixed] = np.minimum(limits, STEP_CAP)
+    memory.second_derivative = _second_derivative(mechanism)
+    memory.is_at_q = 0
+
+
+def set_up_solver_tasks(memory: SolverMemory, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
+    """Fill a solver's memory with tasks."""
+    set_up_tasks(memory, mechanism, tasks)
+    rows, mobility = memory.task_rows, memory.mobility
+    memory.resize(lesser=min(rows, mobility), larger=max(rows, mobility))
+    memory.is_warm = 0
+
+
+def make_room_for_barriers(memory: SolverMemory, count: int) -> None:
+    """Make room for so many rows of barriers in a tick."""
+    memory.resize(barrier_capacity=count, bounds=memory.n + count)
+
+
+def _second_derivative(mechanism: Mechanism) -> float:
+    """Return a bound of the second derivative of any placement by the joints, in characteristic lengths; infinite where
+    a joint may slide without end or has more than one degree of freedom."""
     model = mechanism.model
     reach = sum(float(np.linalg.norm(placement.translation)) for placement in model.jointPlacements)
     reach += max(float(np.linalg.norm(frame.placement.translation)) for frame in model.frames)

@@ -11,29 +11,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
-from cinegen.ik._kernels import memory as m
-from cinegen.ik._kernels.tick import prepare_tick, tick
+from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
+from cinegen.ik._kernels.tick import tick
 from cinegen.ik.ahead import Ahead
 from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.blend import Blend
 from cinegen.ik.forecast import TICKS, Forecast, foresee
 from cinegen.ik.objectives import Objective, State
 from cinegen.ik.plain import task_rank
-from cinegen.ik.setup import make_room_for_barriers, memory_of
+from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
 from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import (
-    ACCEPTED,
-    ASTRAY,
-    CLEAR_PLEASE,
-    DONE,
-    EVALUATE,
-    EVALUATE_HERE,
-    NEAR,
-    STEP_CAP,
-)
-from cinegen.joints import other_joints, supporting_columns
+from cinegen.ik.thresholds import BEGIN, CLEARANCE_NEEDED, DONE, NEAR, PROPOSED, RANK_NEEDED, STEP_CAP
+from cinegen.jit.compiled import prepare
+from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 
@@ -74,11 +66,9 @@ class Solver:
     ) -> None:
         if not (np.isfinite(dt) and dt > 0.0):
             raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
-        prepare_tick()
+        self._tick = prepare(tick, SolverMemory)
         self.mechanism, self.dt = mechanism, dt
-        self._system = mechanism.own_system()  # scratch of its own: no other thread or solver disturbs it
-        self._model, self._data = self._system.model, self._system.data
-        self._evaluate = pin.computeJointJacobians if self._model.nv else pin.forwardKinematics
+        self._model = mechanism.model
         self._tasks: list[FrameTask] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
@@ -87,14 +77,14 @@ class Solver:
         self.exception_log = ExceptionLog()
         self._caught: tuple[Exception, ...] = ()  # in this tick
         self._ranks: dict[tuple[object, ...], int] = {}
-        self._memory = memory_of(mechanism, self._system, dt)
-        self._table = self._memory.table
+        self._memory = SolverMemory()
+        self._memory.dt = dt
+        self._handle = self._memory.handle
+        self._accelerations: Array | None = None
         self.gain = gain
-        self._q, self._trial = np.zeros(self._model.nq), np.zeros(self._model.nq)
-        if self._model.nq:
-            self._q, self._trial = self._memory.arrays["q"], self._memory.arrays["trial"]
-        self._curved = other_joints(self._model)
         self._limit_accelerations(acceleration)
+        self._write_tasks()
+        self._q = self._memory.q
         self._changed = True
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
         self._latest: Array | None = None
@@ -118,12 +108,12 @@ class Solver:
         if not gain > 0.0:
             raise CinegenError(f"gain must be above 0 (1/s), not {gain}")
         self._gain = float(gain)
-        self._memory.arrays["settings"][m.GAIN] = -math.expm1(-self._gain * self.dt)
+        self._memory.gain = -math.expm1(-self._gain * self.dt)
 
     @property
     def tick_gain(self) -> float:
         """Fraction of an error that one tick corrects: 1 - exp(-gain dt)."""
-        return float(self._memory.arrays["settings"][m.GAIN])
+        return float(self._memory.gain)
 
     @property
     def damping_threshold(self) -> float:
@@ -134,13 +124,13 @@ class Solver:
         Raises:
             CinegenError: set to a value outside (0, 1].
         """
-        return float(self._memory.arrays["settings"][m.NEAR])
+        return float(self._memory.damping_threshold)
 
     @damping_threshold.setter
     def damping_threshold(self, near: float) -> None:
         if not 0.0 < near <= 1.0:
             raise CinegenError(f"damping_threshold must be in (0, 1], not {near}")
-        self._memory.arrays["settings"][m.NEAR] = near
+        self._memory.damping_threshold = near
 
     @property
     def q(self) -> Array:
@@ -160,16 +150,23 @@ class Solver:
             raise CinegenError(
                 f"q leaves loops of {self.mechanism.name} open by {closure:.2g}: use mechanism.close(q).q"
             )
-        self._q[:] = full
-        self._memory.arrays["settings"][m.CLOSED] = closure
-        for name in ("last", "drift", "secondary"):
-            self._memory.arrays[name][:] = 0.0
-        self._memory.arrays["settings"][m.TRUST] = 1.0
-        self._table[m.PHASE] = ASTRAY
+        memory = self._memory
+        memory.q[:], memory.closure, memory.is_at_q, memory.phase = full, closure, 0, BEGIN
+        memory.last[:] = memory.drift[:] = memory.secondary[:] = 0.0
+        memory.secondary_scale = 1.0
         if not self._changed:  # tasks forget what they followed
-            self._memory.arrays["pull_state"][:] = 0.0
-            self._table[m.WARM] = 0
+            for task in self._tasks:
+                task.memory.is_followed = 0
+            memory.is_warm = 0
             self._earlier, self._latest = None, None
+
+    def lift_limits(self, position: bool) -> None:
+        """Remove the limits of velocity, and those of position if that is asked for."""
+        if self._changed:
+            self._write_tasks()
+        self._memory.longest_step[:] = np.inf
+        if position:
+            self._memory.lower[:], self._memory.upper[:] = -np.inf, np.inf
 
     def _limit_accelerations(self, acceleration: float | Mapping[str, float] | None) -> None:
         if acceleration is None:
@@ -177,13 +174,13 @@ class Solver:
         mechanism = self.mechanism
         if not isinstance(acceleration, Mapping):
             acceleration = dict.fromkeys(mechanism.joints, acceleration)
-        limits = self._memory.arrays["acceleration"]
+        limits = self._accelerations = np.full(self._model.nv, np.inf)
         for joint, limit in acceleration.items():
             if not limit > 0.0:
                 raise CinegenError(f"the acceleration of '{joint}' must be positive, not {limit}")
             column = mechanism.v_index(joint)
             limits[column] = limit * self.dt * self.dt / mechanism.scale[column]
-        self._table[m.ACCELERATED] = 1
+        self._memory.has_acceleration_limits = 1
 
     # --- tasks ---------------------------------------------------------------------------------------------------
 
@@ -274,7 +271,6 @@ class Solver:
             return
         self._blends = [blend for blend in self._blends if blend.task is not task]
         if task in self._tasks:
-            task.move_to(np.zeros(m.PULL_WIDTH))
             task.changed = _nothing
             self._tasks.remove(task)
             self._changed = True
@@ -288,9 +284,9 @@ class Solver:
 
     def _suspend_tasks(self, waits: bool) -> None:
         """Suspend all tasks, so that the objectives alone move the mechanism (for solvers that recover)."""
-        self._table[m.DETOUR] = waits
+        self._memory.tasks_are_suspended = waits
         if not waits:
-            self._table[m.WISHING] = 0
+            self._memory.has_secondary = 0
 
     def _error_of(self, task: FrameTask) -> tuple[float, float]:
         """Return what the last tick left of a task's error; at the present configuration if there was none since."""
@@ -308,57 +304,27 @@ class Solver:
 
     def _write_tasks(self) -> None:
         """Write the tasks into the kernel's memory, which is allocated again for their number."""
-        mechanism, memory, tasks = self.mechanism, self._memory, self._tasks
-        table = np.zeros((max(len(tasks), 1), m.PULL_WIDTH))
-        moved_by = np.zeros((max(len(tasks), 1), self._model.nv))
-        for i, task in enumerate(tasks):
-            task.move_to(table[i])
-            frame = self._model.frames[task.frame]
-            table[i, m.JOINT] = frame.parentJoint
-            table[i, m.LOCAL : m.LOCAL + 12] = m.columns_of(frame.placement * task.offset)
-            table[i, m.AXES_OF] = {"target": m.OF_TARGET, "world": m.OF_WORLD}.get(task.axes, m.OF_NODE)
-            if task.axes not in ("target", "world"):
-                axes = self._model.frames[mechanism.frame_id(task.axes)]
-                table[i, m.AXES_JOINT] = axes.parentJoint
-                table[i, m.AXES_LOCAL : m.AXES_LOCAL + 9] = axes.placement.rotation.ravel()
-            moved_by[i] = supporting_columns(self._model, frame.parentJoint)
-        offset = 6 if self._base_is_fixed() else 0
-        if offset != self._table[m.OFFSET]:
-            memory.arrays["last"][:] = memory.arrays["drift"][:] = 0.0
-        self._table[m.OFFSET], self._table[m.N] = offset, self._model.nv - offset
-        self._table[m.PULLS], self._table[m.SIGNATURE], self._table[m.WARM] = len(tasks), -1, 0
-        memory.put("pull_table", table)
-        for i, task in enumerate(tasks):
-            task.move_to(memory.arrays["pull_table"][i])
-        memory.put("pull_state", np.zeros((max(len(tasks), 1), m.STATE_WIDTH)))
-        memory.put("moves", moved_by)
-        self._allocate_rows(6 * len(tasks))
-        self._layout = Layout(mechanism, tuple((task.node, task.axes, task.offset) for task in tasks), offset)
-        self._record = memory.put("record", np.zeros(self._layout.starts[-1]))
+        memory, fixed = self._memory, 6 if self._base_is_fixed() else 0
+        if memory.nv != self._model.nv or memory.fixed != fixed:
+            set_up_solver(memory, self.mechanism, fixed)
+            if self._accelerations is not None:
+                memory.longest_change[:] = self._accelerations[fixed:]
+        set_up_solver_tasks(memory, self.mechanism, self._tasks)
+        tasks = tuple((task.node, task.axes, task.offset) for task in self._tasks)
+        self._record, fields = memory.block("record")
+        self._layout = Layout(self.mechanism, tasks, fixed, fields)
         self._earlier, self._latest = None, None
         self._changed = False
-
-    def _allocate_rows(self, p: int) -> None:
-        nv = self._model.nv
-        for name in ("e", "e_whole", "e_trial"):
-            self._memory.put(name, np.zeros(p + 6))
-        self._memory.put("jp", np.zeros((p + 6, nv)))
-        for name in ("a", "b"):
-            self._memory.put(name, np.zeros(max(p, 1) * max(p, nv, 1)))
-        self._memory.put("u", np.zeros(max(p, 1) ** 2))
-        self._memory.put("square", np.zeros(max(p, 1)))
-        self._memory.put("triangle", np.zeros((2, max(p, 1), max(p, 1))))
 
     def _rank(self) -> None:
         """Compute the generic rank of the valid tasks."""
         tasks = [task for task in self._tasks if task.is_valid()]
-        offset = int(self._table[m.OFFSET])
+        fixed = self._memory.fixed
         offsets = [(task.frame, task.axes, *task.offset.homogeneous.ravel().tolist()) for task in tasks]
-        key = (offset, *((place, task.translation, task.rotation) for place, task in zip(offsets, tasks, strict=True)))
+        key = (fixed, *((place, task.translation, task.rotation) for place, task in zip(offsets, tasks, strict=True)))
         if key not in self._ranks:
-            self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks, slice(offset, None))
-        self._table[m.PULL_RANK] = self._ranks[key]
-        self._table[m.WARM] = 0
+            self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks, slice(fixed, None))
+        self._memory.task_rank, self._memory.is_warm = self._ranks[key], 0
 
     # --- what lies ahead -----------------------------------------------------------------------------------------
 
@@ -451,11 +417,11 @@ class Solver:
             if not (callable(getattr(barrier, "bounds", None)) and callable(getattr(barrier, "clear", None))):
                 raise CinegenError(f"a barrier has the methods `bounds` and `clear`; {barrier!r} lacks one")
         self._barriers = given
-        self._table[m.GUARDED], self._table[m.BARRIERS] = bool(given), 0
+        self._memory.is_guarded, self._memory.barriers = bool(given), 0
 
     def _evaluate_barriers(self) -> None:
         """Collect the barriers' bounds for this tick."""
-        state, offset, mechanism = self.state, int(self._table[m.OFFSET]), self.mechanism
+        state, memory, mechanism = self.state, self._memory, self.mechanism
         rows: list[Array] = []
         most: list[Array] = []
         self._blocked = False
@@ -468,13 +434,12 @@ class Solver:
                 self._blocked = True
                 self._catch(self._source("barrier", i, barrier), error)
         count = 0 if self._blocked else sum(map(len, most))
-        if count > len(self._memory.arrays["stopped"]) - self._model.nv:
-            make_room_for_barriers(self._memory, self._model.nv, count)
-        self._table[m.BARRIERS] = count
+        if count > memory.barrier_capacity:
+            make_room_for_barriers(memory, count)
+        memory.barriers = count
         if count:
-            free = np.vstack(rows)[:, offset:].ravel()
-            self._memory.arrays["barrier_rows"].ravel()[: len(free)] = free
-            self._memory.arrays["barrier_room"][:count] = np.concatenate(most)
+            memory.barrier_rows[:count] = np.vstack(rows)[:, memory.fixed :]
+            memory.barrier_room[:count] = np.concatenate(most)
 
     def _clear(self) -> float:
         """Return the fraction of the step to the trial configuration that barriers allow."""
@@ -483,7 +448,7 @@ class Solver:
         state, least = self.state, np.inf
         for i, barrier in enumerate(self._barriers):
             try:
-                part = float(barrier.clear(state, self._trial.copy()))
+                part = float(barrier.clear(state, self._memory.trial.copy()))
                 if not part >= 0.0:
                     raise ValueError(f"clear(state, q) returned {part}: return a number from 0 to 1")
                 least = min(least, part)
@@ -510,13 +475,14 @@ class Solver:
                     raise ValueError(f"velocity(state)[{i_bad}] is {velocity[i_bad]}: return finite rad/s and m/s")
             except Exception as error:  # the loop must go on
                 self._catch(self._source("objective", i, objective), error)
-                left_out |= 1 << min(i, m.MOST_LEFT_OUT)
+                left_out |= 1 << min(i, MOST_FLAGS)
             else:
                 total += velocity
         total *= self.dt / self.mechanism.scale
         total *= STEP_CAP / max(STEP_CAP, np.abs(total).max(initial=0.0))
-        self._memory.arrays["wish"][: len(total)] = total
-        self._table[m.WISHING], self._table[m.LEFT_OUT] = 1, left_out
+        memory = self._memory
+        memory.secondary_wanted[:] = total[memory.fixed :]
+        memory.has_secondary, memory.failed_objectives = 1, left_out
 
     def _source(self, kind: str, i: int, what: object) -> str:
         """Return which objective or barrier an exception comes from."""
@@ -539,22 +505,18 @@ class Solver:
             self._evaluate_objectives()
         if self._barriers:
             self._evaluate_barriers()
-        table = self._table
-        request = tick(table)
-        while request != ACCEPTED and request != DONE:
-            if request == EVALUATE:
-                if self._curved is not None:
-                    self._integrate(*self._curved)
-                self._evaluate(self._model, self._data, self._trial)
-            elif request == EVALUATE_HERE:
-                self._evaluate(self._model, self._data, self._q)
-            elif request == CLEAR_PLEASE:
-                self._memory.arrays["settings"][m.CLEAR] = self._clear()
-            else:
+        if SE3_DISTANCE is None:  # targets may have been changed in place
+            for task in self._tasks:
+                task.read_target()
+        request = self._tick(self._handle)
+        while request != DONE:
+            if request == CLEARANCE_NEEDED:
+                self._memory.clear_part = self._clear()
+            elif request == RANK_NEEDED:
                 self._rank()
-            request = tick(table)
-        if request == ACCEPTED:
-            self._evaluate(self._model, self._data, self._q)
+            elif request == PROPOSED:
+                self._watch()
+            request = self._tick(self._handle)
         record = self._record.copy()
         self._earlier, self._latest = self._latest, record
         if self._caught:
@@ -562,13 +524,8 @@ class Solver:
             return Step(record, self._layout, caught)
         return Step(record, self._layout)
 
-    def _integrate(self, at_q: NDArray[np.intp], at_v: NDArray[np.intp]) -> None:
-        """Integrate the joints whose configuration is no vector (floating base, ball joint) by Pinocchio."""
-        arrays, offset = self._memory.arrays, int(self._table[m.OFFSET])
-        self._trial[at_q] = pin.integrate(self._model, arrays["before"], arrays["delta"])[at_q]
-        moved = self.mechanism.scaled_difference(self._q, self._trial)
-        moving = at_v[at_v >= offset]
-        arrays["moved"][moving - offset] = moved[moving]
+    def _watch(self) -> None:
+        """Look at the step that is proposed: for those who run ahead."""
 
 
 def _checked(bounds: Bounds, nv: int) -> Bounds:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
@@ -47,17 +47,19 @@ class Layout:
         mechanism: mechanism that was moved.
         tasks: node, axes and offset of each task.
         resting: number of leading columns that are fixed: 6 for a floating base that no task moves.
+        fields: where the parts of a record are, and their shapes.
     """
 
     mechanism: Mechanism
     tasks: tuple[tuple[str, str, pin.SE3], ...]
     resting: int
 
-    @cached_property
-    def starts(self) -> tuple[int, ...]:
-        """Starts of q, v, errors, targets, singular values and active limits; then the record's length."""
-        nq, nv, tasks = self.mechanism.model.nq, self.mechanism.model.nv, len(self.tasks)
-        return tuple(np.cumsum((m.R_HEAD, nq, nv, 2 * tasks, m.WANTED * tasks, 6 * tasks, nv)).tolist())
+    fields: Mapping[str, tuple[slice, tuple[int, ...]]]
+
+    def get(self, record: Array, name: str) -> Array:
+        """Return a part of a record, by the name that `SolverMemory` has for it."""
+        where, shape = self.fields[name]
+        return record[where].reshape(shape)
 
 
 class Step:
@@ -74,32 +76,28 @@ class Step:
     @property
     def status(self) -> Status:
         """Outcome of the tick."""
-        return STATUSES[int(self._record[m.R_STATUS])]
+        return STATUSES[int(self._record[m.STATUS])]
 
     @property
     def q(self) -> Array:
         """(nq,) new configuration."""
-        start = self._layout.starts
-        return self._record[start[0] : start[1]]
+        return self._layout.get(self._record, "record_q")
 
     @property
     def v(self) -> Array:
         """(nv,) velocity of the tick, rad/s and m/s."""
-        start = self._layout.starts
-        return self._record[start[1] : start[2]]
+        return self._layout.get(self._record, "record_v")
 
     @property
     def closure(self) -> float:
         """Largest loop residual at q, rad or characteristic lengths."""
-        return float(self._record[m.R_CLOSURE])
+        return float(self._record[m.CLOSURE])
 
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
         """Remaining error of each task, in the order in which they were added: m and rad."""
-        start = self._layout.starts
-        if self._record[m.R_MEASURED]:
-            left = self._record[start[2] : start[3]].tolist()
-            return tuple(zip(left[::2], left[1::2], strict=True))
+        if self._record[m.ERRORS_KNOWN]:
+            return tuple((left, angle) for left, angle in self._layout.get(self._record, "record_errors").tolist())
         mechanism, q = self._layout.mechanism, self.q
         found = []
         for task, axes in self._wanted():
@@ -109,25 +107,23 @@ class Step:
 
     def _wanted(self) -> list[tuple[FrameTask, Array]]:
         """Return the valid tasks as they were in the tick, each with its axes in the world."""
-        start = self._layout.starts
-        rows = self._record[start[3] : start[4]].reshape(-1, m.WANTED)
-        tasks = []
-        for (node, _, at), row in zip(self._layout.tasks, rows, strict=True):
-            if row[24]:
-                aim = pin.SE3(row[:9].reshape(3, 3).T, row[9:12])
-                frame = self._layout.mechanism.frame_id(node)
-                task = FrameTask(node, aim, int(row[21]), int(row[22]), row[23], frame=frame, offset=at)
-                tasks.append((task, row[12:21].reshape(3, 3)))
+        layout, record, tasks = self._layout, self._record, []
+        kept, aims, axes = (layout.get(record, f"record_{name}") for name in ("tasks", "aims", "axes"))
+        for i, (node, _, offset) in enumerate(layout.tasks):
+            translation, rotation, weight, is_active = kept[i]
+            if is_active:
+                aim, frame = pin.SE3(aims[i, :3].T, aims[i, 3]), layout.mechanism.frame_id(node)
+                task = FrameTask(node, aim, int(translation), int(rotation), weight, frame=frame, offset=offset)
+                tasks.append((task, axes[i].T))
         return tasks
 
     @property
     def singular_values(self) -> Array:
         """Dimensionless singular values of the tasks in the loops' null space, largest first, as many as their generic
         rank. At a type 1 singularity the last is 0. Far from singularities they are computed on access, at q."""
-        count = int(self._record[m.R_PULL_RANK])
-        if self._record[m.R_SIGMA]:
-            start = self._layout.starts[4]
-            return self._record[start : start + count]
+        count = int(self._record[m.TASK_RANK])
+        if self._record[m.SIGMA_KNOWN]:
+            return self._layout.get(self._record, "record_sigma")[:count]
         mechanism, resting = self._layout.mechanism, self._layout.resting
         system = mechanism.system
         loops = system.evaluate(self.q)[1][:, resting:]
@@ -155,13 +151,13 @@ class Step:
     def lost_dof(self) -> LostDoF | None:
         """Direction that the tasks follow worst at q, with its singular value (type 1); None without a task that can
         move. Computed on access."""
-        wanted, layout, start = self._wanted(), self._layout, self._layout.starts
-        count = int(self._record[m.R_PULL_RANK])
+        wanted, layout = self._wanted(), self._layout
+        count = int(self._record[m.TASK_RANK])
         found = lost(layout.mechanism, self.q, wanted, count, layout.resting)
         if found is None or len(wanted) == len(layout.tasks):
             return found
         twists = np.zeros((len(layout.tasks), 6))
-        twists[self._record[start[3] : start[4]].reshape(-1, m.WANTED)[:, 24] != 0.0] = found.twists
+        twists[layout.get(self._record, "record_tasks")[:, 3] != 0.0] = found.twists
         return replace(found, twists=twists)
 
     @property
@@ -182,25 +178,24 @@ class Step:
     @property
     def stopped(self) -> Array:
         """(nv,) -1 for each of these at its lower limit, 1 at its upper limit, else 0."""
-        start = self._layout.starts
-        return self._record[start[5] : start[6]]
+        return self._layout.get(self._record, "record_stopped")
 
     @property
     def speed_scale(self) -> float:
         """Fraction of the desired motion, 0 to 1, that remains after scaling to velocity limits and to the largest
         step of a tick (0.1 rad or characteristic lengths)."""
-        return float(self._record[m.R_PACE])
+        return float(self._record[m.SPEED_SCALE])
 
     @property
     def limiting_joint(self) -> str | None:
         """Joint whose velocity or acceleration limit determines `speed_scale`; None without one."""
-        which = int(self._record[m.R_SLOWEST])
+        which = int(self._record[m.LIMITING_DOF])
         return None if which < 0 else self._layout.mechanism.columns[which]
 
     @property
     def failed_objectives(self) -> tuple[int, ...]:
         """Indices of the solver's objectives that failed in this tick and were left out."""
-        flags = int(self._record[m.R_LEFT_OUT])
+        flags = int(self._record[m.FAILED_OBJECTIVES])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 
     @property
@@ -215,15 +210,15 @@ class Step:
     def active_barriers(self) -> tuple[int, ...]:
         """Indices of the barriers' rows that restrict the motion, among all rows of this tick; 52 stands for all
         from there on."""
-        flags = int(self._record[m.R_BARRED])
+        flags = int(self._record[m.ACTIVE_BARRIERS])
         return tuple(i for i in range(flags.bit_length()) if flags >> i & 1)
 
     @property
     def evaluations(self) -> int:
-        """Number of Pinocchio evaluations."""
-        return int(self._record[m.R_EVALUATIONS])
+        """Number of times that the placements and Jacobians of all joints were computed."""
+        return int(self._record[m.EVALUATIONS])
 
     @property
     def sweeps(self) -> int:
         """Number of sweeps of rotations for the singular values."""
-        return int(self._record[m.R_SWEEPS])
+        return int(self._record[m.SWEEPS])

@@ -10,12 +10,14 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
-from cinegen.ik._kernels import memory as m
-from cinegen.ik._kernels.memory import TARGET, address_of_copy
-from cinegen.ik._kernels.pulls import FURTHEST
+from cinegen.ik._kernels.memory import TaskMemory
+from cinegen.ik._kernels.tasks import FURTHEST
+from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
 from raff2urdf.residual import log, log_derivative, swing
 
 Array = NDArray[np.float64]
+
+_TARGET = TaskMemory.fields["target"].slot
 
 
 class FrameTask:
@@ -30,6 +32,7 @@ class FrameTask:
         offset: pose of the frame that follows, in the node's frame.
         axes: frame whose axes the rows are expressed in: "target", "world" or the name of a node.
         frame: Pinocchio's index of the node's frame.
+        memory: the task's numbers, as kernels see them.
     """
 
     def __init__(
@@ -45,13 +48,13 @@ class FrameTask:
     ) -> None:
         self.node, self.axes, self.frame = node, axes, frame
         self.offset = pin.SE3.Identity() if offset is None else offset.copy()
-        self.row: Array = np.zeros(m.PULL_WIDTH)  # a row of the solver's table once the solver has made it
+        self.memory = TaskMemory()
+        self._words = self.memory.words
         self.changed: Callable[[], None] = _nothing  # called when the number of rows changes
         self.measure: Callable[[FrameTask], tuple[float, float]] = _no_solver
         self._wrong: dict[str, Any] = {}
         self._target = pin.SE3.Identity()
         self._special = False  # follows a twist, or has an invalid value
-        self.row[m.VALID] = 1.0
         self.target = target
         self.translation, self.rotation, self.weight = translation, rotation, weight
 
@@ -69,11 +72,19 @@ class FrameTask:
         if type(target) is not pin.SE3:
             self._refuse("target", target)
             return
-        self._target = target.copy()
-        self.row[TARGET] = address_of_copy(self._target)
+        copied = self._target = target.copy()
+        if SE3_DISTANCE is None:
+            self.read_target()
+        else:
+            self._words[_TARGET] = id(copied) + SE3_DISTANCE
         if self._special:
-            self.row[m.IS_TWIST] = 0.0
+            self.memory.is_twist = 0
             self._accept("target")
+
+    def read_target(self) -> None:
+        """Copy the target into the task's memory, where its numbers can't be read in place."""
+        self.memory.own_target[:] = frame_of(self._target)
+        self.memory.target = address(self.memory.own_target)
 
     @property
     def error(self) -> tuple[float, float]:
@@ -90,7 +101,7 @@ class FrameTask:
 
         None while the task follows a pose; setting one ends the other. Directions of zero velocity do not drift.
         """
-        return self.row[m.TWIST : m.TWIST + 6].copy() if self.row[m.IS_TWIST] else None
+        return self.memory.twist.copy() if self.memory.is_twist else None
 
     @twist.setter
     def twist(self, twist: Any) -> None:
@@ -101,47 +112,46 @@ class FrameTask:
         except (TypeError, ValueError):
             self._refuse("target", twist)
             return
-        self.row[m.TWIST : m.TWIST + 6] = given
-        self.row[m.IS_TWIST] = 1.0
+        self.memory.twist[:], self.memory.is_twist = given, 1
         self._accept("target")
         self._special = True
 
     @property
     def translation(self) -> int:
         """Number of constrained translations: 3 all; 2 along x and y of the axes; 1 along x; 0 none."""
-        return int(self._wrong.get("translation", self.row[m.TRANSLATION]))
+        return int(self._wrong.get("translation", self.memory.translation))
 
     @translation.setter
     def translation(self, count: int) -> None:
-        self._set("translation", m.TRANSLATION, count, _is_count)
+        self._set("translation", count, _is_count)
         self.changed()
 
     @property
     def rotation(self) -> int:
         """Number of constrained rotations: 3 all; 2 the direction of the z axis; 1 the rotation about it; 0 none."""
-        return int(self._wrong.get("rotation", self.row[m.ROTATION]))
+        return int(self._wrong.get("rotation", self.memory.rotation))
 
     @rotation.setter
     def rotation(self, count: int) -> None:
-        self._set("rotation", m.ROTATION, count, _is_count)
+        self._set("rotation", count, _is_count)
         self.changed()
 
     @property
     def weight(self) -> float:
         """Weight of the task where several tasks can't all be met; only proportions matter."""
-        return float(self._wrong.get("weight", self.row[m.WEIGHT]))
+        return float(self._wrong.get("weight", self.memory.weight))
 
     @weight.setter
     def weight(self, weight: float) -> None:
-        self._set("weight", m.WEIGHT, weight, _is_weight)
+        self._set("weight", weight, _is_weight)
 
-    def _set(self, name: str, where: int, value: Any, is_valid: Callable[[Any], bool]) -> None:
+    def _set(self, name: str, value: Any, is_valid: Callable[[Any], bool]) -> None:
         try:
             good = is_valid(value)
         except (TypeError, ValueError):
             good = False
         if good:
-            self.row[where] = value
+            setattr(self.memory, name, value)
             self._accept(name)
         else:
             self._refuse(name, value)
@@ -149,17 +159,12 @@ class FrameTask:
     def _refuse(self, name: str, value: Any) -> None:
         self._wrong[name] = value
         self._special = True
-        self.row[m.VALID] = 0.0
+        self.memory.is_valid = 0
 
     def _accept(self, name: str) -> None:
         self._wrong.pop(name, None)
         self._special = bool(self._wrong)
-        self.row[m.VALID] = 0.0 if self._wrong else 1.0
-
-    def move_to(self, row: Array) -> None:
-        """Move the task's numbers into a row of a table."""
-        row[:] = self.row
-        self.row = row
+        self.memory.is_valid = 0 if self._wrong else 1
 
     @property
     def rows(self) -> int:
@@ -168,7 +173,7 @@ class FrameTask:
 
     def is_valid(self) -> bool:
         """Return whether the target and all other values can be followed."""
-        return bool(self.row[m.VALID]) and bool(np.isfinite(self.target.homogeneous).all())
+        return bool(self.memory.is_valid) and bool(np.isfinite(self.target.homogeneous).all())
 
     # --- the equations, in plain form ------------------------------------------------------------------------------
 

@@ -1,11 +1,13 @@
-"""What a tick asks for, says and remembers, as numbers; and the thresholds of all its decisions."""
+"""What a tick asks for and reports, as numbers; and the thresholds of all its decisions."""
 
-DONE, EVALUATE, EVALUATE_HERE, RANK_PLEASE, ACCEPTED, CLEAR_PLEASE = range(6)
-BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, ON_DETOUR, IS_BARRED = range(9)
-BEGIN, JUDGE, ASTRAY, GUARD = range(4)
+DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED = range(4)
+"""Requests of a tick."""
 
-TIGHT = 1e-12
-"""Loops are corrected until their gap is below this (rad, characteristic lengths)."""
+BAD_TARGET, REFUSED, AT_LIMIT, SINGULAR, OUT_OF_REACH, FOLLOWING, IDLE, DETOUR, BARRED = range(9)
+"""Statuses of a tick, in the order of `cinegen.ik.Status`."""
+
+BEGIN, GUARD = 0, 1
+"""Phases of a tick: besides PROPOSED, it begins, or waits for the clearance of its trial."""
 
 NEAR = 0.05
 """A singular value (dimensionless) below this is near a singularity: damping sets in, smoothly."""
@@ -37,10 +39,10 @@ REST = 1e-7
 FULL = 1.0 - 1e-9  # part of a velocity limit that is used: rounding never goes beyond it
 NOISE = 1e-26  # of `distance`: rounding where a target is reached
 TRIES = 10  # times a step that tears is tried shorter
-WISHES = 4  # times before that, what redundancy adds is tried shorter; then not at all
-IDLE_WISH = 1e-12  # rad or lengths in a tick: of redundancy, less than this is nothing
-TRUST_GROWS = 1.25  # from tick to tick, up to 1
-LEAST_TRUST = 1e-3
+SECONDARY_TRIES = 4  # times before that, the secondary step is tried shorter; then not at all
+IDLE_SECONDARY = 1e-12  # rad or lengths in a tick: a secondary step shorter than this is left out
+SCALE_GROWS = 1.25  # from tick to tick, up to 1
+LEAST_SCALE = 1e-3
 SPARE_SPEED = 0.9  # of a speed limit is for redundancy: what closing the loops adds needs the rest
 CORRECTIONS = 12  # evaluations that closing one trial may take
 EXACT = 1e-11  # rad or lengths: tasks are corrected with the loops to this

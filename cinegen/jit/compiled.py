@@ -1,26 +1,26 @@
-"""How the kernels are compiled, and how they see memory that Pinocchio owns."""
+"""How kernels are compiled, and kept on disk."""
 
 from __future__ import annotations
 
 import hashlib
 import logging
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar, cast, get_type_hints
 
 import numpy as np
 from numba import njit, types
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 from numpy.typing import NDArray
 
+from cinegen.jit.memory import Memory
 from cinegen.jit.whole_program import whole_program
 
 Array = NDArray[np.float64]
 Table = NDArray[np.int64]
 TABLE = types.int64[::1]
-"""Numba's type of a table."""
+"""Numba's type of an array of integers."""
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -32,6 +32,8 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
+_IMPORTED = re.compile(r"^from ((?:cinegen|raff2urdf)\.[\w.]+) import", re.MULTILINE)
+
 _ENTRIES: list[str] = []
 _HELPERS: list[Any] = []
 
@@ -42,8 +44,24 @@ def compiled(function: Function) -> Function:
     A division by zero gives infinity, as numpy's does: no kernel raises. Multiplication and addition may be fused.
     """
     dispatcher = njit(**_OPTIONS)(function)
+    find_call_template = dispatcher.get_call_template
+
+    def get_call_template(arguments: Any, keywords: Any) -> Any:
+        return find_call_template(_as_declared(function, arguments), keywords)
+
+    dispatcher.get_call_template = get_call_template
     _HELPERS.append(dispatcher)
     return cast(Function, dispatcher)
+
+
+def _as_declared(function: Callable[..., Any], arguments: Sequence[types.Type]) -> tuple[types.Type, ...]:
+    """Return the types of a call's arguments with memories as what the function's annotations say: it is compiled once
+    for what it needs of them, and not again for each memory that has more."""
+    declared = get_type_hints(function)
+    names = function.__code__.co_varnames
+    return tuple(
+        getattr(declared.get(name), "numba_type", given) for name, given in zip(names, arguments, strict=False)
+    )
 
 
 def entry(function: Function) -> Function:
@@ -76,26 +94,35 @@ def together() -> AbstractContextManager[None]:
 
 
 def _stamp(own: Path) -> str:
-    """Return a digest of a kernel's own file and of all that it may have inlined: the files here, the kernels of loops,
-    and those of its own package."""
-    here = Path(__file__).parent
-    package, loops = here.parent, here.parent / "loops"
-    taken = [*here.glob("*.py"), loops / "thresholds.py", *(loops / "_kernels").glob("*.py")]
-    if own.is_relative_to(package):
-        own_package = package / own.relative_to(package).parts[0]
-        taken += [*own_package.rglob("_kernels/*.py"), *own_package.glob("thresholds.py")]
+    """Return a digest of a kernel's own file and of all that it may have inlined: what these files import, and jit."""
+    here, root = Path(__file__).parent, Path(__file__).parents[2]
+    taken, left = set(here.glob("*.py")), [own]
+    while left:
+        path = left.pop()
+        if path not in taken:
+            taken.add(path)
+            for module in _IMPORTED.findall(path.read_text()):
+                left += [file for file in [root.joinpath(*module.split(".")).with_suffix(".py")] if file.exists()]
     digest = hashlib.sha256()
-    for path in (own, *sorted(taken)):
+    for path in sorted(taken):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def prepare(function: Any, *arguments: types.Type) -> None:
-    """Compiles an `entry` for arguments of these types, or loads it from disk, so that no tick has to wait for that."""
-    if not getattr(function, "signatures", ()):
-        if not _is_kept(function):
-            logging.getLogger("cinegen").warning("compiling %s, once: this takes a while ...", function.__name__)
-        function.compile(arguments)
+def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory]) -> Callable[..., Any]:
+    """Compile an `entry` for arguments of these types, or load it from disk.
+
+    Returns:
+        the machine code as a function. It takes a memory's `handle`, and spares the time in which numba looks at the
+        types of arguments.
+    """
+    kernel: Any = function
+    signature = tuple(getattr(argument, "numba_type", argument) for argument in arguments)
+    if signature not in kernel.overloads:
+        if not _is_kept(kernel):
+            logging.getLogger("cinegen").warning("compiling %s, once: this takes a while ...", kernel.__name__)
+        kernel.compile(signature)
+    return cast(Callable[..., Any], kernel.overloads[signature].entry_point)
 
 
 def _is_kept(function: Any) -> bool:
@@ -105,44 +132,3 @@ def _is_kept(function: Any) -> bool:
         return kept is None or bool(kept._load_index())
     except (AttributeError, OSError, ValueError):
         return True
-
-
-def _view(dimensions: int) -> Any:
-    """An intrinsic (address, *sizes) that returns an array over memory that others own."""
-
-    def typed(_context: Any, address: Any, *sizes: Any) -> Any:
-        kind = types.Array(types.float64, dimensions, "C")
-
-        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-            bytes_each = context.get_constant(types.intp, 8)
-            shape, stride = list(arguments[1:]), bytes_each
-            strides: list[Any] = []
-            for size in reversed(shape):
-                strides.insert(0, stride)
-                stride = builder.mul(stride, size)
-            view = context.make_array(kind)(context, builder)
-            data = builder.inttoptr(arguments[0], view.data.type)
-            populate_array(view, data=data, shape=shape, strides=strides, itemsize=bytes_each, meminfo=None)
-            return view._getvalue()
-
-        return kind(types.int64, *[types.intp] * dimensions), generate
-
-    return typed
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def vector(context: Any, address: Any, size: Any) -> Any:
-    """(size,) doubles at an address."""
-    return _view(1)(context, address, size)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def matrix(context: Any, address: Any, rows: Any, columns: Any) -> Any:
-    """(rows, columns) doubles at an address, row after row."""
-    return _view(2)(context, address, rows, columns)
-
-
-@intrinsic  # type: ignore[untyped-decorator]
-def matrices(context: Any, address: Any, count: Any, rows: Any, columns: Any) -> Any:
-    """(count, rows, columns) doubles at an address."""
-    return _view(3)(context, address, count, rows, columns)

@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from numbers import Real
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
-from cinegen.joints import other_joints
-from cinegen.loops._kernels import memory as m
-from cinegen.loops._kernels.walk import ARRIVED, ONWARD, prepare_walk, walk
-from cinegen.loops.arrays import memory_of, put_motors
+from cinegen.jit.compiled import prepare
+from cinegen.loops._kernels.follow import follow
+from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
+from cinegen.loops.arrays import actuate, set_up
 from cinegen.model.mechanism import Mechanism
 from cinegen.tolerances import CLOSED, CLOSURE
 
@@ -48,8 +47,7 @@ class ForwardKinematics:
 
     def __init__(self, mechanism: Mechanism, q: ArrayLike | None = None) -> None:
         self.mechanism = mechanism
-        self._system = mechanism.own_system()  # Pinocchio's data stays at q between two calls
-        self._model, self._data = self._system.model, self._system.data
+        self._model = mechanism.model
         names = mechanism.actuated
         for name in names:
             if self._model.joints[self._model.getJointId(name)].nq != 1:
@@ -60,15 +58,12 @@ class ForwardKinematics:
             name: (i, float(mechanism.scale[column]))
             for i, (name, column) in enumerate(zip(names, columns, strict=True))
         }
-        memory = memory_of(self._system, mechanism.loop_rank)
-        self._goal = put_motors(memory, columns, self._places)[: len(names)]
-        signs, self._settings = memory.arrays["signs"], memory.arrays["settings"]
-        self._settings[[m.TOLERANCE, m.STRIDE, m.ASTRAY]] = _TOLERANCE, _STRIDE, _ASTRAY
-        self._memory, self._table = memory, memory.table
-        self._here, self._trial = memory.arrays["q"], memory.arrays["trial"]
-        self._curved = other_joints(self._model, (signs != 0.0).any(axis=0))
+        self._memory = memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
+        actuate(memory, columns)
+        memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _ASTRAY
+        self._goal = memory.goal
         if mechanism.loops:
-            prepare_walk()
+            self._follow_goal = prepare(follow, LoopMemory)
         self.q = mechanism.q_home if q is None else q
 
     def __reduce__(self) -> tuple[type[ForwardKinematics], tuple[Mechanism, Array]]:
@@ -95,10 +90,8 @@ class ForwardKinematics:
     def _stand(self, q: Array) -> None:
         self._q = q
         self._goal[:] = q[self._places]
-        if self.mechanism.loops and self._model.nv > 0:
-            self._here[:] = self._trial[:] = q
-            self._table[m.FACTORED] = self._table[m.BEGUN] = self._table[m.ALIKE] = 0
-            pin.computeJointJacobians(self._model, self._data, self._trial)
+        self._memory.q[:] = q
+        self._memory.factored_at, self._memory.alike = NOWHERE, 0
 
     def move(self, values: Mapping[str, float]) -> Array:
         """Move actuated joints; those that are not named stay. If that fails, nothing moves.
@@ -135,20 +128,12 @@ class ForwardKinematics:
         return self._q.copy()
 
     def _follow(self) -> None:
-        """Move the actuated joints to their goal."""
-        table, model, data, trial = self._table, self._model, self._data, self._trial
-        request = walk(table)
-        while request == ONWARD:
-            if self._curved is not None:
-                at_q, _ = self._curved
-                arrays = self._memory.arrays
-                trial[at_q] = pin.integrate(model, arrays["before"], arrays["delta"])[at_q]
-            pin.computeJointJacobians(model, data, trial)
-            request = walk(table)
-        if request == ARRIVED and self._settings[m.CLOSED] <= CLOSED:
-            self._q = self._here.copy()
+        """Leads the actuated joints to their goal."""
+        memory = self._memory
+        if self._follow_goal(memory.handle) and memory.closure <= CLOSED:
+            self._q = memory.q.copy()
             return
-        reached = ", ".join(f"{name} {self._here[i]:.5g}" for name, i in zip(self._motors, self._places, strict=True))
+        reached = ", ".join(f"{name} {memory.q[i]:.5g}" for name, i in zip(self._motors, self._places, strict=True))
         self._stand(self._q)
         raise ClosureError(
             f"the actuated joints of {self.mechanism.name} can't reach these values on this branch: "

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.mesh_check import MeshCheck
 from cinegen.collision.scene import Scene
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.planning.attempt import PlanStatus
@@ -88,11 +88,11 @@ def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> Go
     """
     mechanism, rng = scene.mechanism, np.random.default_rng(seed)
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
-    seeker = Seeker(mechanism, (task,))
+    seeker = LocalIK(mechanism, (task,))
     seeker.tasks[0].target = scene.goal
     starts = [scene.start]
     if mechanism.loops:
-        starts += list(Seeker(mechanism).spread(_SAMPLES, rng))
+        starts += list(LocalIK(mechanism).spread(_SAMPLES, rng))
     free: list[Array] = []
     blocked: list[tuple[Array, int, float]] = []
     for count in range(_STARTS):

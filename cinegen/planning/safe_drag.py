@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision.clearance import Clearance
 from cinegen.ik import FrameTask, Solver, Step
+from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.objectives import Objective, State
-from cinegen.ik.seeker import Seeker
 from cinegen.model import Mechanism
 from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction
 from cinegen.planning.vortices import DetourDirection, Vortices
@@ -273,7 +273,7 @@ class _ConfigurationSearch:
     """Search for configurations in which all targets are reached with the safety distance kept."""
 
     def __init__(self, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
-        self._seeker = Seeker(mechanism, tuple(tasks))
+        self._seeker = LocalIK(mechanism, tuple(tasks))
         for own, task in zip(self._seeker.tasks, tasks, strict=True):
             own.target = task.target.copy()
         self._rng, self._left = np.random.default_rng(0), _STARTS

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import Enum
+from typing import Any
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
+from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision.clearance import Clearance
 from cinegen.ik.resolve import free_motions
-from cinegen.jit.compiled import TABLE, prepare
-from cinegen.loops._kernels.memory import address
+from cinegen.jit.compiled import prepare
 from cinegen.model.motion_plane import motion_plane
-from cinegen.planning._kernels.vortex import ACTIVE, AXIS, STATE_WIDTH, deflect
+from cinegen.planning._kernels.memory import VortexMemory
+from cinegen.planning._kernels.vortex import ACTIVE, AXIS, deflect
 from cinegen.planning.clearance_barrier import stop_distance
 from cinegen.planning.vortex_field import folding, rotation_axis
 
@@ -71,18 +72,20 @@ class Vortices:
         strength: float = STRENGTH,
         up: Array | None = None,
     ) -> None:
-        prepare_vortices()
+        self._add_vortices = prepare_vortices()
         self.clearance, self.direction, self.strength, self.safety = clearance, direction, strength, safety
         mechanism = clearance.mechanism
         self.stop = stop_distance(mechanism, safety)
         self.reach = max(reach, 2.0 * self.stop)
-        self.states = np.zeros((int(clearance.groups.max(initial=-1)) + 1, STATE_WIDTH))
+        model = mechanism.model
+        memory = self._memory = VortexMemory(
+            nv=model.nv, pairs=len(clearance.pairs), vortices=int(clearance.groups.max(initial=-1)) + 1
+        )
+        memory.vortex[:], memory.scale[:] = clearance.groups, mechanism.scale
+        self.states = memory.states
         self.plane = motion_plane(mechanism)
         self._up = np.array([0.0, 0.0, 1.0]) if up is None else np.asarray(up)
-        model = mechanism.model
         self._base = np.array(model.jointPlacements[min(1, model.njoints - 1)].translation)
-        self._scale, self._all_free = np.ascontiguousarray(mechanism.scale), np.zeros((0, model.nv))
-        self._scratch, self._by = np.zeros((3, 3)), np.zeros((3, model.nv))
 
     @property
     def active(self) -> NDArray[np.intp]:
@@ -123,18 +126,17 @@ class Vortices:
         else -1."""
         clearance, mechanism = self.clearance, self.clearance.mechanism
         clearance.update(q)
-        found, candidates = motion.copy(), np.full(len(self.states), -1, dtype=np.int64)
-        free = self._all_free
+        memory = self._memory
+        if not len(clearance.pairs) or not mechanism.model.nv:
+            return motion.copy(), np.full(len(self.states), -1, dtype=np.int64)
         if mechanism.loops:
             loops = mechanism.system.evaluate(q)[1]
-            free = np.ascontiguousarray(free_motions(loops, mechanism.loop_rank)[0].T)
-        if len(clearance.pairs) and mechanism.model.nv:
-            deflect(
-                clearance.results.address, clearance.flat_pairs, clearance.joints, clearance.moved_by,
-                address(clearance.jacobian), motion, self._scale, free, clearance.groups, self.states, self.reach,
-                self.stop, self.strength, candidates, found, self._by, self._scratch,
-            )  # fmt: skip
-        return found, candidates
+            free = free_motions(loops, mechanism.loop_rank)[0].T
+            memory.resize(free=len(free))
+            memory.null_space[:] = free
+        memory.motion[:], memory.reach, memory.stop, memory.strength = motion, self.reach, self.stop, self.strength
+        self._add_vortices(memory.handle, clearance.memory.handle)
+        return memory.found.copy(), memory.candidates.copy()
 
     def _axis(self, pair: int, motion: Array) -> Array:
         """Return the axis (3,) of a vortex that is activated by a pair."""
@@ -162,10 +164,6 @@ class Vortices:
         return found
 
 
-def prepare_vortices() -> None:
+def prepare_vortices() -> Callable[..., Any]:
     """Compile the kernel, or load it from disk."""
-    vector, matrix = types.float64[::1], types.float64[:, ::1]
-    prepare(
-        deflect, types.int64, TABLE, TABLE, matrix, types.int64, vector, vector, matrix, TABLE, matrix, types.float64,
-        types.float64, types.float64, TABLE, vector, matrix, matrix,
-    )  # fmt: skip
+    return prepare(deflect, VortexMemory, ClearanceMemory)

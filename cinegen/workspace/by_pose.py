@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import Evaluations, Sampler
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.chunks import neighbours
@@ -54,13 +54,13 @@ class ByPose(Continuation):
         super().__init__(spec)
         mechanism = spec.mechanism
         self._sampler = sampler
-        self.local = Seeker(mechanism, (), spec.limits)
+        self.local = LocalIK(mechanism, (), spec.limits)
         count = _SAMPLES_CLOSED if mechanism.loops else _SAMPLES
         self._samples = self.local.spread(count, np.random.default_rng(_SEED))
         self._features = np.array([self._feature(mechanism.placement(q, spec.node)) for q in self._samples])
         self.bounds = ReachBounds(mechanism, spec.node, spec.limits, spec.rotation)
         axis = (FrameTask(spec.node, pin.SE3.Identity(), 3, 2),)
-        self._axis = Seeker(mechanism, axis, spec.limits) if "solid_angle" in spec.quantities else None
+        self._axis = LocalIK(mechanism, axis, spec.limits) if "solid_angle" in spec.quantities else None
         self._neutral = pin.neutral(mechanism.model)
         self._revolute = np.zeros(mechanism.model.nv, dtype=bool)
         self._revolute[[mechanism.v_index(name) for name in mechanism.joints if not mechanism.is_prismatic(name)]] = (

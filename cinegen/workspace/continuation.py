@@ -7,7 +7,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import ClosureError
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.workspace.specification import MapSpecification
 
@@ -31,7 +31,7 @@ class Continuation:
         self.spec, self.mechanism = spec, spec.mechanism
         self.actuated = [spec.mechanism.q_index(name) for name in spec.mechanism.actuated]
         if not spec.over_joints:
-            self._local = Seeker(
+            self._local = LocalIK(
                 spec.mechanism, (FrameTask(spec.node, pin.SE3.Identity(), 3, spec.rotation),), spec.limits
             )
 

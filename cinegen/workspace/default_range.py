@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.singularities.slice import POSE
@@ -88,7 +88,7 @@ def _pose_range(mechanism: Mechanism, node: str, axis: int) -> tuple[float, floa
 @lru_cache(maxsize=4)
 def _samples(mechanism: Mechanism) -> Array:
     """Return samples (n, nq) of the configuration space."""
-    return Seeker(mechanism, ()).spread(_SAMPLES, np.random.default_rng(0))
+    return LocalIK(mechanism, ()).spread(_SAMPLES, np.random.default_rng(0))
 
 
 @lru_cache(maxsize=8)
@@ -104,7 +104,7 @@ def _furthest(mechanism: Mechanism, node: str, axis: int, sign: float) -> float:
     the samples in which it is furthest."""
     points, outwards = _poses(mechanism, node)[:, :3], sign * np.eye(3)[axis]
     first, last = (part * np.ptp(points, axis=0).max() for part in _STEPS)
-    local = Seeker(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 0),))
+    local = LocalIK(mechanism, (FrameTask(node, pin.SE3.Identity(), 3, 0),))
     furthest = float((points @ outwards).max())
     for k in np.argsort(-(points @ outwards), kind="stable")[:_FURTHEST]:
         q, at, step = _samples(mechanism)[k], points[k], first

@@ -28,7 +28,7 @@ from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.mobile_robot import mobile_body as body
 from cinegen.collision.mobile_robot import mobile_robot as mobile
-from cinegen.loops._kernels.memory import address
+from cinegen.jit import foreign
 from cinegen.planning.vortices import Vortices
 
 seeds = st.integers(0, 2**32 - 1)
@@ -96,7 +96,7 @@ def test_distances_that_are_read_in_place_are_what_accessors_say():
     clearance, rng = among("arm7", around("arm7", 1)), np.random.default_rng(1)
     for _ in range(20):
         clearance.update(within_limits("arm7", rng))
-        for k, said in enumerate(clearance._shapes.distanceResults):
+        for k, said in enumerate(clearance.results.shapes.distanceResults):
             one, other, normal = clearance.nearest_points(k)
             assert clearance.results.table[k, 0] == said.min_distance
             assert (one == said.getNearestPoint1()).all()
@@ -107,13 +107,16 @@ def test_distances_that_are_read_in_place_are_what_accessors_say():
 def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     obstacles, rng = around("arm7", 1), np.random.default_rng(1)
     usual = among("arm7", obstacles)
+    usual.distances(within_limits("arm7", rng))
     odd = iter(range(10**6))
-    monkeypatch.setattr("cinegen.collision.clearance.address", lambda array: address(array) + 8 * next(odd) % 64)
+    monkeypatch.setattr(foreign, "address", lambda array, of=foreign.address: of(array) + 8 * (next(odd) % 64))
     clearance = among("arm7", obstacles)
-    assert usual.results._in_place
-    assert not clearance.results._in_place
+    clearance.distances(within_limits("arm7", rng))
     monkeypatch.undo()
-    clearance.results.address = address(clearance.results.table)
+    assert usual.results.is_in_place
+    assert usual._frames.is_in_place
+    assert not clearance.results.is_in_place
+    assert not clearance._frames.is_in_place
     for _ in range(5):
         q, to = within_limits("arm7", rng), within_limits("arm7", rng)
         assert (clearance.distances(q) == usual.distances(q)).all()

@@ -17,7 +17,7 @@ from lxml import etree
 import cinegen
 from cinegen.collision import clearance_of, scene_of
 from cinegen.collision.mesh_check import MeshCheck
-from cinegen.ik.seeker import Seeker
+from cinegen.ik.local_ik import LocalIK
 from cinegen.planning import AvoidingSolver, PlanStatus, plan
 from cinegen.planning.attempt import Attempt, checked
 
@@ -150,7 +150,7 @@ def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     assert both not in {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
     check = MeshCheck(given)
     assert check.unchecked == ()
-    free = Seeker(talos()).spread(50, np.random.default_rng(3))
+    free = LocalIK(talos()).spread(50, np.random.default_rng(3))
     beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, talos().model.nq))  # limits apart
     named = [[both <= set(check.contact(q).split("'")) for q in some] for some in (free, beyond)]
     assert not any(named[0])

@@ -11,6 +11,7 @@ from scipy.optimize import linprog, minimize
 
 from cinegen import CinegenError, Solver, Status
 from cinegen.ik import Posture, plain
+from cinegen.ik._kernels.memory import SPEED_SCALE
 from cinegen.ik.barrier import Bounds
 from cinegen.ik.damping import damping
 from cinegen.ik.resolve import free_motions
@@ -85,7 +86,7 @@ def loops_at_home(mechanism):
 
 def proposed(solver):
     """(nv,) the velocity that the last tick set out with, before what closed its loops."""
-    return solver._memory.arrays["step"] * solver.mechanism.scale / DT
+    return solver._memory.step * solver.mechanism.scale / DT
 
 
 # --- what is kept ------------------------------------------------------------------------------------------------
@@ -223,7 +224,7 @@ def test_within_its_bounds_a_step_does_most_for_the_pulls(robot, name, seed):
     best = best_by_scipy(mechanism, solver, rows, most)
     solver.barriers = [Linear(rows, most)]
     solver.step()
-    if solver._record[2] < 1.0:  # slower for a limit of velocity: then it wants something else
+    if solver._memory.report[SPEED_SCALE] < 1.0:  # slower for a limit of velocity: then it wants something else
         return
     assert proposed(solver) / mechanism.scale == pytest.approx(
         best / mechanism.scale, abs=2e-4 * np.abs(best).max() + 1e-6

@@ -19,12 +19,14 @@ import cinegen
 import raff2urdf
 from cinegen import Solver
 from cinegen.ik import plain
-from cinegen.ik._kernels import aims, bounds
-from cinegen.ik._kernels import memory as m
+from cinegen.ik._kernels import bounds, tasks
+from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik.resolve import resolve
 from cinegen.ik.thresholds import FULL, NEAR, REST
-from cinegen.jit import compiled, null_space, svd
-from cinegen.loops._kernels import closing
+from cinegen.jit import compiled, factor, svd
+from cinegen.loops._kernels import kinematics, residual
+from cinegen.loops._kernels.memory import LoopMemory
+from cinegen.loops.arrays import set_up
 from cinegen.loops.thresholds import HEALTHY
 from raff2urdf.residual import loop_residual
 
@@ -62,26 +64,24 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
     mechanism = load(name, which)
     if not mechanism.loops:
         return
-    solver, rng = Solver(mechanism, 0.01), np.random.default_rng(0)
-    solver.step()
-    table, arrays = solver._table, solver._memory.arrays
+    rng = np.random.default_rng(0)
+    memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
     unit = np.array([1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components])
     for q in mechanism.random_closed(6, seed=1):
         for bent in (0.0, 0.3, 3.0):
             there = q + bent * rng.normal(size=len(q)) * mechanism.scale
-            pin.computeJointJacobians(mechanism.model, solver._data, there)
-            largest = closing.loop_rows(table, True)
-            residual = mechanism.loop_residual(there) / unit
-            assert arrays["c"] == pytest.approx(residual, abs=1e-13)
-            assert largest == np.abs(arrays["c"]).max()
+            kinematics.evaluate(memory, there)
+            largest = residual.evaluate_loops(memory, True)
+            assert memory.residual == pytest.approx(mechanism.loop_residual(there) / unit, abs=1e-13)
+            assert largest == np.abs(memory.residual).max()
             rows = mechanism.loop_jacobian(there) * mechanism.scale / unit[:, None]
-            assert arrays["jc"] == pytest.approx(rows, abs=1e-11)
+            assert memory.jacobian == pytest.approx(rows, abs=1e-11)
             by_hand = []
             for loop in mechanism.loops:
                 first = mechanism.placement(there, loop.first) * loop.first_placement
                 second = mechanism.placement(there, loop.second) * loop.second_placement
                 by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
-            assert arrays["c"] == pytest.approx(np.concatenate(by_hand), abs=1e-13)
+            assert memory.residual == pytest.approx(np.concatenate(by_hand), abs=1e-13)
 
 
 # --- tasks -------------------------------------------------------------------------------------------------------
@@ -101,11 +101,12 @@ def all_kinds_of_tasks(mechanism: cinegen.Mechanism, solver: Solver, rng: np.ran
 def kernels_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
     """What is wanted and the rows of all tasks, as the kernels compute them at the solver's q."""
     solver._write_tasks()
-    pin.computeJointJacobians(solver.mechanism.model, solver._data, solver.q)
-    aims.holding(solver._table)
-    aims.aim_at(solver._table)
-    p, n = solver._table[m.P], solver._table[m.N]
-    return solver._memory.arrays["e"][:p].copy(), solver._memory.arrays["jp"].ravel()[: p * n].reshape(p, n).copy()
+    memory = solver._memory
+    kinematics.evaluate(memory, memory.q)
+    tasks.read_tasks(memory)
+    tasks.aim_tasks(memory)
+    p = memory.active_rows
+    return memory.wanted[:p].copy(), memory.task_jacobian[:p].copy()
 
 
 def plain_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
@@ -174,24 +175,24 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
 
 def steps_agree(solver: Solver, rng: np.random.Generator, tight: float) -> str:
     """One tick from rest against the plain statement, with limits about as near as a step is long."""
-    mechanism, arrays = solver.mechanism, solver._memory.arrays
+    mechanism, memory = solver.mechanism, solver._memory
     nv = mechanism.model.nv
     on_it, free = rng.random(nv) < (0.2 if tight < 1.0 else 0.0), rng.random(nv) < 0.3
     low, high = np.where(on_it, 0.0, rng.uniform(0.0, tight, (2, nv)))
     low, high = np.where(free, -np.inf, -low), np.where(free, np.inf, high)
-    arrays["low"][:], arrays["high"][:] = solver.q + low * mechanism.scale, solver.q + high * mechanism.scale
-    low, high = (arrays["low"] - solver.q) / mechanism.scale, (arrays["high"] - solver.q) / mechanism.scale
-    expected = expected_step(solver, low, high, arrays["longest"])
+    memory.lower[:], memory.upper[:] = solver.q + low * mechanism.scale, solver.q + high * mechanism.scale
+    low, high = (memory.lower - solver.q) / mechanism.scale, (memory.upper - solver.q) / mechanism.scale
+    expected = expected_step(solver, low, high, memory.longest_step)
     step = solver.step()
-    assert (step.q >= arrays["low"] - 1e-9).all()
-    assert (step.q <= arrays["high"] + 1e-9).all()
+    assert (step.q >= memory.lower - 1e-9).all()
+    assert (step.q <= memory.upper + 1e-9).all()
     assert mechanism.closure(step.q) <= 1e-9
     if expected is None:
         return "not compared"
-    if solver._table[m.NUDGED]:  # nothing else is to be won
+    if memory.is_nudged:  # nothing else is to be won
         assert np.abs(expected).max(initial=0.0) <= REST
         return "nudged"
-    assert arrays["step"] == pytest.approx(expected, abs=1e-8)
+    assert memory.step == pytest.approx(expected, abs=1e-8)
     return "bent" if step.saturated else "slowed" if step.speed_scale < 1.0 else "free"
 
 
@@ -384,12 +385,12 @@ def test_what_rounding_has_added_is_straightened(seed, off):
 def factored(rows: np.ndarray, rank: int) -> tuple[float, np.ndarray, dict]:
     """What the rows added at least, the free motions, and the factors."""
     count, n = rows.shape
-    f, order, left = rows.copy(), np.zeros(count), np.zeros(count)
+    f, order, left = rows.copy(), np.zeros(count, dtype=int), np.zeros(count)
     tau, h = np.zeros(max(n, rank)), np.zeros((max(rank, 1), n))
-    added = null_space.factor(f, count, n, rank, order, left, tau, h)
+    added = factor.factor(f, rank, order, left, tau, h)
     free = np.zeros((max(n - rank, 1), n))
-    null_space.free_motions(n, rank, tau, h, free)
-    return added, free[: n - rank], {"f": f, "n": n, "rank": rank, "order": order, "tau": tau, "h": h}
+    factor.null_space(rank, tau, h, free)
+    return added, free[: n - rank], {"f": f, "rank": rank, "order": order, "tau": tau, "h": h}
 
 
 def random_rows(seed: int) -> tuple[np.ndarray, int, np.random.Generator]:
@@ -419,7 +420,7 @@ def test_the_shortest_correction_is_the_pseudoinverses(seed):
     added, _, factors = factored(rows, rank)
     assume(added >= HEALTHY)
     residual, step = rows @ rng.normal(size=rows.shape[1]), np.zeros(rows.shape[1])
-    null_space.shortest_correction(residual=residual, out=step, **factors)
+    factor.shortest_solution(right=-residual, out=step, **factors)
     assert step == pytest.approx(-np.linalg.pinv(rows, rcond=1e-9) @ residual, abs=1e-10)
     assert rows @ step == pytest.approx(-residual, abs=1e-11 * np.linalg.norm(rows))
 
@@ -433,7 +434,7 @@ def test_rows_that_add_nothing_are_known_and_left_out(rank):
     assert free @ free.T == pytest.approx(np.eye(5 - rank), abs=1e-15)
     assert rows @ free.T == pytest.approx(np.zeros((4, 5 - rank)), abs=1e-14)
     step = np.zeros(5)
-    null_space.shortest_correction(residual=rows @ np.ones(5), out=step, **factors)
+    factor.shortest_solution(right=-rows @ np.ones(5), out=step, **factors)
     assert step == pytest.approx(-np.linalg.pinv(rows) @ rows @ np.ones(5), abs=1e-13)
     assert factored(np.zeros((4, 5)), rank)[0] == 0.0
 
@@ -446,10 +447,11 @@ def nearest(
 ) -> tuple[bool, np.ndarray, np.ndarray]:
     """Whether it was found, the point, and what holds it."""
     n, k = g.shape
-    x, held = wanted.copy(), np.full(n, np.nan)
-    work = np.full((3, k, k), np.nan)
-    found = bounds.nearest(x, g, low, high, n, k, held, work[0], work[1], work[2], np.full((6, k), np.nan))
-    return found, x, held
+    memory, held = SolverMemory(n=n, bounds=n, mobility=k), np.full(n, np.nan)
+    memory.active_normals[:] = memory.active[:] = np.nan
+    memory.wanted_point[:], memory.normals[:] = wanted, g
+    found = bounds.nearest(memory, low, high, held, k)
+    return found, memory.wanted_point, held
 
 
 def check_nearest(wanted: np.ndarray, g: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:

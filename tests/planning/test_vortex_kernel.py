@@ -81,9 +81,12 @@ def turned(clearance, q, motion, around_, states, reach, stop, strength):
 def deflected(clearance, q, motion, groups, states, reach, stop, strength):
     """By the kernel, for any groups and states."""
     vortices = Vortices(clearance, reach, 0.0)
-    clearance.groups = groups
-    vortices.states, vortices.reach, vortices.stop, vortices.strength = states, reach, stop, strength
-    return vortices._deflected(q, motion)
+    vortices._memory.resize(vortices=len(states))
+    vortices._memory.vortex[:], vortices.states = groups, vortices._memory.states
+    vortices.states[:], vortices.reach, vortices.stop, vortices.strength = states, reach, stop, strength
+    found = vortices._deflected(q, motion)
+    states[:] = vortices.states
+    return found
 
 
 @pytest.mark.parametrize("name", ["arm7", "planar_3r", "two_arms"])

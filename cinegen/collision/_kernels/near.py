@@ -2,116 +2,91 @@
 
 from __future__ import annotations
 
-from cinegen.jit.compiled import Array, Table, compiled, entry, matrix
-
-DISTANCE, NORMAL, FIRST_POINT, SECOND_POINT, RESULT_WIDTH = 0, 1, 4, 7, 20
-"""Where coal keeps what it found of a pair, counted in doubles from its distance; and from one pair to the next."""
+from cinegen.collision._kernels.memory import ClearanceMemory
+from cinegen.jit.compiled import Array, compiled, entry
+from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT
+from cinegen.jit.se3 import combine
 
 
 @compiled
-def speed_along(columns: Array, j: int, normal: Array, at: Array) -> float:
-    """How fast the column j of a Jacobian (nv, 6) moves what is at a point (3,) along a normal (3,)."""
-    x = columns[j, 0] + columns[j, 4] * at[2] - columns[j, 5] * at[1]
-    y = columns[j, 1] + columns[j, 5] * at[0] - columns[j, 3] * at[2]
-    z = columns[j, 2] + columns[j, 3] * at[1] - columns[j, 4] * at[0]
+def speed_along(screw: Array, normal: Array, at: Array) -> float:
+    """How fast a screw (6,) moves what is at a point (3,) along a normal (3,)."""
+    x = screw[0] + screw[4] * at[2] - screw[5] * at[1]
+    y = screw[1] + screw[5] * at[0] - screw[3] * at[2]
+    z = screw[2] + screw[3] * at[1] - screw[4] * at[0]
     return float(normal[0] * x + normal[1] * y + normal[2] * z)
 
 
 @compiled
-def in_world(place: Array, point: Array, found: Array) -> None:
-    """A point (3,) of a joint that stands at a place (12,), in the world."""
+def in_world(frame: Array, point: Array, found: Array) -> None:
+    """A point (3,) of a joint's frame, in the world."""
+    combine(point, frame, found)
     for i in range(3):
-        found[i] = place[9 + i] + place[i] * point[0] + place[3 + i] * point[1] + place[6 + i] * point[2]
+        found[i] += frame[3, i]
 
 
 @compiled
-def _row(columns: Array, first: Array, second: Array, normal: Array, one: Array, other: Array, row: Array) -> None:
-    """How fast each column leads a point of the first body towards the second, and one of the second the other way."""
-    for j in range(row.shape[0]):
-        row[j] = 0.0
-        if first[j] != 0.0:
-            row[j] += speed_along(columns, j, normal, one)
-        if second[j] != 0.0:
-            row[j] -= speed_along(columns, j, normal, other)
+def _write_row(
+    memory: ClearanceMemory, row: int, pair: int, distance: float, normal: Array, one: Array, other: Array
+) -> None:
+    """Write a distance, and how fast each column leads a point of a pair's first body towards the second, and one of
+    the second the other way."""
+    first, second = memory.joint[memory.pair[pair, 0]], memory.joint[memory.pair[pair, 1]]
+    memory.which[row], memory.room[row] = pair, distance
+    for j in range(memory.nv):
+        memory.rows[row, j] = 0.0
+        if memory.moved_by[first, j] != 0.0:
+            memory.rows[row, j] += speed_along(memory.screws[j], normal, one)
+        if memory.moved_by[second, j] != 0.0:
+            memory.rows[row, j] -= speed_along(memory.screws[j], normal, other)
 
 
 @entry
-def approach(
-    results: int,
-    pairs: Table,
-    joints: Table,
-    ends: Array,
-    radii: Array,
-    moves: Array,
-    placements: int,
-    jacobian: int,
-    within: float,
-    which: Table,
-    room: Array,
-    rows: Array,
-    scratch: Array,
-) -> int:
-    """How each column of the Jacobian shortens the distances that are short.
+def approach(memory: ClearanceMemory, within: float) -> int:
+    """Compute how each column of the Jacobian shortens the distances that are short.
 
     A pair adds a row for its nearest points, and one for each other end of a capsule, by how far that is from the plane
     that parts the two: the nearest point of a link along a wall leaps from one end to the other, its ends do not.
 
     Args:
-        results: address of coal's results, `RESULT_WIDTH` doubles each.
-        pairs: (2 pairs,) numbers of bodies.
-        joints: (bodies,) that they move with.
-        ends: (bodies, 6) centres of a capsule's ends, in the frame of its joint.
-        radii: (bodies,) of capsules; below 0 for others.
-        moves: (joints, nv) 1 where a column moves a joint.
-        placements: address of the joints' placements, 12 doubles each.
-        jacobian: address of Pinocchio's Jacobian, (nv, 6).
+        memory: `which`, `room` and `rows` are the results.
         within: m: what is further apart is not near.
-        which: (most,) becomes the pair of each row; rows of a pair follow each other, nearest points first.
-        room: (most,) becomes the distance of each row, m.
-        rows: (most, nv) becomes by how much each column shortens it.
-        scratch: (2, 3).
 
     Returns:
         how many rows there are.
     """
-    most, nv = rows.shape
-    total = pairs.shape[0] // 2
-    result = matrix(results, total, RESULT_WIDTH)
-    place, columns = matrix(placements, moves.shape[0], 12), matrix(jacobian, nv, 6)
-    count = 0
-    for p in range(total):
-        if not result[p, DISTANCE] < within:
+    count, centre = 0, memory.vectors[0]
+    for p in range(memory.pairs):
+        result = memory.results[p]
+        if not result[DISTANCE] < within:
             continue
-        if count == most:
+        if count == memory.most:
             break
-        normal = result[p, NORMAL : NORMAL + 3]
-        one, other = result[p, FIRST_POINT : FIRST_POINT + 3], result[p, SECOND_POINT : SECOND_POINT + 3]
-        first, second = pairs[2 * p], pairs[2 * p + 1]
-        one_moves, other_moves = moves[joints[first]], moves[joints[second]]
-        _row(columns, one_moves, other_moves, normal, one, other, rows[count])
-        which[count], room[count] = p, result[p, DISTANCE]
+        normal = result[NORMAL : NORMAL + 3]
+        one, other = result[FIRST_POINT : FIRST_POINT + 3], result[SECOND_POINT : SECOND_POINT + 3]
+        _write_row(memory, count, p, result[DISTANCE], normal, one, other)
         count += 1
         for side in range(2):
-            body = second if side else first
-            if radii[body] < 0.0:
+            body = memory.pair[p, side]
+            radius = memory.radius[body]
+            if radius < 0.0:
                 continue
             for end in range(2):
-                if count == most:
+                if count == memory.most:
                     break
-                in_world(place[joints[body]], ends[body, 3 * end : 3 * end + 3], scratch[0])
-                gap, off = -radii[body], 0.0
+                in_world(memory.frames[memory.joint[body]], memory.ends[body, end], centre)
+                gap, off = -radius, 0.0
                 for i in range(3):
                     towards = normal[i] if side == 0 else -normal[i]
                     met = one[i] if side else other[i]
-                    gap += (met - scratch[0, i]) * towards
-                    at = scratch[0, i] + radii[body] * towards
+                    gap += (met - centre[i]) * towards
+                    at = centre[i] + radius * towards
                     off += abs(at - (other[i] if side else one[i]))
                 if off < 1e-9 or not gap < within:  # the nearest point itself
                     continue
                 if side == 0:
-                    _row(columns, one_moves, other_moves, normal, scratch[0], other, rows[count])
+                    _write_row(memory, count, p, gap, normal, centre, other)
                 else:
-                    _row(columns, one_moves, other_moves, normal, one, scratch[0], rows[count])
-                which[count], room[count] = p, gap
+                    _write_row(memory, count, p, gap, normal, one, centre)
                 count += 1
     return count

@@ -9,60 +9,66 @@ from __future__ import annotations
 
 import math
 
+from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.jit.compiled import Array, compiled
 
 TOUCH = 1e-12  # a step that ends this little beyond a bound ends on it
-_DEPENDENT = 1e-10  # part of a normal that must be left for it to be independent of those that hold already
+_DEPENDENT = 1e-10  # part of a normal that must be left for it to be independent of those that are active already
 
 
 @compiled
-def nearest(
-    x: Array,
-    g: Array,
-    low: Array,
-    high: Array,
-    n: int,
-    k: int,
-    held: Array,
-    normals: Array,
-    basis: Array,
-    triangle: Array,
-    scratch: Array,
-) -> bool:
-    """Moves x (k,) to the nearest point with low <= g x <= high.
+def keeps_bounds(memory: SolverMemory, step: Array, low: Array, high: Array) -> bool:
+    """Return whether a step (n,) keeps all bounds (n + barriers,), those of barriers last."""
+    keeps = True
+    for j in range(memory.n):
+        keeps = keeps and low[j] - TOUCH <= step[j] <= high[j] + TOUCH
+    for b in range(memory.barriers):
+        s = 0.0
+        for j in range(memory.n):
+            s += memory.barrier_rows[b, j] * step[j]
+        keeps = keeps and low[memory.n + b] - TOUCH <= s <= high[memory.n + b] + TOUCH
+    return keeps
+
+
+@compiled
+def reduce_barriers(memory: SolverMemory, k: int) -> None:
+    """Below the n rows of `normals` (n + barriers, k), what joints do, write what barriers see of that."""
+    g = memory.normals
+    for b in range(memory.barriers):
+        for i in range(k):
+            s = 0.0
+            for c in range(memory.n):
+                s += memory.barrier_rows[b, c] * g[c, i]
+            g[memory.n + b, i] = s
+
+
+@compiled
+def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) -> bool:
+    """Move `wanted_point` (k,) to the nearest point x with low <= normals x <= high.
 
     Args:
-        x: the wanted point; becomes the nearest.
-        g: (n, k).
-        low: (n,).
-        high: (n,).
-        n: bounds.
+        memory: `active_normals` become the normals of the active bounds, an orthonormal basis of them, and the
+            triangle of their coefficients in it.
+        low: (bounds,).
+        high: (bounds,).
+        held: (bounds,) becomes -1 or 1 where the lower or the upper bound holds x back, else 0.
         k: dimensions.
-        held: (n,) becomes -1 or 1 where the lower or the upper bound holds x back, else 0.
-        normals: (k, k) scratch: rows are the normals of the bounds that hold.
-        basis: (k, k) scratch: rows are orthonormal, and span the normals.
-        triangle: (k, k) scratch: normal i is the sum over j of triangle[i, j] basis[j].
-        scratch: (6, k) scratch.
 
     Returns:
         whether it was found: bounds may contradict each other.
     """
-    wanted, along, across, dual, multiplier, owner = (
-        scratch[0],
-        scratch[1],
-        scratch[2],
-        scratch[3],
-        scratch[4],
-        scratch[5],
-    )
+    x, g, count = memory.wanted_point, memory.normals, memory.n + memory.barriers
+    normals, basis, triangle = memory.active_normals[0], memory.active_normals[1], memory.active_normals[2]
+    wanted, along, across, dual = memory.active[0], memory.active[1], memory.active[2], memory.active[3]
+    multiplier, owner = memory.active[4], memory.active[5]
     for i in range(k):
         wanted[i] = x[i]
-    for j in range(n):
+    for j in range(count):
         held[j] = 0.0
     active = 0
-    for _ in range(20 * n + 20):
+    for _ in range(20 * count + 20):
         worst, which, side = TOUCH, -1, 0.0
-        for j in range(n):
+        for j in range(count):
             if held[j] != 0.0:
                 continue
             s = 0.0
@@ -73,15 +79,15 @@ def nearest(
             elif low[j] - s > worst:
                 worst, which, side = low[j] - s, j, -1.0
         if which < 0:
-            _again(x, wanted, g, low, high, k, held, active, owner, basis, triangle, along)
+            _again(memory, low, high, held, active, k)
             for a in range(active):
                 if multiplier[a] <= 0.0:
                     held[int(owner[a])] = 0.0
             return True
         new = 0.0  # its multiplier
-        settled = False
+        is_active = False
         for _ in range(k + 2):
-            # the new normal: what of it lies along those that hold, and what across
+            # the new normal: what of it lies along those that are active, and what across
             length = 0.0
             for i in range(k):
                 across[i] = -side * g[which, i]
@@ -96,9 +102,9 @@ def nearest(
                     along[a] += dot
                     for i in range(k):
                         across[i] -= dot * basis[a, i]
-            rest = 0.0
+            left = 0.0
             for i in range(k):
-                rest += across[i] * across[i]
+                left += across[i] * across[i]
             for a in range(active - 1, -1, -1):  # the dual direction: triangle^T dual = along
                 s = along[a]
                 for c in range(a + 1, active):
@@ -108,7 +114,7 @@ def nearest(
             for a in range(active):
                 if dual[a] > 1e-14 and multiplier[a] < furthest * dual[a]:
                     furthest, drop = multiplier[a] / dual[a], a
-            whole = worst / rest if rest > _DEPENDENT * _DEPENDENT * length else math.inf
+            whole = worst / left if left > _DEPENDENT * _DEPENDENT * length else math.inf
             if whole == math.inf and drop < 0:
                 return False
             t = min(furthest, whole)
@@ -118,9 +124,9 @@ def nearest(
             if whole < math.inf:
                 for i in range(k):
                     x[i] += t * across[i]
-                worst -= t * rest
+                worst -= t * left
             if whole <= furthest:
-                size = math.sqrt(rest)
+                size = math.sqrt(left)
                 for i in range(k):
                     normals[active, i] = -side * g[which, i]
                     basis[active, i] = across[i] / size
@@ -131,7 +137,7 @@ def nearest(
                 owner[active] = which
                 held[which] = side
                 active += 1
-                settled = True
+                is_active = True
                 break
             held[int(owner[drop])] = 0.0
             active -= 1
@@ -139,15 +145,16 @@ def nearest(
                 owner[a], multiplier[a] = owner[a + 1], multiplier[a + 1]
                 for i in range(k):
                     normals[a, i] = normals[a + 1, i]
-            _span(normals, basis, triangle, drop, active, k)
-        if not settled:
+            _span(memory, drop, active, k)
+        if not is_active:
             return False
     return False
 
 
 @compiled
-def _span(normals: Array, basis: Array, triangle: Array, first: int, count: int, k: int) -> None:
-    """The basis again, from normal `first` on: Gram and Schmidt, twice."""
+def _span(memory: SolverMemory, first: int, count: int, k: int) -> None:
+    """Compute the basis again, from normal `first` on: Gram and Schmidt, twice."""
+    normals, basis, triangle = memory.active_normals[0], memory.active_normals[1], memory.active_normals[2]
     for a in range(first, count):
         for i in range(k):
             basis[a, i] = normals[a, i]
@@ -171,21 +178,10 @@ def _span(normals: Array, basis: Array, triangle: Array, first: int, count: int,
 
 
 @compiled
-def _again(
-    x: Array,
-    wanted: Array,
-    g: Array,
-    low: Array,
-    high: Array,
-    k: int,
-    held: Array,
-    active: int,
-    owner: Array,
-    basis: Array,
-    triangle: Array,
-    weights: Array,
-) -> None:
-    """The same point once more, from the bounds that hold it: to rounding."""
+def _again(memory: SolverMemory, low: Array, high: Array, held: Array, active: int, k: int) -> None:
+    """Compute the same point once more, from the bounds that are active: to rounding."""
+    x, g, basis, triangle = memory.wanted_point, memory.normals, memory.active_normals[1], memory.active_normals[2]
+    wanted, weights, owner = memory.active[0], memory.active[1], memory.active[5]
     if active == 0:
         return
     for i in range(k):
@@ -195,10 +191,10 @@ def _again(
         s = 0.0
         for i in range(k):
             s += g[j, i] * wanted[i]
-        rest = held[j] * (s - high[j] if held[j] > 0.0 else s - low[j])  # along the normal, inwards
+        left = held[j] * (s - high[j] if held[j] > 0.0 else s - low[j])  # along the normal, inwards
         for c in range(a):
-            rest -= triangle[a, c] * weights[c]
-        weights[a] = rest / triangle[a, a]
+            left -= triangle[a, c] * weights[c]
+        weights[a] = left / triangle[a, a]
     for a in range(active):
         for i in range(k):
             x[i] += weights[a] * basis[a, i]

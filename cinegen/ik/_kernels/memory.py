@@ -1,183 +1,231 @@
-"""Where a solver's numbers lie: the table of `cinegen.loops._kernels.memory`, and behind it what a tick needs."""
+"""Memory of the kernels that move a mechanism after tasks; see `cinegen.loops._kernels.memory`."""
 
 from __future__ import annotations
 
-import pinocchio as pin
+import math
 
-from cinegen.loops._kernels import memory as loops
-from cinegen.loops._kernels.memory import *  # noqa: F403 - all names of the table at one place, `m`
+from cinegen.ik.thresholds import NEAR
+from cinegen.jit.compiled import Array, Table
+from cinegen.jit.memory import Memory, array, foreign, parameter, state, view
+from cinegen.loops._kernels.memory import LoopMemory
 
-_SIZES = (
-    "pulls",
-    "p",  # rows of the pulls that hold in this tick
-    "k",  # free motions
-    "pull_rank",  # of the pulls: generic
-    "signature",  # which pulls that rank was counted for, as bits
-    "phase",  # what the tick waits for
-    "warm",  # whether the last singular vectors are a guess for the next
-    "tries",  # how often the step was shortened
-    "closes",  # whether some part of the step could be closed
-    "refine",  # whether the pulls are corrected together with the loops
-    "quick",  # how pulls are factored: 0 singular values, 1 triangle, 2 singular values without the joints held
-    "accelerated",  # whether accelerations are limited
-    "wishing",  # whether there is something that redundancy should do in this tick
-    "ticks",
-    "sweeps",  # of the singular values, in the last tick
-    "evaluations",  # of Pinocchio, in the last tick
-    "left_out",  # objectives that made no sense in this tick, as bits
-    "nudged",  # whether the step is one out of a singularity
-    "detour",  # whether pulls wait, while redundancy leads elsewhere
-    "barriers",  # rows of the barriers in this tick
-    "guarded",  # whether a trial must be asked about before it is accepted
-)
-_FIRST = len(loops.LAYOUT)
+OF_TARGET, OF_WORLD, OF_NODE = range(3)
+"""Whose axes a task's rows are in."""
+
+
+class TaskMemory(Memory):
+    """One task: a frame on a node follows a pose or a twist."""
+
+    n: int = parameter(0)
+    is_valid: int = parameter(1)
+    joint: int = parameter(0)  # that carries the node
+    translation: int = parameter(3)  # constrained translations
+    rotation: int = parameter(3)
+    weight: float = parameter(1.0)
+    axes_of: int = parameter(OF_TARGET)
+    axes_joint: int = parameter(0)  # that carries the node whose axes are used
+    is_twist: int = parameter(0)
+    target: int = parameter(0)  # address of a frame (4, 3)
+    own_target: Array = array(4, 3)  # for it to point at, where no other memory can be read
+    offset: Array = array(4, 3)  # the frame that follows, seen from the joint
+    axes: Array = array(3, 3)  # of that node, seen from the joint
+    twist: Array = array(6)
+    moved_by: Array = array("n")  # 1 for DoF that move the node, else 0
+
+    # in the present tick
+    is_active: int = state(0)
+    aim: Array = array(4, 3)  # where it leads in this tick
+    world_axes: Array = array(3, 3)
+    distance: float = state(0.0)  # what is left, m
+    angle: float = state(0.0)  # rad
+    is_followed: int = state(0)  # a twist was, in the last tick
+
+
+task_at = view(TaskMemory)
+
+
+class TasksMemory(LoopMemory):
+    """A mechanism with tasks."""
+
+    tasks: int = parameter(0)
+    task_rows: int = parameter(0)  # of all tasks, valid or not
+    task_handles: Table = array("tasks", dtype=int)
+    dt: float = parameter(1.0)
+    gain: float = parameter(1.0)  # part of an error that a tick makes good
+    lower: Array = array("n")  # position limits, m and rad
+    upper: Array = array("n")
+
+    active_rows: int = state(0)  # of the tasks that are valid in this tick: they come first below
+    heaviest: float = state(1.0)  # weight of the active tasks
+    signature: int = state(-1)  # bits of the tasks that were active when their rank was asked for
+    error: Array = array("task_rows")  # what is left
+    wanted: Array = array("task_rows")  # of it in this tick: capped and weighted
+    trial_error: Array = array("task_rows")
+    task_jacobian: Array = array("task_rows", "n")  # weighted
+
+
+class LocalIKMemory(TasksMemory):
+    """A mechanism whose tasks and loops are solved as one system of equations."""
+
+    equations: int = parameter(0)  # rows of tasks and loops
+    goal_residual: float = parameter(0.0)
+    most_iterations: int = parameter(0)
+    iterations: int = state(0)
+    stalled: float = state(0.0)  # iterations without progress
+    cost: float = state(math.inf)  # squared residual of the best so far
+    damping: float = state(0.0)
+    tasks_left: float = state(0.0)  # largest residual of the tasks
+    loops_left: float = state(0.0)
+    system: Array = array("equations", "n")
+    right: Array = array("equations")
+    normal: Array = array("equations", "equations")
+    solution: Array = array("equations")
+    free: Array = array("n")  # 1 for joints that no limit blocks
+
+
+class BatchMemory(LoopMemory):
+    """A mechanism that is evaluated at many configurations, for one node."""
+
+    mobility: int = parameter(0)
+    wide: int = parameter(6)  # the larger of n and 6
+    joint: int = parameter(0)  # that carries the node
+    translation: int = parameter(3)  # translations that count for its singular values, in its own axes
+    rotation: int = parameter(3)
+    passive: int = parameter(0)  # passive joints, if their smallest singular value is wanted, else 0
+    balls: int = parameter(0)  # ball joints that are written as three joints each
+    node_offset: Array = array(4, 3)  # the node, seen from the joint
+    moved_by: Array = array("n")  # 1 for DoF that move it, else 0
+    passive_dof: Table = array("passive", dtype=int)
+    ball_dof: Table = array("balls", 3, dtype=int)
+
+    # what is to be done
+    count: int = parameter(0)
+    is_given: int = parameter(0)  # configurations are given, not values of the actuated joints
+    is_whole: int = parameter(0)  # all is wanted, and not only the smallest singular value
+    width: int = parameter(0)  # singular values
+    whole: int = parameter(0)  # count if all is wanted, else 0
+    given: Array = foreign("count", "nq")
+    values: Array = foreign("count", "actuated")
+    anchor: Array = array("nq")  # the last configuration that could be closed
+
+    # results
+    result_q: Array = foreign("count", "nq")
+    placements: Array = foreign("whole", 4, 4)
+    jacobians: Array = foreign("whole", 6, "actuated")
+    singular_values: Array = foreign("count", "width")
+    closures: Array = foreign("count")
+    passive_sigma: Array = foreign("count")
+
+    # scratch
+    node: Array = array(4, 3)
+    node_rows: Array = array(6, "n")
+    free_rows: Array = array(6, "mobility")
+    null_space: Array = array("mobility", "n")
+    system: Array = array("mobility", "wide_system")
+    wide_system: int = parameter(6)  # mobility + 6
+    wide_rows: Array = array(6, "wide")
+    tall_rows: Array = array("wide", 6)
+    triangle: Array = array(6, 6)
+    squares: Array = array(2, 6)
+    passive_columns: Array = array("rows", "passive")
+    passive_work: Array = array(2, "passive")
+
+
+SVD, BASIS, SVD_UNLOCKED = range(3)
+"""What a step was found by: singular values, an orthonormal basis of rows, singular values without locked joints."""
+
 (
-    PULLS,
-    P,
-    K,
-    PULL_RANK,
-    SIGNATURE,
-    PHASE,
-    WARM,
-    TRIES,
-    CLOSES,
-    REFINE,
-    QUICK,
-    ACCELERATED,
-    WISHING,
-    TICKS,
-    SWEEPS,
-    EVALUATIONS,
-    LEFT_OUT,
-    NUDGED,
-    DETOUR,
-    BARRIERS,
-    GUARDED,
-) = range(_FIRST, _FIRST + len(_SIZES))
-
-_ARRAYS = (
-    "low",  # (nv,) position limits, m and rad
-    "high",  # (nv,)
-    "longest",  # (nv,) longest step without unit
-    "acceleration",  # (nv,) largest change of the step without unit
-    "pull_table",  # (pulls, 48) what the pulls are
-    "pull_state",  # (pulls, 32) what they are in this tick
-    "moves",  # (pulls, nv)
-    "record",  # (.,) what the tick did
-    "motions",  # (k, nv)
-    "jp",  # (p, nv)
-    "e",  # (p,) what the pulls want of this tick
-    "e_whole",  # (p,) what is left in all
-    "e_trial",  # (p,)
-    "a",
-    "u",
-    "b",
-    "square",
-    "triangle",  # (2, p, p)
-    "y",
-    "wish",  # (nv,) what redundancy would like to do, without unit
-    "wish_free",  # (nv,) the part of it that loops and pulls leave, in the free motions
-    "secondary",  # (nv,) what of it is taken
-    "room",  # (3, nv + barriers) scratch: how far it may go, and what holds it
-    "taken",  # (nv,) part of the step that is tried
-    "moved",  # (nv,) what it led to
-    "last",  # (nv,) what was moved in the last tick
-    "drift",  # (nv,) what of it was not in its step: what closed the loops
-    "braking",  # (nv,) the step that slows down as much as accelerations allow
-    "stopped",  # (nv + barriers,) bounds that hold the step back
-    "floor",  # (nv + barriers,) bounds of the step, and of what barriers see of it
-    "ceiling",  # (nv + barriers,)
-    "barrier_rows",  # (barriers, nv) without unit
-    "barrier_room",  # (barriers,) how much of it a step may have
-    "axes",  # (nv, nv)
-    "size",  # (nv,)
-    "x",  # (nv,)
-    "g",  # (nv + barriers, nv)
-    "work",  # (3, nv, nv)
-    "scratch",  # (8, nv)
-    "r",  # (4, 3)
-)
-(
-    LOW,
-    HIGH,
-    LONGEST,
-    ACCELERATION,
-    PULL_TABLE,
-    PULL_STATE,
-    MOVES,
-    RECORD,
-    MOTIONS,
-    JP,
-    E,
-    E_WHOLE,
-    E_TRIAL,
-    A,
-    U,
-    B,
-    SQUARE,
-    TRIANGLE,
-    Y,
-    WISH,
-    WISH_FREE,
-    SECONDARY,
-    ROOM,
-    TAKEN,
-    MOVED,
-    LAST,
-    DRIFT,
-    BRAKING,
-    STOPPED,
-    FLOOR,
-    CEILING,
-    BARRIER_ROWS,
-    BARRIER_ROOM,
-    AXES,
-    SIZE,
-    X,
-    G,
-    WORK,
-    SCRATCH,
-    R,
-) = range(_FIRST + len(_SIZES), _FIRST + len(_SIZES) + len(_ARRAYS))
-
-LAYOUT = loops.LAYOUT + _SIZES + _ARRAYS
-
-# settings, behind those of loops: seconds, gain, largest error of a tick, most that a placement bends (lengths per
-# rad^2, infinite where it is not known), the singular value below which damping sets in; then what a tick remembers:
-# the distance it began with, what its step should win, what pulls lacked last, and the part of its wish that
-# redundancy is trusted with; and the part of a trial that barriers allow
-_DT = loops.SETTINGS_WIDTH
-DT, GAIN, ERROR_CAP, BEND, NEAR, DISTANCE, GAINED, LACK, TRUST, CLEAR = range(_DT, _DT + 10)
-SETTINGS_WIDTH = _DT + 10
-
-# a pull's row of its table
-VALID, JOINT, TRANSLATION, ROTATION, WEIGHT, AXES_OF, AXES_JOINT, IS_TWIST, TARGET = range(9)
-LOCAL, AXES_LOCAL, TWIST = 9, 21, 33
-PULL_WIDTH = 48
-OF_TARGET, OF_WORLD, OF_NODE = 0, 1, 2
-
-# a pull's state in a tick
-AIM, AXES_NOW, HOLDS, METRES, RADIANS, FOLLOWED = 0, 12, 21, 22, 23, 24
-STATE_WIDTH = 32
-
-# the record of a tick; then come q, v, error of each pull (m, rad), what each pull wanted, singular values, and which
-# joints stopped it. Errors and singular values may be left out, where the status is known without them
-R_STATUS, R_CLOSURE, R_PACE, R_PULL_RANK, R_SLOWEST, R_EVALUATIONS, R_SWEEPS = range(7)
-R_MEASURED, R_SIGMA, R_LEFT_OUT, R_BARRED, R_HEAD = 7, 8, 9, 10, 11
-MOST_LEFT_OUT = 52  # objectives that are told apart: bits of a double
-WANTED = 25  # numbers for each pull: aim, axes, translation, rotation, weight, whether it holds
+    STATUS, CLOSURE, SPEED_SCALE, TASK_RANK, LIMITING_DOF, EVALUATIONS, SWEEPS, ERRORS_KNOWN, SIGMA_KNOWN,
+    FAILED_OBJECTIVES, ACTIVE_BARRIERS, REPORT_SIZE,
+) = range(12)  # fmt: skip
+"""The report of a tick."""
+MOST_FLAGS = 52  # objectives or barriers that are told apart: bits of a double
 
 
-def _offset() -> int | None:
-    """Where in a copied pin.SE3 its numbers begin, seen from the object; None if that differs from copy to copy."""
-    copies = [pin.SE3.Identity().copy() for _ in range(4)]
-    offsets = {loops.address(copy.rotation) - id(copy) for copy in copies}
-    return offsets.pop() if len(offsets) == 1 else None
+class SolverMemory(TasksMemory):
+    """A mechanism that a resolved-rate solver moves."""
 
+    nv: int = parameter(0)
+    mobility: int = parameter(0)  # DoF that the loops leave
+    lesser: int = parameter(0)  # of task_rows and mobility
+    larger: int = parameter(0)
+    barrier_capacity: int = parameter(0)
+    bounds: int = parameter(0)  # n + barrier_capacity
 
-_OFFSET = _offset()
+    # set by Python
+    task_rank: int = parameter(0)  # generic, of the active tasks
+    damping_threshold: float = parameter(NEAR)
+    second_derivative: float = parameter(math.inf)  # bound of that of any placement by the joints, lengths per rad^2
+    has_acceleration_limits: int = parameter(0)
+    tasks_are_suspended: int = parameter(0)
+    barriers: int = parameter(0)  # rows in this tick
+    is_guarded: int = parameter(0)  # barriers are asked before a trial is accepted
+    is_watched: int = parameter(0)  # a tick pauses when its step is proposed
+    clear_part: float = state(1.0)  # part of the step to the trial that barriers allow
+    longest_step: Array = array("n")
+    longest_change: Array = array("n")  # of the step, from tick to tick
+    barrier_rows: Array = array("barrier_capacity", "n")
+    barrier_room: Array = array("barrier_capacity")
+    has_secondary: int = state(0)  # there is a null-space velocity in this tick
+    failed_objectives: int = state(0)  # bits
+    secondary_wanted: Array = array("n")
 
+    # the tick
+    phase: int = state(0)
+    ticks: int = state(0)
+    is_at_q: int = state(0)  # frames are evaluated there
+    tries: int = state(0)  # how often the step was shortened
+    closes: int = state(0)  # some part of the step could be closed
+    is_refined: int = state(0)  # tasks are corrected together with the loops
+    is_nudged: int = state(0)  # the step leads out of a singularity
+    found_by: int = state(SVD)
+    is_warm: int = state(0)  # the last singular vectors are a guess for the next
+    sweeps: int = state(0)
+    task_distance: float = state(0.0)  # of the tasks, where the tick began
+    promised: float = state(0.0)  # how much less of it the step should leave
+    lack: float = state(0.0)  # what the refined tasks lacked last
+    secondary_scale: float = state(1.0)  # part of the null-space velocity that is trusted
 
-def address_of_copy(copied: pin.SE3) -> int:
-    """Of the 12 numbers of what `SE3.copy` has returned. Asking numpy for it takes ten times as long."""
-    return id(copied) + _OFFSET if _OFFSET is not None else loops.address(copied.rotation)
+    # directions of the tasks
+    null_space: Array = array("mobility", "n")
+    reduced: Array = array("lesser", "larger")  # the tasks' rows on the null space of the loops
+    left: Array = array("lesser", "lesser")
+    right: Array = array("lesser", "larger")
+    squares: Array = array("lesser")
+    triangle: Array = array(2, "task_rows", "task_rows")
+    free_step: Array = array("mobility")
+    axes: Array = array("mobility", "mobility")
+    size: Array = array("mobility")
+
+    # steps, dimensionless
+    step: Array = array("n")
+    attempted: Array = array("n")
+    moved: Array = array("n")  # what it led to
+    last: Array = array("n")  # what was moved in the last tick
+    drift: Array = array("n")  # what of it was not attempted, but closed the loops
+    braking: Array = array("n")  # the step that slows down as much as accelerations allow
+    secondary_free: Array = array("mobility")
+    secondary: Array = array("n")  # what of the null-space velocity is taken
+    fresh: Array = array("n")  # scratch
+
+    # bounds, of joints and then of barriers
+    floor: Array = array("bounds")
+    ceiling: Array = array("bounds")
+    stopped: Array = array("bounds")  # -1 or 1 where the lower or upper one holds the step back
+    room: Array = array(3, "bounds")
+    normals: Array = array("bounds", "mobility")
+    wanted_point: Array = array("mobility")
+    active_normals: Array = array(3, "mobility", "mobility")
+    active: Array = array(6, "mobility")
+    axis_order: Table = array("mobility", dtype=int)
+
+    # the record of a tick
+    report: Array = array(REPORT_SIZE, block="record")
+    record_q: Array = array("nq", block="record")
+    record_v: Array = array("nv", block="record")
+    record_errors: Array = array("tasks", 2, block="record")
+    record_aims: Array = array("tasks", 4, 3, block="record")
+    record_axes: Array = array("tasks", 3, 3, block="record")
+    record_tasks: Array = array("tasks", 4, block="record")  # translation, rotation, weight, whether it was active
+    record_sigma: Array = array("lesser", block="record")
+    record_stopped: Array = array("nv", block="record")

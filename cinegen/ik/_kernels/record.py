@@ -5,137 +5,136 @@ from __future__ import annotations
 import math
 
 from cinegen.ik._kernels import memory as m
-from cinegen.ik._kernels.aims import measure
+from cinegen.ik._kernels.memory import SVD, SolverMemory, task_at
+from cinegen.ik._kernels.tasks import measure
 from cinegen.ik.thresholds import (
     ARRIVED,
-    ASTRAY,
     AT_LIMIT,
     BAD_TARGET,
+    BARRED,
     BEGIN,
+    DETOUR,
     FOLLOWING,
     IDLE,
-    IS_BARRED,
     NEAR_TYPE_2,
-    ON_DETOUR,
     OUT_OF_REACH,
     REFUSED,
     REST,
     SINGULAR,
     TRIES,
 )
-from cinegen.jit.compiled import Table, compiled, matrix, vector
+from cinegen.jit.compiled import compiled
 
 
 @compiled
-def finish(t: Table, accepted: bool) -> None:
-    """Accepts the trial, or stays; writes the record."""
-    n, offset, nv, pulls = t[m.N], t[m.OFFSET], t[m.NV], t[m.PULLS]
-    size = t[m.NQ]
-    settings = vector(t[m.SETTINGS], m.SETTINGS_WIDTH)
-    lesser = min(t[m.P], t[m.K])
-    sigmas = min(t[m.PULL_RANK], lesser)
-    record = vector(t[m.RECORD], m.R_HEAD + t[m.NQ] + 2 * t[m.NV] + (8 + m.WANTED) * t[m.PULLS])
-    state = matrix(t[m.PULL_STATE], pulls, m.STATE_WIDTH)
-    table = matrix(t[m.PULL_TABLE], pulls, m.PULL_WIDTH)
-    q, trial = vector(t[m.Q], t[m.NQ]), vector(t[m.TRIAL], t[m.NQ])
-    moved, last = vector(t[m.MOVED], n), vector(t[m.LAST], n)
-    taken, drift = vector(t[m.TAKEN], n), vector(t[m.DRIFT], n)
-    scale = vector(t[m.SCALE] + 8 * offset, n)
-    stopped, square = vector(t[m.STOPPED], n + t[m.BARRIERS]), vector(t[m.SQUARE], lesser)
-    fastest = 0.0
-    secondary = vector(t[m.SECONDARY], n)
-    for j in range(n):
-        if not accepted:
-            moved[j] = 0.0
-            secondary[j] = 0.0
-        last[j] = moved[j]
-        drift[j] = moved[j] - taken[j] if accepted else 0.0
-        fastest = max(fastest, abs(moved[j]))
+def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
+    """Accept the trial, for sure or after it was judged, or stay; write the record."""
+    report = memory.report
+    fastest = _accept(memory, accepted)
+    if is_sure:
+        memory.is_at_q = 0
+    left, active = _record_tasks(memory, accepted)
+    smallest = _record_singular_values(memory)
+    saturated, barred = _record_limits(memory)
     if accepted:
-        for i in range(size):
-            q[i] = trial[i]
-    if not accepted:
-        # what is left is what was left before
-        p = 0
-        e = vector(t[m.E_WHOLE], 6 * pulls)
-        for i in range(pulls):
-            if state[i, m.HOLDS] != 0.0:
-                translation, angular = int(table[i, m.TRANSLATION]), int(table[i, m.ROTATION])
-                measure(state[i], e[p : p + translation + angular], translation, angular, settings[m.LENGTH])
-                p += translation + angular
-    at = m.R_HEAD
-    for i in range(size):
-        record[at + i] = q[i]
-    at += size
-    for j in range(nv):
-        record[at + j] = moved[j - offset] * scale[j - offset] / settings[m.DT] if j >= offset else 0.0
-    at += nv
-    left, good = 0.0, 0
-    for i in range(pulls):
-        if state[i, m.HOLDS] != 0.0:
-            good += 1
-            record[at + 2 * i], record[at + 2 * i + 1] = state[i, m.METRES], state[i, m.RADIANS]
-            error = max(state[i, m.METRES] / settings[m.LENGTH], state[i, m.RADIANS])
-            left = max(left, error)
-            state[i, m.FOLLOWED] = 1.0 if table[i, m.IS_TWIST] != 0.0 and error < 1e-3 else 0.0
-        else:
-            record[at + 2 * i], record[at + 2 * i + 1] = math.nan, math.nan
-    at += 2 * pulls
-    for i in range(pulls):
-        for j in range(21):
-            record[at + j] = state[i, m.AIM + j]
-        record[at + 21], record[at + 22] = table[i, m.TRANSLATION], table[i, m.ROTATION]
-        record[at + 23], record[at + 24] = table[i, m.WEIGHT], state[i, m.HOLDS]
-        at += m.WANTED
-    smallest = math.inf
-    if t[m.QUICK] == 0:
-        for i in range(sigmas):
-            record[at + i] = math.sqrt(square[i])
-            smallest = record[at + i]
-    record[m.R_SIGMA] = 1.0 if t[m.QUICK] == 0 else 0.0
-    at += 6 * pulls
-    saturated = False
-    for j in range(nv):
-        record[at + j] = stopped[j - offset] if j >= offset else 0.0
-        saturated = saturated or record[at + j] != 0.0
-    barred = 0
-    for b in range(t[m.BARRIERS]):
-        if stopped[n + b] != 0.0:
-            barred |= 1 << min(b, m.MOST_LEFT_OUT)
-    record[m.R_BARRED] = barred
-    refused = not accepted and t[m.TRIES] >= TRIES and t[m.CLOSES] == 0
-    if good < pulls:
+        memory.closure = memory.gap
+    if active < memory.tasks:
         status = BAD_TARGET
-    elif pulls == 0:
+    elif memory.tasks == 0:
         status = IDLE
-    elif refused:
+    elif not accepted and memory.tries >= TRIES and memory.closes == 0:
         status = REFUSED
-    elif left <= ARRIVED:
+    elif left <= ARRIVED or is_sure:
         status = FOLLOWING
-    elif t[m.DETOUR] != 0:
-        status = ON_DETOUR
-    elif barred != 0 or (not accepted and settings[m.CLEAR] < 1.0):
-        status = IS_BARRED
+    elif memory.tasks_are_suspended != 0:
+        status = DETOUR
+    elif barred != 0 or (not accepted and memory.clear_part < 1.0):
+        status = BARRED
     elif saturated:
         status = AT_LIMIT
-    elif fastest < REST * settings[m.GAIN]:
+    elif fastest < REST * memory.gain:
         status = OUT_OF_REACH
-    elif smallest < settings[m.NEAR] or settings[m.LOOP_SIGMA] < NEAR_TYPE_2:
+    elif smallest < memory.damping_threshold or memory.sigma < NEAR_TYPE_2:
         status = SINGULAR
     else:
         status = FOLLOWING
-    sure = accepted and t[m.PHASE] == BEGIN
-    record[m.R_MEASURED] = 0.0 if sure else 1.0
-    if sure:
-        status = FOLLOWING
-    t[m.PHASE] = ASTRAY if not accepted and t[m.EVALUATIONS] > 0 else BEGIN
+    report[m.STATUS] = status
+    report[m.CLOSURE] = memory.closure if memory.loops > 0 else 0.0
+    report[m.TASK_RANK] = min(memory.task_rank, memory.active_rows, memory.mobility)
+    if report[m.LIMITING_DOF] >= 0.0:
+        report[m.LIMITING_DOF] += memory.fixed
+    report[m.EVALUATIONS], report[m.SWEEPS] = memory.evaluations, memory.sweeps
+    report[m.ERRORS_KNOWN] = 0.0 if is_sure else 1.0
+    report[m.FAILED_OBJECTIVES], report[m.ACTIVE_BARRIERS] = memory.failed_objectives, barred
+    memory.has_secondary, memory.failed_objectives = 0, 0  # a null-space velocity is for one tick
+    memory.phase = BEGIN
+
+
+@compiled
+def _accept(memory: SolverMemory, accepted: bool) -> float:
+    """Make the trial q, or stay; return the fastest motion of a joint, dimensionless."""
+    fastest = 0.0
+    for j in range(memory.n):
+        if not accepted:
+            memory.moved[j] = memory.secondary[j] = 0.0
+        memory.last[j] = memory.moved[j]
+        memory.drift[j] = memory.moved[j] - memory.attempted[j] if accepted else 0.0
+        fastest = max(fastest, abs(memory.moved[j]))
+        memory.record_v[memory.fixed + j] = memory.moved[j] * memory.scale[j] / memory.dt
+    for i in range(memory.nq):
+        if accepted:
+            memory.q[i] = memory.trial[i]
+        memory.record_q[i] = memory.q[i]
     if accepted:
-        settings[m.CLOSED] = settings[m.GAP]
-    record[m.R_CLOSURE] = settings[m.CLOSED] if t[m.LOOPS] > 0 else 0.0
-    record[m.R_STATUS] = status
-    record[m.R_PULL_RANK] = sigmas
-    if record[m.R_SLOWEST] >= 0.0:
-        record[m.R_SLOWEST] += offset
-    record[m.R_EVALUATIONS], record[m.R_SWEEPS] = t[m.EVALUATIONS], t[m.SWEEPS]
-    record[m.R_LEFT_OUT] = t[m.LEFT_OUT]
-    t[m.WISHING], t[m.LEFT_OUT] = 0, 0  # a wish is for one tick
+        memory.is_at_q = 1
+    return fastest
+
+
+@compiled
+def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
+    """Record the tasks; return the largest error, dimensionless, and how many of them are active."""
+    row, left, active = 0, 0.0, 0
+    for i in range(memory.tasks):
+        task, errors, kept = task_at(memory.task_handles[i]), memory.record_errors[i], memory.record_tasks[i]
+        for k in range(3):
+            for c in range(4):
+                memory.record_aims[i, c, k] = task.aim[c, k]
+            for c in range(3):
+                memory.record_axes[i, c, k] = task.world_axes[c, k]
+        kept[0], kept[1], kept[2], kept[3] = task.translation, task.rotation, task.weight, task.is_active
+        if task.is_active == 0:
+            errors[0] = errors[1] = math.nan
+            continue
+        if not accepted:  # what is left is what was left before
+            measure(task, memory.error[row:], memory.length)
+        row += task.translation + task.rotation
+        active += 1
+        errors[0], errors[1] = task.distance, task.angle
+        error = max(task.distance / memory.length, task.angle)
+        left = max(left, error)
+        task.is_followed = 1 if task.is_twist != 0 and error < 1e-3 else 0
+    return left, active
+
+
+@compiled
+def _record_singular_values(memory: SolverMemory) -> float:
+    """Record the singular values, where they are known; return the smallest."""
+    smallest = math.inf
+    memory.report[m.SIGMA_KNOWN] = 1.0 if memory.found_by == SVD else 0.0
+    if memory.found_by == SVD:
+        for i in range(min(memory.task_rank, memory.active_rows, memory.mobility)):
+            smallest = memory.record_sigma[i] = math.sqrt(memory.squares[i])
+    return smallest
+
+
+@compiled
+def _record_limits(memory: SolverMemory) -> tuple[bool, int]:
+    """Record the active limits; return whether there are any, and the active barriers as bits."""
+    saturated, barred = False, 0
+    for j in range(memory.n):
+        memory.record_stopped[memory.fixed + j] = memory.stopped[j]
+        saturated = saturated or memory.stopped[j] != 0.0
+    for b in range(memory.barriers):
+        if memory.stopped[memory.n + b] != 0.0:
+            barred |= 1 << min(b, m.MOST_FLAGS)
+    return saturated, barred

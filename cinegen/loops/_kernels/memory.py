@@ -1,167 +1,104 @@
-"""Where the kernels' numbers lie: one table of sizes and addresses, so that a kernel is called with one argument.
+"""Memory of the kernels that close a mechanism's loops.
 
-Passing thirty arrays to a compiled function costs more than the function itself. What is here is what closing loops
-takes; the table of a solver goes on where this one ends (`cinegen.ik._kernels.memory`).
+Everything is dimensionless: lengths are divided by the characteristic length, and so are the steps of prismatic joints.
+DoF means degrees of freedom here. Frames are (4, 3): see `cinegen.jit.se3`.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import math
 
-import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
-
-from cinegen.jit.compiled import Array
-
-SIZES = (
-    "nq",  # numbers of a configuration
-    "nv",  # degrees of freedom of the model
-    "n",  # those that may move: without a base that rests
-    "offset",  # the first of them
-    "loops",
-    "rows",  # of all loops
-    "rank",  # of all loops: generic
-    "motors",
-    "corrections",  # of the present trial
-    "factored",  # where the loops are factored: 0 nowhere that is of use, 1 at q or near it, 2 at the trial
-    "singular",  # whether the factors are singular vectors: near a type 2 singularity
-    "begun",  # whether there is a way to where motors are led
-    "halved",  # how often a step on it was halved
-    "whole",  # whether this step leads all the way
-    "alike",  # how many steps before this one led all the way by as much as this one, up to 2
-)
-NQ, NV, N, OFFSET, LOOPS, ROWS, RANK, MOTORS, CORRECTIONS, FACTORED, SINGULAR, BEGUN, HALVED, WHOLE, ALIKE = range(
-    len(SIZES)
-)
-
-ARRAYS = (
-    "q",  # (nq,) where it is
-    "trial",  # (nq,) where it may go
-    "before",  # (nq,) what `delta` is to be added to
-    "delta",  # (nv,) m and rad
-    "columns",  # (nv, 6) Pinocchio's Jacobian
-    "placements",  # (joints, 12) Pinocchio's
-    "scale",  # (nv,) m or rad that one step without unit is
-    "at",  # (nv,) where in q; -1 where the joint is no number
-    "loop_table",  # (loops, 32) kind, joints, placements, first row, rows
-    "signs",  # (loops, nv)
-    "settings",  # see below
-    "jc",  # (rows, nv) loops at q or at the trial
-    "jc_before",  # (rows, nv) loops at q
-    "c",  # (rows,) residual at the trial
-    "f",  # (max(rows, nv), nv)
-    "order",
-    "left",
-    "tau",
-    "h",  # (max(rank, nv), nv)
-    "loop_u",  # (rows, rows)
-    "loop_b",  # (rows, nv)
-    "loop_square",  # (rows,)
-    "held",  # (nv,) joints that stay while loops are closed
-    "step",  # (nv,)
-    "motor_columns",  # (motors,)
-    "motor_places",  # (motors,) in q
-    "goal",  # (motors,) where motors are led, m and rad
-    "way",  # (nv,) how all joints get there, to first order
-    "bends",  # (3, nv) what this step and the two before were more than that
-    "way_before",  # (motors,) what motors did in the step before
-    "sides",  # (rows, rows) scratch
-    "w",  # (16, 3) scratch
-)
-_FIRST = len(SIZES)
-(
-    Q,
-    TRIAL,
-    BEFORE,
-    DELTA,
-    COLUMNS,
-    PLACEMENTS,
-    SCALE,
-    AT,
-    LOOP_TABLE,
-    SIGNS,
-    SETTINGS,
-    JC,
-    JC_BEFORE,
-    C,
-    F,
-    ORDER,
-    LEFT,
-    TAU,
-    H,
-    LOOP_U,
-    LOOP_B,
-    LOOP_SQUARE,
-    HELD,
-    STEP,
-    MOTOR_COLUMNS,
-    MOTOR_PLACES,
-    GOAL,
-    WAY,
-    BENDS,
-    WAY_BEFORE,
-    SIDES,
-    W,
-) = range(_FIRST, _FIRST + len(ARRAYS))
-
-LAYOUT: tuple[str, ...] = SIZES + ARRAYS
-
-# settings: characteristic length (m); the gap where loops were factored, the last gap, the gap of the last that counts,
-# the smallest singular value of the loops or 1 where that is not small; of a walk what counts as closed, its longest
-# step, the part of a step that closing may add, the part of the way that the last step is, and the sign of a
-# determinant at q; the squared gap and the damping of Gauss-Newton
-LENGTH, SHARP, GAP, CLOSED, LOOP_SIGMA, TOLERANCE, STRIDE, ASTRAY, PART, SIDE, SQUARED, DAMPING = range(12)
-SETTINGS_WIDTH = 12
-
-# a loop's row of its table
-KIND, FIRST, SECOND, FIRST_ROW, LOOP_ROWS, FIRST_LOCAL, SECOND_LOCAL = 0, 1, 2, 3, 4, 5, 17
-LOOP_WIDTH = 32
+from cinegen.jit.compiled import Array, Table
+from cinegen.jit.memory import Memory, array, parameter, state
 
 
-class Memory:
-    """All arrays that kernels work on, by name, and the table of their addresses.
+class LoopMemory(Memory):
+    """A mechanism: its joints, its loops, and what closing them takes."""
 
-    Args:
-        layout: the names of all entries of the table, sizes first in each of its parts.
-        sizes: some of them, by name; the others are 0 at first.
-    """
+    # sizes
+    nq: int = parameter(0)
+    n: int = parameter(0)  # DoF that may move
+    fixed: int = parameter(0)  # DoF of a base that stays where it is: they come first in v, and are left out of n
+    joints: int = parameter(0)
+    loops: int = parameter(0)
+    rows: int = parameter(0)  # of all loops
+    rank: int = parameter(0)  # of these rows: generic
+    actuated: int = parameter(0)
+    length: float = parameter(1.0)  # characteristic length, m
 
-    def __init__(self, layout: tuple[str, ...] = LAYOUT, **sizes: int) -> None:
-        self._where = {name: i for i, name in enumerate(layout)}
-        self.table: NDArray[np.int64] = np.zeros(len(layout), dtype=np.int64)
-        self.arrays: dict[str, Array] = {}
-        for name, value in sizes.items():
-            self.table[self._where[name]] = value
+    # joints; joint 0 is the world
+    joint_kind: Table = array("joints", dtype=int)
+    joint_parent: Table = array("joints", dtype=int)
+    joint_q: Table = array("joints", dtype=int)  # its first number in q
+    joint_dof: Table = array("joints", dtype=int)  # its first DoF; below 0 if it stays where it is
+    joint_axis: Array = array("joints", 3)
+    joint_offset: Array = array("joints", 4, 3)  # its frame at zero, seen from its parent
+    scale: Array = array("n")  # m or rad that one dimensionless step is
+    q_index: Table = array("n", dtype=int)  # where a DoF is in q; -1 where it is not one number of q
 
-    def put(self, name: str, array: Any) -> Array:
-        """Keeps an array, and its address."""
-        given: Array = np.ascontiguousarray(array, dtype=float)
-        if given.size == 0:
-            given = np.zeros(1)  # an address all the same
-        self.arrays[name] = given
-        self.table[self._where[name]] = address(given)
-        return given
+    # where the mechanism is
+    q: Array = array("nq")  # closed
+    trial: Array = array("nq")  # may become q
+    candidate: Array = array("nq")  # may become the trial
+    frames: Array = array("joints", 4, 3)  # of all joints in the world, where they were evaluated last
+    screws: Array = array("n", 6)  # of all DoF: velocity of the point at the world's origin, then angular velocity
+    evaluations: int = state(0)
 
-    def point(self, name: str, where: int) -> None:
-        """Keeps an address of memory that others own."""
-        self.table[self._where[name]] = where
+    # loops: the joints that were cut
+    loop_kind: Table = array("loops", dtype=int)
+    loop_joints: Table = array("loops", 2, dtype=int)  # that carry its ends
+    loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, seen from these joints
+    loop_row: Table = array("loops", dtype=int)  # its first row
+    loop_signs: Array = array("loops", "n")  # 1 for a DoF that moves the second end, -1 the first, 0 both or none
+    residual: Array = array("rows")
+    minus_residual: Array = array("rows")  # scratch
+    jacobian: Array = array("rows", "n")
+
+    # their factors
+    locked: Array = array("n")  # not 0 for DoF that stay while loops are closed
+    factors: Array = array("rows", "n")
+    row_order: Table = array("rows", dtype=int)
+    row_left: Array = array("rows")
+    tau: Array = array("rows")
+    reflectors: Array = array("rows", "n")
+    left_vectors: Array = array("rows", "rows")
+    right_vectors: Array = array("rows", "n")
+    squared_sigma: Array = array("rows")
+    is_singular: int = state(0)  # whether the factors are singular vectors
+    factored_rank: int = state(0)
+    factored_at: int = state(0)  # where the loops are factored: see below
+    factors_gap: float = state(math.inf)  # how far the loops stood open there
+    sigma: float = state(1.0)  # the smallest singular value of the loops, or 1 where it is not small
+
+    # closing them
+    gap: float = state(0.0)  # largest residual
+    closure: float = state(0.0)  # largest residual at q
+    corrections: int = state(0)
+    correction: Array = array("n")
+    delta: Array = array("n")  # m and rad
+
+    # following the actuated joints
+    actuated_dof: Table = array("actuated", dtype=int)
+    goal: Array = array("actuated")  # m and rad
+    tolerance: float = parameter(0.0)  # loops are closed to this
+    longest_stride: float = parameter(0.0)
+    most_added: float = parameter(0.0)  # part of a step that closing the loops may add
+    halvings: int = state(0)
+    part: float = state(0.0)  # of the remaining path, that the present step is
+    tangent: Array = array("n")  # the remaining path, to first order
+    alike: int = state(0)  # whole steps before this one by as much as this one, up to 2
+    actuated_step: Array = array("actuated")  # the last whole one
+    curvature: Array = array("n")  # second-order term of this step, and of the two before
+    curvature_1: Array = array("n")
+    curvature_2: Array = array("n")
+    jacobian_at_q: Array = array("rows", "n")
+    determinant: Array = array("rows", "rows")  # scratch
+    side: float = state(0.0)  # sign of a determinant at q
+
+    # scratch
+    ends: Array = array(2, 4, 3)
+    vectors: Array = array(12, 3)
 
 
-def address(array: Array) -> int:
-    """Of an array's first number."""
-    return int(array.__array_interface__["data"][0])
-
-
-def columns_of(placement: pin.SE3) -> Array:
-    """The 12 numbers of a placement, as Pinocchio keeps them: three columns of the rotation, then the translation."""
-    return np.concatenate([placement.rotation.ravel(order="F"), placement.translation])
-
-
-def placements_address(data: pin.Data) -> int:
-    """Of the joints' placements, 96 bytes each."""
-    first, second = data.oMi[0], data.oMi[len(data.oMi) - 1]
-    begin = address(first.rotation)
-    if address(first.translation) != begin + 72 or address(second.rotation) != begin + 96 * (len(data.oMi) - 1):
-        raise AssertionError("this build of Pinocchio lays placements out in a way that the kernels don't know")
-    return begin
+NOWHERE, AT_Q, AT_TRIAL = range(3)
+"""Where the loops are factored: nowhere that is of use, at q or near it, at the trial."""

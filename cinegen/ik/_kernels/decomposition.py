@@ -1,0 +1,271 @@
+"""How well the tasks can be followed: their rows on the null space of the loops, decomposed; `cinegen.ik.resolve`,
+compiled."""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.ik._kernels.memory import BASIS, SVD, SolverMemory
+from cinegen.ik.thresholds import RESTING
+from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.factor import factor, null_space
+from cinegen.jit.svd import decompose, straighten
+
+_LOST = 1e-12  # a singular value below this part of the largest says nothing of its direction
+
+
+@compiled
+def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
+    """y (mobility,) = the part of x (n,) that the loops leave."""
+    for i in range(memory.mobility):
+        if memory.rank == 0:
+            y[i] = x[i]
+            continue
+        y[i] = 0.0
+        for k in range(memory.n):
+            y[i] += memory.null_space[i, k] * x[k]
+
+
+@compiled
+def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
+    """x (n,) = the joint step that a step y (mobility,) in the null space is."""
+    for k in range(memory.n):
+        x[k] = 0.0 if memory.rank > 0 else y[k]
+    if memory.rank > 0:
+        for i in range(memory.mobility):
+            for k in range(memory.n):
+                x[k] += y[i] * memory.null_space[i, k]
+
+
+@compiled
+def damping(square: float, error: float, threshold: float) -> float:
+    """What is added to a squared singular value, as `cinegen.ik.damping.damping`."""
+    ratio = square / (threshold * threshold)
+    return (1.0 - ratio) * (1.0 - ratio) * (0.25 * threshold * threshold + error) if ratio < 1.0 else 0.0
+
+
+@compiled
+def _reduce(memory: SolverMemory, transposed: bool) -> None:
+    """Compute `reduced`: the tasks' rows on the null space, (rows, mobility), or transposed."""
+    a, jacobian, free = memory.reduced, memory.task_jacobian, memory.null_space
+    for i in range(memory.active_rows):
+        for j in range(memory.mobility):
+            s = 0.0
+            if memory.rank > 0:
+                for k in range(memory.n):
+                    s += jacobian[i, k] * free[j, k]
+            else:
+                s = jacobian[i, j]
+            if transposed:
+                a[j, i] = s
+            else:
+                a[i, j] = s
+
+
+@compiled
+def find_singular_values(memory: SolverMemory) -> None:
+    """Decompose the tasks' rows on the null space: `squares` of the singular values, largest first.
+
+    Where there are no more rows than columns, rows are made orthogonal: right_i = s_i w_i, left_i = u_i. Else columns
+    are: right_i = s_i u_i, and left holds the w_i.
+    """
+    p, k = memory.active_rows, memory.mobility
+    lesser = min(p, k)
+    if memory.is_warm != 0 and memory.ticks % 32 == 0:
+        straighten(memory.left, lesser)
+    _reduce(memory, p > k)
+    memory.sweeps = decompose(
+        memory.reduced, lesser, max(p, k), memory.left, memory.right, memory.squares, memory.is_warm != 0
+    )
+    memory.is_warm = 1
+    memory.found_by = SVD
+
+
+@compiled
+def find_basis(memory: SolverMemory, error: Array) -> bool:
+    """Solve for `free_step` as `solve_damped` where no singular value is below the threshold, at a third of the cost;
+    else return False.
+
+    The rows become orthonormal, A = T Q with T triangular (Gram and Schmidt); the smallest singular value is at least
+    1 / |T^-1|, in Frobenius's norm. `reduced` becomes Q, `triangle` T and its inverse.
+
+    Args:
+        memory: whose rows are independent.
+        error: (rows,).
+    """
+    a, lower, inverse, y = memory.reduced, memory.triangle[0], memory.triangle[1], memory.free_step
+    p, k, least = memory.active_rows, memory.mobility, memory.damping_threshold * memory.damping_threshold
+    _reduce(memory, False)
+    total = 0.0
+    for i in range(p):
+        # the row's part along the rows before, and that row of the inverse
+        for c in range(i):
+            dot = 0.0
+            for j in range(k):
+                dot += a[c, j] * a[i, j]
+            lower[i, c] = dot
+            for j in range(k):
+                a[i, j] -= dot * a[c, j]
+        s = 0.0
+        for j in range(k):
+            s += a[i, j] * a[i, j]
+        if not s > least:
+            return False
+        s = 1.0 / math.sqrt(s)
+        for j in range(k):
+            a[i, j] *= s
+        inverse[i, i] = s
+        total += s * s
+        for c in range(i):
+            dot = 0.0
+            for j in range(c, i):
+                dot += lower[i, j] * inverse[j, c]
+            dot *= -s
+            inverse[i, c] = dot
+            total += dot * dot
+    if total * least > 1.0:
+        return False
+    memory.found_by = BASIS
+    for j in range(k):
+        y[j] = 0.0
+    add_solution(memory, error, y)
+    return True
+
+
+@compiled
+def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
+    """Add to y (mobility,) the shortest step that takes an error (rows,) away, undamped."""
+    p, k = memory.active_rows, memory.mobility
+    if memory.found_by == BASIS:
+        for i in range(p):
+            s = 0.0
+            for c in range(i + 1):
+                s += memory.triangle[1, i, c] * error[c]
+            for j in range(k):
+                y[j] += s * memory.reduced[i, j]
+        return
+    for i in range(min(memory.task_rank, p, k)):
+        s = _along(memory, i, error) / memory.squares[i]
+        for j in range(k):
+            y[j] += s * (memory.right[i, j] if p <= k else memory.left[i, j])
+
+
+@compiled
+def _along(memory: SolverMemory, i: int, error: Array) -> float:
+    """The part of an error (rows,) along the i-th left singular vector; times its value where rows are more."""
+    s = 0.0
+    for j in range(memory.active_rows):
+        s += (memory.left[i, j] if memory.active_rows <= memory.mobility else memory.right[i, j]) * error[j]
+    return s
+
+
+@compiled
+def reach_of(memory: SolverMemory, error: Array) -> float:
+    """The largest component of an error (rows,) that motions in the null space can do something about."""
+    p, k, largest = memory.active_rows, memory.mobility, 0.0
+    if memory.found_by == BASIS:
+        for j in range(p):
+            largest = max(largest, abs(error[j]))
+        return largest
+    for i in range(min(memory.task_rank, p, k)):
+        s = abs(_along(memory, i, error))
+        largest = max(largest, s if p <= k else s / math.sqrt(memory.squares[i]))
+    return largest
+
+
+@compiled
+def solve_damped(memory: SolverMemory) -> None:
+    """Set `free_step` to the least of |A y - wanted|^2 + damping, bounds apart."""
+    p, k, y = memory.active_rows, memory.mobility, memory.free_step
+    error = _norm(memory.wanted, p)
+    for j in range(k):
+        y[j] = 0.0
+    for i in range(min(p, k)):
+        square = memory.squares[i]
+        h = square + damping(square, error, memory.damping_threshold) if i < memory.task_rank else RESTING
+        s = _along(memory, i, memory.wanted) / h  # of s_i w_i where rows, of w_i else
+        for j in range(k):
+            y[j] += s * (memory.right[i, j] if p <= k else memory.left[i, j])
+
+
+@compiled
+def _norm(x: Array, size: int) -> float:
+    s = 0.0
+    for i in range(size):
+        s += x[i] * x[i]
+    return math.sqrt(s)
+
+
+@compiled
+def find_axes(memory: SolverMemory) -> int:
+    """Set `axes` to all right singular vectors w_i, and `size` to the roots of s_i^2 + damping_i.
+
+    Returns:
+        the first of them that no task asks for.
+    """
+    if memory.found_by != SVD:
+        find_singular_values(memory)
+    p, k, rank, axes = memory.active_rows, memory.mobility, min(memory.task_rank, memory.lesser), memory.axes
+    rank = min(rank, p)
+    error, threshold = _norm(memory.wanted, p), memory.damping_threshold
+    if p > k:
+        for i in range(k):
+            for j in range(k):
+                axes[i, j] = memory.left[i, j]
+            square = memory.squares[i]
+            memory.size[i] = math.sqrt(square + damping(square, error, threshold) if i < rank else RESTING)
+        return rank
+    known, f = 0, memory.active_normals[0]
+    for i in range(rank):
+        square = memory.squares[i]
+        if square > _LOST * _LOST * memory.squares[0]:
+            s = 1.0 / math.sqrt(square)
+            for j in range(k):
+                axes[i, j] = s * memory.right[i, j]
+                f[i, j] = axes[i, j]
+            memory.size[i] = math.sqrt(square + damping(square, error, threshold))
+            known += 1
+    if known < k:  # the factors of the loops are needed later
+        tau, reflectors = memory.active[1], memory.active_normals[1]
+        factor(f[:known], known, memory.axis_order, memory.active[0], tau, reflectors)
+        null_space(known, tau, reflectors, axes[known:])
+    for i in range(known, k):
+        memory.size[i] = math.sqrt(damping(0.0, error, threshold) if i < rank else RESTING)
+    return known
+
+
+@compiled
+def leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
+    """Take from y (mobility,) what moves a task."""
+    p, k = memory.active_rows, memory.mobility
+    for i in range(min(memory.task_rank, p, k)):
+        s, length = 0.0, 1.0
+        if memory.found_by == SVD and p <= k:
+            length = memory.squares[i]
+            if length <= _LOST * _LOST * memory.squares[0]:
+                continue
+        for j in range(k):
+            s += _direction(memory, i, j) * y[j]
+        s /= length
+        for j in range(k):
+            y[j] -= s * _direction(memory, i, j)
+
+
+@compiled
+def _direction(memory: SolverMemory, i: int, j: int) -> float:
+    """A component of the i-th of the directions that span the tasks."""
+    if memory.found_by != SVD:
+        return float(memory.reduced[i, j])
+    return float(memory.right[i, j] if memory.active_rows <= memory.mobility else memory.left[i, j])
+
+
+@compiled
+def predict_gain(memory: SolverMemory) -> None:
+    """Set `promised`: how much less of the tasks' distance `attempted` should leave, to first order."""
+    total = 0.0
+    for i in range(memory.active_rows):
+        s = 0.0
+        for k in range(memory.n):
+            s += memory.task_jacobian[i, k] * memory.attempted[k]
+        total += memory.wanted[i] * s
+    memory.promised = total / memory.gain

@@ -1,0 +1,168 @@
+"""Local inverse kinematics: one start, iterated until it is there or leads nowhere.
+
+Loops and tasks are one system of equations r(q) = 0 here (the extended Jacobian), and joint limits a box. Levenberg's
+and Marquardt's step, d = J^T (J J^T + mu |r|^2 1)^-1 r, has a damping that vanishes with the residual: convergence is
+quadratic at the end, also where rows depend on each other (N. Yamashita and M. Fukushima, "On the rate of convergence
+of the Levenberg-Marquardt method", 2001). A joint that is on a limit and is driven against it is left out of J.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.ik._kernels.memory import LocalIKMemory
+from cinegen.ik._kernels.tasks import aim_tasks, read_tasks
+from cinegen.jit.compiled import Array, compiled, entry
+from cinegen.jit.factor import cholesky
+from cinegen.loops._kernels.kinematics import evaluate, integrate
+from cinegen.loops._kernels.residual import evaluate_loops
+
+_LONGEST = 0.8  # rad or lengths of one joint in an iteration
+_SOFT = 0.03  # the first mu
+_SMALLEST, _LARGEST = 1e-6, 1e7  # of mu
+_FLOOR = 1e-13  # of the damping, as a part of J J^T's trace: rows may depend on each other
+_SLOW = 0.95  # part of the squared residual that is left after an iteration without progress
+_PATIENCE = 5  # of these in a row
+_ROUNDING = 1e-12  # rad or lengths
+
+
+@entry
+def solve(memory: LocalIKMemory) -> bool:
+    """Iterate from `trial`; `q` becomes the best configuration found. Return whether `goal_residual` is reached."""
+    memory.cost, memory.damping, memory.stalled, memory.iterations = math.inf, _SOFT, 0.0, 0
+    memory.tasks_left = memory.loops_left = math.inf
+    read_tasks(memory)
+    while True:
+        evaluate(memory, memory.trial)
+        reached, before = _is_reached(memory), memory.cost
+        cost, tasks_left, loops_left = _residuals(memory)
+        memory.iterations += 1
+        if cost < before:
+            memory.cost, memory.tasks_left, memory.loops_left = cost, tasks_left, loops_left
+            for i in range(memory.nq):
+                memory.q[i] = memory.trial[i]
+            if max(tasks_left, loops_left) <= _ROUNDING or (reached and cost > 0.01 * before):
+                return True
+            memory.stalled = memory.stalled + 1.0 if cost > _SLOW * before else 0.0
+            memory.damping = max(_SMALLEST, memory.damping * (0.2 if cost < 0.5 * before else 0.7))
+            _keep_system(memory)
+        else:
+            if reached:
+                return True
+            memory.damping *= 6.0
+            memory.stalled += 0.5
+        if memory.iterations > memory.most_iterations or memory.stalled >= _PATIENCE or memory.damping > _LARGEST:
+            return False
+        if not memory.cost < 1e30:
+            return False
+        if not _step(memory):
+            return _is_reached(memory)
+
+
+@compiled
+def _is_reached(memory: LocalIKMemory) -> bool:
+    return bool(max(memory.tasks_left, memory.loops_left) <= memory.goal_residual)
+
+
+@compiled
+def _residuals(memory: LocalIKMemory) -> tuple[float, float, float]:
+    """Compute tasks and loops; return the squared residual, and the largest of tasks and of loops."""
+    aim_tasks(memory)
+    loops = evaluate_loops(memory, True) if memory.loops > 0 else 0.0
+    cost, tasks = 0.0, 0.0
+    for i in range(memory.active_rows):
+        cost += memory.error[i] * memory.error[i]
+        tasks = max(tasks, abs(memory.error[i]))
+    for i in range(memory.rows):
+        cost += memory.residual[i] * memory.residual[i]
+    return cost, tasks, loops
+
+
+@compiled
+def _keep_system(memory: LocalIKMemory) -> None:
+    p = memory.active_rows
+    for i in range(p):
+        memory.right[i] = memory.error[i]
+        for j in range(memory.n):
+            memory.system[i, j] = memory.task_jacobian[i, j]
+    for i in range(memory.rows):
+        memory.right[p + i] = -memory.residual[i]
+        for j in range(memory.n):
+            memory.system[p + i, j] = memory.jacobian[i, j]
+
+
+@compiled
+def _step(memory: LocalIKMemory) -> bool:
+    """Move `trial` one step away from q. Return False where every joint that would help is on a limit."""
+    n, size = memory.n, memory.active_rows + memory.rows
+    jacobian, right, normal, z, free = memory.system, memory.right, memory.normal, memory.solution, memory.free
+    d, trial = memory.correction, memory.trial
+    for j in range(n):
+        s = 0.0
+        for i in range(size):
+            s += jacobian[i, j] * right[i]
+        free[j] = 0.0 if _is_blocked(memory, j, s) else 1.0
+    for _ in range(4):
+        trace = 0.0
+        for i in range(size):
+            for k in range(i + 1):
+                s = 0.0
+                for j in range(n):
+                    s += jacobian[i, j] * free[j] * jacobian[k, j]
+                normal[i, k] = s
+            trace += normal[i, i]
+            z[i] = right[i]
+        if not trace > 0.0:
+            return False
+        for i in range(size):
+            normal[i, i] += memory.damping * memory.cost + _FLOOR * trace
+        cholesky(normal, size, z)
+        again = False
+        for j in range(n):
+            s = 0.0
+            for i in range(size):
+                s += jacobian[i, j] * z[i]
+            d[j] = s * free[j]
+            if free[j] != 0.0 and _is_blocked(memory, j, s):
+                free[j] = 0.0
+                again = True
+        if not again:
+            break
+    longest = 0.0
+    for j in range(n):
+        d[j] *= free[j]
+        longest = max(longest, abs(d[j]))
+    cut = min(1.0, _LONGEST / max(longest, 1e-300))
+    for j in range(n):
+        memory.delta[j] = cut * d[j] * memory.scale[j]
+    integrate(memory, memory.q, memory.delta, trial)
+    for j in range(n):
+        i = memory.q_index[j]
+        if i >= 0:
+            trial[i] = min(max(trial[i], memory.lower[j]), memory.upper[j])
+    return longest > 0.0
+
+
+@compiled
+def _is_blocked(memory: LocalIKMemory, j: int, direction: float) -> bool:
+    """Whether a joint is on a limit that it would go beyond."""
+    i = memory.q_index[j]
+    if i < 0:
+        return False
+    return bool(
+        (memory.q[i] >= memory.upper[j] and direction > 0.0) or (memory.q[i] <= memory.lower[j] and direction < 0.0)
+    )
+
+
+@entry
+def nearest_start(features: Array, goal: Array, used: Array) -> int:
+    """Index of the row of features (count, width) that is nearest to goal (width,) and not used yet; -1 if none is."""
+    best, nearest = -1, math.inf
+    for i in range(features.shape[0]):
+        if used[i] == 0.0:
+            s = 0.0
+            for k in range(features.shape[1]):
+                s += (features[i, k] - goal[k]) * (features[i, k] - goal[k])
+            if s < nearest:
+                best, nearest = i, s
+    return best

@@ -1,0 +1,108 @@
+"""Redundancy: a secondary velocity in the null space that loops and tasks leave, as far as all bounds allow.
+
+Lexicographic, as tasks are inside of loops: it moves no task, and gives way where it would (L. Sentis and O. Khatib,
+"Synthesis of whole-body behaviors through hierarchical control of behavioral primitives", 2005; with bounds, O. Kanoun,
+F. Lamiraux and P.-B. Wieber, "Kinematic control of redundant manipulators: generalizing the task-priority framework to
+inequality task", 2011).
+"""
+
+from __future__ import annotations
+
+from cinegen.ik._kernels.bounds import keeps_bounds, nearest, reduce_barriers
+from cinegen.ik._kernels.decomposition import find_axes, leave_tasks_alone, to_free, to_joints
+from cinegen.ik._kernels.memory import SolverMemory
+from cinegen.ik.thresholds import IDLE_SECONDARY, LEAST_SCALE, SCALE_GROWS, SPARE_SPEED
+from cinegen.jit.compiled import compiled
+
+
+@compiled
+def project_secondary(memory: SolverMemory) -> bool:
+    """Project the wanted secondary step so that it neither opens a loop nor moves a task: `secondary_free`, and
+    `secondary` as joints. Return False where next to nothing is left. Of a step that turns back half is taken, so that
+    it does not tremble."""
+    free, fresh, secondary = memory.secondary_free, memory.fresh, memory.secondary
+    to_free(memory, memory.secondary_wanted, free)
+    leave_tasks_alone(memory, free)
+    to_joints(memory, free, fresh)
+    along, largest = 0.0, 0.0
+    for j in range(memory.n):
+        along += fresh[j] * secondary[j]
+        largest = max(largest, abs(fresh[j]))
+    scale = memory.secondary_scale
+    scale = max(0.5 * scale, LEAST_SCALE) if along < 0.0 else min(SCALE_GROWS * scale, 1.0)
+    memory.secondary_scale = scale
+    left = scale * largest > IDLE_SECONDARY
+    for j in range(memory.n):
+        secondary[j] = scale * fresh[j] if left else 0.0
+    for i in range(memory.mobility):
+        free[i] *= scale
+    return bool(left)
+
+
+@compiled
+def add_secondary(memory: SolverMemory, whole: bool) -> bool:
+    """Add to `step` what of the secondary step keeps all bounds, and keep it in `secondary`.
+
+    Args:
+        memory: whose step is that of the tasks.
+        whole: whether the step must stay whole: where it breaks a bound, the motions that are left have to mend that.
+
+    Returns:
+        False where they can't, with moderate speed; then nothing is added.
+    """
+    n, step, secondary, room = memory.n, memory.step, memory.secondary, memory.room
+    for j in range(n):
+        fastest = max(SPARE_SPEED * memory.longest_step[j], abs(step[j]))
+        room[0, j] = max(memory.floor[j], -fastest) - step[j]
+        room[1, j] = min(memory.ceiling[j], fastest) - step[j]
+        if not whole:
+            room[0, j], room[1, j] = min(room[0, j], 0.0), max(room[1, j], 0.0)
+    for b in range(memory.barriers):
+        s = 0.0
+        for j in range(n):
+            s += memory.barrier_rows[b, j] * step[j]
+        room[0, n + b], room[1, n + b] = memory.floor[n + b], memory.ceiling[n + b] - s
+        if not whole:
+            room[1, n + b] = max(room[1, n + b], 0.0)
+    if not keeps_bounds(memory, secondary, room[0], room[1]) and not _bound_secondary(memory):
+        if whole:
+            return False
+        for j in range(n):
+            secondary[j] = 0.0
+    for j in range(n):
+        step[j] += secondary[j]
+    return True
+
+
+@compiled
+def _bound_secondary(memory: SolverMemory) -> bool:
+    """Set `secondary` to what is nearest to it within `room`. Return False where there is nothing, or only what goes
+    faster than it and the last tick."""
+    first, axes, room, x, g = find_axes(memory), memory.axes, memory.room, memory.wanted_point, memory.normals
+    width = memory.mobility - first
+    if width <= 0:
+        return False
+    for i in range(width):
+        s = 0.0
+        for j in range(memory.mobility):
+            s += axes[first + i, j] * memory.secondary_free[j]
+        x[i] = s
+        to_joints(memory, axes[first + i], memory.fresh)
+        for c in range(memory.n):
+            g[c, i] = memory.fresh[c]
+    reduce_barriers(memory, width)
+    if not nearest(memory, room[0], room[1], room[2], width):
+        return False
+    fast, found = 0.0, 0.0
+    for j in range(memory.n):
+        s = 0.0
+        for i in range(width):
+            s += g[j, i] * x[i]
+        room[2, j] = s
+        found = max(found, abs(s))
+        fast = max(fast, abs(memory.secondary[j]), abs(memory.last[j]))
+    if found > 2.0 * fast:
+        return False
+    for j in range(memory.n):
+        memory.secondary[j] = room[2, j]
+    return True

@@ -1,0 +1,129 @@
+"""`LocalIK`: finds a configuration from one start, by Levenberg-Marquardt steps; and makes starts."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.ik._kernels.local_ik import nearest_start, solve
+from cinegen.ik._kernels.memory import LocalIKMemory
+from cinegen.ik.setup import set_up, set_up_tasks
+from cinegen.ik.task import FrameTask
+from cinegen.jit.compiled import prepare
+from cinegen.model import Mechanism
+
+Array = NDArray[np.float64]
+
+_ITERATIONS = 60  # from one start
+_STRIDE = 0.6  # rad or lengths: from one configuration of the tree to the next
+
+
+class LocalIK:
+    """Finds configurations in which some nodes are where they should be, all loops closed.
+
+    Not for two threads at once.
+
+    Args:
+        mechanism: which.
+        tasks: what should be where; none, to close loops only. Later changes of these do not count: set the targets of
+            `tasks`.
+        limits: whether joints keep to their position limits.
+
+    Attributes:
+        mechanism: which.
+        tasks: the targets.
+    """
+
+    def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True) -> None:
+        self._solve = prepare(solve, LocalIKMemory)
+        self.mechanism = mechanism
+        self.tasks = tuple(
+            FrameTask(
+                task.node, task.target, task.translation, task.rotation, task.weight, task.axes,
+                mechanism.frame_id(task.node), task.offset,
+            )
+            for task in tasks
+        )  # fmt: skip
+        fixed = 6 if mechanism.floating and all(task.node != mechanism.nodes[0] for task in tasks) else 0
+        self._memory = memory = LocalIKMemory()
+        set_up(memory, mechanism, fixed)
+        set_up_tasks(memory, mechanism, self.tasks)
+        memory.resize(equations=memory.task_rows + memory.rows)
+        memory.most_iterations = _ITERATIONS
+        if not limits:
+            memory.lower[:], memory.upper[:] = -np.inf, np.inf
+        scalar = memory.q_index >= 0
+        self._at = memory.q_index[scalar]
+        low, high, scale = memory.lower[scalar], memory.upper[scalar], memory.scale[scalar]
+        reach = np.where(scale == 1.0, np.pi, mechanism.length)  # of joints without limits
+        middle = mechanism.q_home[self._at]
+        self._scale = scale
+        self._low = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, middle) - reach)
+        self._high = np.where(np.isfinite(high), high, np.where(np.isfinite(low), low, middle) + reach)
+
+    # --- one start -----------------------------------------------------------------------------------------------
+
+    def seek(self, start: Array, goal: float) -> bool:
+        """Iterate from a start (nq,); the best configuration found becomes `best`. Return whether all residuals came
+        below the goal."""
+        memory = self._memory
+        memory.trial[:], memory.goal_residual = start, goal
+        return bool(self._solve(memory.handle))
+
+    @property
+    def best(self) -> Array:
+        """(nq,) the best configuration found from the last start."""
+        return self._memory.q.copy()
+
+    @property
+    def cost(self) -> float:
+        """What is left there: the sum of all squared residuals."""
+        return float(self._memory.cost)
+
+    @property
+    def open_by(self) -> float:
+        """What is left there of loops."""
+        return float(self._memory.loops_left)
+
+    @property
+    def iterations(self) -> int:
+        """How many there were from the last start."""
+        return int(self._memory.iterations)
+
+    # --- starts --------------------------------------------------------------------------------------------------
+
+    def anywhere(self, rng: np.random.Generator) -> Array:
+        """(nq,) all joints at random within their limits, loops open."""
+        q = self.mechanism.q_home.copy()
+        q[self._at] = rng.uniform(self._low, self._high)
+        return q
+
+    def spread(self, count: int, rng: np.random.Generator) -> Array:
+        """(count, nq) configurations all over what can be reached from home, loops closed and within limits.
+
+        With loops, a tree that grows from home towards random configurations (S. M. LaValle, "Rapidly-exploring random
+        trees", 1998). Without, joints at random.
+        """
+        if not self.mechanism.loops:
+            return np.array([self.anywhere(rng) for _ in range(count)])
+        home = self.mechanism.q_home
+        found, points = [home], [home[self._at] / self._scale]
+        for _ in range(4 * count):
+            if len(found) == count:
+                break
+            wanted = self.anywhere(rng)[self._at] / self._scale
+            known = np.array(points)
+            near = nearest_start(known, wanted, np.zeros(len(known)))
+            direction = wanted - known[near]
+            start = home.copy()
+            part = min(1.0, _STRIDE / max(float(np.abs(direction).max()), 1e-12))
+            start[self._at] = (known[near] + part * direction) * self._scale
+            if self.seek(start, 1e-10):
+                found.append(self.best)
+                points.append(self.best[self._at] / self._scale)
+        return np.array(found)
+
+    def placements(self, q: Array) -> list[pin.SE3]:
+        """Return the poses of all nodes with targets at q (nq,)."""
+        return [self.mechanism.placement(q, task.node) * task.offset for task in self.tasks]

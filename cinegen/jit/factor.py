@@ -1,0 +1,205 @@
+"""Factors of small dense matrices: Householder's with rows in the order of what they add, Cholesky's and Gauss's.
+
+A matrix J^T P = H_1 ... H_r [L^T; 0] is factored with the rows of J in the order of what they add (column pivoting;
+G. H. Golub and C. F. Van Loan, "Matrix computations", section 5.4.2), as many as its generic rank r. The last n - r
+columns of H_1 ... H_r span its null space: for the Jacobian of loops, the motions that keep them closed.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.jit.compiled import Array, Table, compiled
+
+_ZERO = 1e-13  # a row adds nothing if less than this part of the longest is left of it
+
+
+@compiled
+def factor(f: Array, rank: int, order: Table, left: Array, tau: Array, h: Array) -> float:
+    """Factor f (rows, n) in place.
+
+    Args:
+        f: the matrix; becomes L, row after row, in its first columns.
+        rank: rows to be taken at most.
+        order: (rows,) becomes which row stands where.
+        left: (rows,) becomes the square of what is left of each row that was not taken.
+        tau: (rank,) and
+        h: (rank, n) become the reflections 1 - tau h h^T. Rows that add nothing have tau 0 and a 0 on the diagonal.
+
+    Returns:
+        the shortest of what the rows added, as a part of the longest: 0 where the rank is not reached.
+    """
+    rows, n = f.shape
+    for i in range(rows):
+        order[i] = i
+        s = 0.0
+        for k in range(n):
+            s += f[i, k] * f[i, k]
+        left[i] = s
+    first = 0.0
+    shortest = 1.0
+    for t in range(rank):
+        p = t
+        for i in range(t + 1, rows):
+            if left[i] > left[p]:
+                p = i
+        if p != t:
+            for k in range(n):
+                f[t, k], f[p, k] = f[p, k], f[t, k]
+            order[t], order[p] = order[p], order[t]
+            left[p] = left[t]
+        s = 0.0
+        for k in range(t, n):
+            s += f[t, k] * f[t, k]
+        length = math.sqrt(s)
+        if t == 0:
+            first = length
+        if length <= _ZERO * first or length == 0.0:
+            for i in range(t, rank):
+                tau[i] = 0.0
+                f[i, i] = 0.0
+            return 0.0
+        shortest = min(shortest, length / first)
+        diagonal = -length if f[t, t] > 0.0 else length
+        for k in range(t, n):
+            h[t, k] = f[t, k]
+        h[t, t] -= diagonal
+        tau[t] = 1.0 / (length * (length + abs(f[t, t])))
+        f[t, t] = diagonal
+        for i in range(t + 1, rows):
+            dot = 0.0
+            for k in range(t, n):
+                dot += h[t, k] * f[i, k]
+            dot *= tau[t]
+            s = 0.0
+            for k in range(t, n):
+                f[i, k] -= dot * h[t, k]
+            for k in range(t + 1, n):
+                s += f[i, k] * f[i, k]
+            left[i] = s
+    return shortest
+
+
+@compiled
+def reflect(x: Array, rank: int, tau: Array, h: Array) -> None:
+    """x (n,) becomes H_1 ... H_r x."""
+    n = x.shape[0]
+    for t in range(rank - 1, -1, -1):
+        if tau[t] != 0.0:
+            dot = 0.0
+            for k in range(t, n):
+                dot += h[t, k] * x[k]
+            dot *= tau[t]
+            for k in range(t, n):
+                x[k] -= dot * h[t, k]
+
+
+@compiled
+def null_space(rank: int, tau: Array, h: Array, out: Array) -> None:
+    """out (n - rank, n) = orthonormal rows that every factored row is orthogonal to."""
+    count, n = out.shape
+    for i in range(count):
+        for k in range(n):
+            out[i, k] = 0.0
+        out[i, rank + i] = 1.0
+        reflect(out[i], rank, tau, h)
+
+
+@compiled
+def shortest_solution(f: Array, rank: int, order: Table, tau: Array, h: Array, right: Array, out: Array) -> None:
+    """out (n,) = the shortest x with J x = right (rows,) on the rows that were taken; those that add nothing are left
+    out."""
+    for i in range(rank):
+        if tau[i] == 0.0:
+            out[i] = 0.0
+            continue
+        s = right[order[i]]
+        for j in range(i):
+            s -= f[i, j] * out[j]
+        out[i] = s / f[i, i]
+    for k in range(rank, out.shape[0]):
+        out[k] = 0.0
+    reflect(out, rank, tau, h)
+
+
+@compiled
+def damped_solution(
+    f: Array, rank: int, order: Table, tau: Array, h: Array, right: Array, damping: float, normal: Array, out: Array
+) -> None:
+    """out (n,) = the least of |J x - right|^2 + damping |x|^2 over all rows: (L^T L + damping) y = L^T right, x = Q y.
+
+    Args:
+        f, rank, order, tau, h: the factors; rows behind the rank are (rows, rank), too.
+        right: (rows,).
+        damping: not below 0.
+        normal: (rank, rank) scratch.
+        out: becomes x.
+    """
+    rows = f.shape[0]
+    for i in range(rank):
+        s = 0.0
+        for k in range(i, rows):
+            s += f[k, i] * right[order[k]]
+        out[i] = s
+        for j in range(i + 1):
+            s = damping if i == j else 0.0
+            for k in range(i, rows):
+                s += f[k, i] * f[k, j]
+            normal[i, j] = s
+    cholesky(normal, rank, out)
+    for k in range(rank, out.shape[0]):
+        out[k] = 0.0
+    reflect(out, rank, tau, h)
+
+
+@compiled
+def cholesky(a: Array, n: int, x: Array) -> None:
+    """x (n,) becomes a^-1 x for a positive definite a (n, n), whose lower half is given and lost."""
+    for i in range(n):
+        for k in range(i):
+            s = a[i, k]
+            for j in range(k):
+                s -= a[i, j] * a[k, j]
+            a[i, k] = s * a[k, k]
+        s = a[i, i]
+        for j in range(i):
+            s -= a[i, j] * a[i, j]
+        a[i, i] = 1.0 / math.sqrt(max(s, 1e-300))
+    for i in range(n):
+        s = x[i]
+        for j in range(i):
+            s -= a[i, j] * x[j]
+        x[i] = s * a[i, i]
+    for i in range(n - 1, -1, -1):
+        s = x[i]
+        for j in range(i + 1, n):
+            s -= a[j, i] * x[j]
+        x[i] = s * a[i, i]
+
+
+@compiled
+def eliminate(a: Array, n: int, width: int) -> float:
+    """Gauss's elimination of the first n columns of a (n, width), the largest of a column first.
+
+    Returns:
+        the sign of their determinant: 1, -1, or 0.
+    """
+    sign = 1.0
+    for i in range(n):
+        best = i
+        for other in range(i + 1, n):
+            if abs(a[other, i]) > abs(a[best, i]):
+                best = other
+        if best != i:
+            sign = -sign
+            for k in range(i, width):
+                a[i, k], a[best, k] = a[best, k], a[i, k]
+        if a[i, i] == 0.0:
+            return 0.0
+        if a[i, i] < 0.0:
+            sign = -sign
+        for other in range(i + 1, n):
+            part = a[other, i] / a[i, i]
+            for k in range(i + 1, width):
+                a[other, k] -= part * a[i, k]
+    return sign

@@ -1,0 +1,149 @@
+"""Memory that other libraries own, read where it is: this module alone knows how it is laid out.
+
+Documented access is used where there is any: Pinocchio's matrices are numpy arrays over its own memory, and their
+addresses are asked for once. What is not documented is checked before it is relied on, with this build of Pinocchio and
+Coal; where it is otherwise, numbers are copied instead.
+
+    target of a task    an SE3 that has just been copied lies at a fixed distance from its Python object: `address_of`
+    joint placements    `data.oMi` is contiguous: `JointFrames`
+    distances           `GeometryData.distanceResults` is contiguous: `DistanceResults`
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from cinegen.jit.memory import array_at
+
+Array = NDArray[np.float64]
+
+
+def frame_of(placement: pin.SE3) -> Array:
+    """Return a placement as a frame (4, 3): three axes, then the origin."""
+    return np.vstack([placement.rotation.T, placement.translation])
+
+
+def address(array: Array) -> int:
+    """Return the address of an array's first number."""
+    return int(array.__array_interface__["data"][0])
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def frame_at(_typing: Any, _address: Any) -> Any:
+    """For kernels: the frame (4, 3) at an address."""
+    kind = types.Array(types.float64, 2, "C")
+
+    def generate(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return array_at(context, builder, kind, arguments[0], [ir.Constant(ir.IntType(64), size) for size in (4, 3)])
+
+    return kind(types.int64), generate
+
+
+# --- SE3 --------------------------------------------------------------------------------------------------------------
+
+
+def _distance() -> int | None:
+    """Return how far the numbers of a copied SE3 are from its Python object; None unless it is the same for every copy,
+    and its 12 numbers are those of a frame."""
+    given = pin.SE3.Random()
+    copies = [given.copy() for _ in range(8)]
+    distances = {address(copied.rotation) - id(copied) for copied in copies}
+    if len(distances) != 1:
+        return None
+    distance = distances.pop()
+    numbers = [(ctypes.c_double * 12).from_address(id(copied) + distance) for copied in copies]
+    same = all(np.array_equal(np.reshape(one, (4, 3)), frame_of(given)) for one in numbers)
+    return distance if same and 0 < distance < 1024 else None
+
+
+SE3_DISTANCE = _distance()
+"""Bytes from the Python object that `SE3.copy` returns to its frame; None where that is unknown."""
+
+
+# --- Pinocchio's data -------------------------------------------------------------------------------------------------
+
+
+class JointFrames:
+    """Frames of all joints where Pinocchio's data has them.
+
+    Args:
+        data: of a model.
+
+    Attributes:
+        frames: (joints, 4, 3); up to date after `read`.
+        is_in_place: whether these are Pinocchio's own memory.
+    """
+
+    def __init__(self, data: pin.Data) -> None:
+        self._placements, count = data.oMi, len(data.oMi)
+        begin = address(self._placements[0].rotation)
+        self.is_in_place = all(
+            address(placement.rotation) == begin + 96 * j
+            and address(placement.translation) == begin + 96 * j + 72
+            and placement.rotation.strides == (8, 24)
+            for j, placement in enumerate(self._placements)
+        )
+        self.frames = _numbers_at(begin, (count, 4, 3)) if self.is_in_place else np.zeros((count, 4, 3))
+        self._data = data  # keeps the memory
+
+    def read(self) -> None:
+        """Take over what Pinocchio has computed."""
+        if not self.is_in_place:
+            self.frames[:] = [frame_of(placement) for placement in self._placements]
+
+
+def _numbers_at(begin: int, shape: tuple[int, ...]) -> Array:
+    """Return an array over memory that begins at an address."""
+    return np.ctypeslib.as_array(ctypes.cast(begin, ctypes.POINTER(ctypes.c_double)), shape)
+
+
+# --- Coal's results ---------------------------------------------------------------------------------------------------
+
+DISTANCE, NORMAL, FIRST_POINT, SECOND_POINT, RESULT_WIDTH = 0, 1, 4, 7, 20
+"""Where Coal keeps what it found of a pair, counted in doubles from its distance; and from one pair to the next."""
+
+
+class DistanceResults:
+    """Coal's results as one array.
+
+    Args:
+        shapes: Pinocchio's data of a geometry model.
+
+    Attributes:
+        shapes: as given.
+        table: (pairs, RESULT_WIDTH); up to date after `read`.
+        is_in_place: whether that is Coal's own memory: once the first results were found to be where they should be.
+    """
+
+    def __init__(self, shapes: pin.GeometryData) -> None:
+        self.shapes, self._results = shapes, shapes.distanceResults
+        self.is_in_place = self._is_known = False
+        self.table = np.zeros((len(self._results), RESULT_WIDTH))
+
+    def read(self) -> None:
+        """Take over what Coal has found."""
+        if self.is_in_place:
+            return
+        for row, result in zip(self.table, self._results, strict=True):
+            row[DISTANCE], row[NORMAL : NORMAL + 3] = result.min_distance, result.normal
+            row[FIRST_POINT : FIRST_POINT + 3] = result.getNearestPoint1()
+            row[SECOND_POINT : SECOND_POINT + 3] = result.getNearestPoint2()
+        if not self._is_known and len(self.table):
+            self._is_known = True
+            self._look()
+
+    def _look(self) -> None:
+        """Read in place from now on, if all results are there as they were copied."""
+        begin = [address(result.normal) - 8 * NORMAL for result in self._results]
+        if begin == list(range(begin[0], begin[0] + 8 * RESULT_WIDTH * len(begin), 8 * RESULT_WIDTH)):
+            found, used = _numbers_at(begin[0], self.table.shape), SECOND_POINT + 3
+            if np.array_equal(found[:, :used], self.table[:, :used]):
+                self.table, self.is_in_place = found, True

@@ -1,0 +1,176 @@
+"""Closing all loops by Gauss-Newton steps, as `raff2urdf.closure.close`: the same steps, but for rounding.
+
+Its damped step on the singular value decomposition is (J^T J + mu 1) d = -J^T c on the rows that count. With J's rows
+in the order of what they add, J = L Q^T by Householder reflections, that is d = Q y with (L^T L + mu 1) y = -L^T c: no
+iteration is needed. That holds where the rank is clear; where it is not, singular vectors are used here, too.
+
+Factors are used again as long as they are good enough: old ones shrink a gap by about the gap where they were made.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.jit.compiled import Array, compiled, entry
+from cinegen.jit.factor import damped_solution, factor, shortest_solution
+from cinegen.jit.svd import decompose
+from cinegen.loops._kernels.kinematics import evaluate, integrate
+from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, LoopMemory
+from cinegen.loops._kernels.residual import evaluate_loops
+from cinegen.loops.thresholds import CLOSED, HEALTHY, NEGLIGIBLE, NOTHING_ADDED, ROUNDING, STEP_CAP
+
+
+@entry
+def close_from_trial(memory: LoopMemory) -> None:
+    """`close` as `raff2urdf.closure.close` does it; `gap` is NaN where a number of `trial` is not finite."""
+    memory.factored_at = NOWHERE
+    memory.gap = math.nan
+    for i in range(memory.nq):
+        if not math.isfinite(memory.trial[i]):
+            return
+    close(memory, ROUNDING, 100, True)
+
+
+@compiled
+def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
+    """Close the loops from `trial`, which becomes the best configuration found; locked joints stay.
+
+    Levenberg's and Marquardt's damping, mu c^T c, keeps the convergence quadratic where rows are dependent
+    (N. Yamashita and M. Fukushima, 2001); mu grows where a step does not bring the ends nearer.
+
+    Args:
+        memory: `gap` becomes what is left.
+        tolerance: rad or characteristic lengths: that is enough. Below `CLOSED`, what shrinks no more is rounding.
+        most: corrections, of which `corrections` become the number.
+        exact: see `factor_loops`.
+    """
+    trial, candidate = memory.trial, memory.candidate
+    evaluate(memory, trial)
+    memory.gap = evaluate_loops(memory, False)
+    memory.corrections = 0
+    squared, mu, shrinks = squared_residual(memory), 1.0, True
+    while memory.gap > tolerance and shrinks and memory.corrections < most and memory.gap < math.inf:
+        correct(memory, mu * squared, tolerance, exact)
+        cut_correction(memory)
+        integrate(memory, trial, memory.delta, candidate)
+        evaluate(memory, candidate)
+        gap = evaluate_loops(memory, False)
+        now = squared_residual(memory)
+        memory.corrections += 1
+        if now < squared:
+            for i in range(memory.nq):
+                trial[i] = candidate[i]
+            shrinks = gap > CLOSED or gap <= 0.5 * memory.gap
+            memory.gap, squared, mu = gap, now, max(0.1 * mu, 1e-4)
+        else:
+            evaluate(memory, trial)
+            evaluate_loops(memory, False)
+            shrinks = memory.gap > CLOSED and mu <= 1e12
+            mu *= 10.0
+
+
+@compiled
+def squared_residual(memory: LoopMemory) -> float:
+    """c^T c of the residual c."""
+    squared = 0.0
+    for i in range(memory.rows):
+        squared += memory.residual[i] * memory.residual[i]
+    return squared
+
+
+@compiled
+def correct(memory: LoopMemory, damping: float, tolerance: float, exact: bool) -> None:
+    """Set `step` to the correction of the present residual."""
+    if exact or memory.factored_at == NOWHERE or memory.gap * memory.factors_gap > tolerance:
+        evaluate_loops(memory, True)
+        factor_loops(memory, exact)
+        memory.factored_at, memory.factors_gap = AT_TRIAL, memory.gap
+    loop_correction(memory, damping, memory.correction)
+
+
+@compiled
+def cut_correction(memory: LoopMemory) -> None:
+    """Set `delta` to `step`, cut back to the longest that makes sense, without what is locked."""
+    step, delta, longest = memory.correction, memory.delta, 0.0
+    for k in range(memory.n):
+        if memory.locked[k] != 0.0:
+            step[k] = 0.0
+        longest = max(longest, abs(step[k]))
+    cut = min(1.0, STEP_CAP / max(longest, 1e-300))
+    for k in range(memory.n):
+        step[k] *= cut
+        delta[k] = step[k] * memory.scale[k]
+
+
+@compiled
+def factor_loops(memory: LoopMemory, exact: bool) -> None:
+    """Factor `jacobian` without the columns that are locked.
+
+    Args:
+        memory: whose `factors` these become, or where the rank is not clear the singular vectors.
+        exact: whether rows that are independent only because the loops stand open count, too.
+    """
+    f, tau, h, order = memory.factors, memory.tau, memory.reflectors, memory.row_order
+    rows, n, free = memory.rows, memory.n, 0
+    for k in range(n):
+        if memory.locked[k] == 0.0:
+            free += 1
+    _copy_unlocked(memory)
+    rank = min(memory.rank, free)
+    memory.factored_rank = rank
+    memory.is_singular = 0
+    clear = factor(f, rank, order, memory.row_left, tau, h) >= HEALTHY
+    if exact:
+        nothing = NOTHING_ADDED * NOTHING_ADDED * f[0, 0] * f[0, 0] if rank > 0 else 0.0
+        for i in range(rank, rows):
+            clear = clear and memory.row_left[i] <= nothing
+    if clear:
+        if free == n:
+            memory.sigma = 1.0
+        return
+    memory.is_singular = 1
+    _copy_unlocked(memory)
+    u, b, square = memory.left_vectors, memory.right_vectors, memory.squared_sigma
+    decompose(f, rows, n, u, b, square, False)
+    if free == n and rank > 0:  # reflections along the right singular vectors, for `null_space`
+        memory.sigma = math.sqrt(square[rank - 1])
+        for i in range(rank):
+            s = 1.0 / math.sqrt(square[i]) if square[i] > 1e-30 * square[0] else 0.0
+            for k in range(n):
+                f[i, k] = s * b[i, k]
+        factor(f[:rank], rank, order, memory.row_left, tau, h)
+
+
+@compiled
+def _copy_unlocked(memory: LoopMemory) -> None:
+    for i in range(memory.rows):
+        for k in range(memory.n):
+            memory.factors[i, k] = 0.0 if memory.locked[k] != 0.0 else memory.jacobian[i, k]
+
+
+@compiled
+def loop_correction(memory: LoopMemory, damping: float, out: Array) -> None:
+    """out (n,) = the shortest step that takes the residual away: Newton's, or with damping Levenberg's and
+    Marquardt's."""
+    f, tau, h, order, rank = memory.factors, memory.tau, memory.reflectors, memory.row_order, memory.factored_rank
+    right = memory.minus_residual
+    for i in range(memory.rows):
+        right[i] = -memory.residual[i]
+    if memory.is_singular == 0:
+        if rank == 0 or damping <= NEGLIGIBLE * f[rank - 1, rank - 1] * f[rank - 1, rank - 1]:
+            shortest_solution(f, rank, order, tau, h, right, out)
+        else:
+            damped_solution(f, rank, order, tau, h, right, damping, memory.left_vectors, out)
+        return
+    u, b, square = memory.left_vectors, memory.right_vectors, memory.squared_sigma
+    for k in range(memory.n):
+        out[k] = 0.0
+    for i in range(memory.rows):
+        if square[i] <= 1e-20 * square[0]:
+            break
+        s = 0.0
+        for j in range(memory.rows):
+            s += u[i, j] * right[j]
+        s /= square[i] + damping
+        for k in range(memory.n):
+            out[k] += s * b[i, k]

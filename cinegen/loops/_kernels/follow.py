@@ -1,0 +1,198 @@
+"""Following the actuated joints on one branch: they go straight to their goal, and all loops follow.
+
+Each step sets out along the path that all joints take to first order, closes the loops again with the actuated joints
+locked, and counts only if that added little to the step: else it would lead into another assembly mode, and half of it
+is tried (predictor and corrector; E. L. Allgower and K. Georg, "Introduction to numerical continuation methods",
+2003).
+
+Where the actuated joints go on by as much as before, as they do along the lines of a grid, the second-order terms of
+the steps before foretell that of this one: but for some h^4 of a step h.
+"""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.jit.compiled import compiled, entry
+from cinegen.jit.factor import eliminate
+from cinegen.loops._kernels.closure import close, factor_loops, loop_correction
+from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
+from cinegen.loops._kernels.memory import AT_Q, NOWHERE, LoopMemory
+from cinegen.loops._kernels.residual import evaluate_loops
+from cinegen.loops.thresholds import CLOSURE
+
+_MOST_HALVED = 6
+_MOST = 12  # corrections of a step
+_FAR = 1e6  # rad or lengths: no joint goes there
+_ALIKE = 1e-6  # part of a step by which the actuated joints may differ from the one before
+
+
+@entry
+def follow(memory: LoopMemory) -> bool:
+    """Lead the actuated joints from `q`, closed, to `goal`; `q` becomes where they get. Return whether it is there."""
+    set_out(memory)
+    return go_on(memory)
+
+
+@compiled
+def set_out(memory: LoopMemory) -> None:
+    """Begin the path from q to the goal."""
+    memory.halvings = 0
+    _find_tangent(memory)
+
+
+@compiled
+def go_on(memory: LoopMemory) -> bool:
+    """Follow the path that was begun. Return whether its end was reached; then frames are evaluated there."""
+    while memory.halvings <= _MOST_HALVED and _step(memory):
+        close(memory, memory.tolerance, _MOST, False)
+        if _is_near(memory) and (memory.corrections == 0 or _side(memory) * memory.side >= 0.0):
+            for i in range(memory.nq):
+                memory.q[i] = memory.trial[i]
+            memory.closure = memory.gap
+            if memory.corrections == 0:
+                memory.factored_at = NOWHERE  # the factors are not of here
+            if memory.part == 1.0:
+                _keep_curvature(memory)
+                return True
+            memory.halvings = max(memory.halvings - 1, 0)
+            memory.alike = 0
+            _find_tangent(memory)
+        else:
+            memory.halvings += 1
+            memory.alike = 0
+            memory.factored_at = NOWHERE
+    return False
+
+
+@compiled
+def _find_tangent(memory: LoopMemory) -> None:
+    """Compute `tangent`, the path to the goal to first order: what the actuated joints do to the loops, the others make
+    good."""
+    n, rows, jacobian, tangent, wanted = memory.n, memory.rows, memory.jacobian, memory.tangent, memory.residual
+    is_new = memory.factored_at == NOWHERE
+    if is_new:  # else near by, which will do
+        evaluate(memory, memory.q)
+        memory.gap = evaluate_loops(memory, True)
+        factor_loops(memory, False)
+        memory.factored_at = AT_Q
+    for i in range(rows):
+        wanted[i] = 0.0
+        for k in range(n):
+            memory.jacobian_at_q[i, k] = jacobian[i, k]
+    if is_new:
+        memory.side = _side(memory)
+    for a in range(memory.actuated):
+        k = memory.actuated_dof[a]
+        memory.delta[k] = (memory.goal[a] - memory.q[memory.q_index[k]]) / memory.scale[k]
+        for i in range(rows):
+            wanted[i] += jacobian[i, k] * memory.delta[k]
+    loop_correction(memory, 0.0, tangent)
+    for k in range(n):
+        if memory.locked[k] != 0.0:
+            tangent[k] = 0.0
+    for a in range(memory.actuated):
+        tangent[memory.actuated_dof[a]] = memory.delta[memory.actuated_dof[a]]
+
+
+@compiled
+def _step(memory: LoopMemory) -> bool:
+    """Move `trial` from q along the tangent, all the way or a stride; False where that makes no sense."""
+    n, q, trial, tangent, delta = memory.n, memory.q, memory.trial, memory.tangent, memory.delta
+    furthest = 0.0
+    for k in range(n):
+        if not abs(tangent[k]) <= furthest:  # so that NaN is far
+            furthest = abs(tangent[k])
+    if not furthest < _FAR:
+        return False
+    part = min(1.0, memory.longest_stride * 0.5**memory.halvings / max(furthest, 1e-300))
+    memory.part = part
+    if part == 1.0:
+        _foretell_curvature(memory)
+    for k in range(n):
+        delta[k] = memory.scale[k] * (part * tangent[k] + (memory.curvature[k] if part == 1.0 else 0.0))
+    integrate(memory, q, delta, trial)
+    for a in range(memory.actuated):
+        i = memory.q_index[memory.actuated_dof[a]]
+        trial[i] = memory.goal[a] if part == 1.0 else q[i] + part * (memory.goal[a] - q[i])
+    memory.factors_gap = math.inf  # the factors are those of q, and not good enough
+    return True
+
+
+@compiled
+def _is_near(memory: LoopMemory) -> bool:
+    """Whether `trial` is closed, and not much further than was foreseen: else it is another branch."""
+    if not memory.gap <= CLOSURE:
+        return False
+    added, size = 0.0, 0.0
+    difference(memory, memory.q, memory.trial, memory.delta)
+    for k in range(memory.n):
+        foreseen = memory.part * memory.tangent[k]
+        size = max(size, abs(foreseen))
+        added = max(added, abs(memory.delta[k] / memory.scale[k] - foreseen))
+    return bool(added <= memory.most_added * size + CLOSURE)
+
+
+@compiled
+def _side(memory: LoopMemory) -> float:
+    """The sign of the determinant of the loops' Jacobian J by the joints that follow; where rows are more than joints,
+    of det(J_q^T J). 0 where the actuated joints do not determine all others.
+
+    Between two branches it is 0, so that they lie on different sides, near as they may come to each other.
+    """
+    n, rows, locked, jacobian = memory.n, memory.rows, memory.locked, memory.jacobian
+    free = 0
+    for k in range(n):
+        if locked[k] == 0.0:
+            free += 1
+    if free > memory.rank:
+        return 0.0
+    a, j = memory.determinant, 0
+    for k in range(n):
+        if locked[k] != 0.0:
+            continue
+        if rows == free:
+            for i in range(rows):
+                a[i, j] = jacobian[i, k]
+        else:
+            i = 0
+            for other in range(n):
+                if locked[other] == 0.0:
+                    a[i, j] = 0.0
+                    for row in range(rows):
+                        a[i, j] += memory.jacobian_at_q[row, other] * jacobian[row, k]
+                    i += 1
+        j += 1
+    return eliminate(a, free, free)
+
+
+# --- second order -----------------------------------------------------------------------------------------------------
+
+
+@compiled
+def _foretell_curvature(memory: LoopMemory) -> None:
+    """Extrapolate `curvature` from the whole steps before, if the actuated joints did there what they do now."""
+    change, size = 0.0, 0.0
+    for a in range(memory.actuated):
+        now = memory.tangent[memory.actuated_dof[a]]
+        size = max(size, abs(now))
+        change = max(change, abs(now - memory.actuated_step[a]))
+    if change > _ALIKE * size:
+        memory.alike = 0
+    for k in range(memory.n):
+        memory.curvature[k] = 0.0
+        if memory.alike == 1:
+            memory.curvature[k] = memory.curvature_1[k]
+        elif memory.alike == 2:
+            memory.curvature[k] = 2.0 * memory.curvature_1[k] - memory.curvature_2[k]
+
+
+@compiled
+def _keep_curvature(memory: LoopMemory) -> None:
+    """Keep what the loops made of a whole step, for the next."""
+    for k in range(memory.n):  # `delta` is the step: see `_is_near`
+        memory.curvature_2[k] = memory.curvature_1[k]
+        memory.curvature_1[k] = memory.delta[k] / memory.scale[k] - memory.tangent[k]
+    for a in range(memory.actuated):
+        memory.actuated_step[a] = memory.tangent[memory.actuated_dof[a]]
+    memory.alike = min(memory.alike + 1, 2)

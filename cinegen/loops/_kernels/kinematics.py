@@ -1,0 +1,159 @@
+"""Frames and screws of all joints, and how joints move by a step: what Pinocchio computes, for kernels to call."""
+
+from __future__ import annotations
+
+import math
+
+from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.se3 import combine, compose, cross, dot, log, log_derivative, sinc, turn
+from cinegen.loops._kernels.memory import LoopMemory
+
+FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER = range(5)
+"""Kinds of joints. A quaternion is (x, y, z, w), as in Pinocchio; a free flyer's q is its position, then that."""
+
+
+@compiled
+def evaluate(memory: LoopMemory, q: Array) -> None:
+    """Compute the frames of all joints, and their screws, at q (nq,)."""
+    memory.evaluations += 1
+    frames, screws = memory.frames, memory.screws
+    for j in range(1, memory.joints):
+        frame, at, dof = frames[j], memory.joint_q[j], memory.joint_dof[j]
+        compose(frames[memory.joint_parent[j]], memory.joint_offset[j], frame)
+        kind = memory.joint_kind[j]
+        if kind == REVOLUTE:
+            screw = screws[dof]
+            axis = screw[3:6]
+            combine(memory.joint_axis[j], frame, axis)
+            cross(frame[3], axis, screw)
+            turn(frame, memory.joint_axis[j], math.sin(q[at]), 1.0 - math.cos(q[at]))
+        elif kind == PRISMATIC:
+            screw = screws[dof]
+            combine(memory.joint_axis[j], frame, screw)
+            for i in range(3):
+                frame[3, i] += q[at] * screw[i]
+                screw[3 + i] = 0.0
+        else:
+            _evaluate_free(frame, kind == FREE_FLYER, q[at:], memory.vectors)
+            if dof >= 0:
+                _free_screws(frame, kind == FREE_FLYER, screws[dof:])
+
+
+@compiled
+def _evaluate_free(frame: Array, floats: bool, q: Array, vectors: Array) -> None:
+    """Move a frame by the numbers of a spherical joint, or of a free flyer."""
+    if floats:
+        combine(q, frame, vectors[0])
+        for i in range(3):
+            frame[3, i] += vectors[0, i]
+        q = q[3:]
+    square = dot(q, q) + q[3] * q[3]
+    turn(frame, q, 2.0 * q[3] / square, 2.0 / square)
+
+
+@compiled
+def _free_screws(frame: Array, floats: bool, screws: Array) -> None:
+    """Screws of a spherical joint, or of a free flyer, about and along its own axes."""
+    first = 0
+    if floats:
+        first = 3
+        for k in range(3):
+            for i in range(3):
+                screws[k, i], screws[k, 3 + i] = frame[k, i], 0.0
+    for k in range(3):
+        cross(frame[3], frame[k], screws[first + k])
+        for i in range(3):
+            screws[first + k, 3 + i] = frame[k, i]
+
+
+@compiled
+def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
+    """out (nq,) = where a step delta (n,), m and rad, leads from q (nq,)."""
+    for i in range(memory.nq):
+        out[i] = q[i]
+    for j in range(1, memory.joints):
+        kind, at, dof = memory.joint_kind[j], memory.joint_q[j], memory.joint_dof[j]
+        if dof < 0:
+            continue
+        if memory.q_index[dof] >= 0:
+            out[at] += delta[dof]
+            continue
+        if kind == FREE_FLYER:
+            _float(q[at:], delta[dof:], out[at:], memory.vectors)
+            at, dof = at + 3, dof + 3
+        if delta[dof] != 0.0 or delta[dof + 1] != 0.0 or delta[dof + 2] != 0.0:  # else it stays, bit by bit
+            _multiply(q[at:], delta[dof:], out[at:], kind == FREE_FLYER)
+
+
+@compiled
+def _multiply(q: Array, v: Array, out: Array, nearer: bool) -> None:
+    """out = the quaternion q times exp(v); of it and its negative the nearer one, if that is asked for."""
+    s, c = sinc(0.25 * dot(v, v))
+    w, s = 1.0 - 0.25 * dot(v, v) * c, 0.5 * s
+    if w < 0.0 and nearer:
+        w, s = -w, -s
+    x, y, z = s * v[0], s * v[1], s * v[2]
+    a, b, c, d = q[0], q[1], q[2], q[3]
+    out[0] = d * x + w * a + b * z - c * y
+    out[1] = d * y + w * b + c * x - a * z
+    out[2] = d * z + w * c + a * y - b * x
+    out[3] = d * w - a * x - b * y - c * z
+    size = 1.0 / math.sqrt(dot(out, out) + out[3] * out[3])
+    for i in range(4):
+        out[i] *= size
+
+
+@compiled
+def _float(q: Array, delta: Array, out: Array, vectors: Array) -> None:
+    """out (3,) = the position of a free flyer, moved by a twist (6,) in its own axes: the exponential of SE(3)."""
+    frame, moved, v = vectors[0:3], vectors[4], delta[3:]
+    _axes_of(q[3:], frame)
+    square = dot(v, v)
+    s, c = sinc(square)
+    more = (1.0 - s) / square if square > 1e-8 else 1.0 / 6.0 - square / 120.0
+    cross(v, delta, vectors[3])
+    along = more * dot(v, delta)
+    for i in range(3):  # (1 - cos) / t^2 v x u + (1 - sin / t) / t^2 v (v . u) + sin / t u
+        moved[i] = s * delta[i] + c * vectors[3, i] + along * v[i]
+    combine(moved, frame, vectors[3])
+    for i in range(3):
+        out[i] = q[i] + vectors[3, i]
+
+
+@compiled
+def _axes_of(q: Array, axes: Array) -> None:
+    """axes (3, 3) of a quaternion."""
+    for k in range(3):
+        for i in range(3):
+            axes[k, i] = 1.0 if i == k else 0.0
+    square = dot(q, q) + q[3] * q[3]
+    turn(axes, q, 2.0 * q[3] / square, 2.0 / square)
+
+
+@compiled
+def difference(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
+    """out (n,) = the step, m and rad, that leads from q to another configuration (nq,)."""
+    vectors = memory.vectors
+    for j in range(1, memory.joints):
+        kind, at, dof = memory.joint_kind[j], memory.joint_q[j], memory.joint_dof[j]
+        if dof < 0:
+            continue
+        if memory.q_index[dof] >= 0:
+            out[dof] = to[at] - q[at]
+            continue
+        turned = at + 3 if kind == FREE_FLYER else at
+        here, there, seen, by = vectors[0:3], vectors[3:6], vectors[6:9], vectors[9:12]
+        _axes_of(q[turned:], here)
+        _axes_of(to[turned:], there)
+        for i in range(3):
+            for k in range(3):
+                seen[i, k] = dot(here[i], there[k])
+        log(seen, out[dof + turned - at :])
+        if kind == FREE_FLYER:
+            log_derivative(out[dof + 3 :], by)
+            for i in range(3):
+                seen[0, i] = to[at + i] - q[at + i]
+            for i in range(3):
+                seen[1, i] = dot(here[i], seen[0])
+            for i in range(3):
+                out[dof + i] = dot(by[i], seen[1])

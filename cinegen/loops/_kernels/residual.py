@@ -1,0 +1,68 @@
+"""Residual of all loops, and its exact derivative, closed or open: `raff2urdf.residual`, compiled; dimensionless."""
+
+from __future__ import annotations
+
+from cinegen.jit import se3
+from cinegen.jit.compiled import compiled
+from cinegen.jit.se3 import combine, compose, dot
+from cinegen.loops._kernels.memory import LoopMemory
+
+RIGID, PRISMATIC, REVOLUTE, BALL = range(4)
+"""Kinds of loops."""
+
+
+@compiled
+def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
+    """Compute `residual`, and `jacobian` where it is wanted, at the joints' frames; return the largest residual."""
+    for i in range(memory.loops):
+        _evaluate_loop(memory, i, with_jacobian)
+    largest = 0.0
+    for i in range(memory.rows):
+        if not abs(memory.residual[i]) <= largest:  # so that NaN is large
+            largest = abs(memory.residual[i])
+    return largest
+
+
+@compiled
+def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
+    ends, w, c, length = memory.ends, memory.vectors, memory.residual, memory.length
+    first, second, d, seen, by, turned = ends[0], ends[1], w[0], w[1:4], w[4:7], w[7]
+    for side in range(2):
+        compose(memory.frames[memory.loop_joints[loop, side]], memory.loop_offsets[loop, side], ends[side])
+    for i in range(3):
+        d[i] = second[3, i] - first[3, i]
+    kind, row = memory.loop_kind[loop], memory.loop_row[loop]
+    linear = 2 if kind == PRISMATIC else 3
+    for i in range(linear):
+        c[row + i] = dot(first[i], d) / length
+    angular = 0
+    if kind == REVOLUTE:
+        angular = 2
+        se3.swing(dot(first[0], second[2]), dot(first[1], second[2]), dot(first[2], second[2]), turned, by)
+    elif kind != BALL:
+        angular = 3
+        se3.relative(first, second, seen)
+        se3.log(seen, turned)
+    for i in range(angular):
+        c[row + linear + i] = turned[i]
+    if not with_jacobian:
+        return
+    if angular == 3:
+        se3.log_derivative(turned, by)
+    for i in range(angular):
+        combine(by[i], first, seen[i])
+    p, jacobian, screws, signs, scale = second[3], memory.jacobian, memory.screws, memory.loop_signs, memory.scale
+    for k in range(memory.n):
+        s = signs[loop, k] * scale[k]
+        if s == 0.0:
+            for i in range(linear + angular):
+                jacobian[row + i, k] = 0.0
+            continue
+        velocity, omega = screws[k], screws[k, 3:6]
+        x = velocity[0] + omega[1] * p[2] - omega[2] * p[1]  # of the second end's origin
+        y = velocity[1] + omega[2] * p[0] - omega[0] * p[2]
+        z = velocity[2] + omega[0] * p[1] - omega[1] * p[0]
+        for i in range(linear):
+            jacobian[row + i, k] = s / length * (first[i, 0] * x + first[i, 1] * y + first[i, 2] * z)
+        for i in range(angular):
+            jacobian[row + linear + i, k] = s * dot(seen[i], omega)

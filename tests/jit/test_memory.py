@@ -1,0 +1,268 @@
+"""Memory of kernels: the same fields in Python and in compiled functions, checked bounds, and memory of others."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from numba import types
+from numba.core.caching import NullCache
+
+import cinegen
+from cinegen.jit import foreign, whole_program
+from cinegen.jit.compiled import Array, Table, compiled, entry, prepare
+from cinegen.jit.memory import Memory, array, parameter, state, view
+from cinegen.jit.memory import foreign as declare_foreign
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+class Points(Memory):
+    """Some points."""
+
+    count: int = parameter(0)
+    factor: float = parameter(2.0)
+    sum: float = state(0.0)
+    calls: int = state(0)
+    point: Array = array("count", 3)
+    label: Table = array("count", dtype=int)
+    other: Array = declare_foreign("count")
+    first: Array = array(2, block="record")
+    last: Array = array("count", block="record")
+
+
+class Weighted(Points):
+    """Points with weights."""
+
+    weight: Array = array("count")
+
+
+points_at = view(Points)
+
+
+@compiled
+def total(memory: Points) -> float:
+    s = 0.0
+    for i in range(memory.count):
+        for k in range(3):
+            s += memory.point[i, k] * memory.label[i]
+    return s * memory.factor
+
+
+@entry
+def add_up(memory: Weighted) -> int:
+    memory.calls += 1
+    memory.sum = total(memory)
+    for i in range(memory.count):
+        memory.point[i, 0] = memory.weight[i]
+        memory.last[i] = memory.other[i]
+    return memory.calls
+
+
+@entry
+def sum_of(handles: Table) -> float:
+    s = 0.0
+    for handle in handles:
+        s += points_at(handle).sum
+    return s
+
+
+for function in (add_up, sum_of):
+    function._cache = NullCache()
+
+
+def weighted(count: int) -> Weighted:
+    memory = Weighted(count=count)
+    memory.point[:] = np.arange(3.0 * count).reshape(count, 3)
+    memory.label[:], memory.weight[:] = np.arange(count), -1.0
+    memory.point_at("other", np.arange(count) + 0.5)
+    return memory
+
+
+def test_a_kernel_and_python_see_the_same():
+    memory = weighted(4)
+    expected = 2.0 * (memory.point.sum(axis=1) * memory.label).sum()
+    run = prepare(add_up, Weighted)
+    assert run(memory.handle) == 1
+    assert memory.sum == expected
+    assert memory.point[:, 0].tolist() == [-1.0] * 4
+    assert memory.last.tolist() == [0.5, 1.5, 2.5, 3.5]
+    memory.factor = 0.0
+    assert run(memory.handle) == memory.calls == 2
+    assert memory.sum == 0.0
+
+
+def test_arrays_are_aligned_and_do_not_overlap():
+    memory = weighted(5)
+    ends = [(array.ctypes.data, array.nbytes) for array in (memory.point, memory.label, memory.weight, memory.first)]
+    assert all(begin % 64 == 0 for begin, _ in ends)
+    ends.sort()
+    assert all(begin + size <= following for (begin, size), (following, _) in pairwise(ends))
+
+
+def test_a_block_is_one_array():
+    memory = weighted(3)
+    whole, fields = memory.block("record")
+    memory.first[:], memory.last[:] = (1.0, 2.0), (3.0, 4.0, 5.0)
+    assert whole.tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+    where, shape = fields["last"]
+    assert whole[where].reshape(shape).tolist() == [3.0, 4.0, 5.0]
+
+
+def test_only_what_changes_its_shape_begins_anew():
+    memory = weighted(3)
+    memory.sum, first = 7.0, memory.point
+    memory.resize(count=3)
+    assert memory.point is first
+    memory.resize(count=5)
+    assert memory.point.shape == (5, 3)
+    assert not memory.point.any()
+    assert memory.sum == 7.0
+    assert memory.handle == memory.words.ctypes.data
+
+
+def test_handles_lead_to_other_memory():
+    several = [weighted(1), weighted(2)]
+    several[0].sum, several[1].sum = 1.5, 2.0
+    assert prepare(sum_of, types.int64[::1])(np.array([memory.handle for memory in several])) == 3.5
+
+
+def test_helpers_are_compiled_for_what_they_declare(monkeypatch):
+    """And not once more for each memory that has more."""
+    monkeypatch.setattr(whole_program, "TESTED", ())  # else they are forgotten
+
+    @entry
+    def total_of(memory: Weighted) -> float:
+        return total(memory)
+
+    total_of._cache = NullCache()
+    memory = weighted(3)
+    assert prepare(total_of, Weighted)(memory.handle) == total(memory)
+    assert {signature[0] for signature in total.overloads} == {Points.numba_type, Weighted.numba_type}  # by Python, too
+    total._reset_overloads()
+    total_of._reset_overloads()
+    prepare(total_of, Weighted)
+    assert {signature[0] for signature in total.overloads} == {Points.numba_type}
+
+
+def test_a_name_is_declared_once():
+    with pytest.raises(TypeError, match=r"Again\.sum is taken"):
+        type("Again", (Points,), {"sum": state(0.0), "__module__": __name__, "__qualname__": "Again"})
+
+
+@pytest.mark.parametrize("name", ["factor", "point"])
+def test_a_kernel_sets_states_only(name):
+    @entry
+    def set_it(memory: Points) -> None:
+        if name == "factor":
+            memory.factor = 1.0
+        else:
+            memory.point = memory.point
+
+    set_it._cache = NullCache()
+    with pytest.raises(Exception, match=f"{name} of .*Points is not a state: a kernel can't set it"):
+        prepare(set_it, Points)
+
+
+@pytest.mark.parametrize("wrong", [np.zeros(2), np.zeros(3, dtype=int), np.zeros(6)[::2]])
+def test_memory_of_others_must_fit(wrong):
+    with pytest.raises(ValueError, match=r"other is \(3,\) of float64"):
+        weighted(3).point_at("other", wrong)
+
+
+# --- bounds ----------------------------------------------------------------------------------------------------------
+
+CONTROL = """
+from numba import types
+from cinegen.jit.compiled import Array, compiled, entry, prepare
+from cinegen.jit.memory import Memory, array, parameter
+
+class Row(Memory):
+    n: int = parameter(3)
+    a: Array = array(2, "n")
+
+@compiled
+def get(memory: Row, i: int, k: int) -> float:
+    return memory.a[i, k]
+
+@entry
+def look(memory: Row, i: int, k: int) -> float:
+    return get(memory, i, k)
+
+def run(i, k):
+    memory = Row()
+    return prepare(look, Row, types.int64, types.int64)(memory.handle, i, k)
+
+assert run(1, 2) == 0.0
+for i, k in ((1, 3), (2, 0), (0, -4)):
+    try:
+        run(i, k)
+    except IndexError:
+        continue
+    raise SystemExit(f"a[{i}, {k}] was not found")
+print("found")
+"""
+
+
+def test_an_index_out_of_bounds_is_found(tmp_path):
+    """The positive control of `make bounds`, compiled as it compiles: helpers inlined, in a cache of its own."""
+    (tmp_path / "control.py").write_text(CONTROL)
+    env = {**os.environ, "NUMBA_BOUNDSCHECK": "1", "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, tmp_path / "control.py"], env=env, capture_output=True, text=True)
+    assert done.stdout == "found\n", done.stderr
+
+
+# --- memory of others ------------------------------------------------------------------------------------------------
+
+
+def test_this_build_of_pinocchio_is_read_in_place():
+    assert foreign.SE3_DISTANCE is not None
+    model = pin.buildSampleModelHumanoidRandom()
+    assert foreign.JointFrames(model.createData()).is_in_place
+
+
+@pytest.mark.parametrize("in_place", [True, False])
+def test_targets_are_followed_in_place_or_copied(robot, in_place, monkeypatch):
+    if not in_place:
+        for module in ("cinegen.ik.task", "cinegen.ik.solver"):
+            monkeypatch.setattr(f"{module}.SE3_DISTANCE", None)
+    arm = robot("arm7")
+    solver = cinegen.Solver(arm, 0.01)
+    task = solver.add_task("tool")
+    for i in range(40):
+        if i % 2:
+            task.target.translation[2] -= 1e-3  # in place
+        else:
+            task.target = task.target * pin.SE3(pin.exp3(np.array([0.0, 0.0, 1e-2])), np.zeros(3))
+        solver.step()
+        wanted, there = task.target, arm.placement(solver.q, "tool")
+        assert np.linalg.norm(wanted.translation - there.translation) < 1e-4
+        assert wanted.rotation == pytest.approx(there.rotation, abs=1e-3)
+
+
+def test_frames_are_copied_where_they_can_not_be_read_in_place(monkeypatch):
+    model = pin.buildSampleModelHumanoidRandom()
+    data, shift = model.createData(), iter(range(10**6))
+    monkeypatch.setattr(foreign, "address", lambda values, of=foreign.address: of(values) + 8 * next(shift))
+    copied = foreign.JointFrames(data)
+    monkeypatch.undo()
+    usual = foreign.JointFrames(data)
+    assert usual.is_in_place
+    assert not copied.is_in_place
+    for seed in range(3):
+        pin.seed(seed)
+        pin.computeJointJacobians(model, data, pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)))
+        usual.read()
+        copied.read()
+        assert np.array_equal(usual.frames, copied.frames)
+
+
+def test_the_distance_of_a_copy_is_only_believed_if_its_numbers_are_there(monkeypatch):
+    monkeypatch.setattr(foreign, "frame_of", lambda placement: np.zeros((4, 3)))
+    assert foreign._distance() is None
