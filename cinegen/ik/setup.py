@@ -61,7 +61,7 @@ def set_up_solver(memory: SolverMemory, mechanism: Mechanism, fixed: int) -> Non
     memory.longest_step[:] = memory.longest_change[:] = np.inf
     limits = mechanism.limits.velocity[at_v] * memory.dt / mechanism.scale[at_v]
     memory.longest_step[at_v - fixed] = np.minimum(limits, STEP_CAP)
-    memory.second_derivative = _second_derivative(mechanism)
+    memory.second_derivative = np.inf if memory.callback_address else _second_derivative(mechanism)
     memory.is_at_q = 0
 
 

@@ -91,7 +91,7 @@ class JointFrames:
             and placement.rotation.strides == (8, 24)
             for j, placement in enumerate(self._placements)
         )
-        self.frames = _numbers_at(begin, (count, 4, 3)) if self.is_in_place else np.zeros((count, 4, 3))
+        self.frames = numbers_at(begin, (count, 4, 3)) if self.is_in_place else np.zeros((count, 4, 3))
         self._data = data  # keeps the memory
 
     def read(self) -> None:
@@ -100,7 +100,7 @@ class JointFrames:
             self.frames[:] = [frame_of(placement) for placement in self._placements]
 
 
-def _numbers_at(begin: int, shape: tuple[int, ...]) -> Array:
+def numbers_at(begin: int, shape: tuple[int, ...]) -> Array:
     """Return an array over memory that begins at an address."""
     return np.ctypeslib.as_array(ctypes.cast(begin, ctypes.POINTER(ctypes.c_double)), shape)
 
@@ -144,6 +144,6 @@ class DistanceResults:
         """Read in place from now on, if all results are there as they were copied."""
         begin = [address(result.normal) - 8 * NORMAL for result in self._results]
         if begin == list(range(begin[0], begin[0] + 8 * RESULT_WIDTH * len(begin), 8 * RESULT_WIDTH)):
-            found, used = _numbers_at(begin[0], self.table.shape), SECOND_POINT + 3
+            found, used = numbers_at(begin[0], self.table.shape), SECOND_POINT + 3
             if np.array_equal(found[:, :used], self.table[:, :used]):
                 self.table, self.is_in_place = found, True

@@ -8,11 +8,21 @@ from typing import TypeVar
 import numpy as np
 import pinocchio as pin
 
+from cinegen.jit.callback import address_of
 from cinegen.jit.foreign import frame_of
-from cinegen.joints import axis, supporting_columns, translations
+from cinegen.joints import axis, supporting_columns
 from cinegen.loops._kernels import kinematics, residual
 from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.pinocchio_joints import kinematics_callback
+
+_KINDS = {
+    **dict.fromkeys(("RX", "RY", "RZ", "RevoluteUnaligned"), kinematics.REVOLUTE),
+    **dict.fromkeys(("PX", "PY", "PZ", "PrismaticUnaligned"), kinematics.PRISMATIC),
+    "Spherical": kinematics.SPHERICAL,
+    "FreeFlyer": kinematics.FREE_FLYER,
+}
+"""Joints that the kernels move, by Pinocchio's names."""
 
 AnyMemory = TypeVar("AnyMemory", bound=LoopMemory)
 
@@ -25,9 +35,6 @@ def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) ->
         system: the mechanism's loops.
         rank: of their Jacobian, generic.
         fixed: 6 where a base that could move stays where it is, else 0.
-
-    Raises:
-        NotImplementedError: the model has joints other than revolute, prismatic, spherical and free ones.
     """
     model = system.model
     memory.resize(
@@ -39,8 +46,9 @@ def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) ->
     memory.q_index[:] = -1
     memory.factored_at = NOWHERE
     memory.frames[0, :3] = np.eye(3)
-    for j in range(1, model.njoints):
-        _set_up_joint(memory, model, j, fixed)
+    if not all([_set_up_joint(memory, model, j, fixed) for j in range(1, model.njoints)]):
+        memory.callback = kinematics_callback(memory, model)
+        memory.callback_address = address_of(memory.callback)
     row = 0
     for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
         joints, offsets = anchor[::2], anchor[1::2]
@@ -52,22 +60,20 @@ def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) ->
     return memory
 
 
-def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> None:
+def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> bool:
+    """Return whether the kernels can move that joint."""
     joint = model.joints[j]
     memory.joint_parent[j], memory.joint_offset[j] = model.parents[j], frame_of(model.jointPlacements[j])
     memory.joint_q[j], memory.joint_dof[j] = joint.idx_q, joint.idx_v - fixed
     if joint.nq == joint.nv == 1:
-        memory.joint_kind[j] = kinematics.PRISMATIC if translations(joint) else kinematics.REVOLUTE
-        memory.joint_axis[j] = axis(joint)
         memory.q_index[joint.idx_v - fixed] = joint.idx_q
-        return
-    kinds = {"JointModelFreeFlyer": kinematics.FREE_FLYER, "JointModelSpherical": kinematics.SPHERICAL}
-    if joint.shortname() not in kinds:
-        raise NotImplementedError(
-            f"joint '{model.names[j]}' is a {joint.shortname()}: only revolute, prismatic, spherical and free joints "
-            "can be moved"
-        )
-    memory.joint_kind[j] = kinds[joint.shortname()]
+    kind = _KINDS.get(joint.shortname().removeprefix("JointModel"))
+    if kind is None:
+        return False
+    memory.joint_kind[j] = kind
+    if kind in (kinematics.REVOLUTE, kinematics.PRISMATIC):
+        memory.joint_axis[j] = axis(joint)
+    return True
 
 
 def actuate(memory: LoopMemory, columns: Sequence[int]) -> None:

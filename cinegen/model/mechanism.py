@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.errors import ClosureError, ConfigurationError, UnknownNameError
+from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
 from cinegen.html import table
 from cinegen.joints import scalar_joints, translations
 from cinegen.loops.close import Closer
@@ -47,6 +47,9 @@ class MechanismSource(NamedTuple):
 class Mechanism:
     """A mechanism; it never changes, and serves several threads at once. Made by `cinegen.load`.
 
+    A model that a program builds may have any joint of Pinocchio but mimic joints. The kernels move revolute,
+    prismatic, spherical and free joints themselves; for a model with others they call Pinocchio, which is slower.
+
     Attributes:
         name: of the robot.
         model: the tree as a Pinocchio model. Each joint is one number of q (rad, m), RAFF's theta or r; a free base is
@@ -63,6 +66,9 @@ class Mechanism:
         sensors: the sensors of the file, by number, as the constraints file has them.
         sensor_constraints: node and sensors, for each node that may follow some.
         source: what it was built from.
+
+    Raises:
+        CinegenError: the model has a mimic joint.
     """
 
     name: str
@@ -84,6 +90,12 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         self.q_home.flags.writeable = False
+        for name, joint in zip(self.model.names, self.model.joints, strict=True):
+            if joint.shortname() == "JointModelMimic":  # Pinocchio's Jacobians of loops would be wrong
+                raise CinegenError(
+                    f"joint '{name}' of {self.name} is a mimic joint, which is not supported: build the model with it "
+                    "as an independent joint (mimic=False in Pinocchio)"
+                )
 
     def __repr__(self) -> str:
         return f"<Mechanism {self.name[:60]}: {self._summary}>"

@@ -10,6 +10,8 @@ import pytest
 
 import cinegen
 import raff2urdf
+from cinegen.errors import CinegenError
+from cinegen.ik import Solver, Status
 from cinegen.jit.foreign import frame_of
 from cinegen.loops._kernels import kinematics
 from cinegen.loops._kernels.memory import LoopMemory
@@ -23,6 +25,27 @@ EVERY = [
     for robot in raff2urdf.load(path).robots
 ]
 KINDS = ("RX", "PY", "RZ", "PX", "RY", "PZ", "Spherical", "FreeFlyer", "RevoluteUnaligned", "PrismaticUnaligned")
+
+
+def composite() -> pin.JointModelComposite:
+    joint = pin.JointModelComposite()
+    joint.addJoint(pin.JointModelRX())
+    joint.addJoint(pin.JointModelPY(), pin.SE3.Random())
+    return joint
+
+
+OTHERS = {
+    "Planar": pin.JointModelPlanar,
+    "Translation": pin.JointModelTranslation,
+    "SphericalZYX": pin.JointModelSphericalZYX,
+    "RUBX": pin.JointModelRUBX,
+    "Universal": lambda: pin.JointModelUniversal(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])),
+    "HX": lambda: pin.JointModelHX(0.1),
+    "HelicalUnaligned": lambda: pin.JointModelHelicalUnaligned(np.array([0.0, 0.6, 0.8]), 0.1),
+    "Ellipsoid": lambda: pin.JointModelEllipsoid(0.1, 0.2, 0.3),
+    "Composite": composite,
+}
+"""Joints that the kernels leave to Pinocchio."""
 
 
 def tree(kinds, rng) -> pin.Model:
@@ -99,6 +122,66 @@ def test_a_base_that_stays_has_no_columns():
     assert there == pytest.approx(q + np.repeat([0.0, 1.0], [7, 3]))
 
 
-def test_other_joints_are_refused():
-    with pytest.raises(NotImplementedError, match=r"joint 'j1' is a JointModelPlanar: only revolute, prismatic"):
-        memory_of(tree(["Planar"], np.random.default_rng(5)))
+def test_models_with_other_kinds_of_joints():
+    rng = np.random.default_rng(5)
+    for make in OTHERS.values():
+        model = tree(["RZ", "FreeFlyer", "PX"], rng)
+        model.addJoint(2, make(), pin.SE3.Random(), "other")
+        q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+        check(model, q, 0.5 * rng.normal(size=model.nv))
+        there = np.zeros(model.nq)
+        kinematics.integrate(memory_of(model), q, np.zeros(model.nv), there)
+        assert there.tobytes() == q.tobytes()
+    assert memory_of(tree(KINDS, rng)).callback_address == 0
+
+
+def test_a_base_that_stays_before_other_joints():
+    model, rng = tree(["FreeFlyer", "RZ"], np.random.default_rng(6)), np.random.default_rng(6)
+    model.addJoint(2, pin.JointModelPlanar(), pin.SE3.Random(), "other")
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    memory, data, step = memory_of(model, fixed=6), model.createData(), rng.normal(size=4)
+    pin.computeJointJacobians(model, data, q)
+    kinematics.evaluate(memory, q)
+    assert memory.screws == pytest.approx(data.J.T[6:], abs=1e-12)
+    there, back = np.zeros(model.nq), np.zeros(4)
+    kinematics.integrate(memory, q, step, there)
+    assert there == pytest.approx(pin.integrate(model, q, np.concatenate([np.zeros(6), step])), abs=1e-12)
+    kinematics.difference(memory, q, there, back)
+    assert back == pytest.approx(step, abs=1e-12)
+
+
+def mechanism_of(model: pin.Model, nodes: int) -> cinegen.Mechanism:
+    """A serial mechanism, without limits."""
+    for j in range(model.njoints):
+        model.addFrame(pin.Frame(f"n{j}", j, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.lowerPositionLimit, model.upperPositionLimit = np.full((2, model.nq), -np.inf) * [[1.0], [-1.0]]
+    model.lowerVelocityLimit, model.upperVelocityLimit = np.full((2, model.nv), -np.inf) * [[1.0], [-1.0]]
+    joints = tuple(name for name, joint in zip(model.names[1:], model.joints[1:], strict=True) if joint.nq == 1)
+    return cinegen.Mechanism(
+        name="by hand", model=model, nodes=tuple(f"n{j}" for j in range(nodes)), joints=joints, actuated=joints,
+        loops=(), length=0.5, floating=False, q_home=np.array(pin.neutral(model)), loop_rank=0, gap_as_written=0.0,
+        sensors={}, sensor_constraints=(), source=None,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", OTHERS)
+def test_a_solver_moves_other_kinds_of_joints(kind):
+    model, rng = pin.Model(), np.random.default_rng(7)
+    makes = [pin.JointModelRZ, OTHERS[kind], pin.JointModelRY, pin.JointModelRX, pin.JointModelPZ]
+    for j, make in enumerate(makes):
+        model.addJoint(j, make(), pin.SE3(pin.exp3(rng.normal(size=3)), 0.2 * rng.normal(size=3)), f"j{j}")
+    mechanism = mechanism_of(model, 6)
+    goal = pin.integrate(model, mechanism.q_home, 0.3 * rng.normal(size=model.nv))
+    solver = Solver(mechanism, 0.01)
+    task = solver.add_task("n5", mechanism.placement(goal, "n5"), rotation=0)
+    for _ in range(60):
+        step = solver.step()
+    assert step.status is Status.FOLLOWING
+    assert np.linalg.norm(mechanism.placement(step.q, "n5").translation - task.target.translation) <= 1e-9
+    assert step.q == pytest.approx(pin.normalize(model, step.q), abs=1e-12)
+
+
+def test_mimic_joints_are_refused():
+    model = tree(["RZ", "RY", "RX", "RZ"], np.random.default_rng(8))
+    with pytest.raises(CinegenError, match=r"joint 'j3' of by hand is a mimic joint.*independent joint"):
+        mechanism_of(pin.transformJointIntoMimic(model, 1, 3, 2.0, 0.1), 4)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import math
 
+from cinegen.jit.callback import call_python
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.se3 import combine, compose, cross, dot, log, log_derivative, sinc, turn
 from cinegen.loops._kernels.memory import LoopMemory
+
+EVALUATE, INTEGRATE, DIFFERENCE = range(3)
+"""What Python computes for a model with joints of other kinds: see `cinegen.loops.pinocchio_joints`."""
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER = range(5)
 """Kinds of joints. A quaternion is (x, y, z, w), as in Pinocchio; a free flyer's q is its position, then that."""
@@ -16,6 +20,9 @@ FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER = range(5)
 def evaluate(memory: LoopMemory, q: Array) -> None:
     """Compute the frames of all joints, and their screws, at q (nq,)."""
     memory.evaluations += 1
+    if memory.callback_address != 0:
+        call_python(memory.callback_address, EVALUATE, q, q, q)
+        return
     frames, screws = memory.frames, memory.screws
     for j in range(1, memory.joints):
         frame, at, dof = frames[j], memory.joint_q[j], memory.joint_dof[j]
@@ -69,6 +76,9 @@ def _free_screws(frame: Array, floats: bool, screws: Array) -> None:
 @compiled
 def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
     """out (nq,) = where a step delta (n,), m and rad, leads from q (nq,)."""
+    if memory.callback_address != 0:
+        call_python(memory.callback_address, INTEGRATE, q, delta, out)
+        return
     for i in range(memory.nq):
         out[i] = q[i]
     for j in range(1, memory.joints):
@@ -133,6 +143,9 @@ def _axes_of(q: Array, axes: Array) -> None:
 @compiled
 def difference(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
     """out (n,) = the step, m and rad, that leads from q to another configuration (nq,)."""
+    if memory.callback_address != 0:
+        call_python(memory.callback_address, DIFFERENCE, q, to, out)
+        return
     vectors = memory.vectors
     for j in range(1, memory.joints):
         kind, at, dof = memory.joint_kind[j], memory.joint_q[j], memory.joint_dof[j]

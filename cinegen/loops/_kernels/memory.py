@@ -7,6 +7,7 @@ DoF means degrees of freedom here. Frames are (4, 3): see `cinegen.jit.se3`.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from cinegen.jit.compiled import Array, Table
 from cinegen.jit.memory import Memory, array, parameter, state
@@ -27,6 +28,8 @@ class LoopMemory(Memory):
     length: float = parameter(1.0)  # characteristic length, m
 
     # joints; joint 0 is the world
+    callback: Any = None  # keeps what `callback_address` is the address of
+    callback_address: int = parameter(0)  # of Python's kinematics, for a model with joints of other kinds; or 0
     joint_kind: Table = array("joints", dtype=int)
     joint_parent: Table = array("joints", dtype=int)
     joint_q: Table = array("joints", dtype=int)  # its first number in q
