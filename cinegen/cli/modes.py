@@ -205,14 +205,14 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     """Return a heading and a line for each mode."""
     import numpy as np
 
-    from cinegen.plotting.skeleton import Skeleton
+    from cinegen.model.motion_plane import motion_plane
     from cinegen.plotting.units import pose_numbers, rounded
 
     placements = modes.placements(node)
     poses = np.array([pose_numbers(placement) for placement in placements])
     heads = ["x", "y", "z", "roll", "pitch", "yaw"]
     columns = list(range(6))
-    plane = Skeleton(modes.mechanism, node).plane
+    plane = motion_plane(modes.mechanism)
     if plane is not None and abs(plane[2]) > 1.0 - 1e-9 and np.abs(poses[:, 3:5]).max() < 1e-6:
         columns = [0, 1, 5]  # the coordinates of a planar motion in x, y
     marks = [asked is not None and _is_at(asked, placement) for placement in placements]

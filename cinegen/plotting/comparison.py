@@ -1,4 +1,4 @@
-"""`draw_comparison`: what two maps reach, each alone and both, and how a quantity differs."""
+"""`draw_comparison`: the parts that each of two maps reaches, and both, and the difference of a quantity."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.heading import printed, value
-from cinegen.plotting.panel import LABEL, bar, curve, finish, sheet, spans, wrapped
-from cinegen.plotting.plane import Plane
+from cinegen.plotting.heading import printed
+from cinegen.plotting.line import Line
+from cinegen.plotting.plane import Plane, bar
 from cinegen.plotting.shades import OUT, differing, pretty
+from cinegen.plotting.sheet import LABEL, UNDER, finish, sheet, wrapped
 from cinegen.plotting.stick import INK
-from cinegen.plotting.units import user_scale
+from cinegen.plotting.units import coordinate_text
 from cinegen.workspace.comparison import Comparison, QuantityDifference, compare
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.maps import open_map
@@ -28,18 +29,18 @@ if TYPE_CHECKING:
 Bools = NDArray[np.bool_]
 
 FIRST, SECOND, BOTH = "#0072b2", "#e69f00", "#b7c3cf"
-"""Colours of what only the first map reaches, only the second (Okabe and Ito's blue and orange), and both."""
+"""Colours of the cells that only the first map reaches, only the second (Okabe and Ito's blue and orange), and both."""
 
 _PALE = 0.6  # of these colours behind a curve
-_MARGIN, _UNDER = 1.2, 0.8  # inches, of what is next to and below axes
+_MARGIN = 1.2  # inches, to the left and right of axes
 
 
 def draw_comparison(
     first: xarray.Dataset | str | Path, second: xarray.Dataset | str | Path, quantity: str | None = None,
     *, size: float = 12.0,
 ) -> Figure:  # fmt: skip
-    """Draw what each of two maps reaches, and both; next to it how a quantity differs where both reach, second minus
-    first. Of maps over more than two axes the middle slice of the first two.
+    """Draw the parts that each of two maps reaches, and both; next to it the difference of a quantity where both reach,
+    second minus first. Of maps over more than two axes the middle slice of the first two.
 
     Args:
         first: a map, or its folder.
@@ -57,7 +58,9 @@ def draw_comparison(
         quantity = "sigma_1" if "sigma_1" in known else next(iter(known), None)
     elif quantity not in known:
         raise MapError(f"the maps don't both have '{quantity}'{did_you_mean(quantity, known)}")
-    return (_over_one if len(found.region.axes) == 1 else _over_two)(found, spec, quantity, size)
+    figure = (_over_one if len(found.region.axes) == 1 else _over_two)(found, spec, quantity, size)
+    finish(figure)
+    return figure
 
 
 def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:
@@ -68,29 +71,23 @@ def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:
 
 
 def _extents(found: Comparison) -> str:
-    """Return how much is reached, in lines."""
+    """Return the extents, in lines."""
     texts = [f"{label} {printed(extent)}" for label, extent in found.extents.items()]
     return "\n".join("; ".join(part) for part in (texts[:2], texts[2:4], texts[4:]))
 
 
 def _over_one(found: Comparison, spec: MapSpecification, name: str | None, size: float) -> Figure:
-    (axis,) = found.region.axes
-    scale, unit = user_scale(spec.mechanism, axis.name)
-    wide, tall = 0.6 * size, 0.3 * size
-    figure, body = sheet(wide, tall, " and ".join(found.names), _extents(found))
+    line, tall, text = Line(replace(spec, region=found.region)), 0.3 * size, ""
+    figure, body = sheet(0.6 * size, tall, " and ".join(found.names), _extents(found))
     axes = body.add_subplot()
-    for cells, colour, label in _classes(found):
-        for first, last in spans(cells):
-            axes.axvspan(*(axis.borders[[first, last]] * scale), color=colour, alpha=_PALE, linewidth=0.0, label=label)
+    for cells, colour, title in _classes(found):
+        line.fill(axes, cells, colour, title, _PALE)
     if name is not None:
         difference = found.differences[name]
-        curve(axes, axis, scale, difference.values, color=INK, linewidth=1.6)
+        line.curve(axes, difference.values, color=INK)
         axes.axhline(0.0, color=INK, linewidth=0.5)
-        text = differing(difference.description, difference.unit, name, difference.values).words
-        axes.set_ylabel(wrapped(text, tall - _UNDER, LABEL), fontsize=LABEL)
-    axes.set_xlabel(f"{axis.name} ({unit})")
-    axes.set_xlim(axis.low * scale, axis.high * scale)
-    finish(figure)
+        text = differing(difference.description, difference.unit, name, difference.values).text
+    line.dress(axes, text, tall - UNDER)
     return figure
 
 
@@ -98,18 +95,17 @@ def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size:
     region, cut = found.region, found.region.axes[2:]
     at = {axis.name: float(axis.middles()[axis.count // 2]) for axis in cut}
     middle: Any = (slice(None), slice(None), *(axis.count // 2 for axis in cut))
-    here = replace(spec, region=replace(region, axes=region.axes[:2], at={**region.at, **at}))
-    plane, panels = Plane(here), 1 if name is None else 2
+    plane = Plane(replace(spec, region=replace(region, axes=region.axes[:2], at={**region.at, **at})))
     wide, tall = plane.paper(size / 2.0)
-    text = _extents(found)
+    text, panels = _extents(found), 1 if name is None else 2
     if at:
-        text += f" in all; at {', '.join(value(here, axis, number) for axis, number in at.items())}"
+        text += f" in all; at {', '.join(coordinate_text(spec.mechanism, *one) for one in at.items())}"
     if name is not None:
         text += f"\n{pretty(name)}, {found.names[1]} minus {found.names[0]}: {_range(found.differences[name])}"
     figure, body = sheet(wide * panels, tall, " and ".join(found.names), text)
     axes = body.add_subplot(1, panels, 1, projection=plane.projection)
-    for cells, colour, label in _classes(found):
-        plane.fill(axes, cells[middle], colour, label)
+    for cells, colour, title in _classes(found):
+        plane.fill(axes, cells[middle], colour, title)
     plane.dress(axes)
     if name is not None:
         difference = found.differences[name]
@@ -120,10 +116,9 @@ def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size:
         mesh = plane.shade(right, values, look)
         plane.levels(right, values, look)
         plane.dress(right)
-        for panel, title in ((axes, "what is reached"), (right, f"{pretty(name)}, where both reach")):
+        for panel, title in ((axes, "reachable part"), (right, f"{pretty(name)}, where both reach")):
             panel.set_title(wrapped(title, wide - _MARGIN, LABEL), fontsize=LABEL, color=INK)
-        bar(body, mesh, right, look, tall - _UNDER)
-    finish(figure)
+        bar(body, mesh, right, look, tall)
     return figure
 
 

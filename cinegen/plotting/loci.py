@@ -1,25 +1,36 @@
-"""`draw_loci`: singular curves on a slice of the workspace, over the singular values of its points."""
+"""Singular curves: `paint_curves` in any axes; `draw_loci` on a slice, over the singular values of its points."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.stick import FAINT, INK
-from cinegen.plotting.units import rounded, user_scale
+from cinegen.plotting.sheet import LABEL, finish, label, sheet
+from cinegen.plotting.stick import INK
+from cinegen.plotting.units import coordinate_text, user_scale
 from cinegen.singularities.contour import SingularCurve
 from cinegen.singularities.loci import SingularLoci
 from cinegen.singularities.singularity import SingularityType
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
 TYPE_1, TYPE_2 = "#0072b2", "#d55e00"
 """Okabe and Ito's blue and vermillion."""
+
+_STYLES = {
+    SingularityType.TYPE_1: (TYPE_1, "type 1: lost DoF"),
+    SingularityType.TYPE_2: (TYPE_2, "type 2: uncontrolled DoF"),
+    SingularityType.NONE: ("#4b525a", "border, not singular"),
+}
+_BORDER = 0.55  # width of a border, over that of a singular curve
+_CASING = 1.5  # points: white around lines
 
 
 def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
@@ -29,49 +40,53 @@ def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
         loci: the curves and the singular values of a slice.
         size: width, inches.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(size, 0.86 * size), layout="constrained", dpi=150)
-    axes = figure.add_subplot()
-    units = [user_scale(loci.of.mechanism, axis.name) for axis in loci.of.axes]
-    u, v = (values * scale for values, (scale, _) in zip((loci.u, loci.v), units, strict=True))
+    slice_, mechanism, start = loci.of, loci.of.mechanism, loci.of.start()
+    names = [axis.name for axis in slice_.axes]
+    scales, units = zip(*(user_scale(mechanism, name) for name in names), strict=True)
+    robot = mechanism.name if slice_.over_joints else f"{slice_.node} of {mechanism.name}"
+    fixed = [coordinate_text(mechanism, *one) for one in slice_.given(*start).items() if one[0] not in names]
+    figure, body = sheet(size, 0.8 * size, f"Singularities of {robot}", ", ".join(fixed))
+    axes = body.add_subplot()
+    u, v = loci.u * scales[0], loci.v * scales[1]
     nearness = np.fmin(loci.first, loci.second)
     shade = axes.pcolormesh(u, v, nearness.T, shading="nearest", cmap="Greys_r", vmin=0.0, alpha=0.55, rasterized=True)
-    bar = figure.colorbar(shade, ax=axes, shrink=0.8)
-    bar.set_label("smallest singular value of both types, dimensionless")
-    scale = np.array([units[0][0], units[1][0]])
-    for curve in loci.curves:
-        _paint(axes, curve, curve.points * scale)
-    home = np.array(loci.of.start()) * scale
-    axes.plot(*home, marker="+", color=INK, markersize=10, linestyle="none", label="home")
-    along, up = (f"{axis.name} ({unit})" for axis, (_, unit) in zip(loci.of.axes, units, strict=True))
-    axes.set_xlabel(along)
-    axes.set_ylabel(up)
-    if units[0][1] == units[1][1]:
+    bar = body.colorbar(shade, ax=axes, shrink=0.8)
+    bar.set_label("smallest singular value of both types, dimensionless", fontsize=LABEL, color=INK)
+    bar.ax.tick_params(labelsize="small")
+    paint_curves(axes, loci.curves, lambda points: points * scales)
+    axes.plot(*(start * np.array(scales)), marker="+", color=INK, markersize=10, linestyle="none", label="home")
+    label(axes, *(f"{name} ({unit})" for name, unit in zip(names, units, strict=True)))
+    if units[0] == units[1]:
         axes.set_aspect("equal")
     axes.set_xlim(u[0], u[-1])
     axes.set_ylim(v[0], v[-1])
-    axes.set_title(_title(loci), fontsize="medium", color=INK)
-    handles, labels = axes.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="outside lower center", ncols=4, frameon=False)
+    finish(figure)
     return figure
 
 
-def _paint(axes: Any, curve: SingularCurve, points: Array) -> None:
-    colours = {SingularityType.TYPE_1: TYPE_1, SingularityType.TYPE_2: TYPE_2}
-    names = {SingularityType.TYPE_1: "type 1: motion lost", SingularityType.TYPE_2: "type 2: motion gained"}
-    colour = colours.get(curve.kind, FAINT)
-    style: dict[str, Any] = {"linestyle": "-" if curve.kind in colours else ":"}
-    if len(points) == 1:
-        style = {"linestyle": "none", "marker": "."}
-    axes.plot(*points.T, color=colour, linewidth=1.8, label=names.get(curve.kind, "end of the branch"), **style)
+def paint_curves(
+    axes: Axes, curves: Sequence[SingularCurve], drawn: Callable[[Array], Array], width: float = 1.8
+) -> None:
+    """Draw singular curves, and borders that are not singular.
 
+    Args:
+        axes: of matplotlib.
+        curves: in m and rad.
+        drawn: returns the points (n, 2) of a curve in the axes.
+        width: of singular curves, points.
+    """
+    from matplotlib.patheffects import Normal, Stroke
 
-def _title(loci: SingularLoci) -> str:
-    given = loci.of.given(*loci.of.start())
-    others = [name for name in given if name not in (axis.name for axis in loci.of.axes)]
-    units = {name: user_scale(loci.of.mechanism, name) for name in others}
-    at = ", ".join(f"{name} {rounded(given[name] * scale, 6):.4g} {unit}" for name, (scale, unit) in units.items())
-    what = loci.of.mechanism.name if loci.of.over_joints else f"{loci.of.node} of {loci.of.mechanism.name}"
-    return f"Singularities of {what}" + (f" at {at}" if at else "")
+    for curve in sorted(curves, key=lambda curve: curve.kind is not SingularityType.NONE):
+        colour, text = _STYLES[curve.kind]
+        singular = curve.kind is not SingularityType.NONE
+        wide = width if singular else _BORDER * width
+        style: dict[str, Any] = {"linestyle": "-"}
+        if len(curve.points) == 1:
+            style = {"linestyle": "none", "marker": ".", "markersize": 2.0 * wide}
+        (line,) = axes.plot(
+            *drawn(curve.points).T, color=colour, linewidth=wide, zorder=3.0, label=text, solid_joinstyle="round",
+            **style,
+        )  # fmt: skip
+        if singular:
+            line.set_path_effects([Stroke(linewidth=wide + _CASING, foreground="white"), Normal()])

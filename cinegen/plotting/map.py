@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.heading import given, heading, size_words, value
-from cinegen.plotting.loci import TYPE_1
-from cinegen.plotting.panel import LABEL, bar, curve, finish, out_of_reach, panel, sheet, spans, wrapped
-from cinegen.plotting.plane import Plane
-from cinegen.plotting.shades import OUT, chosen, shades, values_of
+from cinegen.plotting.heading import given, heading, printed
+from cinegen.plotting.line import Line
+from cinegen.plotting.loci import TYPE_1, paint_curves
+from cinegen.plotting.plane import Plane, bar
+from cinegen.plotting.shades import OUT, Shades, chosen, shades, values_of
+from cinegen.plotting.sheet import UNDER, finish, sheet
 from cinegen.plotting.solid import paint_solid
 from cinegen.plotting.stick import INK
-from cinegen.plotting.units import user_scale
+from cinegen.plotting.units import coordinate_text
+from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 from cinegen.workspace.maps import open_map
@@ -32,7 +34,7 @@ Array = NDArray[np.float64]
 _SLICES = 6
 _RIGHT, _GAP = 0.5, 0.06  # of the width: for the slices, and between them and the solid
 _HEIGHT = 0.48  # of a picture over one axis, over its width
-_LOW, _UNDER = 0.35, 0.8  # of the width: height of a picture over three axes; inches: what is below axes
+_LOW = 0.35  # height of a picture over three axes, over its width
 
 
 def draw_map(
@@ -47,13 +49,14 @@ def draw_map(
     """Draw a map, in mm and degrees.
 
     Over one axis a curve. Over two, colours with lines of equal value, singular curves of type 1 and 2, other borders
-    of what is reached, and the robot at home where the axes are two of x, y and z; directions seen from a centre as
-    Hammer's map of the sphere. Over three, slices and a view of the border; over more, the middle slice of the first
-    two.
+    of the reachable part, and the robot at home where the axes are two of x, y and z; directions seen from a centre in
+    Hammer's projection of the sphere. Over three, slices and a view of the border; over more, the middle slice of the
+    first two.
 
     Args:
         of: a map, or its folder.
-        quantity: what is shown: of `QUANTITIES`, or reachable, or status; sigma_1, else the status, unless given.
+        quantity: the quantity that is shown: of `QUANTITIES`, or reachable, or status; sigma_1, else the status, unless
+            given.
         curves: whether to find singular curves, which takes seconds.
         robot: whether to draw the robot.
         name: of the robot in the title; its own unless given.
@@ -64,109 +67,97 @@ def draw_map(
     """
     dataset = open_map(of) if isinstance(of, str | Path) else of
     spec = specification_of(dataset)
-    picture = _Picture(
-        dataset, spec, chosen(dataset, quantity), curves, robot, name, size, size_words(spec, extent(dataset))
-    )
+    text = f"{'possible' if spec.over_joints else 'reached'}: {printed(extent(dataset))}"
     axes = spec.region.axes
-    if len(axes) == 1:
-        return picture.over_one()
-    if len(axes) == 3:
-        return picture.over_three()
     if len(axes) > 3:
-        part, there = map_slice(dataset, spec, {axis.name: axis.count // 2 for axis in axes[2:]})
-        picture = replace(picture, dataset=part, spec=there, text=f"middle slice; in all {picture.text}")
-    return picture.over_two()
+        dataset, spec = map_slice(dataset, spec, {axis.name: axis.count // 2 for axis in axes[2:]})
+        text = f"middle slice; in all {text}"
+    shown = chosen(dataset, quantity)
+    dataset = dataset.transpose(*spec.region.names, ...)
+    values = values_of(dataset, shown)
+    picture = _Picture(dataset, spec, values, shades(dataset, shown, values), curves, robot)
+    first, second = heading(spec, name), given(spec, text)
+    figure = (picture.over_one, picture.over_two, picture.over_three)[len(spec.region.axes) - 1](size, first, second)
+    finish(figure)
+    return figure
 
 
 @dataclass(frozen=True)
 class _Picture:
-    """What is drawn; the text is about how much is reached."""
+    """A map of one to three axes, the values that are shown, and how they are shown."""
 
     dataset: xarray.Dataset
     spec: MapSpecification
-    shown: str
+    values: Array
+    look: Shades
     lines: bool
     robot: bool
-    name: str | None
-    size: float
-    text: str
 
-    def _sheet(self, wide: float, tall: float) -> tuple[Figure, Any]:
-        return sheet(wide, tall, heading(self.spec, self.name), given(self.spec, self.text))
-
-    def _curves(self, plane: Plane, axes: Axes, dataset: xarray.Dataset, width: float) -> None:
-        if self.lines and min(plane.spec.region.shape) > 1:
-            plane.curves(axes, loci(dataset, plane.spec), width)
-
-    def over_one(self) -> Figure:
-        tall = _HEIGHT * self.size
-        figure, body = self._sheet(self.size, tall)
+    def over_one(self, size: float, *titles: str) -> Figure:
+        tall, look, line = _HEIGHT * size, self.look, Line(self.spec)
+        figure, body = sheet(size, tall, *titles)
         axes = body.add_subplot()
-        (axis,) = self.spec.region.axes
-        scale, unit = user_scale(self.spec.mechanism, axis.name)
-        values = values_of(self.dataset, self.shown)
-        look = shades(self.dataset, self.shown, values)
-        for first, last in spans(out_of_reach(self.dataset)):
-            axes.axvspan(*(axis.borders[[first, last]] * scale), color=OUT, linewidth=0.0, label="out of reach")
+        line.fill(axes, _out_of_reach(self.dataset), OUT, "out of reach")
         style: dict[str, Any] = {"drawstyle": "steps-mid"} if look.labels else {}
-        curve(axes, axis, scale, values, color=TYPE_1, linewidth=1.6, **style)
+        line.curve(axes, self.values, color=TYPE_1, **style)
         if look.labels:
-            axes.set_yticks(np.unique(values[np.isfinite(values)]), look.labels)
+            axes.set_yticks(np.unique(self.values[np.isfinite(self.values)]), look.labels)
         elif look.logarithmic:
             axes.set_yscale("log")
-        axes.set_xlabel(f"{axis.name} ({unit})")
-        axes.set_ylabel(wrapped(look.words, tall - _UNDER, LABEL), fontsize=LABEL)
-        axes.set_xlim(axis.low * scale, axis.high * scale)
-        axes.spines[["top", "right"]].set_visible(False)
-        finish(figure)
+        line.dress(axes, look.text, tall - UNDER)
         return figure
 
-    def over_two(self) -> Figure:
-        dataset = self.dataset.transpose(*self.spec.region.names, ...)
+    def over_two(self, size: float, *titles: str) -> Figure:
         plane = Plane(self.spec)
-        wide, tall = plane.paper(self.size)
-        figure, body = self._sheet(wide, tall)
+        wide, tall = plane.paper(size)
+        figure, body = sheet(wide, tall, *titles)
         axes = body.add_subplot(projection=plane.projection)
-        values = values_of(dataset, self.shown)
-        look = shades(dataset, self.shown, values)
-        mesh = panel(plane, axes, dataset, values, look)
-        plane.levels(axes, values, look)
-        self._curves(plane, axes, dataset, 1.8)
+        mesh = self._panel(plane, axes, self.dataset, self.values, 1.8)
+        plane.levels(axes, self.values, self.look)
         if self.robot:
             plane.robot(axes)
         plane.dress(axes)
-        bar(body, mesh, axes, look, tall - _UNDER)
-        finish(figure)
+        bar(body, mesh, axes, self.look, tall)
         return figure
 
-    def over_three(self) -> Figure:
-        """Draw the border of what is reached on the left, slices along the last axis on the right."""
-        dataset, size = self.dataset.transpose(*self.spec.region.names, ...), 1.5 * self.size
-        across = self.spec.region.axes[2]
-        values, reached = values_of(dataset, self.shown), dataset["reachable"].values
-        look = shades(dataset, self.shown, values)
+    def over_three(self, size: float, *titles: str) -> Figure:
+        """Draw the border of the reachable part on the left, slices along the last axis on the right."""
+        across, size = self.spec.region.axes[2], 1.5 * size
+        reached = self.dataset["reachable"].values
         numbers = _layers(reached)
         rows = 1 if len(numbers) < 3 else 2
         columns = -(-len(numbers) // rows)
-        slices = [map_slice(dataset, self.spec, {across.name: number}) for number in numbers]
-        tall = max(Plane(slices[0][1]).tall(size * _RIGHT / columns) * rows + _UNDER, _LOW * size)
-        figure, body = self._sheet(size, tall)
+        slices = [map_slice(self.dataset, self.spec, {across.name: number}) for number in numbers]
+        tall = max(Plane(slices[0][1]).aspect * size * _RIGHT / columns * rows + UNDER, _LOW * size)
+        figure, body = sheet(size, tall, *titles)
         left, right = body.subfigures(1, 2, wspace=_GAP, width_ratios=(1.0, 1.5))
-        paint_solid(left.add_subplot(projection="3d"), self.spec, reached, values, look)
+        paint_solid(left.add_subplot(projection="3d"), self.spec, reached, self.values, self.look)
         mesh: Any = None
         shared: dict[str, Axes] = {}
         for k, (number, (part, there)) in enumerate(zip(numbers, slices, strict=True)):
             plane = Plane(there)
             axes = right.add_subplot(rows, columns, k + 1, projection=plane.projection, **shared)
             shared = plane.sharing(axes)
-            mesh = panel(plane, axes, part, values[:, :, number], look)
-            self._curves(plane, axes, part, 1.2)
+            mesh = self._panel(plane, axes, part, self.values[:, :, number], 1.2)
             plane.dress(axes, quiet=True)
             axes.label_outer()
-            axes.set_title(value(there, across.name, there.region.at[across.name]), fontsize="small", color=INK)
-        bar(right, mesh, right.axes, look, tall - _UNDER)
-        finish(figure)
+            title = coordinate_text(there.mechanism, across.name, there.region.at[across.name])
+            axes.set_title(title, fontsize="small", color=INK)
+        bar(right, mesh, right.axes, self.look, tall)
         return figure
+
+    def _panel(self, plane: Plane, axes: Axes, dataset: xarray.Dataset, values: Array, width: float) -> Any:
+        """Draw a map of two axes with its curves; return the object that a colour bar explains."""
+        if self.look.name != "status":
+            plane.fill(axes, _out_of_reach(dataset), OUT, "out of reach")
+        if self.lines and min(plane.region.shape) > 1:
+            paint_curves(axes, loci(dataset, plane.spec), plane.points, width)
+        return plane.shade(axes, values, self.look)
+
+
+def _out_of_reach(dataset: xarray.Dataset) -> NDArray[np.bool_]:
+    """Return the cells that were evaluated and are not reachable."""
+    return np.asarray(~dataset["reachable"].values & (dataset["status"].values != CellStatus.NOT_EVALUATED))
 
 
 def _layers(reached: NDArray[np.bool_]) -> list[int]:

@@ -1,4 +1,4 @@
-"""The outline of a convex body in a view: what it covers of the picture's plane."""
+"""Outlines of convex bodies and edges of half-spaces: the part of a picture's plane that they cover."""
 
 from __future__ import annotations
 

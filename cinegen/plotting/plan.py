@@ -3,7 +3,6 @@ using vortex fields", Advances in Robot Kinematics, Springer 1991; and its clear
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +13,10 @@ from cinegen.collision.body import Body
 from cinegen.collision.scene import Scene
 from cinegen.planning.planner import Plan
 from cinegen.plotting.outline import edge, outline
-from cinegen.plotting.plan_layout import FRONT, RIGHT, TOP, PlanLayout
+from cinegen.plotting.plan_layout import PlanLayout
+from cinegen.plotting.sheet import finish, label, sheet
 from cinegen.plotting.stick import FAINT, INK
+from cinegen.plotting.view import Projection
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,8 +28,7 @@ OBSTACLE, PATH, STOP, LINK = "#c9ced4", "#0072b2", "#d55e00", "#56b4e9"
 MARGIN = "#f1f3f5"
 """Colour of points nearer to an obstacle than the safety distance."""
 
-_NAMES = {"top": TOP, "front": FRONT, "right": RIGHT}
-_LETTERS = 80  # in a line of the title
+
 _HIGHEST = 12.0  # safety distances: largest clearance that is shown
 
 
@@ -47,56 +47,54 @@ def draw_plan(plan: Plan, margin: bool = True) -> Figure:
     Returns:
         a matplotlib figure whose last axes show the clearance: `draw_plan(plan).savefig("plan.png")`.
     """
-    from matplotlib.figure import Figure
-
     layout = PlanLayout(plan)
-    figure = Figure(figsize=layout.size, layout="constrained", dpi=150)
-    maps, strip = layout.panels(figure)
+    strategy = plan.attempts[-1].strategy if plan.attempts else plan.reason
+    figure, body = sheet(*layout.size, f"{plan.scene.name}: {plan.status.value}", strategy)
+    maps, strip = layout.panels(body)
     for axes, view in zip(maps, layout.views, strict=True):
         _paint(axes, layout, view, margin)
     _clearance(strip, layout)
-    figure.suptitle(_title(plan), fontsize="medium", color=INK)
-    _legend(figure, maps[0])
+    finish(figure)
     return figure
 
 
 # --- maps --------------------------------------------------------------------------------------------------------
 
 
-def _paint(axes: Any, layout: PlanLayout, view: Array, margin: bool) -> None:
-    scene, plan = layout.plan.scene, layout.plan
-    across, upright = layout.shows(view)
-    _obstacles(axes, scene, view, (across, upright), margin)
+def _paint(axes: Any, layout: PlanLayout, view: Projection, margin: bool) -> None:
+    scene, plan, sides = layout.plan.scene, layout.plan, view.axes[:2]
+    low, high = layout.limits(view)
+    _obstacles(axes, scene, sides, np.array([low, high]), margin)
     last = len(layout.path) - 1
     shades = np.linspace(0.0, 1.0, len(layout.moments)) if last else np.ones(1)
     for k, (moment, shade) in enumerate(zip(layout.moments, shades, strict=True)):
         for body, placement in zip(layout.robot, layout.placements(layout.path[moment]), strict=True):
             if body.joint or moment == last:
                 order = 2.0 + 0.01 * k if body.joint else 1.9
-                _link(axes, outline(body, placement, view), float(shade), order, body.joint == 0)
-    trace, goal = layout.trace @ view.T, view @ scene.goal.translation
+                _link(axes, outline(body, placement, sides), float(shade), order, body.joint == 0)
+    trace, goal = layout.trace @ sides.T, sides @ scene.goal.translation
     axes.plot(*trace.T, color="white", linewidth=3.4, zorder=4.0)
     axes.plot(*trace.T, color=PATH, linewidth=1.8, label=f"path of {scene.node}", zorder=4.1)
     marks = [(trace[0], "s", 7, PATH, "start S"), (goal, "*", 13, PATH, "goal G")]
     if not plan and plan.attempts:
         marks.append((trace[-1], "X", 10, STOP, plan.status.value))
-    for k, (place, marker, size, colour, label) in enumerate(marks):
+    for k, (point, marker, size, colour, text) in enumerate(marks):
         axes.plot(
-            *place, marker, color=colour, markersize=size, markeredgecolor="white", markeredgewidth=0.8, label=label,
+            *point, marker, color=colour, markersize=size, markeredgecolor="white", markeredgewidth=0.8, label=text,
             zorder=4.2 + 0.1 * k,
         )  # fmt: skip
     axes.set_aspect("equal")
-    axes.set_xlim(*across)
-    axes.set_ylim(*upright)
-    for label, direction in zip((axes.set_xlabel, axes.set_ylabel), view, strict=True):
-        label(f"{_named(direction)} (m)")
-    if len(layout.views) > 1:
-        name = next(name for name, one in _NAMES.items() if one is view)
-        axes.set_title(name, fontsize=9, color=FAINT)
+    axes.set_xlim(low[0], high[0])
+    axes.set_ylim(low[1], high[1])
+    label(axes, *(f"{_named(direction)} (m)" for direction in sides))
+    axes.set_title(view.name, fontsize=9, color=FAINT)
 
 
-def _obstacles(axes: Any, scene: Scene, view: Array, shown: tuple[Array, Array], margin: bool) -> None:
-    """Draw obstacles. All edges are below all faces: no line shows where pieces of an obstacle meet."""
+def _obstacles(axes: Any, scene: Scene, view: Array, shown: Array, margin: bool) -> None:
+    """Draw obstacles into the part of a view (2, 3) between two corners (2, 2), m.
+
+    All edges are below all faces: no line shows where bodies of an obstacle meet.
+    """
     from matplotlib.patches import Polygon
 
     bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies]
@@ -106,41 +104,31 @@ def _obstacles(axes: Any, scene: Scene, view: Array, shown: tuple[Array, Array],
     if margin and scene.safety > 0.0:
         margin_line: dict[str, Any] = {"edgecolor": FAINT, "linewidth": 1.3, "linestyle": (0, (4, 3))}
         layers.insert(0, (scene.safety, MARGIN, margin_line, "safety distance", 1.0))
-    for growth, colour, line, label, order in layers:
-        named: dict[str, Any] = {"label": label}
-        for body in bodies:
-            corners = _covered(body, view, shown, growth)
-            if len(corners) > 2:
-                axes.add_patch(Polygon(corners, facecolor="none", **line, zorder=order))
-                axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=colour, linewidth=0.5, zorder=order + 0.1))
-                if named:
-                    # invisible, for the legend
-                    axes.add_patch(Polygon(np.full((3, 2), np.nan), facecolor=colour, **line, **named))
-                    named = {}
+    for growth, colour, line, text, order in layers:
+        covered = [_covered(body, view, shown, growth) for body in bodies]
+        covered = [corners for corners in covered if len(corners) > 2]
+        for corners in covered:
+            axes.add_patch(Polygon(corners, facecolor="none", **line, zorder=order))
+            axes.add_patch(Polygon(corners, facecolor=colour, edgecolor=colour, linewidth=0.5, zorder=order + 0.1))
+        if covered:  # an invisible one for the legend
+            axes.add_patch(Polygon(np.full((3, 2), np.nan), facecolor=colour, label=text, **line))
 
 
-def _covered(body: Body, view: Array, shown: tuple[Array, Array], growth: float) -> Array:
-    """Return the corners (k, 2) of the part of the picture that a body covers; none for a half-space that is not seen
+def _covered(body: Body, view: Array, shown: Array, growth: float) -> Array:
+    """Return the corners (k, 2) of the part of a view that a body covers; none for a half-space that is not seen
     edge-on."""
     if np.isfinite(body.radius):
         return outline(body, pin.SE3.Identity(), view, growth)
     found = edge(body, view)
     if found is None:
         return np.zeros((0, 2))
-    (left, right), (low, high) = shown
-    return _behind(np.array([[left, low], [right, low], [right, high], [left, high]]), found[0], found[1] + growth)
-
-
-def _behind(corners: Array, normal: Array, offset: float) -> Array:
-    """Return the part (k, 2) of a convex polygon (n, 2) with n.p <= c (I. Sutherland and G. Hodgman, 1974)."""
-    kept: list[Array] = []
-    for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        beyond, next_beyond = normal @ a - offset, normal @ b - offset
-        if beyond <= 0.0:
-            kept.append(a)
-        if (beyond <= 0.0) != (next_beyond <= 0.0):
-            kept.append(a + beyond / (beyond - next_beyond) * (b - a))
-    return np.array(kept).reshape(-1, 2)
+    (normal, offset), middle = found, shown.mean(axis=0)
+    far = float(np.linalg.norm(np.ptp(shown, axis=0)))
+    ahead = min(offset + growth - float(normal @ middle), far)  # of the middle of the picture
+    if 2.0 * ahead <= -float(np.abs(normal) @ np.ptp(shown, axis=0)):
+        return np.zeros((0, 2))
+    foot, side = middle + ahead * normal, far * np.array([-normal[1], normal[0]])
+    return np.array([foot - side, foot + side, foot + side - 2.0 * far * normal, foot - side - 2.0 * far * normal])
 
 
 def _link(axes: Any, corners: Array, shade: float, order: float, is_fixed: bool) -> None:
@@ -150,18 +138,16 @@ def _link(axes: Any, corners: Array, shade: float, order: float, is_fixed: bool)
     if len(corners) < 3:  # a point
         axes.plot(*corners[0], ".", color=_mixed(FAINT, INK, shade), markersize=3, zorder=order)
         return
-    face = "white" if is_fixed else _mixed("#ffffff", LINK, 0.15 + 0.85 * shade)
+    face = "white" if is_fixed else _mixed("white", LINK, 0.15 + 0.85 * shade)
     line = _mixed("#cfd4da", INK, shade**1.5)
     axes.add_patch(Polygon(corners, facecolor=face, edgecolor=line, linewidth=0.8, zorder=order))
 
 
-def _mixed(first: str, second: str, part: float) -> tuple[float, float, float]:
+def _mixed(first: str, second: str, part: float) -> Any:
     """Return a colour between two others."""
-    from matplotlib.colors import to_rgb
+    from matplotlib.colors import LinearSegmentedColormap
 
-    a, b = (np.array(to_rgb(colour)) for colour in (first, second))
-    red, green, blue = a + part * (b - a)
-    return float(red), float(green), float(blue)
+    return LinearSegmentedColormap.from_list("", [first, second])(part)
 
 
 def _named(direction: Array) -> str:
@@ -193,20 +179,5 @@ def _clearance(axes: Any, layout: PlanLayout) -> None:
         axes.set_ylim(0.0, max(4.0 * safety, 1.0))
         axes.text(0.5, 0.6, "no obstacles", transform=axes.transAxes, color=FAINT, ha="center")
     axes.set_xlim(0.0, 100.0)
-    axes.set_xlabel("fraction of the motion (%)")
-    axes.set_ylabel("clearance (mm)")
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-
-
-def _title(plan: Plan) -> str:
-    strategy = plan.attempts[-1].strategy if plan.attempts else plan.reason
-    return f"{plan.scene.name}: {plan.status.value}\n{textwrap.fill(strategy, _LETTERS)}"
-
-
-def _legend(figure: Figure, axes: Any) -> None:
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=min(len(labels), 6), frameon=False, fontsize=9,
-        columnspacing=1.3,
-    )  # fmt: skip
+    label(axes, "fraction of the motion (%)", "clearance (mm)")
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,9 +1,9 @@
-"""`Shades`: colours, range and contour levels by which a map's quantity is shown."""
+"""`Shades`: colours, range and contour levels of a map's quantity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +22,15 @@ Array = NDArray[np.float64]
 OUT = "#e9ebee"
 """Colour of unreachable cells."""
 
-REACHED = "#7fa8c9"
+REACHABLE = "#7fa8c9"
 """Colour of reachable cells without another quantity."""
 
 _LOGARITHMIC = ("condition", "force")
 _SPAN = 4.0  # ratio of values: smaller ones are shown on a linear scale
-_MOST = 0.99  # of all values: those beyond are shown as one
+_MOST = 0.99  # of all values: larger ones have the colour of this one
 _FAR = 0.4  # of the largest: if all values are above, colours don't begin at 0
 _DARKEST = 0.12  # of viridis: lines must be visible on it
-_KINDS = {
+_STATUSES = {
     CellStatus.NOT_EVALUATED: "#ffffff",
     CellStatus.REACHABLE: "#56b4e9",
     CellStatus.REACHABLE_BY_SEARCH: "#0072b2",
@@ -49,7 +49,7 @@ class Shades:
 
     Attributes:
         name: of the quantity.
-        words: description and unit.
+        text: description and unit.
         colours: a matplotlib colormap.
         norm: from values to it.
         levels: drawn as lines; none for classes.
@@ -59,7 +59,7 @@ class Shades:
     """
 
     name: str
-    words: str
+    text: str
     colours: Colormap
     norm: Normalize
     levels: Array
@@ -81,27 +81,25 @@ class Shades:
 
 
 def chosen(dataset: xarray.Dataset, name: str | None) -> str:
-    """A quantity's name: as given, or what is most worth a look.
+    """Return the name of the quantity to show: as given, or else sigma_1 or the status.
 
     Raises:
-        MapError: the map does not tell it.
+        MapError: the map does not have it.
     """
     known = [key for key in (*QUANTITIES, "reachable", "status") if key in dataset]
     if name is None:
         return "sigma_1" if "sigma_1" in known else "status"
     if name not in known:
-        raise MapError(f"this map tells no '{name}'{did_you_mean(name, known)}")
+        raise MapError(f"this map has no quantity '{name}'{did_you_mean(name, known)}")
     return name
 
 
 def values_of(dataset: xarray.Dataset, name: str) -> Array:
-    """A quantity in a map's cells, in the order of its axes; not a number where there is none to be shown: out of
-    reach, or infinite."""
+    """Return a quantity in a map's cells, in the order of its axes; NaN where it is out of reach or infinite."""
     values = dataset[name].values.astype(float)
     if name == "status":
         return values
-    reached = dataset["reachable"].values
-    return np.where(reached & np.isfinite(values), values, np.nan)
+    return np.where(dataset["reachable"].values & np.isfinite(values), values, np.nan)
 
 
 def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
@@ -112,19 +110,42 @@ def shades(dataset: xarray.Dataset, name: str, values: Array) -> Shades:
         name: of the quantity.
         values: all that are to be shown, see `values_of`.
     """
-    told = dataset[name].attrs
-    words = _worded(name, str(told.get("long_name", name)), str(told.get("units", "1")))
-    if name == "status":
-        return _kinds(name, words, values)
-    if name == "reachable":
-        return _classes(name, words, [REACHED], ["reached"], np.ones(1))
+    import matplotlib
+    from matplotlib.colors import ListedColormap, LogNorm, Normalize
+
+    attributes = dataset[name].attrs
+    text = _described(name, str(attributes.get("long_name", name)), str(attributes.get("units", "1")))
     known = values[np.isfinite(values)]
+    viridis = matplotlib.colormaps["viridis"]
+    if name == "status":
+        there = [status for status in CellStatus if (values == status).any()]
+        labels = [status.label.replace(" (", "\n(") for status in there]
+        return _classes(name, text, [_STATUSES[status] for status in there], labels, np.array(there, float))
+    if name == "reachable":
+        return _classes(name, text, [REACHABLE], ["reachable"], np.ones(1))
     if name == "solutions":
-        return _counts(name, words, known)
-    return _continuous(name, words, known)
+        numbers = np.unique(known) if known.size else np.ones(1)
+        colours = viridis(np.linspace(_DARKEST, 1.0, len(numbers)))
+        return _classes(name, text, list(colours), [f"{number:.0f}" for number in numbers], numbers)
+    shown = ListedColormap(viridis(np.linspace(_DARKEST, 1.0, 256)), "viridis")
+    least, most, largest = 0.0, 1.0, 1.0
+    if known.size:
+        least, most, largest = float(known.min()), float(np.quantile(known, _MOST)), float(known.max())
+    if largest <= 1.3 * most:
+        most = largest
+    extend = "max" if largest > most * (1.0 + _ALMOST) + _ALMOST else "neither"
+    if name in _LOGARITHMIC and least > 0.0 and most > _SPAN * least:
+        ticks = _logarithmic_ticks(least, most)
+        return Shades(name, text, shown, LogNorm(least, most), ticks, ticks, extend=extend)
+    low = least if least > _FAR * most else min(least, 0.0)
+    if most - low <= _ALMOST * abs(most):
+        most = low + max(abs(low), 1.0) * 1e-3
+    ticks = _linear_ticks(low, most)
+    levels = ticks[(ticks > low) & (ticks < most)]
+    return Shades(name, text, shown, Normalize(low, most), levels, ticks, extend=extend)
 
 
-def differing(words: str, unit: str, name: str, values: Array) -> Shades:
+def differing(text: str, unit: str, name: str, values: Array) -> Shades:
     """Return shades for the difference of a quantity: white is none."""
     import matplotlib
     from matplotlib.colors import Normalize
@@ -132,10 +153,11 @@ def differing(words: str, unit: str, name: str, values: Array) -> Shades:
     known = np.abs(values[np.isfinite(values)])
     most = float(np.quantile(known, _MOST)) if known.size else 0.0
     most = most or float(known.max(initial=0.0)) or 1.0
-    ticks = _straight(-most, most)
+    ticks = _linear_ticks(-most, most)
     extend = "both" if known.size and known.max() > most * (1.0 + _ALMOST) else "neither"
-    return Shades(name, _worded(f"difference of {name}", words, unit), matplotlib.colormaps["PuOr"],
-                  Normalize(-most, most), ticks[np.abs(ticks) > _ALMOST * most], ticks, extend=extend)  # fmt: skip
+    text = _described(f"difference of {name}", text, unit)
+    levels = ticks[np.abs(ticks) > _ALMOST * most]
+    return Shades(name, text, matplotlib.colormaps["PuOr"], Normalize(-most, most), levels, ticks, extend=extend)
 
 
 def pretty(name: str) -> str:
@@ -143,59 +165,24 @@ def pretty(name: str) -> str:
     return name.replace("sigma_1", "σ₁").replace("sigma_2", "σ₂").replace("_", " ")
 
 
-def _worded(name: str, words: str, unit: str) -> str:
+def _described(name: str, text: str, unit: str) -> str:
     shown = "" if unit == "1" else f" ({unit.replace('s-1', 's⁻¹')})"
-    said = words.partition(":")[0]
-    return f"{said}{shown}" if said.startswith(name) else f"{pretty(name)}{shown}: {said}"
+    short = text.partition(":")[0]
+    return f"{short}{shown}" if short.startswith(name) else f"{pretty(name)}{shown}: {short}"
 
 
-def _kinds(name: str, words: str, values: Array) -> Shades:
-    there = [status for status in CellStatus if (values == status).any()]
-    labels = [status.label.replace(" (", "\n(") for status in there]
-    return _classes(name, words, [_KINDS[status] for status in there], labels, np.array(there, float))
-
-
-def _counts(name: str, words: str, known: Array) -> Shades:
-    import matplotlib
-
-    numbers = np.unique(known) if known.size else np.ones(1)
-    colours = matplotlib.colormaps["viridis"](np.linspace(_DARKEST, 1.0, len(numbers)))
-    return _classes(name, words, list(colours), [f"{number:.0f}" for number in numbers], numbers)
-
-
-def _classes(name: str, words: str, colours: list[object], labels: list[str], numbers: Array) -> Shades:
+def _classes(name: str, text: str, colours: list[Any], labels: list[str], numbers: Array) -> Shades:
     """Return shades with a colour for each number."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     between = 0.5 * (numbers[1:] + numbers[:-1])
     borders = np.r_[numbers[0] - 0.5, between, numbers[-1] + 0.5]
     ticks = 0.5 * (borders[1:] + borders[:-1])
-    return Shades(name, words, ListedColormap(colours), BoundaryNorm(borders, len(numbers)),  # type: ignore[arg-type]
-                  np.zeros(0), ticks, tuple(labels))  # fmt: skip
+    norm = BoundaryNorm(borders, len(numbers))
+    return Shades(name, text, ListedColormap(colours), norm, np.zeros(0), ticks, tuple(labels))
 
 
-def _continuous(name: str, words: str, known: Array) -> Shades:
-    import matplotlib
-    from matplotlib.colors import ListedColormap, LogNorm, Normalize
-
-    colours = ListedColormap(matplotlib.colormaps["viridis"](np.linspace(_DARKEST, 1.0, 256)), "viridis")
-    least, most = (float(known.min()), float(np.quantile(known, _MOST))) if known.size else (0.0, 1.0)
-    largest = float(known.max()) if known.size else 1.0
-    extend = "max" if largest > most * (1.0 + _ALMOST) + _ALMOST else "neither"
-    if largest <= 1.3 * most:
-        most, extend = largest, "neither"
-    if name in _LOGARITHMIC and least > 0.0 and most > _SPAN * least:
-        ticks = _steps(least, most)
-        return Shades(name, words, colours, LogNorm(least, most), ticks, ticks, extend=extend)
-    low = least if least > _FAR * most else min(least, 0.0)
-    if most - low <= _ALMOST * abs(most):
-        most = low + max(abs(low), 1.0) * 1e-3
-    ticks = _straight(low, most)
-    return Shades(name, words, colours, Normalize(low, most), ticks[(ticks > low) & (ticks < most)], ticks,
-                  extend=extend)  # fmt: skip
-
-
-def _straight(low: float, high: float) -> Array:
+def _linear_ticks(low: float, high: float) -> Array:
     """Return round numbers in a range."""
     from matplotlib.ticker import MaxNLocator
 
@@ -204,9 +191,11 @@ def _straight(low: float, high: float) -> Array:
     return ticks[(ticks >= low - room) & (ticks <= high + room)]
 
 
-def _steps(low: float, high: float) -> Array:
+def _logarithmic_ticks(low: float, high: float) -> Array:
     """Return 1, 2, 5, 10, ... in a range; 1, 10, 100, ... in a long one."""
-    first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
-    parts = (1.0, 2.0, 5.0) if last - first <= 3 else (1.0,)
-    ticks = np.array([part * 10.0**power for power in range(first, last + 1) for part in parts])
+    from matplotlib.ticker import LogLocator
+
+    ticks = np.asarray(
+        LogLocator(subs=(1.0, 2.0, 5.0) if high < 1000.0 * low else (1.0,), numticks=20).tick_values(low, high)
+    )
     return ticks[(ticks >= low) & (ticks <= high)]

@@ -1,13 +1,13 @@
-"""`Skeleton`: what is drawn of a mechanism on paper: its rigid parts by the points at which joints meet them.
+"""`Skeleton`: a mechanism as it is drawn on paper: its rigid parts as the points at which joints meet them.
 
-The parts that people see are neither links nor joints of the file: a link that closes a loop rigidly is one part with
-the link it closes onto, and the crosses of universal and ball joints have no size. So a part is all bodies that are
-fixed to each other, and its points are the centres of the joints on it, each once.
+The visible parts are neither links nor joints of the file: a link that closes a loop rigidly is one part with the link
+it closes onto, and the crosses of universal and ball joints have no size. So a part is all bodies that are fixed to
+each other, and its points are the centres of the joints on it, each once.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,10 +32,10 @@ class Part:
     """A rigid part at a configuration.
 
     Attributes:
-        points: (n, 3) the centres of its joints in the world, each once; and the mechanism's end, if that is on it.
-        is_base: whether it is what the mechanism stands on.
-        is_stalk: whether it stands on a plate: then its first point is the plate's middle, and no joint.
-        normal: (3,) of a plate, up at home; None for what is none.
+        points: (n, 3) m, the centres of its joints in the world, each once; and the mechanism's end, if it is on it.
+        is_base: whether it is the base of the mechanism.
+        is_stalk: whether it is a bar on a plate: then its first point is the plate's middle, not a joint.
+        normal: (3,) of a plate, up at home; None for other parts.
     """
 
     points: Array
@@ -50,13 +50,13 @@ class Slide:
 
     Attributes:
         joint: its name.
-        points: (2, 3) its beginning and its end in the world.
-        motor: whether it is actuated.
+        points: (2, 3) m, its beginning and its end in the world.
+        actuated: whether it is actuated.
     """
 
     joint: str
     points: Array
-    motor: bool
+    actuated: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,21 +66,20 @@ class Pose:
     Attributes:
         parts: the rigid parts, the base first.
         slides: the prismatic joints.
-        motors: (n, 3) the centres of actuated joints that turn.
+        actuated: (n, 3) the centres of actuated joints that are not prismatic.
         end: (3,) the mechanism's end, or the node that was asked for.
     """
 
     parts: tuple[Part, ...]
     slides: tuple[Slide, ...]
-    motors: Array
+    actuated: Array
     end: Array
 
     @property
     def points(self) -> Array:
         """(n, 3) all of them."""
-        return np.vstack(
-            [*(part.points for part in self.parts), *(slide.points for slide in self.slides), self.end[None]]
-        )
+        parts, slides = ([one.points for one in group] for group in (self.parts, self.slides))
+        return np.vstack([*parts, *slides, self.end[None]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +93,7 @@ class _Fixed:
 
 
 class Skeleton:
-    """A mechanism as parts and slides. Not for two threads at once: it keeps Pinocchio's scratch data.
+    """A mechanism as parts and prismatic joints. Not for two threads at once: it keeps Pinocchio's data.
 
     Args:
         mechanism: any.
@@ -116,49 +115,26 @@ class Skeleton:
         self._parts = tuple(part for bodies in together for part in self._fixed(bodies))
 
     def at(self, q: Array) -> Pose:
-        """Where all of it is at q (nq,)."""
+        """Return the pose of all parts at q (nq,)."""
         mechanism, model = self.mechanism, self.mechanism.model
         pin.forwardKinematics(model, self._data, mechanism.checked(q))
         parts = []
         for part in self._parts:
             normal = None if part.normal is None else self._data.oMi[part.normal[0]].rotation @ part.normal[1]
             parts.append(Part(self._points(part.anchors), part.is_base, part.is_stalk, normal))
-        slides, motors = [], []
+        slides, centres = [], []
         for name in mechanism.joints:
-            j = model.getJointId(name)
-            motor = name in mechanism.actuated
+            joint, actuated = model.getJointId(name), name in mechanism.actuated
             if mechanism.is_prismatic(name):
-                ends = [self._beginning(j), self._point(j)]
-                slides.append(Slide(name, np.array(ends), motor))
-            elif motor:
-                motors.append(self._point(j))
-        return Pose(tuple(parts), tuple(slides), np.array(motors).reshape(-1, 3), self._point(*self._end))
-
-    @cached_property
-    def plane(self) -> Array | None:
-        """(3,) the normal of the plane that all parts move in; None if there is none.
-
-        It points along the first of z, y and x that it is not square to.
-        """
-        model, data, q = self.mechanism.model, self._data, self.mechanism.q_home
-        if self.mechanism.floating or not self.mechanism.joints:
-            return None
-        jacobians = pin.computeJointJacobians(model, data, q)
-        moving, turning = jacobians[:3], jacobians[3:]
-        spun = np.linalg.norm(turning, axis=0) > 0.5
-        if not spun.any():
-            return None
-        normal = turning[:, spun][:, 0]
-        off = np.linalg.norm(np.cross(turning[:, spun].T, normal), axis=1).max()
-        if max(off, np.abs(normal @ moving[:, ~spun]).max(initial=0.0)) > _PARALLEL:
-            return None
-        sign = next((np.sign(value) for value in normal[::-1] if abs(value) > _PARALLEL), 1.0)
-        return np.asarray(sign * normal / np.linalg.norm(normal))
+                slides.append(Slide(name, self._points([self._before(joint), (joint, np.zeros(3))]), actuated))
+            elif actuated:
+                centres.append((joint, np.zeros(3)))
+        return Pose(tuple(parts), tuple(slides), self._points(centres), self._points([self._end])[0])
 
     # --- parts ---------------------------------------------------------------------------------------------------
 
     def _together(self) -> list[list[int]]:
-        """Bodies that are fixed to each other."""
+        """Return groups of bodies that are fixed to each other."""
         model = self.mechanism.model
         part = list(range(model.njoints))
         for loop in self.mechanism.loops:
@@ -166,18 +142,16 @@ class Skeleton:
                 new, old = part[self._body(loop.first)], part[self._body(loop.second)]
                 part = [new if one == old else one for one in part]
         found: dict[int, list[int]] = {}
-        for body in range(self._base, model.njoints):  # nothing is drawn of the world that a base floats in
+        for body in range(self._base, model.njoints):  # the world around a floating base is not drawn
             found.setdefault(part[body], []).append(body)
         return list(found.values())
 
     def _fixed(self, bodies: list[int]) -> list[_Fixed]:
-        """What is drawn of bodies that are fixed to each other: a plate between joints that are parts of loops, with a
-        stalk to every other joint on it and to the end; or else all points as one."""
+        """Return the parts that are drawn for bodies that are fixed to each other: a plate between joints that are
+        parts of loops, with a stalk to every other joint on it and to the end; or else all points as one."""
         mechanism, model = self.mechanism, self.mechanism.model
         joints = [(j, (j, np.zeros(3))) for j in bodies if j != self._base]
-        for j in range(self._base + 1, model.njoints):
-            if model.parents[j] in bodies:
-                joints.append((j, (int(model.parents[j]), np.array(model.jointPlacements[j].translation))))
+        joints += [(j, self._before(j)) for j in range(self._base + 1, model.njoints) if model.parents[j] in bodies]
         looped = [anchor for j, anchor in joints if j in self._looped]
         for loop in mechanism.loops:
             ends = (loop.first, loop.first_placement), (loop.second, loop.second_placement)
@@ -195,7 +169,7 @@ class Skeleton:
         plate = _Fixed(tuple(corners), is_base, normal=(body, self._data.oMi[body].rotation.T @ normal))
         middle, wide = points.mean(axis=0), np.ptp(points, axis=0).max()
         foot = body, np.array(self._data.oMi[body].actInv(middle))
-        high = [anchor for anchor in others if abs(normal @ (self._point(*anchor) - middle)) > _FLAT * wide]
+        high = [anchor for anchor in others if abs(normal @ (self._points([anchor])[0] - middle)) > _FLAT * wide]
         return [plate, *(_Fixed((foot, anchor), is_base, is_stalk=True) for anchor in self._apart(high))]
 
     @cached_property
@@ -209,17 +183,15 @@ class Skeleton:
         )
 
     def _apart(self, anchors: list[_Anchor]) -> list[_Anchor]:
-        """Those that don't coincide with one before."""
-        kept: list[_Anchor] = []
-        for anchor in anchors:
-            here = self._point(*anchor)
-            if all(np.linalg.norm(here - self._point(*other)) > _SAME * self.mechanism.length for other in kept):
-                kept.append(anchor)
-        return kept
+        """Return those that don't coincide with an earlier one."""
+        points, same = self._points(anchors), _SAME * self.mechanism.length
+        return [
+            anchor for k, anchor in enumerate(anchors) if (np.linalg.norm(points[:k] - points[k], axis=1) > same).all()
+        ]
 
     @staticmethod
     def _normal(points: Array) -> Array | None:
-        """(3,) of the plate that points (n, 3) are on, up; None if they are on none."""
+        """Return the normal (3,), up, of the plate that points (n, 3) are on; None if they are on none."""
         if len(points) < 3:
             return None
         _, sizes, axes = np.linalg.svd(points - points.mean(axis=0))
@@ -233,16 +205,11 @@ class Skeleton:
     def _body(self, node: str) -> int:
         return int(self.mechanism.model.frames[self.mechanism.frame_id(node)].parentJoint)
 
-    def _points(self, anchors: Iterable[_Anchor]) -> Array:
-        """(n, 3) in the world."""
-        return np.array([self._point(*anchor) for anchor in anchors]).reshape(-1, 3)
+    def _points(self, anchors: Sequence[_Anchor]) -> Array:
+        """Return the positions (n, 3) in the world, m."""
+        return np.array([self._data.oMi[body].act(local) for body, local in anchors]).reshape(-1, 3)
 
-    def _point(self, body: int, local: Array | None = None) -> Array:
-        """(3,) in the world."""
-        placement = self._data.oMi[body]
-        return np.array(placement.translation if local is None else placement.act(local))
-
-    def _beginning(self, joint: int) -> Array:
-        """(3,) where a joint stands on the body before it."""
+    def _before(self, joint: int) -> _Anchor:
+        """Return the origin of a joint on its parent."""
         model = self.mechanism.model
-        return self._point(int(model.parents[joint]), np.array(model.jointPlacements[joint].translation))
+        return int(model.parents[joint]), np.array(model.jointPlacements[joint].translation)

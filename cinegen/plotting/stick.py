@@ -1,4 +1,4 @@
-"""A skeleton painted in one view: parts as lines and plates, jacks, joints; what is far away first."""
+"""Drawing of a skeleton in one view: parts as lines and plates, prismatic joints, joint centres; the farthest first."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.view import Projection
@@ -20,15 +21,15 @@ Array = NDArray[np.float64]
 INK, FAINT = "#2b3036", "#8b929a"
 BASE, BODY = "#c9ced4", "#dfe3e8"
 FRONT, BACK = "#56b4e9", "#e69f00"
-"""Of a plate: the side that is up at home, and its other side (Okabe and Ito's sky blue and orange)."""
-MOTOR, END = "#0072b2", "#d55e00"
+"""Colours of a plate: the side that is up at home, and its other side (Okabe and Ito's sky blue and orange)."""
+ACTUATED, END = "#0072b2", "#d55e00"
 
-_JACK = 0.55  # part of a jack's length that is its thick half
+_CYLINDER = 0.55  # part of a prismatic joint's length that is drawn thick
 
 
 @dataclass(frozen=True)
 class Pen:
-    """How thick lines are, points.
+    """Thickness of lines, points.
 
     Attributes:
         link: of a part between two joints.
@@ -42,7 +43,7 @@ class Pen:
 
 
 def paint(axes: Axes, pose: Pose, view: Projection, pen: Pen | None = None) -> None:
-    """Paints a skeleton into axes whose unit is the metre; leaves their limits as they are."""
+    """Draw a skeleton into axes whose unit is the metre; leave their limits as they are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Polygon
 
@@ -62,58 +63,41 @@ def paint(axes: Axes, pose: Pose, view: Projection, pen: Pen | None = None) -> N
             )  # fmt: skip
             painted.append((float(near) + lift, artist))
 
-    everywhere = view.project(pose.points)[1]
-    lift = 0.02 * float(np.ptp(everywhere)) + 1e-9  # joints stand before what they join
+    lift = 0.02 * float(np.ptp(view.project(pose.points)[1])) + 1e-9  # joints are in front of what they join
     for part in pose.parts:
+        if len(part.points) < 2:
+            continue
         if len(part.points) == 2 and not part.is_base:
             line(part.points, INK, pen.link)
-        elif len(part.points) > 1:
+        else:
             flat, near = view.project(part.points)
+            colour, edge, alpha = BODY, INK, 0.85
             if part.is_base:
-                colour = BASE
-            elif part.normal is None:
-                colour = BODY
-            else:
+                colour, edge, alpha = BASE, FAINT, 0.6
+            elif part.normal is not None:
                 colour = FRONT if view.shows_front(part.points.mean(axis=0), part.normal) else BACK
-            faint = part.is_base
             plate = Polygon(
-                outline(flat), facecolor=colour, edgecolor=FAINT if faint else INK, alpha=0.6 if faint else 0.85,
-                linewidth=pen.edge, joinstyle="round",
-            )  # fmt: skip
+                hull(flat), facecolor=colour, edgecolor=edge, alpha=alpha, linewidth=pen.edge, joinstyle="round"
+            )
             painted.append((float(near.mean()), plate))
-        if len(part.points) > 1:
-            dots(part.points[int(part.is_stalk) :], "white", INK, pen.dot, lift)
+        dots(part.points[int(part.is_stalk) :], "white", INK, pen.dot, lift)
     for slide in pose.slides:
         first, last = slide.points
-        half = first + _JACK * (last - first)
+        half = first + _CYLINDER * (last - first)
         line(np.array([half, last]), INK, pen.link)
-        line(np.array([first, half]), MOTOR if slide.motor else FAINT, 2.0 * pen.link)
+        line(np.array([first, half]), ACTUATED if slide.actuated else FAINT, 2.0 * pen.link)
         dots(slide.points, "white", INK, pen.dot, lift)
-    dots(pose.motors, MOTOR, MOTOR, 1.3 * pen.dot, 1.5 * lift)
+    dots(pose.actuated, ACTUATED, ACTUATED, 1.3 * pen.dot, 1.5 * lift)
     dots(pose.end[None], END, END, pen.dot, 2.0 * lift)
     for rank, (_, artist) in enumerate(sorted(painted, key=lambda one: one[0])):
         artist.set_zorder(2.0 + 1e-3 * rank)
         axes.add_artist(artist)
 
 
-def outline(points: Array) -> Array:
-    """(k, 2) the corners of the convex hull of points (n, 2), in turn; Andrew's monotone chain, so that points on a
-    line, as a plate seen on its edge, are no exception."""
-    ordered = sorted(map(tuple, points))
-    if len(ordered) < 3:
-        return np.array(ordered)
-
-    def half(way: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-        kept: list[tuple[float, ...]] = []
-        for point in way:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], point) <= 0.0:
-                kept.pop()
-            kept.append(point)
-        return kept[:-1]
-
-    return np.array(half(ordered) + half(ordered[::-1]))
-
-
-def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
-    """Positive where a, b, c turn left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+def hull(points: Array) -> Array:
+    """Return the corners (k, 2) of the convex hull of points (n, 2), counter-clockwise; of points on a line, such as
+    those of a plate that is seen on its edge, both ends."""
+    try:
+        return np.asarray(points[ConvexHull(points).vertices])
+    except QhullError:
+        return np.asarray(points[np.lexsort(points.T)[[0, -1]]])

@@ -1,4 +1,4 @@
-"""`draw_sweep`: how much the variants of a design sweep reach, and how well, over the parameters that vary."""
+"""`draw_sweep`: extent and dexterity of the variants of a design sweep, over the parameters that vary."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.modes import DrawingError
+from cinegen.plotting.sheet import LABEL, finish, label, sheet
 from cinegen.plotting.stick import FAINT, INK
+from cinegen.plotting.units import raised
 from cinegen.workspace.sweep import SweepResult, VariantResult, Variation
 from raff2urdf.writer import number
 
@@ -44,15 +46,14 @@ def draw_sweep(result: SweepResult, size: float = 7.0) -> Figure:
     Raises:
         DrawingError: neither one parameter varies nor two.
     """
-    from matplotlib.figure import Figure
-
     varied = [heading for heading in result.headings if len({row.values[heading] for row in result.rows}) > 1]
     _check(len(varied))
     flat = len(varied) == 2
-    figure = Figure(figsize=(1.5 * size, 0.75 * size) if flat else (size, size), layout="constrained", dpi=150)
-    (_surfaces if flat else _lines)(figure, result, varied)
-    failing = ", crossed out what fails in the wanted box" if flat else ""
-    figure.suptitle(f"Variants of {result.robot}{failing}", fontsize="medium", color=INK)
+    title = f"Variants of {result.robot}"
+    text = f"{len(result.suitable)} of {len(result.rows)} reach the whole wanted box without a singularity"
+    figure, body = sheet(1.5 * size, 0.65 * size, title, text) if flat else sheet(size, 0.9 * size, title, text)
+    (_surfaces if flat else _lines)(body, result, varied)
+    finish(figure)
     return figure
 
 
@@ -61,57 +62,56 @@ def _check(varied: int) -> None:
         raise DrawingError(f"a sweep is drawn over one parameter that varies, or two; here {varied} do")
 
 
-def _lines(figure: Any, result: SweepResult, varied: list[str]) -> None:
+def _lines(body: Any, result: SweepResult, varied: list[str]) -> None:
     rows = sorted(result.rows, key=lambda row: row.values[varied[0]])
     x = np.array([row.values[varied[0]] for row in rows])
-    above, below = figure.subplots(2, 1, sharex=True)
+    above, below = body.subplots(2, 1, sharex=True)
     errors = [row.extent.error if row.extent else np.nan for row in rows]
     above.errorbar(x, _extents(rows), errors, color=REACH, marker="o", markersize=4, capsize=3)
-    above.set_ylabel(_reached(result))
     above.set_ylim(bottom=0.0)
-    for colour, label, of in ((WORST, "worst", "worst"), (MEAN, "mean", "mean")):
+    for colour, of in ((WORST, "worst"), (MEAN, "mean")):
         values = [getattr(row.dexterity.conditioning, of) if row.dexterity else np.nan for row in rows]
-        below.plot(x, values, color=colour, marker="o", markersize=4, label=label)
-    below.set_ylabel("1/condition in the wanted box")
+        below.plot(x, values, color=colour, marker="o", markersize=4, label=of)
     below.set_ylim(0.0, 1.0)
-    below.set_xlabel(_label(varied[0], result))
+    label(above, y=_reachable(result))
+    label(below, _label(varied[0], result), "1/condition in the wanted box")
     suitable = np.array([row.suitable for row in rows])
     for axes in (above, below):
-        marks = {"transform": axes.get_xaxis_transform(), "linestyle": "none", "clip_on": False, "zorder": 5}
-        for at, marker, colour, label in (
+        for at, marker, colour, text in (
             (x[~suitable], "x", INK, "fails in the box"), (x[suitable], "o", SUITABLE, "whole box, regular"),
         ):  # fmt: skip
             if len(at):  # else matplotlib would make room for empty lines
-                axes.plot(at, np.zeros(len(at)), marker=marker, color=colour, label=label, **marks)
+                axes.plot(at, np.zeros(len(at)), marker=marker, color=colour, label=text, linestyle="none",
+                          transform=axes.get_xaxis_transform(), clip_on=False, zorder=5)  # fmt: skip
         axes.grid(color=FAINT, alpha=0.25)
-    figure.legend(*below.get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
 
 
-def _surfaces(figure: Any, result: SweepResult, varied: list[str]) -> None:
+def _surfaces(body: Any, result: SweepResult, varied: list[str]) -> None:
     across, up = (sorted({row.values[heading] for row in result.rows}) for heading in varied)
     worst = [row.dexterity.conditioning.worst if row.dexterity else np.nan for row in result.rows]
-    shown = ((_extents(result.rows), _reached(result)), (np.array(worst), "1/condition in the box, worst"))
-    for axes, (values, label) in zip(figure.subplots(1, 2, sharey=True), shown, strict=True):
+    shown = ((_extents(result.rows), _reachable(result)), (np.array(worst), "1/condition in the wanted box, worst"))
+    panels = body.subplots(1, 2, sharey=True)
+    for axes, (values, text) in zip(panels, shown, strict=True):
         grid = np.full((len(up), len(across)), np.nan)
         for row, value in zip(result.rows, values, strict=True):
             k, i = up.index(row.values[varied[1]]), across.index(row.values[varied[0]])
             grid[k, i] = np.fmax(grid[k, i], value)
             if not row.suitable:
-                axes.plot(i, k, marker="X", color=INK, markeredgecolor="white", markersize=9)
+                axes.plot(i, k, marker="X", color=INK, markeredgecolor="white", markersize=9, linestyle="none",
+                          label="fails in the wanted box")  # fmt: skip
         image = axes.imshow(grid, origin="lower", aspect="auto", cmap="viridis", vmin=0.0)
-        figure.colorbar(image, ax=axes, location="top", label=label)
+        body.colorbar(image, ax=axes, location="top").set_label(text, fontsize=LABEL, color=INK)
         axes.set_xticks(range(len(across)), [number(value) for value in across], rotation=45)
         axes.set_yticks(range(len(up)), [number(value) for value in up])
-        axes.set_xlabel(_label(varied[0], result))
-    figure.axes[0].set_ylabel(_label(varied[1], result))
+        label(axes, _label(varied[0], result), _label(varied[1], result) if axes is panels[0] else "")
 
 
 def _extents(rows: Iterable[VariantResult]) -> Array:
     return np.array([row.extent.value if row.extent else np.nan for row in rows])
 
 
-def _reached(result: SweepResult) -> str:
-    return f"reached ({result.unit.replace('^2', '²').replace('^3', '³')})"
+def _reachable(result: SweepResult) -> str:
+    return f"reachable extent ({raised(result.unit)})"
 
 
 def _label(heading: str, result: SweepResult) -> str:

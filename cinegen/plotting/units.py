@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 import numpy as np
 import pinocchio as pin
@@ -33,6 +34,18 @@ def user_scale(mechanism: Mechanism, name: str) -> tuple[float, str]:
     """
     long = name in _LONG or (name in mechanism.joints and mechanism.is_prismatic(name))
     return (1e3, "mm") if long else (math.degrees(1.0), "°")
+
+
+def coordinate_text(mechanism: Mechanism, name: str, si: float) -> str:
+    """Return a coordinate (see `user_scale`) with its value, such as `x 21.74 mm` or `rz −90°`."""
+    scale, unit = user_scale(mechanism, name)
+    number = f"{rounded(si * scale, 6):.4g}".replace("-", "−")
+    return f"{name} {number}{unit if unit == '°' else f' {unit}'}"
+
+
+def raised(unit: str) -> str:
+    """Return a unit with typographic powers: m² for m^2."""
+    return re.sub(r"\^(\d)", lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], unit)
 
 
 def value_text(mechanism: Mechanism, joint: str, value: float) -> str:

@@ -44,16 +44,33 @@ class Projection:
         return bool(normal @ towards > 0.0)
 
 
+def parallel(name: str, right: Array, up: Array, centre: Array | None = None) -> Projection:
+    """Return a parallel projection.
+
+    Args:
+        name: name of the view.
+        right: (3,) unit vector of the world that points to the right.
+        up: (3,) unit vector that points up.
+        centre: (3,) middle of the picture, m; the origin unless given.
+    """
+    return Projection(name, np.array([right, up, np.cross(right, up)]), np.zeros(3) if centre is None else centre)
+
+
+def along(normal: Array, centre: Array | None = None) -> Projection:
+    """Return the view of a plane along its normal (3,): y, or else z, is up, and the axis to the right is positive."""
+    up = np.eye(3)[1 if abs(normal[2]) > 0.9 else 2]
+    up = up - normal * (up @ normal)
+    up = up / np.linalg.norm(up)
+    right = np.cross(up, normal)
+    return parallel("", right * np.sign(right[np.abs(right).argmax()]), up, centre)
+
+
 def views(points: Array, plane: Array | None = None) -> tuple[Projection, ...]:
     """Return a perspective, a top view (x to the right, y up) and a side view (x to the right, z up) of points (n, 3);
     for a planar mechanism with a normal (3,), one view along the normal."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    centre = (low + high) / 2.0
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
     if plane is not None:
-        up = np.eye(3)[1 if abs(plane[2]) > 0.9 else 2]
-        up = up - plane * (up @ plane)
-        up /= np.linalg.norm(up)
-        return (Projection("", np.array([np.cross(up, plane), up, plane]), centre),)
+        return (along(plane, centre),)
     towards = np.array([math.cos(_AZIMUTH), math.sin(_AZIMUTH), 0.0]) * math.cos(_ELEVATION)
     towards[2] = math.sin(_ELEVATION)
     right = np.array([-math.sin(_AZIMUTH), math.cos(_AZIMUTH), 0.0])
@@ -61,6 +78,6 @@ def views(points: Array, plane: Array | None = None) -> tuple[Projection, ...]:
     x, y, z = np.eye(3)
     return (
         Projection("perspective", np.array([right, np.cross(towards, right), towards]), centre, _FAR * radius),
-        Projection("top", np.array([x, y, z]), centre),
-        Projection("side", np.array([x, z, -y]), centre),
+        parallel("top", x, y, centre),
+        parallel("side", x, z, centre),
     )

@@ -17,7 +17,7 @@ may be cut off without being seen.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -111,7 +111,7 @@ def bounds(region: Region, counts: Bools, unknown: Bools | None = None) -> tuple
         counts: (*region.shape) bool, the cells that count.
         unknown: (*region.shape) bool, the cells of which it is not known; none unless given.
     """
-    return _bounds(_periodic(region), counts, np.zeros_like(counts) if unknown is None else unknown)
+    return _bounds(region.periodic, counts, np.zeros_like(counts) if unknown is None else unknown)
 
 
 def extent_of(region: Region, unit: str, counts: Bools, low: Bools, high: Bools) -> Extent:
@@ -137,7 +137,7 @@ def _in_slabs(region: Region, unit: str, slab: Callable[[NDArray[np.intp]], tupl
         slab: returns for some rows of the first axis which cells count, and which are unknown.
     """
     count, thickness = region.shape[0], max(1, _AT_ONCE * region.shape[0] // region.size)
-    first, *others = _periodic(region)
+    first, *others = region.periodic
     sums, cells = np.zeros(3), 0
     for start in range(0, count, thickness):
         stop = min(start + thickness, count)
@@ -153,12 +153,7 @@ def _in_slabs(region: Region, unit: str, slab: Callable[[NDArray[np.intp]], tupl
     return Extent(float(sums[0]), float(sums[1]), float(sums[2]), unit, cells)
 
 
-def _periodic(region: Region) -> list[bool]:
-    """Return for each axis whether it is a whole revolution about a centre, so that its ends meet."""
-    return [axis.name == "azimuth" and axis.high - axis.low > 2.0 * math.pi - 1e-9 for axis in region.axes]
-
-
-def _bounds(periodic: list[bool], counts: Bools, unknown: Bools) -> tuple[Bools, Bools]:
+def _bounds(periodic: Sequence[bool], counts: Bools, unknown: Bools) -> tuple[Bools, Bools]:
     modes = ["wrap" if ends_meet else "constant" for ends_meet in periodic]
 
     def dilated(cells: Bools) -> Bools:

@@ -240,8 +240,13 @@ class Region:
 
     @property
     def _spherical(self) -> bool:
-        """Whether cells are parts of a sphere."""
+        """True if cells are parts of a sphere."""
         return "azimuth" in self.names and "elevation" in self.names
+
+    @property
+    def periodic(self) -> list[bool]:
+        """True for each axis that is a whole revolution about a centre, so that its ends meet."""
+        return [axis.name == "azimuth" and axis.high - axis.low > 2.0 * math.pi - _ANGLE for axis in self.axes]
 
     def units(self, mechanism: Mechanism) -> tuple[str, ...]:
         """Return the unit of each axis: m or rad."""

@@ -15,8 +15,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.spatial import ConvexHull
 
 from cinegen.assembly import assembly_modes
+from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting import DrawingError, Projection, Skeleton, draw_modes, views
-from cinegen.plotting.stick import outline
+from cinegen.plotting.stick import hull
 
 PARALLEL = ("tssm", "gough", "delta4", "five_bar", "planar_hybrid", "sr400")
 coordinates = st.floats(-10.0, 10.0).map(lambda value: round(value, 3))
@@ -69,8 +70,8 @@ def test_every_joint_is_a_point_of_two_parts_or_of_a_part_and_a_slide(robot, mod
         for slide in pose.slides:
             for point in slide.points:
                 assert sum(np.linalg.norm(point - other) < 1e-9 for _, other in corners) > 1
-        for motor in pose.motors:
-            assert len({k for k, point in corners if np.linalg.norm(motor - point) < 1e-9}) > 1
+        for actuated in pose.actuated:
+            assert len({k for k, point in corners if np.linalg.norm(actuated - point) < 1e-9}) > 1
 
 
 @pytest.mark.parametrize("name", ["tssm", "gough"])
@@ -81,7 +82,7 @@ def test_a_jack_is_as_long_as_its_motor_says(robot, modes, name):
         assert set(slides) == set(robot(name).actuated)
         for joint, length in zip(robot(name).actuated, modes(name).actuated, strict=True):
             assert math.dist(*slides[joint].points) == pytest.approx(length, abs=1e-12)
-            assert slides[joint].motor
+            assert slides[joint].actuated
 
 
 def test_links_of_the_delta_are_as_long_as_its_file_says(robot):
@@ -120,7 +121,7 @@ def test_a_wrist_stands_on_its_plate_as_a_stalk(robot):
     ("name", "plane"), [("five_bar", [0, 0, 1]), ("planar_hybrid", [0, 0, 1]), ("sr400", None), ("tssm", None)]
 )
 def test_what_moves_in_a_plane_is_known(robot, name, plane):
-    found = Skeleton(robot(name)).plane
+    found = motion_plane(robot(name))
     assert (found is None) == (plane is None)
     if plane is not None:
         np.testing.assert_allclose(found, plane, atol=1e-12)
@@ -168,16 +169,16 @@ def test_an_outline_is_the_convex_hull(points):
     centred = points - points.mean(axis=0)
     if np.linalg.svd(centred)[1][1] < 1e-2:
         return
-    found = outline(points)
-    hull = ConvexHull(points)
+    found = hull(points)
+    expected = ConvexHull(points)
     area = 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(found, np.roll(found, -1, axis=0), strict=True))
-    assert area == pytest.approx(hull.volume, rel=1e-9)
+    assert area == pytest.approx(expected.volume, rel=1e-9)
     assert {tuple(corner) for corner in found} <= {tuple(point) for point in points}
 
 
 def test_a_plate_seen_on_its_edge_is_a_line():
     line = np.array([[0.0, 0.0], [1.0, 2.0], [3.0, 6.0], [2.0, 4.0]])
-    assert {tuple(corner) for corner in outline(line)} == {(0.0, 0.0), (3.0, 6.0)}
+    assert {tuple(corner) for corner in hull(line)} == {(0.0, 0.0), (3.0, 6.0)}
 
 
 # --- sheets ------------------------------------------------------------------------------------------------------
@@ -200,7 +201,7 @@ def test_all_panels_have_one_scale_and_hide_nothing(robot, modes, drawn, name):
     figure, _ = drawn(name)
     skeleton = Skeleton(robot(name))
     poses = [skeleton.at(q) for q in modes(name)]
-    seen = views(np.vstack([pose.points for pose in poses]), skeleton.plane)
+    seen = views(np.vstack([pose.points for pose in poses]), motion_plane(robot(name)))
     scales = []
     for panel, axes in enumerate(figure.axes):
         (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()

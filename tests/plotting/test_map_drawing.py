@@ -18,9 +18,9 @@ from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
 from cinegen.plotting.heading import printed
 from cinegen.plotting.loci import TYPE_1, TYPE_2
 from cinegen.plotting.map import draw_map
-from cinegen.plotting.panel import wrapped
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.shades import differing
+from cinegen.plotting.sheet import wrapped
 from cinegen.plotting.solid import net
 from cinegen.singularities import SingularityType, singularity
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
@@ -208,8 +208,8 @@ def test_its_words_say_what_it_is(drawn, five_bar):
     spec = specification_of(five_bar)
     measured = extent(five_bar)
     for part in ("x (mm)", "y (mm)", "σ₁: smallest singular value of type 1", f"{spec.mechanism.name}: reach of tool",
-                 str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: motion lost",
-                 "type 2: motion gained", "robot at home", "out of reach"):  # fmt: skip
+                 str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: lost DoF",
+                 "type 2: uncontrolled DoF", "robot at home", "out of reach"):  # fmt: skip
         assert part in said
     assert draw_map(five_bar, name="a linkage", curves=False).get_suptitle() == "a linkage: reach of tool"
 
@@ -233,7 +233,7 @@ def test_each_quantity_has_its_scale(made, five_bar):
     assert len(reachable.axes) == 1  # one colour needs no bar
     settled = draw_map(modes, None, curves=False)
     assert {"reachable", "reachable\n(by search)"} <= {tick.get_text() for tick in settled.axes[1].get_yticklabels()}
-    with pytest.raises(MapError, match="this map tells no 'sigma_3': did you mean 'sigma_2'"):
+    with pytest.raises(MapError, match="this map has no quantity 'sigma_3': did you mean 'sigma_2'"):
         draw_map(five_bar, "sigma_3")
 
 

@@ -1,0 +1,103 @@
+"""The sheet of a picture: titles, legend, labels of axes and of colour bars, none of them cut off."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cinegen.plotting.stick import INK
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+LABEL = 8.33
+"""Font size of labels, points."""
+
+UNDER = 0.8
+"""Height below axes for their labels and the legend, inches."""
+
+_LARGE, _SMALL = 11.0, 8.5  # points
+_LINE = 1.28  # line spacing, font sizes
+_AROUND, _PAD = 0.15, 0.07  # inches, around titles and around everything else
+_LEFT = 0.01  # of the width, left of titles
+_INK = 0.96  # of the width, largest width of titles
+_KEY = 0.6  # inches, width of a key in a legend
+_COLUMNS = 5  # of a legend, most
+
+
+def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, Any]:
+    """Return a figure with two titles, and the subfigure below them.
+
+    Args:
+        wide: width, inches.
+        tall: height of the part below the titles, inches.
+        first: bold title.
+        second: second title.
+    """
+    from matplotlib.figure import Figure
+
+    first = wrapped(first, _INK * wide, _LARGE, "bold")
+    second = wrapped(second, _INK * wide, _SMALL)
+    lines = [points * _LINE * (text.count("\n") + 1) for text, points in ((first, _LARGE), (second, _SMALL))]
+    figure = Figure(figsize=(wide, tall + sum(lines) / 72.0 + 2.0 * _AROUND), dpi=150)
+    figure.set_layout_engine("constrained", h_pad=_PAD)
+    figure.suptitle(first, x=_LEFT, ha="left", fontsize=_LARGE, fontweight="bold", color=INK)
+    body: Any = figure.subfigures()
+    body.suptitle(second, x=_LEFT, ha="left", fontsize=_SMALL, color=INK)
+    return figure, body
+
+
+def label(axes: Any, x: str = "", y: str = "", *, room: float = np.inf, size: float | str = LABEL) -> None:
+    """Label axes; the label of the vertical one is wrapped to `room` inches."""
+    axes.set_xlabel(x, fontsize=size, color=INK)
+    axes.set_ylabel(wrapped(y, room, LABEL), fontsize=size, color=INK)
+    axes.tick_params(labelsize="small", color=INK)
+
+
+def finish(figure: Any) -> None:
+    """Add the legend, and lay the figure out once before it is drawn: the tick labels of an axis depend on its length,
+    which depends on their size."""
+    named: dict[str, Any] = {}
+    for axes in figure.axes:
+        for handle, text in zip(*axes.get_legend_handles_labels(), strict=True):
+            named.setdefault(text, handle)
+    if named:
+        room = figure.get_figwidth() - _KEY
+        labels = [wrapped(text, room, LABEL) for text in named]
+        figure.legend(
+            named.values(), labels, loc="outside lower center", ncols=_columns(labels, room), frameon=False,
+            fontsize=LABEL,
+        )  # fmt: skip
+    figure.get_layout_engine().execute(figure)
+
+
+def wrapped(text: str, room: float, points: float, weight: str = "normal") -> str:
+    """Return a text wrapped to lines of at most `room` inches."""
+    found: list[str] = []
+    for line in text.split("\n"):
+        letters, parts = len(line), [line]
+        while (wide := max(_inches(part, points, weight) for part in parts)) > room and letters > 1:
+            letters = max(1, min(letters - 1, int(letters * room / wide)))
+            parts = textwrap.wrap(line, letters) or [""]
+        found += parts
+    return "\n".join(found)
+
+
+def _inches(line: str, points: float, weight: str = "normal") -> float:
+    """Return the length of a line of text, inches."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    wide, _, _ = text_to_path.get_text_width_height_descent(line, FontProperties(size=points, weight=weight), False)
+    return float(wide) / 72.0
+
+
+def _columns(labels: list[str], room: float) -> int:
+    """Return the number of columns of a legend that fit into `room` inches."""
+    wide = [max(_inches(line, LABEL) for line in text.split("\n")) + _KEY for text in labels]
+    for columns in range(min(len(labels), _COLUMNS), 1, -1):
+        if sum(part.max() for part in np.array_split(np.array(wide), columns)) <= room:
+            return columns
+    return 1
