@@ -31,6 +31,9 @@ _NEAR = 1e-6  # of the manipulator's size: a point on an axis
 _DESCENTS, _STARTS = 4, 24  # to find the nearest placement
 _FIRST, _SECOND = [0, 0, 1], [1, 2, 2]  # circles of the three distances K, L, M
 
+TANGENTS = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, -1.0, 0.0]])
+"""(3, 3) coefficients of 1, t, t^2 from those of 1, cos p, sin p, times 1 + t^2, with t = tan(p / 2)."""
+
 
 class PlatformCircles(NamedTuple):
     """Circles on which two legs of known lengths leave the platform points, the largest first, for m sets of lengths.
@@ -122,7 +125,7 @@ class TSSM:
         rows, blocks, numbers = float64[:, ::1], float64[:, :, ::1], int64[::1]
         roots = complex128[:, :, ::1], int64[:, ::1], int64[:, ::1], typeof(elimination_scratch())
         with together():
-            prepare(kernel.find_roots, blocks, rows, boolean, *roots)
+            prepare(kernel.find_roots, float64[:, :, :, ::1], float64[:, :, :, ::1], rows, boolean, *roots)
             given = complex128[:, ::1], numbers, circles, rows, rows, rows, numbers, rows
             prepare(write_placements, *given, blocks, blocks, float64[::1])
 
@@ -187,9 +190,9 @@ class TSSM:
             lengths: (m, 6) of the legs, in the unit of the points.
 
         Returns:
-            the circles; and (m, 3, 9) the coefficients of 1, cos p, sin p, cos q, sin q, cos p cos q, cos p sin q,
-            sin p cos q, sin p sin q in equations 20, 21, 22 (K, L, M), where p and q are p12 and p34, p12 and p56, p34
-            and p56: angles on the first, second and third circle. The largest coefficient of each equation is 1.
+            the circles; and (m, 3, 3, 3) the coefficients of equations 20, 21, 22 (K, L, M) in 1, cos p, sin p (rows)
+            and 1, cos q, sin q (columns), where p and q are p12 and p34, p12 and p56, p34 and p56: angles on the first,
+            second and third circle. The largest coefficient of each equation is 1.
 
         Raises:
             HexapodError: wrong shape, not finite or not positive; two legs can't meet.
@@ -207,7 +210,7 @@ class TSSM:
         Raises:
             HexapodError: as `modes`.
         """
-        _, _, _, roots, _, counts = self._roots(checked_lengths(lengths)[None])
+        _, _, roots, _, counts = self._roots(checked_lengths(lengths)[None])
         return roots[0, : counts[0, kernel.KNOWN]]
 
     # --- from lengths to placements -----------------------------------------------------------------------------------
@@ -230,48 +233,41 @@ class TSSM:
         return circles, (square >= -_MEETS * longest).all(axis=1)
 
     def _equations(self, circles: PlatformCircles) -> Array:
-        """Return the distances' coefficients (m, 3, 9): |B_i - B_j|^2 = side^2 written out."""
+        """Return the distances' coefficients (m, 3, 3, 3): |B_i - B_j|^2 = side^2 written out."""
         (c, e, f, r, point), i, j = circles, _FIRST, _SECOND
         d, ri, rj = c[:, i] - c[:, j], 2.0 * r[:, i], 2.0 * r[:, j]
         side = self.sides[point[:, i] + point[:, j] - 1]
         one = 0.25 * (ri * ri + rj * rj) - side * side + _dot(d, d)
-        rows = [one, ri * _dot(d, e[:, i]), ri * _dot(d, f[:, i]), -rj * _dot(d, e[:, j]), -rj * _dot(d, f[:, j])]
-        rows += [-0.5 * ri * rj * _dot(x[:, i], y[:, j]) for x in (e, f) for y in (e, f)]
-        equations = np.stack(rows, axis=2)
-        return np.asarray(equations / np.abs(equations).max(axis=2, keepdims=True))
+        rows = [[one, *(-rj * _dot(d, x[:, j]) for x in (e, f))]]
+        rows += [[ri * _dot(d, x[:, i]), *(-0.5 * ri * rj * _dot(x[:, i], y[:, j]) for y in (e, f))] for x in (e, f)]
+        equations = np.moveaxis(np.array(rows), (0, 1), (2, 3))
+        return np.asarray(equations / np.abs(equations).max(axis=(2, 3), keepdims=True), order="C")
 
-    def _roots(
-        self, lengths: Array
-    ) -> tuple[PlatformCircles, NDArray[np.bool_], Integers, Complex, Integers, Integers]:
-        """Return the circles; whether legs meet (m,); how many solutions a root stands for (m,), 2 with its mirror
-        image; the distinct roots (m, 17, 3), their multiplicities (m, 17) and counts (m, kernel.COUNTS_WIDTH)."""
+    def _roots(self, lengths: Array) -> tuple[PlatformCircles, NDArray[np.bool_], Complex, Integers, Integers]:
+        """Return the circles; whether legs meet (m,); the distinct roots (m, 17, 3), with base points in one plane one
+        of each pair of mirror images, their multiplicities (m, 17) and counts (m, kernel.COUNTS_WIDTH)."""
         circles, meets = self._circles(lengths)
-        m, scratch = len(lengths), elimination_scratch()
+        shape, scratch = (len(lengths), SOLUTIONS + 1), elimination_scratch()
         equations, extents = self._equations(circles), circles.radius / lengths.max(axis=1)[:, None]
-        roots, times = np.empty((m, SOLUTIONS + 1, 3), dtype=complex), np.empty((m, SOLUTIONS + 1), dtype=np.int64)
-        counts, each = np.zeros((m, kernel.COUNTS_WIDTH), dtype=np.int64), np.full(m, 2 if self.plane else 1)
-        kernel.find_roots(equations, extents, self.plane, roots, times, counts, scratch)
+        roots, times = np.empty((*shape, 3), dtype=complex), np.empty(shape, dtype=np.int64)
+        counts = np.zeros((len(lengths), kernel.COUNTS_WIDTH), dtype=np.int64)
+        tangents = TANGENTS @ equations @ TANGENTS.T
+        kernel.find_roots(equations, tangents, extents, self.plane, roots, times, counts, scratch)
         counts[~meets] = 0
-        lossy = (counts[:, kernel.LOST] > 0) | (counts[:, kernel.OUTCOME] != kernel.SOLVED)
-        if self.plane and lossy.any():  # the other elimination has other difficulties: not two legs in a line
-            again = roots[lossy], times[lossy], counts[lossy]
-            kernel.find_roots(equations[lossy], extents[lossy], False, *again, scratch)
-            roots[lossy], times[lossy], counts[lossy] = again
-            each[lossy] = 1
-        return circles, meets, each, roots, times, counts
+        return circles, meets, roots, times, counts
 
     def _solve(self, lengths: Array) -> _Solved:
         """Return all placements for lengths (m, 6), with an account of all solutions."""
-        circles, meets, each, roots, times, counts = self._roots(lengths)
-        m, longest = len(lengths), lengths.max(axis=1)
+        circles, meets, roots, times, counts = self._roots(lengths)
+        m, longest, each = len(lengths), lengths.max(axis=1), 2 if self.plane else 1
         of, which = np.nonzero(np.arange(SOLUTIONS + 1) < counts[:, kernel.KNOWN, None])
         w, times = roots[of, which], times[of, which]
         real = (np.abs(w.real**2 + w.imag**2 - 1.0) < 2.0 * kernel.ON_CIRCLE).all(axis=1)
-        complex_ = np.where(meets, np.bincount(of[~real], (each[of] * times)[~real], m), SOLUTIONS)
+        complex_ = np.where(meets, np.bincount(of[~real], each * times[~real], m), SOLUTIONS)
         of, w, times = of[real], w[real], times[real]
         symmetric = (2.0 * circles.radius[of] * np.abs(w.imag)).max(axis=1, initial=0.0) <= kernel.SAME * longest[of]
-        times = np.where(symmetric, each[of], 1) * times
-        mirrored = (each[of] == 2) & ~symmetric
+        times = np.where(symmetric, each, 1) * times
+        mirrored = ~symmetric & self.plane
         of, times = np.concatenate([of, of[mirrored]]), np.concatenate([times, times[mirrored]])
         w = np.concatenate([w, w[mirrored].conj()])
         points, placements, error = np.empty((len(of), 3, 3)), np.empty((len(of), 4, 4)), np.empty(len(of))

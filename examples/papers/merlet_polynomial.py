@@ -16,16 +16,8 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.hexapod import TSSM, HexapodError
-from cinegen.hexapod._kernels.elimination import (
-    C1,
-    C2,
-    CC,
-    ONE,
-    SPATIAL_DEGREE,
-    SS,
-    write_bezout,
-    write_quadratics,
-)
+from cinegen.hexapod._kernels.elimination import SPATIAL_DEGREE, write_bezout
+from cinegen.hexapod.tssm import TANGENTS
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -61,13 +53,40 @@ def _resultant(i: list[Polynomial], h: list[Polynomial]) -> Polynomial:
     return minor(0, 1) * minor(1, 2) - minor(0, 2) ** 2
 
 
+def quadratics(equations: Array) -> list[Polynomial]:
+    """Return I1, I2, I3 of equation 25 and H1, H2, H3 of equation 26, quadratics in x = cos p34.
+
+    K and L are linear in sin p12 and cos p12, a sin p12 + b cos p12 + g = 0, and sin^2 + cos^2 = 1 gives (b g' - g
+    b')^2 + (g a' - a g')^2 = (a b' - b a')^2, equation 23. It contains sin p34 and sin p56 as squares or as their
+    product, for which M is substituted.
+
+    Args:
+        equations: (3, 3, 3) K, L, M, see `TSSM.circles`; of base points in one plane.
+    """
+    k, other, m = equations
+    b, g, u, v = (Polynomial(row) for row in (k[1, :2], k[0, :2], m[:2, 1], m[:2, 0]))
+    (l33, l32), (l22, l21) = other[0, :2], other[1, :2]
+    k11, l11, m11 = k[2, 2], other[2, 2], m[2, 2]
+    sine = Polynomial([1.0, 0.0, -1.0])  # squared, of p34
+    high, low = b * l32 - g * l21, b * l33 - g * l22  # b g' - g b' = high cos p56 + low
+    s, t = b * l21 - g * l32, b * l22 - g * l33  # b b' - g g' = s cos p56 + t
+    # sin p34 sin p56 = -(u cos p56 + v) / M11
+    ratio, square, gap = k11 * l11 / m11, k11**2 * sine, l11**2 * (g * g - b * b)
+    first = [
+        high * high - gap + square * (l32**2 - l21**2) - 2.0 * ratio * u * s,
+        2.0 * (high * low + square * (l32 * l33 - l21 * l22) - ratio * (u * t + v * s)),
+        low * low + gap + square * (l33**2 - l22**2) - 2.0 * ratio * v * t,
+    ]
+    second = [u * u + m11**2 * sine, 2.0 * u * v, v * v - m11**2 * sine]
+    return [part / max(np.abs(q.coef).max() for q in three) for three in (first, second) for part in three]
+
+
 def _in_plane(equations: Array) -> Polynomial:
-    quadratics = np.empty((6, 3))
-    write_quadratics(equations, quadratics)
     # cos p34 = (1 - u) / (1 + u) with u = x^2, times (1 + u)^2
     above, below = Polynomial([1.0, -1.0]), Polynomial([1.0, 1.0])
     powers = [below * below, above * below, above * above]
-    factors = [sum((q * p for q, p in zip(row, powers, strict=True)), Polynomial([0.0])) for row in quadratics]
+    rows = [row.coef for row in quadratics(equations)]
+    factors = [sum((q * p for q, p in zip(row, powers, strict=False)), Polynomial([0.0])) for row in rows]
     in_u = _resultant(factors[:3], factors[3:])
     coefficients = np.zeros(_DEGREE + 1)
     coefficients[: 2 * len(in_u.coef) : 2] = in_u.coef
@@ -77,8 +96,8 @@ def _in_plane(equations: Array) -> Polynomial:
 def _in_space(equations: Array) -> Polynomial:
     """Return the determinant as a polynomial: times cos^16 (p34 / 2), it is a sum of cos(k p34) and sin(k p34), k up to
     8, which its values at 17 places determine."""
-    quadratics, blocks = np.empty((6, 3)), np.empty((SPATIAL_DEGREE + 1, 4, 4))
-    write_bezout(equations, 0.0, quadratics, blocks)
+    blocks = np.empty((SPATIAL_DEGREE + 1, 4, 4))
+    write_bezout(TANGENTS @ equations @ TANGENTS.T, blocks)
     p = 2.0 * np.pi * np.arange(_DEGREE + 1) / (_DEGREE + 1)
     powers = [np.sin(0.5 * p) ** n * np.cos(0.5 * p) ** (SPATIAL_DEGREE - n) for n in range(SPATIAL_DEGREE + 1)]
     terms = np.fft.fft(np.linalg.det(np.einsum("np,nij->pij", powers, blocks))) / (_DEGREE + 1)
@@ -126,7 +145,7 @@ class SpinSurface:
         """Return the determinant of equation 16 at points (..., 3), real or complex; (...,), dimensionless."""
         at = np.asarray(points, dtype=complex)
         (e1, e2, e3), (f1, f2, f3) = self._distance(0, at), self._distance(1, at)
-        k11, k21, k22, k32, k33 = self._k[SS], self._k[CC], self._k[C1], self._k[C2], self._k[ONE]
+        (k33, k32), (k22, k21), k11 = self._k[0, :2], self._k[1, :2], self._k[2, 2]
         # equation 12 with 10: (E1 g - b E3)^2 + (E3 a - g E2)^2 = (E2 b - a E1)^2, equation 13, with x = cos p34 and
         # a = K11 sin p34, b = K21 x + K22, g = K32 x + K33. It contains E2 sin p34, and E2 = F2 r12 / r34 (both are
         # proportional to the height of B), so that equation 11 takes sin p34 out of it without a division.

@@ -66,7 +66,7 @@ def closings(modes: AssemblyModes, starts: int, seed: int = 0) -> list[np.ndarra
     asked = m.configuration(dict(zip(m.actuated, modes.actuated.tolist(), strict=True)))
     for _ in range(starts):
         q = asked.copy()
-        for name in set(m.joints) - set(m.actuated):
+        for name in (name for name in m.joints if name not in m.actuated):
             k = m.q_index(name)
             q[k] = q[k] + m.length * rng.normal() if m.is_prismatic(name) else rng.uniform(-np.pi, np.pi)
         try:

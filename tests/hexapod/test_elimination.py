@@ -1,4 +1,4 @@
-"""The parts: equations 19-26 against vectors, eigenvalues against LAPACK."""
+"""The parts: equations 20-22 against vectors, eigenvalues against LAPACK."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from scipy.optimize import linear_sum_assignment
 
 from cinegen.hexapod import TSSM
 from cinegen.hexapod._kernels.eigenvalues import eigenvalues
-from cinegen.hexapod._kernels.elimination import SPATIAL_DEGREE, write_bezout, write_quadratics
-from cinegen.hexapod.tssm import PlatformCircles
+from cinegen.hexapod._kernels.elimination import SPATIAL_DEGREE, eigen_directions, elimination_scratch, write_bezout
+from cinegen.hexapod.tssm import TANGENTS, PlatformCircles
 
 seeds = st.integers(0, 2**32 - 1).map(np.random.default_rng)
 
@@ -26,7 +26,7 @@ def drawn(rng, height):
 
 
 def solved(tssm, lengths):
-    """The circles (one set), the equations (3, 9) and the angles (n, 3) of all modes on the circles."""
+    """The circles (one set), the equations (3, 3, 3) and the angles (n, 3) of all modes on the circles."""
     circles, equations = tssm.circles([lengths])
     circles = PlatformCircles(*(part[0] for part in circles))
     return circles, equations[0], lambda placements: angles(tssm, circles, placements)
@@ -53,28 +53,14 @@ def test_equations_20_to_22_are_the_distances(rng, height):
     for row, (i, j) in zip(equations, ((0, 1), (0, 2), (1, 2)), strict=True):
         side = tssm.sides[circles.point[i] + circles.point[j] - 1]
         ci, si, cj, sj = c[:, i], s[:, i], c[:, j], s[:, j]
-        said = np.stack([ci**0, ci, si, cj, sj, ci * cj, ci * sj, si * cj, si * sj], axis=1) @ row
+        said = np.einsum("an,ab,bn->n", [ci**0, ci, si], row, [cj**0, cj, sj])
         true = ((points[:, i] - points[:, j]) ** 2).sum(axis=1) - side**2
         unit = (true @ said) / (said @ said)
         assert unit > 0.0
         np.testing.assert_allclose(unit * said, true, atol=1e-10 * np.abs(true).max())
         assert np.abs(row).max() == 1.0
         if height == 0.0:
-            assert not row[[2, 4, 6, 7]].any()
-
-
-@given(seeds)
-def test_equations_25_and_26_hold_where_20_to_22_do(rng):
-    tssm, placement, lengths = drawn(rng, 0.0)
-    _, equations, angles_at = solved(tssm, lengths)
-    quadratics = np.empty((6, 3))
-    write_quadratics(equations, quadratics)
-    for found in (placement, *tssm.modes(lengths).placements):
-        c = np.cos(angles_at(found))
-        terms = quadratics @ c[1] ** np.arange(3)
-        powers = c[2] ** np.arange(2, -1, -1)
-        assert abs(terms[:3] @ powers) <= 1e-8 * np.abs(quadratics[:3]).sum()
-        assert abs(terms[3:] @ powers) <= 1e-8 * np.abs(quadratics[3:]).sum()
+            assert not row[[0, 2, 1, 2], [2, 0, 2, 1]].any()
 
 
 @given(seeds, st.sampled_from([0.0, 0.5]))
@@ -82,19 +68,13 @@ def test_bezouts_matrix_is_singular_where_20_to_22_hold_and_has_the_tangents_in_
     tssm, placement, lengths = drawn(rng, height)
     _, equations, angles_at = solved(tssm, lengths)
     matrices = np.empty((SPATIAL_DEGREE + 1, 4, 4))
-    offset = rng.uniform(-np.pi, np.pi)
-    write_bezout(equations, offset, np.empty((6, 3)), matrices)
+    write_bezout(TANGENTS @ equations @ TANGENTS.T, matrices)
     p = angles_at(placement)
-    half = 0.5 * (p[1] - offset)
+    half = 0.5 * p[1]
     powers = np.sin(half) ** np.arange(5) * np.cos(half) ** np.arange(4, -1, -1)
     matrix = np.einsum("n,nij->ij", powers, matrices)
     tangents = [np.array([np.cos(0.5 * angle), np.sin(0.5 * angle)]) for angle in (p[0], p[2])]
     assert np.abs(matrix @ np.kron(tangents[1], tangents[0])).max() <= 1e-10 * np.abs(matrices).max()
-
-
-def padded(matrix):
-    """What `eigenvalues` overwrites."""
-    return np.pad(matrix, (0, 1))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.5])
@@ -104,17 +84,19 @@ def test_eigenvalues_are_the_angles_before_newtons_method(height):
     off = []
     for _ in range(100):
         tssm, _, lengths = drawn(rng, height)
-        matrices, (_, equations, _) = np.empty((SPATIAL_DEGREE + 1, 4, 4)), solved(tssm, lengths)
-        write_bezout(equations, 0.4, np.empty((6, 3)), matrices)
-        companion = np.zeros((16, 16))
-        companion[:4] = -np.hstack(np.linalg.solve(matrices[4], matrices[3::-1]))
-        companion[4:, :12] = np.eye(12)
-        found = np.zeros((2, 16))
-        assert eigenvalues(padded(companion), 16, found)
-        roots = np.exp(1j * (2.0 * np.arctan(found[0] + 1j * found[1]) + 0.4))
+        _, equations, _ = solved(tssm, lengths)
+        scratch = elimination_scratch()
+        assert eigen_directions(TANGENTS @ equations @ TANGENTS.T, tssm.plane, *scratch[:5]) > 0.0
+        w = (scratch.eigenvalues[0] + 1j * scratch.eigenvalues[1])[: 8 if tssm.plane else 16]
+        roots = np.concatenate([w, 1.0 / w]) if tssm.plane else w
         true = tssm.complex_solutions(lengths)[:, 1]
         off.append(np.abs(roots[:, None] / true - 1.0).min(axis=0).max())
     assert np.quantile(off, 0.9) <= 1e-7
+
+
+def padded(matrix):
+    """What `eigenvalues` overwrites."""
+    return np.pad(matrix, (0, 1))
 
 
 @given(seeds, st.integers(1, 16))

@@ -1,4 +1,4 @@
-"""Eigenvalues of small real matrices and of polynomials with matrix coefficients.
+"""Eigenvalues of small real matrices, and Gauss and Jordan's elimination.
 
 Householder's Hessenberg form, then Francis's QR steps with two shifts (G. H. Golub and C. F. Van Loan, "Matrix
 Computations", section 7.5), as in LAPACK. Measured for 8 and 16 rows, LAPACK through `numpy.linalg.eigvals` takes 1.7
@@ -14,7 +14,7 @@ from cinegen.jit.compiled import Array, compiled, entry
 ROWS = 4
 """Rows of the coefficients of a matrix polynomial."""
 
-_NEGLIGIBLE = 2.3e-16  # a subdiagonal number below this part of its neighbours is zero
+_NEGLIGIBLE = 2.3e-16  # a subdiagonal number below this part of its neighbours is zero; more after each step
 _MAX_STEPS = 40  # for each eigenvalue
 _EXCEPTIONAL = 10  # steps after which the shifts are exceptional ones
 
@@ -46,28 +46,6 @@ def reduce(a: Array, rows: int, columns: int) -> float:
     return least
 
 
-@compiled
-def companion(coefficients: Array, degree: int, work: Array, matrix: Array) -> None:
-    """Write the block companion matrix of A_0 + ... + A_d x^d: its eigenvalues are the roots of the determinant.
-
-    Args:
-        coefficients: (d + 1, ROWS, ROWS), the last one regular.
-        degree: d.
-        work: (ROWS, ROWS (d + 1)) scratch.
-        matrix: its first ROWS d rows and columns are written.
-    """
-    size = ROWS * degree
-    for i in range(ROWS):
-        for j in range(ROWS):
-            work[i, j] = coefficients[degree, i, j]
-            for k in range(degree):
-                work[i, ROWS * (k + 1) + j] = coefficients[degree - 1 - k, i, j]
-    reduce(work, ROWS, ROWS + size)
-    for i in range(size):
-        for j in range(size):
-            matrix[i, j] = -work[i, ROWS + j] if i < ROWS else (1.0 if j == i - ROWS else 0.0)
-
-
 @entry
 def eigenvalues(a: Array, n: int, found: Array) -> bool:
     """Compute the eigenvalues of the first n rows and columns of a, which is overwritten.
@@ -86,7 +64,7 @@ def eigenvalues(a: Array, n: int, found: Array) -> bool:
         low = high
         while low > 0:
             near = abs(a[low - 1, low - 1]) + abs(a[low, low])
-            if abs(a[low, low - 1]) <= _NEGLIGIBLE * near:
+            if abs(a[low, low - 1]) <= _NEGLIGIBLE * (1 + steps) * near:  # rounding may keep multiple ones above
                 a[low, low - 1] = 0.0
                 break
             low -= 1
@@ -163,21 +141,21 @@ def _francis_step(a: Array, low: int, high: int, exceptional: bool) -> None:
 
     Shifts are the eigenvalues of the last two rows if they are complex, else twice the one nearer to the last number.
     """
-    half = 0.5 * (a[high - 1, high - 1] - a[high, high])
-    square = half * half + a[high - 1, high] * a[high, high - 1]
-    total = a[high - 1, high - 1] + a[high, high]
-    product = a[high - 1, high - 1] * a[high, high] - a[high - 1, high] * a[high, high - 1]
+    first, second, w = a[high, high], a[high - 1, high - 1], a[high - 1, high] * a[high, high - 1]
+    half = 0.5 * (second - first)
+    square = half * half + w
     if exceptional:
         size = abs(a[high, high - 1]) + abs(a[high - 1, high - 2])
-        shift = a[high, high] + 0.75 * size
-        total, product = 2.0 * shift, shift * shift + 0.4375 * size * size
+        first = second = first + 0.75 * size
+        w = -0.4375 * size * size
     elif square >= 0.0:
         root = math.sqrt(square)
-        shift = a[high, high] + (half - root if half >= 0.0 else half + root)
-        total, product = 2.0 * shift, shift * shift
-    x = a[low, low] * a[low, low] + a[low, low + 1] * a[low + 1, low] - total * a[low, low] + product
-    y = a[low + 1, low] * (a[low, low] + a[low + 1, low + 1] - total)
-    z = a[low + 1, low] * a[low + 2, low + 1]
+        first = second = first + (half - root if half >= 0.0 else half + root)
+        w = 0.0
+    r, s = first - a[low, low], second - a[low, low]  # differences first: eigenvalues may be close to each other
+    x = (r * s - w) / a[low + 1, low] + a[low, low + 1]
+    y = a[low + 1, low + 1] - a[low, low] - r - s
+    z = a[low + 2, low + 1]
     for k in range(low, high):  # a reflection of three rows moves the bulge down; of the last two, with q = 0
         size = abs(x) + abs(y) + abs(z)
         if size > 0.0:

@@ -14,19 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.hexapod._kernels.elimination import (
-    C1,
-    C2,
-    CC,
-    CS,
-    ONE,
-    S1,
-    S2,
-    SC,
-    SS,
-    EliminationScratch,
-    eigen_directions,
-)
+from cinegen.hexapod._kernels.elimination import EliminationScratch, eigen_directions
 from cinegen.jit.compiled import Array, Table, compiled, entry
 
 Complex = NDArray[np.complex128]
@@ -64,13 +52,14 @@ _STEEP = 1e-2  # of the sum of its terms: a shorter row is not normalised
 
 @entry
 def find_roots(
-    equations: Array, extents: Array, planar: bool, roots: Complex, times: Table, counts: Table,
+    equations: Array, tangents: Array, extents: Array, planar: bool, roots: Complex, times: Table, counts: Table,
     scratch: EliminationScratch,
 ) -> None:  # fmt: skip
     """Find the distinct finite solutions for many sets of leg lengths.
 
     Args:
-        equations: (m, 3, EQUATION_WIDTH) of the distances.
+        equations: (m, 3, 3, 3) of the distances, in 1, cosine and sine of their two angles.
+        tangents: (m, 3, 3, 3) the same by powers of the tangents of half of these angles.
         extents: (m, 3) radii of the circles, as parts of the longest leg: solutions whose points coincide are one.
         planar: whether base points are in one plane. Then a solution and its mirror image (1 / w) count as one.
         roots: (m, 17, 3) w of the solutions are written; those of real ones are on the unit circle.
@@ -78,11 +67,11 @@ def find_roots(
         counts: (m, COUNTS_WIDTH).
         scratch: from `elimination_scratch`.
     """
-    quadratics, blocks, wide, matrix, found = scratch[:5]
+    blocks, powers, wide, matrix, found = scratch[:5]
     for m in range(len(equations)):
         for i in range(COUNTS_WIDTH):
             counts[m, i] = 0
-        regular = eigen_directions(equations[m], planar, quadratics, blocks, wide, matrix, found)
+        regular = eigen_directions(tangents[m], planar, blocks, powers, wide, matrix, found)
         if not regular > _ZERO:
             counts[m, OUTCOME] = DIVERGED if regular < 0.0 else CURVE
             continue
@@ -200,8 +189,8 @@ def _write_choices(equations: Array, w: Any, choice: Any) -> int:
     first. Return how many there are."""
     K, L, M = equations[0], equations[1], equations[2]
     c, s = _cosine_sine(w)
-    x0, x1 = _angles(K[ONE] + K[C2] * c + K[S2] * s, K[C1] + K[CC] * c + K[CS] * s, K[S1] + K[SC] * c + K[SS] * s)
-    z0, z1 = _angles(M[ONE] + M[C1] * c + M[S1] * s, M[C2] + M[CC] * c + M[SC] * s, M[S2] + M[CS] * c + M[SS] * s)
+    x0, x1 = _angles(_form(K, c, s))
+    z0, z1 = _angles(_form(M.T, c, s))
     count = 0
     for i in range(4):
         x, z = (x0 if i % 2 == 0 else x1), (z0 if i < 2 else z1)
@@ -226,8 +215,9 @@ def _write_choices(equations: Array, w: Any, choice: Any) -> int:
 
 
 @compiled
-def _angles(g: Any, b: Any, a: Any) -> tuple[Any, Any]:
-    """Return both exp(i p) with g + b cos p + a sin p = 0."""
+def _angles(form: Any) -> tuple[Any, Any]:
+    """Return both exp(i p) with g + b cos p + a sin p = 0, for a form (g, b, a)."""
+    g, b, a = form
     high, low = 0.5 * (b - 1j * a), 0.5 * (b + 1j * a)  # high w + g + low / w
     root = cmath.sqrt(g * g - 4.0 * high * low)
     if (root * g.conjugate()).real < 0.0:
@@ -264,15 +254,20 @@ def _newton(equations: Array, w: Any, work: Any) -> bool:
 
 
 @compiled
+def _form(q: Array, c: Any, s: Any) -> tuple[Any, Any, Any]:
+    """Return the coefficients of 1, cosine and sine of a distance's first angle, for cosine and sine of its second."""
+    return q[0, 0] + q[0, 1] * c + q[0, 2] * s, q[1, 0] + q[1, 1] * c + q[1, 2] * s, q[2, 0] + q[2, 1] * c + q[2, 2] * s
+
+
+@compiled
 def _distance(q: Array, c: Any, s: Any, d: Any, t: Any) -> tuple[Any, Any, Any]:
     """Return the residual of a distance at cosine c and sine s of its first angle, d and t of its second; its
     derivative by the first angle; and the sum of its terms' sizes."""
-    by_c, by_s = q[C1] + q[CC] * d + q[CS] * t, q[S1] + q[SC] * d + q[SS] * t
-    residual = q[ONE] + (q[C2] * d + q[S2] * t) + by_c * c + by_s * s
+    one, by_c, by_s = _form(q, d, t)
     large, far = _size(c) + _size(s), _size(d) + _size(t)
-    terms = abs(q[ONE]) + max(abs(q[C1]), abs(q[S1])) * large + max(abs(q[C2]), abs(q[S2])) * far
-    terms += max(abs(q[CC]), abs(q[CS]), abs(q[SC]), abs(q[SS])) * large * far
-    return residual, by_s * c - by_c * s, terms
+    terms = abs(q[0, 0]) + max(abs(q[1, 0]), abs(q[2, 0])) * large + max(abs(q[0, 1]), abs(q[0, 2])) * far
+    terms += max(abs(q[1, 1]), abs(q[1, 2]), abs(q[2, 1]), abs(q[2, 2])) * large * far
+    return one + by_c * c + by_s * s, by_s * c - by_c * s, terms
 
 
 @compiled
@@ -281,14 +276,13 @@ def _evaluate(equations: Array, w: Any, work: Any) -> float:
     worst = 0.0
     for k in range(3):
         i, j = (0, 1) if k == 0 else ((0, 2) if k == 1 else (1, 2))
-        q = equations[k]
         c, s = _cosine_sine(w[i])
         d, t = _cosine_sine(w[j])
-        residual, derivative, terms = _distance(q, c, s, d, t)
+        residual, derivative, terms = _distance(equations[k], c, s, d, t)
+        _, by_d, by_t = _form(equations[k].T, c, s)
         work[0, k], work[1, k] = residual, terms
         work[3 + k, 2 - k] = 0.0
-        work[3 + k, i] = derivative
-        work[3 + k, j] = (q[S2] + q[CS] * c + q[SS] * s) * d - (q[C2] + q[CC] * c + q[SC] * s) * t
+        work[3 + k, i], work[3 + k, j] = derivative, by_t * d - by_d * t
         relative = _size(residual) / terms
         if not relative <= worst:  # NaN counts too
             worst = relative
@@ -382,7 +376,7 @@ def _second(q: Array, a: Any, b: Any, x: Any, y: Any) -> Any:
     """Return the second derivative of a distance when its two angles change at rates x and y."""
     c, s = _cosine_sine(a)
     d, t = _cosine_sine(b)
-    one, other = q[C1] * c + q[S1] * s, q[C2] * d + q[S2] * t
-    both = q[CC] * c * d + q[CS] * c * t + q[SC] * s * d + q[SS] * s * t
-    mixed = q[CC] * s * t - q[CS] * s * d - q[SC] * c * t + q[SS] * c * d
-    return -(one + both) * x * x - (other + both) * y * y + 2.0 * mixed * x * y
+    _, by_c, by_s = _form(q, d, t)
+    _, by_d, by_t = _form(q.T, c, s)
+    mixed = c * (q[2, 2] * d - q[2, 1] * t) - s * (q[1, 2] * d - q[1, 1] * t)
+    return -(c * by_c + s * by_s) * x * x - (d * by_d + t * by_t) * y * y + 2.0 * mixed * x * y
