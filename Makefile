@@ -5,6 +5,9 @@ WORKERS ?= auto
 # What `make coverage` runs (all tests unless given), and how many of the least covered files it lists.
 TESTS ?=
 LEAST ?= 30
+# How many faults `make mutations` makes, and the seed of their choice.
+SAMPLE ?= 300
+SEED ?= 19
 
 BIN := .venv/bin
 # The base interpreter's pip installs into .venv, which has none of its own: some systems cannot put one there.
@@ -14,7 +17,7 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test coverage check javascript kernels studies bench generated clean lock FORCE
+.PHONY: help demo test coverage mutations check javascript kernels studies bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -33,6 +36,11 @@ coverage: .venv/test-installed kernels studies ## measure which lines the tests 
 	@.ci/chromium
 	@status=0; $(BIN)/pytest -n $(WORKERS) --cov --cov-report= $(TESTS) || status=$$?; \
 	$(BIN)/coverage report --sort=cover --skip-covered | awk 'NR <= 2 + $(LEAST) || /^TOTAL/' && exit $$status
+
+mutations: export OMP_NUM_THREADS := 1
+mutations: export OPENBLAS_NUM_THREADS := 1
+mutations: .venv/test-installed build/cosmic-ray/installed kernels studies ## put SAMPLE random faults into the core, and list those that no test notices
+	@nice $(BIN)/python benchmarks/mutations.py --sample $(SAMPLE) --seed $(SEED)
 
 check: .venv/test-installed ## run the linters of the Python code only
 	$(BIN)/ruff check .
@@ -113,6 +121,13 @@ endif
 	@$(PYTHON) -m venv --without-pip .venv-bench
 	@echo "installing into .venv-bench: placo, pink, mink and what they need (the first time takes minutes) ..."
 	@$(PYTHON) -m pip --python .venv-bench/bin/python install --quiet --no-deps -r requirements/bench.txt
+	@touch $@
+
+# It never meets the tests: a folder of its own keeps its versions of other packages from them. mutations.txt holds what
+# `pip install cosmic-ray` gives in an empty environment.
+build/cosmic-ray/installed: requirements/mutations.txt .venv/runtime-installed
+	@rm -rf build/cosmic-ray
+	@$(PIP) install --quiet --no-deps --target build/cosmic-ray -r requirements/mutations.txt
 	@touch $@
 
 define CHECK_PYTHON

@@ -1,0 +1,607 @@
+"""Mutation testing of the core: random small faults are put into a copy of the sources, and the tests must notice.
+
+`make mutations SAMPLE=300 SEED=19` runs it; CONTRIBUTING.md describes the result. The operators are cosmic-ray's, with
+two more: a fractional number times 100, and a statement left out. The sample is spread over the files by their size.
+
+A coverage run records for each test its lines and its time. A mutant then meets the tests that run its line, fastest
+first, until one fails. A constant or a default meets the tests that run the lines that name it. Where none fails, the
+other tests of the folder that mirrors the package follow. A test that kills only counts if it passes on the original.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import collections
+import contextlib
+import functools
+import json
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+CORE = """
+raff2urdf/[cdkprt]*.py raff2urdf/reader.py raff2urdf/writer.py raff2urdf/writers/{urdf,inertia,tree_at_home}.py
+cinegen/{joints,tolerances}.py cinegen/{model,loops,ik,singularities,toolpath,realtime,planning,assembly,workspace}/*.py
+cinegen/session/{undo,motion}.py
+cinegen/devices/{magellan,spaceball,serial_mouse,json_socket,reading_json,lines,mouse_events,spacenav}.py
+cinegen/devices/{scripted_path,replay,gamepad,teleoperation}.py
+"""
+"""Files of the core, as patterns; without the compiled parts and without `LEFT_OUT`."""
+
+LEFT_OUT = """
+__init__ __main__ _kernels thresholds cli command_line cluster local_cluster zarr_store check
+"""
+"""Names of files that are left out: compiled ones, command lines, processes and disks."""
+
+FOLDERS = """
+raff2urdf model ik toolpath realtime singularities devices session planning assembly workspace collision mission jit
+"""
+"""Folders in tests/ whose tests may kill."""
+
+SLOWEST = 12.0  # s: a test that takes longer, measured with coverage, is left out
+FIRST = 10.0  # s of tests that a mutant meets at first
+MOST = 60.0  # s of tests that a mutant meets at most
+COMPILED = {"compiled", "entry", "intrinsic", "overload"}
+
+BINARY = {"Add": ["Sub"], "Sub": ["Add"], "Mul": ["Div"], "Div": ["Mul"], "FloorDiv": ["Mul"], "Mod": ["Mul"],
+          "Pow": ["Mul"], "BitOr": ["BitAnd"], "BitAnd": ["BitOr"]}  # fmt: skip
+COMPARISON = {"Eq": ["NotEq"], "NotEq": ["Eq"], "Lt": ["LtE", "GtE"], "LtE": ["Lt", "Gt"], "Gt": ["GtE", "LtE"],
+              "GtE": ["Gt", "Lt"], "Is": ["IsNot"], "IsNot": ["Is"]}  # fmt: skip
+
+
+@dataclass
+class Mutant:
+    """A fault: `text` stands for the original from line and column `start` on to `stop`."""
+
+    file: str
+    operator: str
+    start: tuple[int, int]
+    stop: tuple[int, int]
+    before: str
+    after: str
+    text: str  # the whole line or lines, changed
+    status: str = ""  # killed, survived, not covered
+    by: str = ""  # the test that killed it, "timeout" or "collection"
+    tests: int = 0
+    seconds: float = 0.0
+
+    @property
+    def line(self) -> int:
+        """Number of the line."""
+        return self.start[0]
+
+
+# --- The sample -------------------------------------------------------------------------------------------------
+
+
+def operators() -> dict[str, list[Any]]:
+    """Return cosmic-ray's operators that are used, and our own, by family."""
+    import parso
+    from cosmic_ray.operators import (
+        binary_operator_replacement,
+        boolean_replacer,
+        break_continue,
+        comparison_operator_replacement,
+        exception_replacer,
+        number_replacer,
+        unary_operator_replacement,
+        zero_iteration_for_loop,
+    )
+    from cosmic_ray.operators.operator import Operator
+
+    class ScaledNumber(Operator):
+        """Multiplies a fractional number by 100."""
+
+        def mutation_positions(self, node: Any) -> Iterator[Any]:
+            if node.type == "number" and re.fullmatch(r"[\d._]+(e-?\d+)?", node.value) and float(node.value) % 1.0:
+                yield node.start_pos, node.end_pos
+
+        def mutate(self, node: Any, index: int) -> Any:
+            return parso.python.tree.Number(
+                f"{node.get_first_leaf().prefix}{100.0 * float(node.value)}", node.start_pos
+            )
+
+        @classmethod
+        def examples(cls) -> tuple[()]:
+            return ()
+
+    class DroppedStatement(Operator):
+        """Replaces a call whose result is not used, or an assignment to what exists already, by `pass`."""
+
+        def mutation_positions(self, node: Any) -> Iterator[Any]:
+            if node.type == "simple_stmt":
+                first = node.children[0]
+                is_call = first.type in ("atom_expr", "power") and first.children[-1].type == "trailer"
+                augmented = first.type == "expr_stmt" and first.children[1].type == "augassign"
+                if is_call or augmented:
+                    yield first.start_pos, first.end_pos
+
+        def mutate(self, node: Any, index: int) -> Any:
+            prefix = node.children[0].get_first_leaf().prefix
+            node.children[0] = parso.python.tree.Keyword("pass", node.start_pos, prefix)
+            return node
+
+        @classmethod
+        def examples(cls) -> tuple[()]:
+            return ()
+
+    def replacing(module: Any, stem: str, table: dict[str, list[str]]) -> list[Any]:
+        return [getattr(module, f"{stem}_{a}_{b}")() for a, others in table.items() for b in others]
+
+    unary = [op() for op in unary_operator_replacement.operators() if re.search("Delete_(USub|Not)", op.__name__)]
+    return {
+        "arithmetic": replacing(binary_operator_replacement, "ReplaceBinaryOperator", BINARY),
+        "comparison": replacing(comparison_operator_replacement, "ReplaceComparisonOperator", COMPARISON),
+        "boolean": [
+            boolean_replacer.ReplaceTrueWithFalse(),
+            boolean_replacer.ReplaceFalseWithTrue(),
+            boolean_replacer.ReplaceAndWithOr(),
+            boolean_replacer.ReplaceOrWithAnd(),
+        ],
+        "condition": [boolean_replacer.AddNot()],
+        "sign": unary,
+        "number": [number_replacer.NumberReplacer()],
+        "scale": [ScaledNumber()],
+        "loop": [
+            zero_iteration_for_loop.ZeroIterationForLoop(),
+            break_continue.ReplaceBreakWithContinue(),
+            break_continue.ReplaceContinueWithBreak(),
+        ],
+        "exception": [exception_replacer.ExceptionReplacer()],
+        "statement": [DroppedStatement()],
+    }
+
+
+def sites(source: str, families: dict[str, list[Any]]) -> list[tuple[str, Any, list[tuple[Any, int]]]]:
+    """Return the places that can be mutated: family, position, and each operator with its occurrence."""
+    import parso
+
+    def nodes(node: Any) -> Iterator[Any]:  # in the order of cosmic-ray
+        yield node
+        for child in getattr(node, "children", ()):
+            yield from nodes(child)
+
+    skipped = _annotations(source)
+    found: dict[Any, list[tuple[Any, int]]] = {}
+    counts: collections.Counter[Any] = collections.Counter()
+    for node in nodes(parso.parse(source)):
+        for family, members in families.items():
+            for operator in members:
+                for start, stop in operator.mutation_positions(node):
+                    if not any(low <= start < high for low, high in skipped):
+                        found.setdefault((family, start, stop), []).append((operator, counts[operator]))
+                    counts[operator] += 1
+    return [(family, (start, stop), ways) for (family, start, stop), ways in sorted(found.items(), key=lambda x: x[0])]
+
+
+def _annotations(source: str) -> list[tuple[Any, Any]]:
+    """Return the spans that are never run as Python: annotations, type aliases, and functions that numba compiles."""
+    spans = []
+    for node in ast.walk(ast.parse(source)):
+        parts: list[ast.AST | None] = []
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            parts = [node.returns]
+            if any(isinstance(name := d.func if isinstance(d, ast.Call) else d, ast.Name) and name.id in COMPILED
+                   for d in node.decorator_list):  # fmt: skip
+                parts.append(node)
+        elif isinstance(node, ast.arg | ast.AnnAssign):
+            parts = [node.annotation]
+        elif isinstance(node, ast.Assign) and isinstance(node.value, ast.BinOp | ast.Subscript):
+            names = [t.id for t in node.targets if isinstance(t, ast.Name)]
+            parts = [node.value] if any(re.fullmatch("[A-Z][a-z][A-Za-z]*", name) for name in names) else []
+        elif isinstance(node, ast.If) and getattr(node.test, "id", "") == "TYPE_CHECKING":
+            parts = [node]
+        elif isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("cast", "TypeVar"):
+            parts = node.args[:1]
+        for part in parts:
+            if part is not None:
+                spans.append(((part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)))  # type: ignore[attr-defined]
+    return spans
+
+
+def core(tree: Path) -> list[str]:
+    """Return the files of the core."""
+    patterns = []
+    for word in CORE.split():
+        head, brace, rest = word.partition("{")
+        names, _, tail = rest.partition("}")
+        patterns += [head + name + tail for name in names.split(",")] if brace else [word]
+    paths = {path for pattern in patterns for path in tree.glob(pattern)}
+    return sorted(str(path.relative_to(tree)) for path in paths if path.stem not in LEFT_OUT.split())
+
+
+def _compiles(source: str) -> bool:
+    try:
+        compile(source, "", "exec")
+    except SyntaxError:
+        return False
+    return True
+
+
+def draw(tree: Path, count: int, seed: int) -> list[Mutant]:
+    """Return a random sample, the same for the same sources and seed."""
+    from cosmic_ray.mutating import MutationVisitor
+
+    generator, families = random.Random(seed), operators()
+    sources = {file: (tree / file).read_text(encoding="utf-8") for file in core(tree)}
+    places = {file: sites(source, families) for file, source in sources.items()}
+    sizes = {file: sum(bool(line.strip()) for line in source.splitlines()) for file, source in sources.items()}
+    sizes = {file: size for file, size in sizes.items() if places[file]}
+    quotas = {file: count * size / sum(sizes.values()) for file, size in sizes.items()}
+    shares = {file: int(quota) for file, quota in quotas.items()}
+    left = sorted(quotas, key=lambda file: shares[file] - quotas[file])[: count - sum(shares.values())]
+    found = []
+    for file in sizes:
+        share = min(len(places[file]), shares[file] + (file in left))
+        before = sources[file].split("\n")
+        for _, (start, stop), ways in generator.sample(places[file], len(places[file])):
+            if not share:
+                break
+            operator, occurrence = generator.choice(ways)
+            text = MutationVisitor.mutate_code(sources[file], operator, occurrence)
+            if not _compiles(text):
+                continue
+            share -= 1
+            after = text.split("\n")
+            low = next(
+                (i for i, pair in enumerate(zip(before, after, strict=False)) if pair[0] != pair[1]), start[0] - 1
+            )
+            change = before[low].strip(), after[low].strip()
+            found.append(Mutant(file, type(operator).__name__, start, stop, *change, text))
+    return found
+
+
+# --- The tests of a mutant --------------------------------------------------------------------------------------
+
+TIMES: dict[str, dict[str, Any]] = {}
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_call(item: Any) -> Iterator[None]:
+    """End a test of the coverage run that takes too long (this file is a plugin of that run)."""
+
+    def ring(*_: object) -> None:
+        raise TimeoutError(f"slower than {SLOWEST} s")
+
+    signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, SLOWEST)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def pytest_runtest_logreport(report: Any) -> None:
+    """Note the time of a test."""
+    test = TIMES.setdefault(report.nodeid, {"seconds": 0.0, "ok": True})
+    test["seconds"] += report.duration
+    test["ok"] &= report.outcome == "passed"
+
+
+def pytest_sessionfinish() -> None:
+    """Write the times."""
+    Path(os.environ["MUTATION_TIMES"]).write_text(json.dumps(TIMES), encoding="utf-8")
+
+
+def measure(work: Path) -> None:
+    """Run the tests once with coverage, with a context for each."""
+    settings = work / "coverage.toml"
+    settings.write_text('[tool.coverage.run]\nsource_pkgs = ["cinegen", "raff2urdf"]\n', encoding="utf-8")
+    environment = os.environ | {"MUTATION_TIMES": str(work / "times.json"), "COVERAGE_FILE": str(work / "coverage.db")}
+    environment["PYTHONPATH"] = os.pathsep.join([str(work / "tree"), str(Path(__file__).parent), *_python_path()])
+    options = ["-q", "-n", "0", "-p", "no:cacheprovider", "-p", "mutations", f"--basetemp={work}/tmp"]
+    options += ["--cov", f"--cov-config={settings}", "--cov-context=test", "--cov-report="]
+    command = [sys.executable, "-m", "pytest", *options, *(f"tests/{folder}" for folder in FOLDERS.split())]
+    subprocess.run(command, cwd=work / "tree", env=environment, check=False)
+
+
+def _python_path() -> list[str]:
+    return [path for path in os.environ.get("PYTHONPATH", "").split(os.pathsep) if path]
+
+
+class Selection:
+    """The tests that can kill a mutant, from the coverage run."""
+
+    def __init__(self, work: Path) -> None:
+        from coverage import CoverageData
+
+        self.tree = work / "tree"
+        times = json.loads((work / "times.json").read_text(encoding="utf-8"))
+        self.seconds = {name: test["seconds"] for name, test in times.items() if test["ok"]}
+        self.data = CoverageData(str(work / "coverage.db"))
+        self.data.read()
+
+    @functools.cache  # noqa: B019
+    def contexts(self, file: str) -> dict[int, set[str]]:
+        """Return the tests by line of a file."""
+        found = self.data.contexts_by_lineno(str(self.tree / file))
+        return {line: {name.rpartition("|")[0] for name in names if name} for line, names in found.items()}
+
+    @functools.cache  # noqa: B019
+    def statements(self, file: str) -> list[tuple[range, str | None, bool]]:
+        """Return each statement's lines (of a compound one: its head), the name that it binds, and whether it is in
+        a function."""
+        found: list[tuple[range, str | None, bool]] = []
+
+        def visit(body: Iterable[ast.stmt], inside: bool) -> None:
+            for node in body:
+                inner = [part for name in ("body", "orelse", "finalbody") for part in getattr(node, name, [])]
+                inner += [part for handler in getattr(node, "handlers", []) for part in [handler, *handler.body]]
+                inner += [part for case in getattr(node, "cases", []) for part in case.body]
+                end = min((part.lineno for part in inner), default=(node.end_lineno or node.lineno) + 1)
+                head = range(node.lineno, max(end, node.lineno + 1))
+                name = None
+                if isinstance(node, ast.Assign | ast.AnnAssign):
+                    target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+                    name = getattr(target, "id", None)
+                function = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+                if function:
+                    found.append((range(node.lineno, node.body[0].lineno), f"def {node.lineno}", inside))
+                elif not isinstance(node, ast.excepthandler):
+                    found.append((head, name, inside))
+                else:
+                    found.append((range(node.lineno, node.lineno + 1), None, inside))
+                visit([part for part in inner if isinstance(part, ast.stmt | ast.excepthandler)], inside or function)
+
+        visit(ast.parse((self.tree / file).read_text(encoding="utf-8")).body, False)
+        return found
+
+    def of(self, mutant: Mutant) -> list[str]:
+        """Return the tests that run a mutant's line, or use what it binds, fastest first."""
+        contexts = self.contexts(mutant.file)
+        spans = [x for x in self.statements(mutant.file) if mutant.line in x[0]]
+        lines, name, inside = min(spans, key=lambda x: len(x[0]), default=(range(0), None, False))
+        found: set[str] = set()
+        if name and name.startswith("def "):  # a default: whoever runs the function
+            source = ast.parse((self.tree / mutant.file).read_text(encoding="utf-8"))
+            node = next(n for n in ast.walk(source) if isinstance(n, ast.FunctionDef) and n.lineno == lines.start)
+            lines, inside = range(node.body[0].lineno, (node.end_lineno or 0) + 1), True
+        if inside:
+            found = set().union(*(contexts.get(line, set()) for line in lines))
+        elif name:
+            for path in [*(self.tree / "cinegen").rglob("*.py"), *(self.tree / "raff2urdf").rglob("*.py")]:
+                file = str(path.relative_to(self.tree))
+                text = path.read_text(encoding="utf-8")
+                if file == mutant.file or (name.strip("_") and not name.startswith("_") and name in text):
+                    for number, line in enumerate(text.splitlines(), 1):
+                        if re.search(rf"\b{name}\b", line):
+                            found |= self.contexts(file).get(number, set())
+        else:
+            found = set().union(*contexts.values()) if contexts else set()
+        return sorted(found & self.seconds.keys(), key=self.seconds.__getitem__)
+
+    def neighbours(self, mutant: Mutant) -> list[str]:
+        """Return the tests of the folder that mirrors the package, fastest first."""
+        parts = mutant.file.split("/")
+        folder = parts[0] if parts[0] == "raff2urdf" else parts[1] if len(parts) > 2 else "model"
+        return sorted(
+            (name for name in self.seconds if name.startswith(f"tests/{folder}/")), key=self.seconds.__getitem__
+        )
+
+
+# --- Running ----------------------------------------------------------------------------------------------------
+
+
+class Runner:
+    """Runs tests in forks of this process, which has all libraries loaded but nothing of the project."""
+
+    def __init__(self, work: Path) -> None:
+        self.work, self.tree = work, work / "tree"
+        self.bad: set[str] = set()
+        self.verified: set[str] = set()
+        import coal  # noqa: F401
+        import hypothesis  # noqa: F401
+        import lark  # noqa: F401
+        import msgspec  # noqa: F401
+        import numba  # noqa: F401
+        import pinocchio  # noqa: F401
+        import scipy.optimize
+        import scipy.spatial  # noqa: F401
+
+    def run(self, tests: list[str], limit: float, *more: str) -> tuple[str, str]:
+        """Return what happened, "passed", "failed" or "timeout", and the test that failed."""
+        log = self.work / "log.txt"
+        child = os.fork()
+        if not child:
+            os.setsid()
+            output = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(output, 1)
+            os.dup2(output, 2)
+            os.chdir(self.tree)
+            sys.path[:] = [
+                str(self.tree),
+                *(path for path in sys.path if Path(path or ".").resolve() != Path(__file__).parent),
+            ]
+            os.environ["PYTHONPATH"] = str(self.tree)
+            sys.dont_write_bytecode = True
+            os.environ["PYTHONDONTWRITEBYTECODE"] = "1"
+            options = [
+                "-x",
+                "-q",
+                "--tb=line",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:xdist",
+                f"--basetemp={self.work}/tmp",
+            ]
+            try:
+                code = pytest.main([*options, "-rfE", *more, *tests])
+            except BaseException:
+                code = 99
+            sys.stdout.flush()
+            os._exit(int(code))
+        end = time.monotonic() + limit
+        while time.monotonic() < end:
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                break
+            time.sleep(0.02)
+        else:
+            os.killpg(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            return "timeout", "timeout"
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)  # what the tests left behind
+        text = log.read_text(encoding="utf-8", errors="replace")
+        if os.WIFEXITED(status) and os.WEXITSTATUS(status) == 0:
+            return "passed", ""
+        failed = re.search(r"^(?:FAILED|ERROR) (tests/.*?)(?: - |$)", text, re.MULTILINE)
+        return "failed", failed[1] if failed and "::" in failed[1] else "collection"
+
+    def judge(self, mutant: Mutant, selection: Selection, most: float) -> None:
+        """Find whether any test notices a mutant, with `most` seconds of tests that it has not met yet."""
+        path = self.tree / mutant.file
+        original, stat = path.read_bytes(), path.stat()
+        begin = time.monotonic()
+        covering = selection.of(mutant)
+        waiting = covering[mutant.tests :]
+        if most > FIRST:
+            waiting += [test for test in selection.neighbours(mutant) if test not in set(covering)]
+        mutant.status, chosen, total = "survived" if covering else "not covered", [], 0.0
+        for test in waiting:
+            if test not in self.bad and total + selection.seconds[test] <= most:
+                chosen.append(test)
+                total += selection.seconds[test]
+        mutant.tests += len(chosen)
+        while chosen:
+            try:
+                path.write_text(mutant.text, encoding="utf-8")
+                result, by = self.run(chosen, 15.0 + 2.5 * total)
+            finally:
+                path.write_bytes(original)
+                os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+            if (
+                result != "passed"
+                and "::" not in by
+                and (lost := self.not_found())
+                and self.run(lost, 60.0, "--collect-only")[0] != "passed"
+            ):
+                self.bad |= {*lost}  # pytest does not find them by their names
+                chosen = [test for test in chosen if test not in self.bad]
+                continue
+            if result != "passed":
+                mutant.status, mutant.by = "killed", by
+            break
+        mutant.seconds = round(mutant.seconds + time.monotonic() - begin, 1)
+
+    def not_found(self) -> list[str]:
+        """Return the tests that pytest did not find in the last run."""
+        text = (self.work / "log.txt").read_text(encoding="utf-8", errors="replace")
+        return re.findall(rf"^ERROR: not found: {re.escape(str(self.tree))}/(.*)$", text, re.MULTILINE)
+
+    def verify(self, mutants: list[Mutant]) -> list[Mutant]:
+        """Return the mutants that were killed by a test that fails on the original too."""
+        files: dict[str, set[str]] = {}
+        for mutant in mutants:
+            if mutant.status == "killed" and "::" in mutant.by:
+                files.setdefault(mutant.by.split("::")[0], set()).add(mutant.by)
+        for tests in files.values():
+            result, by = self.run(sorted(tests - self.verified), 300.0) if tests - self.verified else ("passed", "")
+            while result != "passed":
+                self.bad |= {by} if "::" in by else tests
+                tests -= self.bad
+                result, by = self.run(sorted(tests), 300.0) if tests else ("passed", "")
+            self.verified |= tests
+        return [mutant for mutant in mutants if mutant.by in self.bad]
+
+
+def copy(work: Path) -> None:
+    """Copy the sources, and what numba has compiled from them."""
+    shutil.rmtree(work, ignore_errors=True)
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, check=True, capture_output=True, text=True).stdout.split(
+        "\n"
+    )
+    compiled = [str(path.relative_to(ROOT)) for path in (ROOT / "cinegen").rglob("*.nb[ic]")]
+    for name in [*filter(None, listed), *compiled]:
+        (work / "tree" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy2(ROOT / name, work / "tree" / name)
+
+
+def report(mutants: list[Mutant]) -> None:
+    """Print the score by package and what survives."""
+    table: dict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
+    for mutant in mutants:
+        package = "/".join(mutant.file.split("/")[:-1])
+        for key in (package, "all"):
+            table[key][mutant.status] += 1
+    print(f"| package | mutants | killed | survived | not covered | score |\n{'| --- ' * 6}|")
+    for package, counts in sorted(table.items(), key=lambda pair: (pair[0] == "all", pair[0])):
+        total, killed = counts.total(), counts["killed"]
+        numbers = total, killed, counts["survived"], counts["not covered"], f"{killed / total:.0%}"
+        print(f"| {package} | {' | '.join(map(str, numbers))} |")
+    for mutant in mutants:
+        if mutant.status != "killed":
+            print(f"\n{mutant.file}:{mutant.line} {mutant.operator} {mutant.status} ({mutant.tests} tests)")
+            print(f"  - {mutant.before}\n  + {mutant.after}")
+
+
+def run(work: Path, results: Path, mutants: list[Mutant]) -> None:
+    """Judge all mutants, the survivors of the first tests again with more."""
+    runner, selection = Runner(work), Selection(work)
+
+    def judge(which: list[Mutant], most: float) -> None:
+        for mutant in which:
+            runner.judge(mutant, selection, most)
+            results.write_text(json.dumps([asdict(one) for one in mutants]), encoding="utf-8")
+            where = f"{mutant.file}:{mutant.line}"
+            print(
+                f"{mutants.index(mutant):4} {mutant.status:11} {mutant.seconds:6.1f} s {where} {mutant.by}", flush=True
+            )
+
+    judge([mutant for mutant in mutants if not mutant.status], FIRST)
+    judge([mutant for mutant in mutants if mutant.status != "killed"], MOST - FIRST)
+    while again := runner.verify(mutants):
+        for mutant in again:
+            mutant.tests, mutant.by = 0, ""
+        judge(again, MOST)
+    results.write_text(json.dumps([asdict(one) for one in mutants]), encoding="utf-8")
+
+
+def main() -> None:
+    """Run it all."""
+    parser = argparse.ArgumentParser(description="Mutation testing of the core.")
+    parser.add_argument("--sample", type=int, default=300)
+    parser.add_argument("--seed", type=int, default=19)
+    parser.add_argument("--work", type=Path, default=ROOT / "build" / "mutations")
+    parser.add_argument("--keep", action="store_true", help="use the copy and the coverage of an earlier run")
+    parser.add_argument("--draw", type=Path, help="only draw the sample, into this file")
+    parser.add_argument("--report", action="store_true", help="only print the result so far")
+    options = parser.parse_args()
+    work: Path = options.work.resolve()
+    results = work / "results.json"
+    if options.draw:
+        drawn = draw(work / "tree", options.sample, options.seed)
+        options.draw.write_text(json.dumps([asdict(mutant) for mutant in drawn]), encoding="utf-8")
+        return
+    if not options.keep and not options.report:
+        copy(work)
+        measure(work)
+    if not results.exists():
+        # cosmic-ray brings its own versions of other libraries: it does not meet the tests.
+        where = os.pathsep.join([str(ROOT / "build" / "cosmic-ray"), *_python_path()])
+        command = [sys.executable, __file__, "--draw", str(results), f"--work={work}"]
+        command += [f"--sample={options.sample}", f"--seed={options.seed}"]
+        subprocess.run(command, env=os.environ | {"PYTHONPATH": where}, check=True)
+    mutants = [Mutant(**entry) for entry in json.loads(results.read_text(encoding="utf-8"))]
+    if not options.report:
+        run(work, results, mutants)
+    report(mutants)
+
+
+if __name__ == "__main__":
+    main()
