@@ -36,6 +36,8 @@ from cinegen.assembly.monodromy import Monodromy
 from cinegen.hexapod import SolutionCounts
 from raff2urdf.closure import passive
 
+FEET = np.array([[0.0, 0.0], [1.0, 0.1], [0.4, 0.9]])
+
 # --- any mechanism ------------------------------------------------------------------------------------------------
 
 
@@ -131,6 +133,25 @@ def test_random_closings_find_nothing_beside_what_the_trace_test_passed(built, s
     nothing_beside(modes, ["tool"], 10, seed)
 
 
+def test_a_base_that_can_move_changes_no_mode(built, raff):
+    """Its configurations only begin with the base's pose."""
+    along = np.array([0.1, 0.7])
+    made = legged([[hinge(f, motor=k < 3), hinge(f + along), hinge(0.4 * f + 0.5)] for k, f in enumerate(FEET)])
+    text = made.text(joint_digits=None).rstrip().removesuffix("}")
+    fixed = built(made)
+    free = raff(
+        f'sensor 1 {{ port "x" translation 3 rotation 3 }}\n{text}\nconstraint {{ base sensor ( 0 1 ) }} }}', "free"
+    )
+    assert (fixed.floating, free.floating) == (False, True)
+    assert (Linkage(fixed).end, Linkage(free).end) == (3, 0), "free is held by its base, which a sensor moves"
+    asked = home(fixed) + 0.05
+    one, two = assembly_modes(fixed, asked), assembly_modes(free, asked)
+    sound(one, ["tool"])
+    assert len(one) > 1
+    assert np.array(two)[:, :7] == pytest.approx(np.tile(free.q_home[:7], (len(one), 1)), abs=0)
+    assert np.array(two)[:, 7:] == pytest.approx(np.array(one), abs=1e-9)
+
+
 # --- motors that are too many -------------------------------------------------------------------------------------
 
 
@@ -145,6 +166,7 @@ def test_motors_that_others_determine_choose_among_the_modes_or_contradict(built
         angle = np.arctan2(end[1], end[0]) - np.arctan2(*(p[2] - p[3])[::-1])
         modes = assembly_modes(two, home(two) + np.array([0.2, angle]))
         assert modes.complete
+        assert modes.closest is None
         assert len(modes) == 1
         assert two.closure(modes[0]) <= 1e-12
         coupler = [places(two, there, ["link3"])[0] for there in (modes[0], two.q_home)]

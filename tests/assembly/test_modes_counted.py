@@ -106,8 +106,10 @@ def test_a_parallelogram_is_also_an_antiparallelogram(built):
         sound(modes, count=2)
         if method == "monodromy":
             traced(modes)
+            assert "in 2 sets that no closed path has joined" in modes.method
         else:
             assert modes.complete
+            assert "sets" not in modes.method
         assert np.abs(turns[0]).max() < 1e-12 < 1e-2 < np.abs(turns[1]).max()
 
 

@@ -8,6 +8,7 @@ import pytest
 from assembled import home
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from linkages import hinge, ring, slide
 
 import cinegen
 from cinegen.assembly._kernels import ARRIVED, SINGULAR, ParameterPath, evaluate, solve
@@ -49,6 +50,22 @@ def test_loops_close_and_features_are_where_the_model_has_them(robot, name):
 def _turns(m, q):
     """Where q is within half a turn of home, as `configuration` writes it."""
     return np.abs(q - m.q_home) < np.pi
+
+
+@pytest.mark.parametrize("driven", ["crank", "slide"])
+def test_sliding_joints_come_back_from_a_solution_in_metres(built, driven):
+    """Whether the loops determine them or not. The robot is many times as long as 1 m."""
+    p = np.array([[0.0, 0.0], [3.0, 9.0], [20.0, 2.0]])
+    joints = [hinge(p[0], motor=driven == "crank"), hinge(p[1]), hinge(p[2])]
+    m = built(ring([*joints, slide(p[2], [1.0, 0.2], driven == "slide")], 1))
+    assert m.length > 5.0
+    linkage = Linkage(m)
+    for q in m.samples:
+        found = linkage.configuration(linkage.unknowns(q), linkage.locked_values(q))
+        assert found[_turns(m, q)] == pytest.approx(q[_turns(m, q)], abs=1e-12)
+        slider = next(m.q_index(name) for name in m.joints if m.is_prismatic(name))
+        assert found[slider] == pytest.approx(q[slider], abs=1e-12)
+    assert any(np.abs(q[slider]) > 0.1 for q in m.samples)
 
 
 @pytest.mark.parametrize("algebraic", [False, True])

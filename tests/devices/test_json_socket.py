@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from played import wait
 
 from cinegen.devices import SensorState, open_sensor
-from cinegen.devices.json_socket import CLIENTS
+from cinegen.devices.json_socket import CLIENTS, MISTAKES
 from cinegen.devices.reading_json import ReadingError, decode_reading, decode_recorded, encode_recorded
 from cinegen.sensor import Reading
 
@@ -146,6 +146,20 @@ def test_whoever_goes_on_with_nonsense_is_dropped(sensor):
         assert "disconnected" in said[-1]
         good.send({"twist": [0, 0.5, 0, 0, 0, 0]})
         comes(sensor, lambda r: r.twist == (0, 0.5, 0, 0, 0, 0))
+
+
+def test_20_invalid_lines_in_succession_are_forgiven_and_the_next_is_not(sensor):
+    """As MISTAKES says. A valid line in between forgives all before it."""
+    with Program(sensor) as program:
+        for twist in ([0, 1, 0, 0, 0, 0], [0, 0.5, 0, 0, 0, 0]):
+            program.send(b"nonsense\n" * MISTAKES, {"twist": twist})
+            comes(sensor, lambda r, twist=twist: r.twist == tuple(twist))
+            assert not any("disconnected" in program.answer() for _ in range(MISTAKES))
+        program.send(b"nonsense\n" * (MISTAKES + 1))
+        assert not any("disconnected" in program.answer() for _ in range(MISTAKES + 1))
+        assert program.answer() == f"{MISTAKES + 1} invalid lines in succession: disconnected"
+        assert program.answer() == ""
+    assert MISTAKES == 20
 
 
 @pytest.mark.parametrize("noise", [b"x" * 200_000, os.urandom(300_000), b"\0" * 100_000])

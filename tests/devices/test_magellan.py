@@ -152,3 +152,10 @@ def test_four_nibbles_of_keys():
     assert decoder.feed(packet) == [MouseKeys(frozenset({12}))]
     assert decoder.feed(magellan_keys(1)) == []  # a nibble is missing
     assert decoder.feed(packet) == [MouseKeys(frozenset({12}))]
+
+
+def test_the_first_packet_of_another_length_is_not_used_and_the_second_is():
+    """One may be damaged; two in a row are another model. A packet of the usual length between them starts anew."""
+    three, four = magellan_keys(0b101), b"k" + nibbles(0, 3) + b"A\r"
+    used = [bool(decoder.feed(packet)) for decoder in [Magellan()] for packet in (three, four, three, four, four, four)]
+    assert used == [True, False, True, False, True, True]

@@ -68,6 +68,15 @@ def test_it_is_replayed_at_its_times(recording, monkeypatch):
     assert sensor.read().twist == (0, 0, 0.5, 0, 0, 0)  # and can be played again
 
 
+@pytest.mark.parametrize(("timeout", "rests"), [(0.2, 100.3), (math.inf, 100.1)])
+def test_a_recording_ends_at_rest_after_the_time_out_or_at_once_where_there_is_none(tmp_path, timeout, rests):
+    with ReadingRecorder(tmp_path / "run.jsonl", timeout) as recorder:
+        for reading in READINGS:
+            recorder.write(reading)
+    last = Replay(tmp_path / "run.jsonl").readings[-1]
+    assert (last.time + READINGS[0].time, last.twist) == (pytest.approx(rests), (0,) * 6)
+
+
 def test_a_line_that_was_cut_is_left_out(recording):
     whole = recording.read_bytes()
     for length in range(whole.index(b"\n") + 1, len(whole), 7):

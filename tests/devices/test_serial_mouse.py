@@ -81,6 +81,33 @@ def test_a_cable_that_is_pulled_is_noticed_by_its_silence(played):
     wait(lambda: mouse.status.state is SensorState.LIVE)
 
 
+def test_a_device_at_rest_is_asked_again_and_again_and_stays_live(played):
+    device, mouse, twist, name = played
+    wait(device.started.is_set)
+    reads(mouse, twist((1, 1, 1, 1, 1, 1)), device, (1, 1, 1, 1, 1, 1))
+    reads(mouse, twist((0,) * 6), device, (0,) * 6)
+    question = b"kQ\r" if name.startswith("Magellan") else b"k\r"
+    before, states = device.heard.count(question), set()
+
+    def asked_thrice() -> bool:
+        states.add(mouse.status.state)
+        return device.heard.count(question) >= before + 3
+
+    wait(asked_thrice)
+    assert states <= {SensorState.LIVE, SensorState.SILENT}
+
+
+def test_what_a_device_complains_of_is_reported(played):
+    device, mouse, _, name = played
+    wait(device.started.is_set)
+    wait(lambda: mouse.status.state is SensorState.LIVE)
+    device.send(b"eA0\r" if name.startswith("Magellan") else b"E7\r")
+    expected = (
+        "the Magellan reports an unknown command" if name.startswith("Magellan") else "the Spaceball reports error"
+    )
+    wait(lambda: expected in mouse.status.message)
+
+
 def test_garbage_and_halves_do_no_harm(played):
     device, mouse, twist, _ = played
     wait(device.started.is_set)

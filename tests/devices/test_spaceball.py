@@ -108,6 +108,21 @@ def test_a_fast_hand_is_followed_and_letting_go_is_never_doubted():
     assert decoder.feed(spaceball_motion((0,) * 6)) == [MouseMotion((0.0,) * 6)]
 
 
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("start", [-2800, -1600, 0, 800])
+@pytest.mark.parametrize("axis", range(6))
+def test_a_swing_at_constant_speed_is_confirmed_by_its_third_packet(axis, start, sign):
+    """Wherever it begins: also where it passes through rest to the same deflection on the other side."""
+    scale = sign * (1 if axis < 3 else 0.2)
+    sent = [[round(scale * (start + k * 3200)) if i == axis else 0 for i in range(6)] for k in range(3)]
+    decoder = Spaceball()
+    decoder.feed(2 * spaceball_motion(sent[0]))
+    assert [decoder.feed(spaceball_motion(values)) for values in sent[1:]] == [
+        [],
+        [MouseMotion(spaceball_twist(sent[2]))],
+    ]
+
+
 def test_a_single_wild_packet_is_left_out():
     decoder = Spaceball()
     still = spaceball_motion((100, 0, 0, 0, 0, 0))
