@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from cinegen.ik import Status as Status
     from cinegen.ik import Step as Step
     from cinegen.ik import evaluate as evaluate
+    from cinegen.ik import forecast_motion as forecast_motion
     from cinegen.ik import inverse_kinematics as inverse_kinematics
     from cinegen.model import Mechanism as Mechanism
     from cinegen.model import load as load
@@ -36,7 +37,16 @@ __all__, __getattr__, __dir__ = lazy_names(
         "cinegen.assembly": ["assembly_modes"],
         "cinegen.cockpit": ["show"],
         "cinegen.errors": ["CinegenError", "CinegenWarning", "ClosureError"],
-        "cinegen.ik": ["PersistentSolver", "FrameTask", "Solver", "Status", "Step", "evaluate", "inverse_kinematics"],
+        "cinegen.ik": [
+            "PersistentSolver",
+            "FrameTask",
+            "Solver",
+            "Status",
+            "Step",
+            "evaluate",
+            "forecast_motion",
+            "inverse_kinematics",
+        ],
         "cinegen.model": ["Mechanism", "load"],
         "cinegen.planning": ["plan"],
         "cinegen.realtime": ["Clock"],

@@ -2,6 +2,7 @@
 
 from cinegen.ik.batch import Evaluations, evaluate
 from cinegen.ik.forecast import Event, EventKind, Forecast
+from cinegen.ik.look_ahead import LookAhead, forecast_motion
 from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
 from cinegen.ik.persistent import PersistentSolver
 from cinegen.ik.point_to_point import IKResult, inverse_kinematics
@@ -18,6 +19,7 @@ __all__ = [
     "FrameTask",
     "IKResult",
     "LimitMargin",
+    "LookAhead",
     "LostDoF",
     "Manipulability",
     "Objective",
@@ -29,5 +31,6 @@ __all__ = [
     "Step",
     "UncontrolledDoF",
     "evaluate",
+    "forecast_motion",
     "inverse_kinematics",
 ]

@@ -1,4 +1,4 @@
-"""What lies ahead: where the present tasks lead to a singularity, a joint's limit or the end of reach.
+"""Forecast: the singularities, joint limits and ends of reach on a predicted motion.
 
 After L. Flückiger, L. Piguet and C. Baur, "Generic robotic kinematic generator for virtual environment interfaces",
 section 4: "display in advance the singular configuration in which the robot will go".
@@ -13,43 +13,41 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.ik.ahead import Path
+from cinegen.html import table
 from cinegen.ik.step import Status
 from cinegen.ik.thresholds import REST
+from cinegen.model import Mechanism
 from raff2urdf.closure import close
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-TICKS = 100
-"""A forecast has so many ticks at most, unless its dt is given."""
-
-_TOUCH = 1e-9  # rad or lengths: a joint this near to its limit has met it
-_FAR = 0.02  # rad or lengths: a joint this far from its limit may meet it again
-_AWAY = 1.2  # times a threshold: a singular value above may fall below it again
-_AGAIN = 1e-4  # rad or lengths in a tick: what moves so fast may come to rest again
-_SAME = 0.5  # product of the cosines between singular vectors that belong together
+_AT_LIMIT = 1e-9  # rad or lengths: distance at which a joint has met its limit
+_OFF_LIMIT = 0.02  # rad or lengths: distance from which a joint may meet its limit again
+_CLEAR = 1.2  # multiple of a threshold above which a singular value may fall below it again
+_MOVING = 1e-4  # rad or lengths in a tick: motion after which the robot may come to rest again
+_SAME = 0.5  # least product of the cosines between singular vectors that belong together
 
 
 class EventKind(Enum):
-    """What may lie ahead."""
+    """Kind of a predicted event."""
 
-    TYPE_1 = "a direction is about to be lost: type 1 singularity"
-    TYPE_2 = "a motion is about to be gained: type 2 singularity"
+    TYPE_1 = "near a type 1 singularity, the tasks lose a direction"
+    TYPE_2 = "near a type 2 singularity, a motion becomes uncontrolled"
     LIMIT = "a joint meets its limit"
-    STOPPED = "nothing moves any more and a target is not reached"
+    STOPPED = "the motion stops and a target is not reached"
 
 
 @dataclass(frozen=True, eq=False)
 class Event:
-    """Something that lies ahead.
+    """A predicted event.
 
     Attributes:
-        kind: what.
-        time: seconds from now; 0 where it is so already.
-        q: (nq,) where, loops closed.
-        sigma: the smallest singular value there, without unit: of the passive joints for type 2, else of the tasks.
-        joint: the one that meets its limit; None for other kinds.
+        kind: kind of event.
+        time: seconds from now; 0 for a condition that holds already.
+        q: (nq,) configuration, loops closed.
+        sigma: smallest singular value there (dimensionless): of the passive joints for type 2, else of the tasks.
+        joint: joint that meets its limit; None for other kinds.
     """
 
     kind: EventKind
@@ -58,9 +56,13 @@ class Event:
     sigma: float
     joint: str | None = None
 
+    @property
+    def text(self) -> str:
+        """Description, without the time."""
+        return self.kind.value if self.joint is None else f"{self.joint} meets its limit"
+
     def __str__(self) -> str:
-        what = self.kind.value if self.joint is None else f"{self.joint} meets its limit"
-        return f"in {self.time:.2f} s {what}" if self.time else f"now {what}"
+        return f"in {self.time:.2f} s: {self.text}" if self.time else f"now: {self.text}"
 
     def __repr__(self) -> str:
         return f"<Event {self.kind.name}: {self}>"
@@ -68,15 +70,15 @@ class Event:
 
 @dataclass(frozen=True, eq=False)
 class Forecast:
-    """Where the present tasks lead.
+    """Predicted motion.
 
     Attributes:
         times: (ticks + 1,) seconds from now, 0 first.
-        q: (ticks + 1, nq) the path.
-        sigma_min: (ticks + 1,) the smallest singular value of the tasks along it (type 1), as many as their generic
-            rank; infinite where nothing is pulled that can move.
+        q: (ticks + 1, nq) configurations.
+        sigma_min: (ticks + 1,) smallest singular value of the tasks (type 1), among as many as their generic rank;
+            infinite without a task that can move.
         passive_sigma_min: (ticks + 1,) that of the passive joints (type 2); infinite without loops.
-        events: what lies ahead, in the order of time.
+        events: predicted events, in the order of time.
     """
 
     times: Array
@@ -86,43 +88,82 @@ class Forecast:
     events: tuple[Event, ...]
 
     def __repr__(self) -> str:
-        return f"<Forecast of {self.times[-1]:.3g} s: {'; '.join(map(str, self.events)) or 'nothing ahead'}>"
+        return f"<Forecast of {self.times[-1]:.3g} s: {'; '.join(map(str, self.events)) or 'no events'}>"
+
+    def _repr_html_(self) -> str:
+        """Show the events as a table in a notebook."""
+        rows = [(f"{event.time:.2f}", event.text, f"{event.sigma:.3g}") for event in self.events]
+        caption = f"Forecast of {self.times[-1]:.3g} s: {len(self.events)} events"
+        return table(caption, ("time (s)", "event", "singular value"), rows)
 
 
-def foresee(path: Path, threshold: float, passive_threshold: float) -> Forecast:
-    """What a path meets.
+@dataclass(frozen=True, eq=False)
+class Rollout:
+    """Motion of a solver over some ticks; joint space is scaled to be dimensionless where no unit is given.
+
+    Attributes:
+        mechanism: mechanism that was moved.
+        dt: period of a tick, s.
+        q: (ticks + 1, nq) configurations.
+        v: (ticks + 2, nv) joint velocities, rad/s and m/s: of the tick before the first q, then of the tick after each.
+        stopped: (ticks + 1, nv) nonzero where a joint's limit restricts the tick after q.
+        statuses: (ticks + 1,) of the tick after each q.
+        tasks: (ticks + 1, rows, n) Jacobian of the tasks at each q in the null space of the loops.
+        task_rank: its generic rank.
+        passive: (ticks + 1, rows, passive joints) Jacobian of the loops with respect to the passive joints.
+    """
+
+    mechanism: Mechanism
+    dt: float
+    q: Array
+    v: Array
+    stopped: Array
+    statuses: tuple[Status, ...]
+    tasks: Array
+    task_rank: int
+    passive: Array
+
+    @property
+    def motions(self) -> Array:
+        """(ticks + 2, nv) dimensionless motion of each tick."""
+        return self.v * self.dt / self.mechanism.scale
+
+
+def forecast_of(rollout: Rollout, threshold: float, passive_threshold: float) -> Forecast:
+    """Find the events on a motion.
 
     Args:
-        path: of a solver that ran ahead.
-        threshold: of the tasks' smallest singular value, without unit.
-        passive_threshold: of the passive joints' smallest singular value, without unit.
+        rollout: motion of a solver.
+        threshold: singular value of the tasks (dimensionless) below which a type 1 singularity is reported.
+        passive_threshold: singular value of the passive joints below which a type 2 singularity is reported.
     """
-    tasks = _signed(path.tasks, path.task_rank)
-    passive = _signed(path.passive, path.mechanism.passive_rank)
-    sigma, passive_sigma = np.abs(tasks), np.abs(passive)
-    events = []
-    for x in _crossings(tasks, threshold):
-        found = threshold if x else float(sigma[0])
-        events.append(Event(EventKind.TYPE_1, x * path.dt, _at(path, x), found))
-    for x in _crossings(passive, passive_threshold):
-        found = passive_threshold if x else float(passive_sigma[0])
-        events.append(Event(EventKind.TYPE_2, x * path.dt, _at(path, x), found))
-    for x, column, bound in _limits(path):
-        q, joint = _at(path, x, column, bound), path.mechanism.columns[column]
-        events.append(Event(EventKind.LIMIT, x * path.dt, q, _between(sigma, x), joint))
-    for k in _rests(path):
-        events.append(Event(EventKind.STOPPED, k * path.dt, path.q[k].copy(), float(sigma[k])))
+    events: list[Event] = []
+    sigmas = []
+    for kind, jacobians, rank, limit in (
+        (EventKind.TYPE_1, rollout.tasks, rollout.task_rank, threshold),
+        (EventKind.TYPE_2, rollout.passive, rollout.mechanism.passive_rank, passive_threshold),
+    ):
+        signed = _signed(jacobians, rank)
+        sigmas.append(np.abs(signed))
+        for x in _crossings(signed, limit):
+            sigma = limit if x else float(sigmas[-1][0])
+            events.append(Event(kind, x * rollout.dt, _configuration(rollout, x), sigma))
+    for x, column, bound in _limits(rollout):
+        q, joint = _configuration(rollout, x, column, bound), rollout.mechanism.columns[column]
+        events.append(Event(EventKind.LIMIT, x * rollout.dt, q, _interpolated(sigmas[0], x), joint))
+    for k in _stops(rollout):
+        events.append(Event(EventKind.STOPPED, k * rollout.dt, rollout.q[k].copy(), float(sigmas[0][k])))
     events.sort(key=lambda event: event.time)
-    times = path.dt * np.arange(len(path.q), dtype=np.float64)
-    return Forecast(times, path.q, sigma, passive_sigma, tuple(events))
+    times = rollout.dt * np.arange(len(rollout.q), dtype=np.float64)
+    return Forecast(times, rollout.q, sigmas[0], sigmas[1], tuple(events))
 
 
 def _signed(matrices: Array, rank: int) -> Array:
-    """(t,) the smallest of the first `rank` singular values of each matrix (t, rows, columns); infinite for rank 0
-    (or for a target whose rotation is none, and overflows).
+    """Return the smallest of the first `rank` singular values of each matrix (t, rows, columns), with a sign, (t,).
 
-    Its sign changes wherever it passes through 0 between two of them. By Weyl's inequality the matrix changes there by
-    at least as much as both values together; and as singular vectors go on smoothly, one of them seems to turn round.
+    The sign changes where the value passes through 0 between two matrices. By Weyl's inequality the matrix then changes
+    by at least the sum of both values; and since singular vectors are continuous, one of them seems to reverse. The
+    values are infinite for rank 0, and where a matrix is not finite (for a target whose rotation overflows).
     """
     if rank == 0 or not np.isfinite(matrices).all():
         return np.full(len(matrices), np.inf)
@@ -135,12 +176,12 @@ def _signed(matrices: Array, rank: int) -> Array:
     return np.asarray(signed)
 
 
-def _begins(inside: Mask, outside: Mask) -> Iterator[int]:
-    """At which ticks something begins; again only after it has clearly ended, so that nothing flickers.
+def _onsets(inside: Mask, outside: Mask) -> Iterator[int]:
+    """Yield the ticks at which a condition begins to hold; again only after it clearly did not (hysteresis).
 
     Args:
-        inside: (t,) whether it is so.
-        outside: (t,) whether it is clearly not so.
+        inside: (t,) whether it holds.
+        outside: (t,) whether it clearly does not hold.
     """
     ended = True
     for k in np.flatnonzero(inside | outside):
@@ -150,10 +191,10 @@ def _begins(inside: Mask, outside: Mask) -> Iterator[int]:
 
 
 def _crossings(signed: Array, threshold: float) -> Iterator[float]:
-    """Where, in ticks, a singular value gets below a threshold; 0 if it is there from the beginning."""
+    """Yield the times, in ticks, at which a singular value falls below a threshold; 0 if it begins below."""
     size = np.abs(signed)
     through = np.concatenate([[False], signed[1:] * signed[:-1] < 0.0])
-    for k in _begins((size < threshold) | through, size > _AWAY * threshold):
+    for k in _onsets((size < threshold) | through, size > _CLEAR * threshold):
         if k == 0:
             yield 0.0
         else:
@@ -161,32 +202,33 @@ def _crossings(signed: Array, threshold: float) -> Iterator[float]:
             yield float(k - 1 + (size[k - 1] - threshold) / (size[k - 1] - end))
 
 
-def _limits(path: Path) -> Iterator[tuple[float, int, float]]:
-    """Where, in ticks, a joint meets a limit, its column and the limit; 0 if one holds the motion back already."""
-    mechanism = path.mechanism
-    for at, column in zip(*mechanism.scalar_joints, strict=True):
-        for bound, side in ((mechanism.limits.lower[at], -1.0), (mechanism.limits.upper[at], 1.0)):
-            left = side * (bound - path.q[:, at]) / mechanism.scale[column]
-            for k in _begins(left <= _TOUCH, left > _FAR):
+def _limits(rollout: Rollout) -> Iterator[tuple[float, int, float]]:
+    """Yield the times, in ticks, at which a joint meets a limit, its column and the limit; 0 for one that restricts the
+    first tick."""
+    mechanism, motions = rollout.mechanism, rollout.motions
+    for index, column in zip(*mechanism.scalar_joints, strict=True):
+        for bound, side in ((mechanism.limits.lower[index], -1.0), (mechanism.limits.upper[index], 1.0)):
+            left = side * (bound - rollout.q[:, index]) / mechanism.scale[column]
+            for k in _onsets(left <= _AT_LIMIT, left > _OFF_LIMIT):
                 if k > 0:
-                    speed = side * path.steps[k - 1, column]  # in the tick before: that one was not cut short
+                    speed = side * motions[k - 1, column]  # in the tick before, which the limit did not cut short
                     part = min(1.0, left[k - 1] / speed) if speed > 0.0 else 1.0
                     yield float(k - 1 + part), column, bound
-                elif path.stopped[0, column]:
+                elif rollout.stopped[0, column]:
                     yield 0.0, column, bound
 
 
-def _rests(path: Path) -> Iterator[int]:
-    """After which ticks nothing moves any more and a target is not reached."""
-    short = np.array([status in (Status.AT_LIMIT, Status.OUT_OF_REACH, Status.REFUSED) for status in path.statuses])
-    fastest = np.abs(path.steps[1:]).max(axis=1, initial=0.0)
-    return _begins(short & (fastest < REST), fastest > _AGAIN)
+def _stops(rollout: Rollout) -> Iterator[int]:
+    """Yield the ticks after which nothing moves and a target is not reached."""
+    short = np.array([status in (Status.AT_LIMIT, Status.OUT_OF_REACH, Status.REFUSED) for status in rollout.statuses])
+    fastest = np.abs(rollout.motions[1:]).max(axis=1, initial=0.0)
+    return _onsets(short & (fastest < REST), fastest > _MOVING)
 
 
-def _at(path: Path, x: float, column: int | None = None, bound: float = 0.0) -> Array:
-    """(nq,) the configuration between two ticks, loops closed; with a joint on its bound where one is given."""
-    mechanism, k = path.mechanism, min(int(x), len(path.q) - 2)
-    q = mechanism.interpolate(path.q[k], path.q[k + 1], x - k)
+def _configuration(rollout: Rollout, x: float, column: int | None = None, bound: float = 0.0) -> Array:
+    """Return the configuration (nq,) at a time in ticks, loops closed; with a joint on its bound where one is given."""
+    mechanism, k = rollout.mechanism, min(int(x), len(rollout.q) - 2)
+    q = mechanism.interpolate(rollout.q[k], rollout.q[k + 1], x - k)
     free = np.ones(mechanism.model.nv, dtype=bool)
     if column is not None:
         q[mechanism.q_index(mechanism.columns[column])] = bound
@@ -194,11 +236,11 @@ def _at(path: Path, x: float, column: int | None = None, bound: float = 0.0) -> 
     if not mechanism.loops:
         return q
     closing = close(mechanism.system, q, free)
-    return closing.q if closing.closed else path.q[k + 1].copy()
+    return closing.q if closing.closed else rollout.q[k + 1].copy()
 
 
-def _between(values: Array, x: float) -> float:
-    """Of a value at each tick, what it is in between."""
+def _interpolated(values: Array, x: float) -> float:
+    """Return a quantity given at each tick, at a time in ticks."""
     k = min(int(x), len(values) - 2)
     if not np.isfinite(values[k : k + 2]).all():
         return float(values[k])

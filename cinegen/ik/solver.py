@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,25 +14,39 @@ from cinegen.errors import CinegenError
 from cinegen.exception_log import ExceptionLog
 from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
 from cinegen.ik._kernels.tick import tick
-from cinegen.ik.ahead import Ahead
 from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.blend import Blend
-from cinegen.ik.forecast import TICKS, Forecast, foresee
 from cinegen.ik.objectives import Objective, State
 from cinegen.ik.plain import task_rank
 from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
-from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
-from cinegen.ik.thresholds import BEGIN, CLEARANCE_NEEDED, DONE, NEAR, PROPOSED, RANK_NEEDED, STEP_CAP
+from cinegen.ik.thresholds import BEGIN, CLEARANCE_NEEDED, DONE, ERROR_CAP, PROPOSED, RANK_NEEDED, STEP_CAP
 from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
+from raff2urdf.residual import log
 
 Array = NDArray[np.float64]
 
 _FASTEST = 1e100  # rad/s or m/s: no objective means more
+
+
+class Linearisation(NamedTuple):
+    """Jacobians with which a tick began; all dimensionless, without the columns of a base that is fixed.
+
+    Attributes:
+        tasks: (rows, n) of the tasks.
+        motions: (k, n) orthonormal basis of the motions that all loops allow.
+        passive: (., passive joints) of the loops with respect to the passive joints.
+        task_rank: generic rank of the tasks.
+    """
+
+    tasks: Array
+    motions: Array
+    passive: Array
+    task_rank: int
 
 
 class Solver:
@@ -49,6 +64,7 @@ class Solver:
 
     Attributes:
         exception_log: exceptions of objectives and barriers, each logged once; see `ExceptionLog`.
+        linearisation: Jacobians with which the last tick began; empty unless they are kept.
 
     Raises:
         ConfigurationError: q has a wrong shape or is not finite.
@@ -81,6 +97,7 @@ class Solver:
         self._memory.dt = dt
         self._handle = self._memory.handle
         self._accelerations: Array | None = None
+        self._keeps_linearisation = False
         self.gain = gain
         self._limit_accelerations(acceleration)
         self._write_tasks()
@@ -88,7 +105,7 @@ class Solver:
         self._changed = True
         self._earlier: Array | None = None  # records of the last two ticks: they tell how fast targets move
         self._latest: Array | None = None
-        self._ahead: Ahead | None = None
+        self.linearisation = Linearisation(np.zeros((0, 0)), np.zeros((0, 0)), np.zeros((0, 0)), 0)
         self.q = mechanism.q_home if q is None else q
 
     @property
@@ -326,38 +343,112 @@ class Solver:
             self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks, slice(fixed, None))
         self._memory.task_rank, self._memory.is_warm = self._ranks[key], 0
 
-    # --- what lies ahead -----------------------------------------------------------------------------------------
+    # --- copies for a look-ahead ---------------------------------------------------------------------------------
 
-    def forecast(
-        self,
-        seconds: float,
-        dt: float | None = None,
-        threshold: float = NEAR,
-        passive_threshold: float = NEAR_PASSIVE,
-        moving: bool = True,
-    ) -> Forecast:
-        """Predict the motion: singularities, joint limits and the end of reach. The solver's state does not change.
+    @property
+    def v(self) -> Array:
+        """(nv,) joint velocities of the last tick, rad/s and m/s; 0 after `q` was set."""
+        v = np.zeros(self._model.nv)
+        v[self._memory.fixed :] = self._memory.last
+        return v * self.mechanism.scale / self.dt
 
-        Invalid tasks are left out. Targets that moved between the last two ticks continue at that velocity.
+    @property
+    def target_velocities(self) -> tuple[pin.Motion, ...]:
+        """Velocity of each task's target between the last two ticks, in the world: its origin's, m/s, and rad/s.
+
+        It is 0 where a target followed a twist, is new, or was moved further than a tick follows.
+        """
+        return tuple(self._target_velocity(i, task) for i, task in enumerate(self._tasks))
+
+    def _target_velocity(self, i: int, task: FrameTask) -> pin.Motion:
+        earlier, latest = self._earlier, self._latest
+        if earlier is None or latest is None or self._changed or task.twist is not None:
+            return pin.Motion.Zero()
+        if task.memory.is_followed:  # a twist
+            return pin.Motion.Zero()
+        (before, was_active), (now, is_active) = (
+            (self._layout.get(record, "record_aims")[i], self._layout.get(record, "record_tasks")[i, 3])
+            for record in (earlier, latest)
+        )
+        if not (was_active and is_active) or (before == now).all():
+            return pin.Motion.Zero()
+        linear = now[3] - before[3]
+        angular = log(now[:3].T @ before[:3])
+        if not max(np.abs(linear).max() / self.mechanism.length, np.abs(angular).max()) <= ERROR_CAP:
+            return pin.Motion.Zero()
+        return pin.Motion(linear / self.dt, angular / self.dt)
+
+    def copy_tasks(self, tasks: Sequence[FrameTask]) -> None:
+        """Replace the tasks by copies of another solver's; tasks of the same frames keep what they have followed.
 
         Args:
-            seconds: horizon.
-            dt: period of the prediction's ticks, s. With the solver's own period the prediction is exactly what its
-                ticks will do. By default at most 100 ticks are computed. No joint moves by more than 0.1 rad in one.
-            threshold: singular value of the tasks below which a type 1 singularity is reported.
-            passive_threshold: singular value of the passive joints below which a type 2 singularity is reported.
-            moving: whether moving targets continue.
-
-        Raises:
-            CinegenError: seconds or dt is not a positive, finite time.
+            tasks: valid tasks of a solver of the same mechanism.
         """
-        dt = max(self.dt, seconds / TICKS) if dt is None else dt
-        if not (0.0 < seconds < np.inf and 0.0 < dt < np.inf):
-            raise CinegenError(f"a forecast's seconds and dt must be positive and finite, not {seconds} and {dt}")
-        if self._ahead is None or self._ahead.dt != dt:
-            self._ahead = Ahead(Solver(self.mechanism, dt))
-        path = self._ahead.run(self, math.ceil(seconds / dt - 1e-9), moving)
-        return foresee(path, threshold, passive_threshold)
+        if [_kind(own) for own in self._tasks] != [_kind(task) for task in tasks]:
+            for own in self.tasks:
+                self.remove_task(own)
+            for task in tasks:
+                self.add_task(
+                    task.node,
+                    translation=task.translation,
+                    rotation=task.rotation,
+                    axes=task.axes,
+                    offset=task.offset,
+                )
+        for own, task in zip(self._tasks, tasks, strict=True):
+            own.weight, own.target = task.weight, task.target
+            if task.twist is not None:
+                own.twist = task.twist
+
+    def copy_state(self, other: Solver) -> None:
+        """Take over the configuration, valid tasks, objectives, gain and accelerations of another solver, and the
+        memory of its last tick.
+
+        With the same dt and without barriers and blends, which are not copied, the ticks that follow are those of the
+        other solver, bit for bit.
+
+        Args:
+            other: solver of the same mechanism; it does not change.
+        """
+        valid = [task for task in other.tasks if task.is_valid()]
+        self.copy_tasks(valid)
+        if self._changed:
+            self._write_tasks()
+        own, memory, ratio = self._memory, other._memory, self.dt / other.dt
+        self.gain = other.gain
+        self._q[:], self._objectives = other._q, other._objectives
+        self.exception_log = other.exception_log  # the same objectives: none of their exceptions is logged twice
+        for name in ("closure", "secondary_scale", "damping_threshold", "has_acceleration_limits", "ticks"):
+            setattr(own, name, getattr(memory, name))
+        own.tasks_are_suspended, own.is_warm = memory.tasks_are_suspended, 0
+        continues = own.fixed == memory.fixed
+        own.longest_change[:] = memory.longest_change * (ratio * ratio) if continues else np.inf
+        for name in ("last", "drift", "secondary"):  # of the last tick
+            getattr(own, name)[:] = getattr(memory, name) * ratio if continues else 0.0
+        for copy, task in zip(self._tasks, valid, strict=True):
+            copy.memory.aim[:], copy.memory.is_followed = task.memory.aim, task.memory.is_followed
+        if not other._changed and len(valid) == len(other.tasks):
+            for name in ("is_warm", "signature", "task_rank"):
+                setattr(own, name, getattr(memory, name))
+            own.left[:] = memory.left
+        own.is_at_q, own.phase = 0, BEGIN
+
+    @property
+    def keeps_linearisation(self) -> bool:
+        """Whether each tick keeps its `linearisation`; False by default. It may be set at any time."""
+        return self._keeps_linearisation
+
+    @keeps_linearisation.setter
+    def keeps_linearisation(self, keeps: bool) -> None:
+        self._keeps_linearisation, self._memory.is_watched = keeps, int(keeps)
+
+    def _linearise(self) -> Linearisation:
+        """Return the Jacobians with which the tick began; a trial overwrites those of the loops."""
+        memory = self._memory
+        tasks = memory.task_jacobian[: memory.active_rows]
+        rank = min(memory.task_rank, len(tasks), memory.mobility)
+        passive = memory.jacobian[:, self.mechanism.passive_columns - memory.fixed]
+        return Linearisation(tasks.copy(), memory.null_space.copy(), passive, rank)
 
     # --- redundancy ----------------------------------------------------------------------------------------------
 
@@ -508,6 +599,7 @@ class Solver:
         if SE3_DISTANCE is None:  # targets may have been changed in place
             for task in self._tasks:
                 task.read_target()
+        keeps = self._keeps_linearisation
         request = self._tick(self._handle)
         while request != DONE:
             if request == CLEARANCE_NEEDED:
@@ -515,17 +607,16 @@ class Solver:
             elif request == RANK_NEEDED:
                 self._rank()
             elif request == PROPOSED:
-                self._watch()
+                self.linearisation, keeps = self._linearise(), False
             request = self._tick(self._handle)
+        if keeps:  # nothing was proposed
+            self.linearisation = self._linearise()
         record = self._record.copy()
         self._earlier, self._latest = self._latest, record
         if self._caught:
             caught, self._caught = self._caught, ()
             return Step(record, self._layout, caught)
         return Step(record, self._layout)
-
-    def _watch(self) -> None:
-        """Look at the step that is proposed: for those who run ahead."""
 
 
 def _checked(bounds: Bounds, nv: int) -> Bounds:
@@ -541,6 +632,11 @@ def _checked(bounds: Bounds, nv: int) -> Bounds:
             "and most (m,) without NaN"
         )
     return Bounds(rows, most)
+
+
+def _kind(task: FrameTask) -> tuple[object, ...]:
+    """Return all that can't be changed without another row of equations."""
+    return task.node, task.axes, task.translation, task.rotation, task.offset
 
 
 def _nothing() -> None:

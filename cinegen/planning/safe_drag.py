@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision.clearance import Clearance
-from cinegen.ik import FrameTask, Solver, Step
+from cinegen.ik import FrameTask, LookAhead, Solver, Step
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.objectives import Objective, State
 from cinegen.model import Mechanism
@@ -93,8 +93,8 @@ class AvoidingSolver(Solver):
         self.barriers = (self.barrier,)
         self.vortices = Vortices(clearance, 0.5 * mechanism.length if reach is None else reach, safety)
         self._known: dict[int, pin.SE3] = {}  # poses of obstacles
-        self._unobstructed = _Unobstructed(mechanism, dt)
-        self._prediction = _Unobstructed(mechanism, 1.0, _PREDICTION_GAIN)
+        self._unobstructed = LookAhead(mechanism, dt)  # regardless of obstacles
+        self._prediction = LookAhead(mechanism, 1.0, _PREDICTION_GAIN)
         self._restart()
 
     @property
@@ -178,7 +178,8 @@ class AvoidingSolver(Solver):
         configuration = self._strategies[0].configuration
         self._predict(q, tasks, configuration)
         if configuration is None:
-            motion = self.mechanism.difference(q, self._unobstructed.step(q, tasks, self.gain))
+            self._unobstructed.solver.gain = self.gain
+            motion = self.mechanism.difference(q, self._unobstructed.step(q, tasks))
         else:
             motion = self._step_towards(q, configuration)
         deflected = self.vortices.deflect(q, motion, lambda: self._obstructing)
@@ -290,33 +291,6 @@ class _ConfigurationSearch:
             if clearance.least(q) >= safety:
                 self.found.append(q)
         return self._left == 0
-
-
-class _Unobstructed:
-    """A solver that follows the tasks of another as if there were no obstacles."""
-
-    def __init__(self, mechanism: Mechanism, dt: float, gain: float = math.inf) -> None:
-        self._solver = Solver(mechanism, dt, gain=gain)
-        self._kinds = list[tuple[object, ...]]()
-
-    def step(self, q: Array, tasks: Sequence[FrameTask], gain: float | None = None) -> Array:
-        """Return the configuration (nq,) one tick after q (nq,)."""
-        solver = self._solver
-        if gain is not None:
-            solver.gain = gain
-        kinds: list[tuple[object, ...]] = [(p.node, p.axes, p.translation, p.rotation, p.offset) for p in tasks]
-        if kinds != self._kinds:
-            for own in solver.tasks:
-                solver.remove_task(own)
-            for task in tasks:
-                solver.add_task(
-                    task.node, task.target, task.translation, task.rotation, task.weight, task.axes, task.offset
-                )
-            self._kinds = kinds
-        for own, task in zip(solver.tasks, tasks, strict=True):
-            own.target, own.weight = task.target, task.weight
-        solver.q = q
-        return solver.step().q
 
 
 class _Motion:

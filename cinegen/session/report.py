@@ -10,7 +10,7 @@ import pinocchio as pin
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from cinegen.ik import EventKind, Solver
+from cinegen.ik import EventKind, LookAhead
 from cinegen.ik.resolve import free_motions
 from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.model import Mechanism
@@ -79,7 +79,7 @@ class ForecastEvent(Struct, frozen=True):
     position: Array
 
 
-class Forecast(Struct, frozen=True):
+class ForecastReport(Struct, frozen=True):
     """Forecast of the next 1.5 s, if the targets move on as they do.
 
     Attributes:
@@ -112,7 +112,7 @@ class RobotReport(Struct, frozen=True):
     type1: SingularityReport | None
     type2: SingularityReport | None
     ellipsoid: Ellipsoid | None
-    forecast: Forecast
+    forecast: ForecastReport
 
 
 class Reporter:
@@ -124,7 +124,8 @@ class Reporter:
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
-        self._look_ahead = Solver(mechanism, _DT)
+        self._look_ahead = LookAhead(mechanism, _DT)
+        self._solver = self._look_ahead.solver
         self._kinds: list[tuple[object, ...]] = []
         self._last: dict[int, tuple[float, pin.SE3]] = {}  # last targets, with their times
 
@@ -137,14 +138,14 @@ class Reporter:
         """
         mechanism, q = self.mechanism, robot.q
         self._set_tasks(robot)
-        tasks = self._look_ahead.tasks
+        tasks = self._solver.tasks
         node, at = tasks[0].node, tasks[0].offset
-        velocities = self._velocities(robot, time)
-        self._look_ahead.q = q
+        self._look_ahead.velocities = self._velocities(robot, time)
+        self._solver.q = q
         here = mechanism.placement(q, node) * at
         for task in tasks:
             task.target = mechanism.placement(q, task.node) * task.offset
-        step = self._look_ahead.step()  # a step of length 0, whose numbers are those of q
+        step = self._solver.step()  # a step of length 0, whose numbers are those of q
         lost, gained = step.lost_dof, step.uncontrolled_dof
         type1 = type2 = None
         base = robot.base
@@ -155,7 +156,7 @@ class Reporter:
         if gained is not None:
             moving, twist = self._moved_most(q, gained.joints)
             type2 = self._singularity(gained.sigma, NEAR_PASSIVE, moving, pin.SE3.Identity(), twist, robot, "gained")
-        path, events = self._forecast(robot, velocities, node, at)
+        path, events = self._forecast(robot, node, at)
         ellipsoid = self._ellipsoid(q, node, at)
         if ellipsoid is not None:
             ellipsoid = ellipsoid @ base.rotation.T
@@ -167,7 +168,7 @@ class Reporter:
             type1,
             type2,
             None if ellipsoid is None else Ellipsoid(base.act(here.translation), ellipsoid),
-            Forecast(path @ base.rotation.T + base.translation, events),
+            ForecastReport(path @ base.rotation.T + base.translation, events),
         )
 
     # --- tasks ---------------------------------------------------------------------------------------------------
@@ -178,28 +179,30 @@ class Reporter:
             (task.node, task.translation, task.rotation, task.offset.homogeneous.tobytes()) for task in robot.tasks
         ]
         if not kinds or kinds != self._kinds:
-            for task in self._look_ahead.tasks:
-                self._look_ahead.remove_task(task)
+            for task in self._solver.tasks:
+                self._solver.remove_task(task)
             for state in robot.tasks:
-                self._look_ahead.add_task(
+                self._solver.add_task(
                     state.node, translation=state.translation, rotation=state.rotation, offset=state.offset
                 ).weight = state.weight
             if not kinds:
-                self._look_ahead.add_task(self.mechanism.end)
+                self._solver.add_task(self.mechanism.end)
             self._kinds = kinds
 
-    def _velocities(self, robot: RobotState, time: float) -> list[pin.Motion]:
-        """Return the velocity of each target, in its own axes."""
+    def _velocities(self, robot: RobotState, time: float) -> tuple[pin.Motion, ...]:
+        """Return the velocity of each target in the robot's own world."""
         found, now = [], {}
         for task in robot.tasks:
             velocity = pin.Motion.Zero()
             before = self._last.get(task.id)
             if before is not None and time > before[0] and not task.scripted:
-                velocity = pin.log6(before[1].actInv(task.target)) / (time - before[0])
+                linear = task.target.translation - before[1].translation
+                angular = pin.log3(task.target.rotation @ before[1].rotation.T)
+                velocity = pin.Motion(linear, angular) / (time - before[0])
             now[task.id] = time, task.target
             found.append(velocity)
         self._last = now
-        return found
+        return tuple(found)
 
     # --- singularities -------------------------------------------------------------------------------------------
 
@@ -276,18 +279,14 @@ class Reporter:
 
     # --- forecast ---------------------------------------------------------------------------------------------------
 
-    def _forecast(
-        self, robot: RobotState, velocities: list[pin.Motion], node: str, at: pin.SE3
-    ) -> tuple[Array, tuple[ForecastEvent, ...]]:
+    def _forecast(self, robot: RobotState, node: str, at: pin.SE3) -> tuple[Array, tuple[ForecastEvent, ...]]:
         """Return the path of the node if the targets move on as they do, and the events on it."""
-        solver, mechanism = self._look_ahead, self.mechanism
+        mechanism = self.mechanism
         if not robot.tasks:
             return np.zeros((0, 3)), ()
-        for part in (-1.0, 0.0):
-            for own, task, velocity in zip(solver.tasks, robot.tasks, velocities, strict=True):
-                own.target = task.target * pin.exp6(velocity * (part * _DT))
-            solver.step()
-        forecast = solver.forecast(HORIZON, dt=_DT, threshold=NEAR, passive_threshold=NEAR_PASSIVE)
+        for own, task in zip(self._solver.tasks, robot.tasks, strict=True):
+            own.target = task.target
+        forecast = self._look_ahead.forecast(HORIZON, NEAR)
         every = max(1, len(forecast.q) // _POINTS)
         path = np.array([(mechanism.placement(q, node) * at).translation for q in forecast.q[::every]])
         if np.ptp(path, axis=0).max() < 1e-4 * mechanism.length:

@@ -281,7 +281,7 @@ def test_interrupts_are_not_caught(robot):
 def test_a_forecast_reports_nothing_twice(robot, caplog):
     solver, tick = dragged(robot("arm7"), [Objective(fails)])
     tick()
-    solver.forecast(0.1)
+    cinegen.forecast_motion(solver, 0.1)
     assert len(records(caplog)) == 1
 
 

@@ -11,9 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from planar import TWO_R, root, singular_values, two_r
 
-from cinegen import CinegenError, Solver
-from cinegen.ik import LimitMargin, Posture
-from cinegen.ik.forecast import EventKind
+from cinegen import CinegenError, Solver, forecast_motion
+from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
 from cinegen.ik.singular import NEAR_PASSIVE, passive_singular_values
 from cinegen.ik.thresholds import NEAR
 
@@ -53,7 +52,7 @@ def test_when_an_arm_is_stretched(raff, how, dt):
         if how == "target":
             task.target.translation = begin + speed * tick * DT * out
         solver.step()
-    forecast = solver.forecast(3.0, dt)
+    forecast = forecast_motion(solver, 3.0, dt)
     here = np.linalg.norm(begin) + speed * ran * DT
 
     def elbow(time):
@@ -72,15 +71,17 @@ def test_when_an_arm_is_stretched(raff, how, dt):
     assert forecast.sigma_min[before] == pytest.approx([sigma(time) for time in forecast.times[before]], abs=4e-3)
     assert forecast.sigma_min[-1] < 0.2 * NEAR
     assert np.isinf(forecast.passive_sigma_min).all()
-    assert _kinds(solver.forecast(0.9 * near)) == []
-    assert _kinds(solver.forecast(3.0, moving=False)) == ([] if how == "target" else _kinds(solver.forecast(3.0)))
+    assert _kinds(forecast_motion(solver, 0.9 * near)) == []
+    assert _kinds(forecast_motion(solver, 3.0, moving=False)) == (
+        [] if how == "target" else _kinds(forecast_motion(solver, 3.0))
+    )
 
 
 def test_a_threshold_may_be_given(raff):
     arm = _two_r(raff)
     solver = Solver(arm, DT)
     solver.add_task("tool", rotation=0, axes="world").twist = [0.05, 0.02, 0.0, 0.0, 0.0, 0.0]
-    times = [_first(solver.forecast(4.0, threshold=t), EventKind.TYPE_1).time for t in (0.2, 0.1, 0.05)]
+    times = [_first(forecast_motion(solver, 4.0, threshold=t), EventKind.TYPE_1).time for t in (0.2, 0.1, 0.05)]
     assert times == sorted(times)
     assert times[0] < times[1] < times[2]
 
@@ -89,10 +90,10 @@ def test_what_is_near_already_is_said_at_once(raff):
     arm = _two_r(raff, second=1)
     solver = Solver(arm, DT)
     solver.add_task("tool", rotation=0)
-    (event,) = solver.forecast(1.0).events
+    (event,) = forecast_motion(solver, 1.0).events
     assert event.kind is EventKind.TYPE_1
     assert event.time == 0.0
-    assert str(event) == "now a direction is about to be lost: type 1 singularity"
+    assert str(event) == "now: near a type 1 singularity, the tasks lose a direction"
     sigma = singular_values(two_r(A, B, 0.0, math.radians(1)) / arm.length)[1]
     assert event.sigma == pytest.approx(sigma)
 
@@ -142,7 +143,7 @@ def test_when_a_four_bar_meets_its_dead_point(raff, dt):
 
         time = root(left, 0.0, 2.0)
         assert left(time) == pytest.approx(0.0, abs=1e-9)  # there is one
-        event = _first(solver.forecast(2.5, dt, passive_threshold=threshold), EventKind.TYPE_2)
+        event = _first(forecast_motion(solver, 2.5, dt, passive_threshold=threshold), EventKind.TYPE_2)
         assert event.time == pytest.approx(time, abs=0.05 * dt)
         assert event.sigma == threshold
         assert event.q[bar.q_index("joint1")] == pytest.approx(start + time, abs=0.05 * dt)
@@ -166,7 +167,7 @@ def test_when_a_joint_meets_its_limit(raff, dt, speed, bound):
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
     time = math.radians(bound - 10) / speed
     for _ in range(2):
-        forecast = solver.forecast(3.0, dt)
+        forecast = forecast_motion(solver, 3.0, dt)
         event = _first(forecast, EventKind.LIMIT)
         assert event.time == pytest.approx(time, abs=1e-9)
         assert event.joint == "joint1"
@@ -183,7 +184,7 @@ def test_a_slide_and_a_limit_of_speed(raff):
         frame 2 { pred 1 name "tool" } }""")
     solver = Solver(arm, DT)
     solver.add_task("tool").target.translation += [0.0, 0.0, 5.0]
-    assert _first(solver.forecast(8.0), EventKind.LIMIT).time == pytest.approx(6.0, abs=1e-6)
+    assert _first(forecast_motion(solver, 8.0), EventKind.LIMIT).time == pytest.approx(6.0, abs=1e-6)
 
 
 def test_a_limit_of_acceleration(raff):
@@ -193,7 +194,7 @@ def test_a_limit_of_acceleration(raff):
     solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, speed]
     time = math.radians(60) / speed + speed / most
     for dt in (1e-3, 0.02):
-        assert _first(solver.forecast(4.0, dt), EventKind.LIMIT).time == pytest.approx(time, abs=2.5 * dt)
+        assert _first(forecast_motion(solver, 4.0, dt), EventKind.LIMIT).time == pytest.approx(time, abs=2.5 * dt)
 
 
 def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
@@ -201,19 +202,19 @@ def test_a_joint_that_is_held_by_its_limit_is_said_at_once(raff):
     solver = Solver(arm, DT, q=[math.radians(70)])
     task = solver.add_task("tool", translation=0, rotation=1)
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
-    assert [(event.kind, event.time) for event in solver.forecast(1.0).events] == [
+    assert [(event.kind, event.time) for event in forecast_motion(solver, 1.0).events] == [
         (EventKind.LIMIT, 0.0),
         (EventKind.STOPPED, 0.0),
     ]
     task.twist = [0.0, 0.0, 0.0, 0.0, 0.0, -0.5]  # it stands there, but is not held
-    assert solver.forecast(1.0).events == ()
+    assert forecast_motion(solver, 1.0).events == ()
 
 
 def test_limits_that_a_looped_robot_meets_are_met_closed(robot):
     gough = robot("gough")
     solver = Solver(gough, DT)
     solver.add_task(gough.end).twist = [0.0, 0.3 * gough.length, 0.1 * gough.length, 0.0, 0.0, 0.2]
-    events = [event for event in solver.forecast(4.0).events if event.kind is EventKind.LIMIT]
+    events = [event for event in forecast_motion(solver, 4.0).events if event.kind is EventKind.LIMIT]
     assert events
     for event in events:
         i = gough.q_index(event.joint)
@@ -226,7 +227,7 @@ def test_a_limit_that_holds_for_long_is_said_once(robot):
     bar = robot("five_bar")
     solver = Solver(bar, 1 / 240)
     solver.add_task("tool", rotation=0).twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
-    forecast = solver.forecast(4.0)
+    forecast = forecast_motion(solver, 4.0)
     assert [(event.kind, event.joint) for event in forecast.events] == [
         (EventKind.TYPE_1, None),
         (EventKind.LIMIT, "joint2"),
@@ -240,7 +241,7 @@ def test_where_a_target_is_out_of_reach_all_comes_to_rest(raff):
     arm = _two_r(raff)
     solver = Solver(arm, DT)
     solver.add_task("tool", pin.SE3(np.eye(3), np.array([1.0, 0.5, 0.0])), rotation=0)
-    forecast = solver.forecast(30.0, DT)
+    forecast = forecast_motion(solver, 30.0, DT)
     event = _first(forecast, EventKind.STOPPED)
     assert _kinds(forecast) == [EventKind.TYPE_1, EventKind.STOPPED]
     reached = arm.placement(event.q, "tool").translation
@@ -284,11 +285,15 @@ def test_looking_ahead_changes_nothing(robot, seed, name, acceleration):
     looking = Solver(robot(name), DT, gain=-np.log(0.2) / DT, acceleration=acceleration)
     other = Solver(robot(name), DT, gain=-np.log(0.2) / DT, acceleration=acceleration)
 
+    look_ahead = LookAhead(looking.mechanism, DT)
+
     def look(tick):
-        looking.forecast(0.05 + 0.01 * (tick % 3), moving=tick % 2 == 0)
+        look_ahead.copy(looking, moving=tick % 2 == 0)
+        look_ahead.forecast(0.05 + 0.01 * (tick % 3))
 
     assert np.array_equal(_play(looking, seed, 45, look), _play(other, seed, 45))
-    one, two = looking.forecast(0.2), other.forecast(0.2)
+    look_ahead.copy(looking)
+    one, two = look_ahead.forecast(0.2), forecast_motion(other, 0.2)
     assert np.array_equal(one.q, two.q)
     assert np.array_equal(one.sigma_min, two.sigma_min)
     assert np.array_equal(one.passive_sigma_min, two.passive_sigma_min)
@@ -303,12 +308,12 @@ def test_with_the_solvers_own_dt_it_says_exactly_what_will_happen(robot, seed, n
     task.target.translation += 0.05 * mechanism.length * rng.normal(size=3)
     for _ in range(4):
         solver.step()
-    forecast = solver.forecast(0.3, DT)
+    forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
     task.twist = 0.2 * rng.normal(size=6)
     for _ in range(4):
         solver.step()
-    forecast = solver.forecast(0.3, DT)
+    forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
 
 
@@ -319,7 +324,7 @@ def test_redundancy_goes_on_as_its_objectives_wish(robot):
     solver.add_task("tool", rotation=0).twist = [0.05, 0.0, 0.02, 0.0, 0.0, 0.0]
     for _ in range(10):
         solver.step()
-    forecast = solver.forecast(0.3, DT)
+    forecast = forecast_motion(solver, 0.3, DT)
     assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(30))])
 
 
@@ -339,7 +344,7 @@ def test_targets_go_on_as_they_moved(robot, seed, name):
 
     for tick in range(1, 6):
         step(tick)
-    forecast = solver.forecast(0.3, DT)
+    forecast = forecast_motion(solver, 0.3, DT)
     assert forecast.q == pytest.approx(np.array([solver.q, *(step(tick) for tick in range(6, 36))]), abs=1e-7)
 
 
@@ -350,7 +355,7 @@ def test_singular_values_are_those_of_the_path(robot, seed, name):
     solver = Solver(mechanism, DT)
     task = solver.add_task(mechanism.end, axes="world", rotation=int(rng.choice([0, 3])))
     task.twist = 0.3 * mechanism.length * rng.normal(size=6)
-    forecast = solver.forecast(0.5)
+    forecast = forecast_motion(solver, 0.5)
     for q, sigma, passive in zip(forecast.q, forecast.sigma_min, forecast.passive_sigma_min, strict=True):
         there = Solver(mechanism, DT, q=q)
         there.add_task(mechanism.end, axes="world", rotation=task.rotation)
@@ -365,7 +370,7 @@ def test_a_coarser_tick_makes_good_as_much_in_the_same_time(raff):
     task = solver.add_task("tool", translation=0, rotation=1)
     task.target.rotation = task.target.rotation @ pin.exp3(np.array([0.0, 0.0, 0.1]))
     left = 0.1 * 0.95 ** (np.arange(11) * 10)
-    assert math.radians(10) + 0.1 - solver.forecast(1.0, 10 * DT).q[:, 0] == pytest.approx(left, abs=1e-9)
+    assert math.radians(10) + 0.1 - forecast_motion(solver, 1.0, 10 * DT).q[:, 0] == pytest.approx(left, abs=1e-9)
 
 
 def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
@@ -375,12 +380,12 @@ def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
     solver.step()
     task.target.translation += [0.0, 0.0, 0.9]
     solver.step()
-    assert np.array_equal(solver.forecast(0.5).q, solver.forecast(0.5, moving=False).q)
+    assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
     task.twist = [0.2, 0.0, 0.0, 0.0, 0.0, 0.0]
     for _ in range(50):
         step = solver.step()
     task.target = delta.placement(step.q, "platform")  # stop
-    assert np.array_equal(solver.forecast(0.5).q, solver.forecast(0.5, moving=False).q)
+    assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
 
 
 def test_a_base_that_can_move_is_foreseen_too(raff):
@@ -396,7 +401,7 @@ def test_a_base_that_can_move_is_foreseen_too(raff):
     for node in ("tool", "base"):
         if node == "base":
             solver.add_task("base").twist = [0.1, 0.0, 0.2, 0.0, 0.3, 0.0]
-        forecast = solver.forecast(0.2, DT)
+        forecast = forecast_motion(solver, 0.2, DT)
         assert np.array_equal(forecast.q, [solver.q, *(solver.step().q for _ in range(20))])
 
 
@@ -410,14 +415,14 @@ def test_pulls_that_make_no_sense_are_left_out(robot):
     solver.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
     alone = Solver(arm, DT)
     alone.add_task("tool").twist = [0.1, 0.0, 0.0, 0.0, 0.0, 0.0]
-    expected = alone.forecast(1.0)
+    expected = forecast_motion(alone, 1.0)
     nowhere = pin.SE3(np.eye(3), np.array([np.nan, 0.0, np.inf]))
     for attribute, value in (("target", None), ("target", nowhere), ("weight", 0.0), ("rotation", 9), ("twist", "x")):
         setattr(wrong, attribute, value)
         for _ in range(3):
-            assert np.array_equal(solver.forecast(1.0).q, expected.q)
+            assert np.array_equal(forecast_motion(solver, 1.0).q, expected.q)
     solver.step()
-    assert solver.forecast(1.0).q[-1] == pytest.approx(alone.forecast(1.01).q[-1], abs=1e-2)
+    assert forecast_motion(solver, 1.0).q[-1] == pytest.approx(forecast_motion(alone, 1.01).q[-1], abs=1e-2)
 
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
@@ -427,14 +432,14 @@ def test_a_rotation_that_is_none_raises_nothing(robot):
     for number in (0.0, 7.0, 7.01, -1e200, 1e308):
         task.target.rotation = np.full((3, 3), number)
         step = solver.step()
-        assert np.isfinite(solver.forecast(0.3).q).all()
+        assert np.isfinite(forecast_motion(solver, 0.3).q).all()
         assert step.lost_dof is None or np.isfinite(step.lost_dof.sigma)
 
 
 def test_where_nothing_is_pulled_nothing_lies_ahead(robot):
     for name in ("arm7", "delta4"):
         mechanism = robot(name)
-        forecast = Solver(mechanism, DT).forecast(1.0)
+        forecast = forecast_motion(Solver(mechanism, DT), 1.0)
         assert (forecast.q == mechanism.q_home).all()
         assert np.isinf(forecast.sigma_min).all()
         assert not forecast.events
@@ -444,24 +449,25 @@ def test_times_that_make_no_sense_are_refused(robot):
     solver = Solver(robot("arm7"), DT)
     for seconds, dt in ((0.0, None), (-1.0, None), (math.nan, None), (math.inf, None), (1.0, 0.0), (1.0, math.nan)):
         with pytest.raises(CinegenError, match="positive"):
-            solver.forecast(seconds, dt)
+            forecast_motion(solver, seconds, dt)
 
 
 def test_its_ticks_are_bounded_and_end_where_asked(robot):
     solver = Solver(robot("arm7"), DT)
     for seconds, ticks in ((0.004, 1), (0.01, 1), (0.05, 5), (0.055, 6), (1.0, 100), (1.3, 100), (1e3, 100)):
-        forecast = solver.forecast(seconds)
+        forecast = forecast_motion(solver, seconds)
         assert len(forecast.times) == len(forecast.q) == ticks + 1
         assert forecast.times[-1] == pytest.approx(max(seconds, ticks * DT))
-    assert len(solver.forecast(3.0, 0.02).times) == 151
+    assert len(forecast_motion(solver, 3.0, 0.02).times) == 151
 
 
 def test_it_reads_well(raff):
     arm = raff(SWING % {"velocity": ""})
     solver = Solver(arm, DT)
-    assert repr(solver.forecast(1.0)) == "<Forecast of 1 s: nothing ahead>"
+    assert repr(forecast_motion(solver, 1.0)) == "<Forecast of 1 s: no events>"
     solver.add_task("tool", translation=0, rotation=1).twist = [0.0, 0.0, 0.0, 0.0, 0.0, 0.5]
-    forecast = solver.forecast(2.5)
-    assert str(forecast.events[0]) == "in 2.09 s joint1 meets its limit"
-    assert repr(forecast.events[0]) == "<Event LIMIT: in 2.09 s joint1 meets its limit>"
-    assert repr(forecast).startswith("<Forecast of 2.5 s: in 2.09 s joint1 meets its limit; in 2.1")
+    forecast = forecast_motion(solver, 2.5)
+    assert str(forecast.events[0]) == "in 2.09 s: joint1 meets its limit"
+    assert repr(forecast.events[0]) == "<Event LIMIT: in 2.09 s: joint1 meets its limit>"
+    assert repr(forecast).startswith("<Forecast of 2.5 s: in 2.09 s: joint1 meets its limit; in 2.1")
+    assert "joint1 meets its limit" in forecast._repr_html_()

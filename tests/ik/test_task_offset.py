@@ -81,7 +81,7 @@ def test_reach_and_forecast_know_of_it(twins):
     task, twin = solver.add_task(node, rotation=0, offset=at), other.add_task("grip", rotation=0)
     for one in (task, twin):
         one.target = pin.SE3(one.target.rotation, one.target.translation + np.array([0.0, 0.0, 10.0 * robot.length]))
-    ahead, beyond = solver.forecast(1.0), other.forecast(1.0)
+    ahead, beyond = cinegen.forecast_motion(solver, 1.0), cinegen.forecast_motion(other, 1.0)
     assert [event.kind for event in ahead.events] == [event.kind for event in beyond.events]
 
 

@@ -247,7 +247,7 @@ export interface RobotReport {
   type1: SingularityReport | null;
   type2: SingularityReport | null;
   ellipsoid: Ellipsoid | null;
-  forecast: Forecast;
+  forecast: ForecastReport;
 }
 
 export interface SingularityReport {
@@ -264,7 +264,7 @@ export interface Ellipsoid {
   axes: number[][];
 }
 
-export interface Forecast {
+export interface ForecastReport {
   path: number[][];
   events: ForecastEvent[];
 }
