@@ -203,11 +203,11 @@ def clear_posture(
     mechanism: Mechanism, node: str, place: Array, near: Clearance, rng: np.random.Generator
 ) -> Array | None:
     target = pin.SE3(np.eye(3), place)
-    seeker = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
-    seeker.tasks[0].target = target
+    local = LocalIK(mechanism, (FrameTask(node, target, 3, 0, axes="world"),))
+    local.tasks[0].target = target
     for _ in range(5):
-        if seeker.seek(seeker.anywhere(rng), 1e-10) and near.least(seeker.best) > CLEAR:
-            return seeker.best
+        if local.solve(local.random_start(rng), 1e-10) and near.least(local.best) > CLEAR:
+            return local.best
     return None
 
 

@@ -16,4 +16,4 @@ for tilt in (0, 10, 20, 30, 40, 50):
     if reached:
         print(f"tilted by {tilt} degrees, legs of", " ".join(f"{leg:.0f}" for leg in legs), "mm")
     else:
-        print(f"not by {tilt} degrees: {', '.join(reached.holding)} are as long or short as they can be")
+        print(f"not by {tilt} degrees: {', '.join(reached.saturated)} are as long or short as they can be")

@@ -68,7 +68,7 @@ def classified_pairs(
     ]
     if not candidates:
         return (), ()
-    samples = LocalIK(mechanism).spread(_SAMPLES, np.random.default_rng(0))
+    samples = LocalIK(mechanism).samples(_SAMPLES, np.random.default_rng(0))
     always = _always_touching(mechanism, bodies, candidates, samples)
     points, length = _body_points(mechanism, bodies, samples[:_FEW]), mechanism.length
     free = tuple(pair for pair in candidates if pair not in always)

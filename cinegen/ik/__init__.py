@@ -2,10 +2,10 @@
 
 from cinegen.ik.batch import Evaluations, evaluate
 from cinegen.ik.forecast import Event, EventKind, Forecast
+from cinegen.ik.global_ik import IKResult, inverse_kinematics
 from cinegen.ik.look_ahead import LookAhead, forecast_motion
 from cinegen.ik.objectives import LimitMargin, Manipulability, Objective, Posture, State
 from cinegen.ik.persistent import PersistentSolver
-from cinegen.ik.point_to_point import IKResult, inverse_kinematics
 from cinegen.ik.singular import LostDoF, UncontrolledDoF
 from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status, Step

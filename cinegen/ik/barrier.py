@@ -1,4 +1,4 @@
-"""What a mechanism must not run into: bounds of its velocities that no task and no objective breaks."""
+"""Barriers: linear bounds of the joint velocities that neither tasks nor objectives violate."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ Array = NDArray[np.float64]
 
 
 class Bounds(NamedTuple):
-    """Velocities v are allowed where rows v <= most.
+    """Bounds rows v <= most of the joint velocities v.
 
     Attributes:
-        rows: (m, nv) m/s by rad/s and m/s.
-        most: (m,) m/s; below 0 where the mechanism has to go back. Where joints can't go so fast, or bounds contradict
-            each other, it goes back slower, or stays; it never goes on.
+        rows: (m, nv) m/s per rad/s and m/s.
+        most: (m,) m/s; negative where the mechanism has to retreat. Where velocity limits or other bounds do not allow
+            that, it retreats more slowly, or stops; it never advances.
     """
 
     rows: Array
@@ -26,17 +26,17 @@ class Bounds(NamedTuple):
 
 
 class Barrier(Protocol):
-    """Anything with the methods `bounds` and `clear`.
+    """Object with the methods `bounds` and `clear`.
 
-    A tick keeps the bounds exactly, as it keeps limits of joints: B. Faverjon and P. Tournassoud, "A local based
-    approach for path planning of manipulators with a high number of degrees of freedom", IEEE Int. Conf. Robotics and
-    Automation, 1987. They are linear and what they stand for is not, so every step is asked about before it is made.
+    A tick keeps the bounds exactly, like joint limits: B. Faverjon and P. Tournassoud, "A local based approach for path
+    planning of manipulators with a high number of degrees of freedom", IEEE Int. Conf. Robotics and Automation, 1987.
+    The bounds are linear, what they stand for is not: so each step is checked by `clear` before it is made.
     """
 
     def bounds(self, state: State) -> Bounds:
-        """What holds in the next tick."""
+        """Return the bounds of the next tick."""
         ...
 
     def clear(self, state: State, q: Array) -> float:
-        """Which part of the way from where it is to q (nq,) the mechanism may go: 1 for all of it."""
+        """Return the fraction of the step to q (nq,) that the mechanism may make: 1 for all of it."""
         ...

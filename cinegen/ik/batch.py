@@ -1,4 +1,5 @@
-"""`evaluate`: placement, Jacobian and singular values of a node, for many values of the motors; `Sampler` for more."""
+"""Batch evaluation of a node: placement, Jacobian and singular values at many configurations (`evaluate`,
+`BatchEvaluator`)."""
 
 from __future__ import annotations
 
@@ -20,23 +21,25 @@ from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
-_TOLERANCE = 1e-11  # rad or lengths: loops are closed to this
-_STRIDE = 0.3  # rad or lengths: a longer way of a joint is gone in parts, so that no branch is left
+_TOLERANCE = 1e-11  # rad or lengths: largest loop residual
+_STRIDE = 0.3  # rad or lengths: largest step of a joint, so that the assembly mode stays the same
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluations:
-    """Of a node at each of (count,) configurations.
+    """Evaluations of a node at `count` configurations; NaN where the loops could not be closed.
 
     Attributes:
-        q: (count, nq) the configurations, loops closed; not a number where they could not be closed, as all else.
-        placements: (count, 4, 4) of the node in the world, m.
-        jacobians: (count, 6, motors) velocity of the node in its own axes, m/s above rad/s, by the motors' velocities,
-            in the order of `mechanism.actuated`; infinite or not a number where they don't determine it (type 2).
-        singular_values: (count, .) of the task on what the loops leave, without unit, largest first (type 1).
-        closure: (count,) the largest loop residual, rad or characteristic lengths.
-        second: (count,) the smallest singular value of the passive joints in the loops, without unit (type 2); not a
-            number unless a `Sampler` was asked for it.
+        q: (count, nq) configurations, loops closed.
+        placements: (count, 4, 4) pose of the node in the world, m.
+        jacobians: (count, 6, actuated) velocity of the node in its own axes, m/s above rad/s, by the velocities of the
+            actuated joints, in the order of `mechanism.actuated`; infinite or NaN where they do not determine it
+            (type 2 singularity).
+        singular_values: (count, .) dimensionless singular values of the task in the null space of the loops, largest
+            first (type 1).
+        closure: (count,) largest loop residual, rad or characteristic lengths.
+        passive_sigma: (count,) smallest dimensionless singular value of the passive joints in the loops' Jacobian
+            (type 2); NaN unless a `BatchEvaluator` computes it.
     """
 
     q: Array
@@ -44,39 +47,41 @@ class Evaluations:
     jacobians: Array
     singular_values: Array
     closure: Array
-    second: Array
+    passive_sigma: Array
 
 
 def evaluate(
     mechanism: Mechanism, node: str, values: ArrayLike, translation: int = 3, rotation: int = 3
 ) -> Evaluations:
-    """Evaluates a node for many values of the motors, one after the other.
+    """Evaluate a node at many positions of the actuated joints.
 
-    Loops are closed from one configuration to the next, along the straight way of the motors from home and on, so that
-    the assembly mode stays that of home; where they can't be closed, the next is tried from the last that could.
+    Loops are closed along the straight path of the actuated joints from home to the first positions, and from each to
+    the next, so that the assembly mode stays that of home. After positions where they can't be closed, the path begins
+    at the last ones where they could.
 
     Args:
-        mechanism: which.
+        mechanism: mechanism.
         node: base, link or frame.
-        values: (count, motors), rad and m, in the order of `mechanism.actuated`.
-        translation: how many translations of the node count for its singular values, 0 to 3, in its own axes.
-        rotation: how many rotations.
+        values: (count, actuated) positions, rad and m, in the order of `mechanism.actuated`.
+        translation: number of translations of the node that count for its singular values, 0 to 3, in its own axes;
+            see `FrameTask.translation`.
+        rotation: number of rotations that count.
 
     Raises:
         UnknownNameError: no such node.
-        CinegenError: values of another shape.
+        CinegenError: values has a wrong shape.
     """
     given = np.ascontiguousarray(values, dtype=float)
     if given.ndim != 2 or given.shape[1] != len(mechanism.actuated):
         raise CinegenError(
-            f"values must be (count, {len(mechanism.actuated)}), one for each motor of {mechanism.name}, "
+            f"values must be (count, {len(mechanism.actuated)}), one for each actuated joint of {mechanism.name}, "
             f"not {given.shape}"
         )
-    return Sampler(mechanism, node, translation, rotation).led(given)
+    return BatchEvaluator(mechanism, node, translation, rotation).follow(given)
 
 
-class Sampler:
-    """Evaluates a node of a mechanism at many configurations, batch after batch. Not for two threads at once.
+class BatchEvaluator:
+    """Evaluates a node of a mechanism at many configurations, batch after batch.
 
     Args:
         mechanism: mechanism.
@@ -84,10 +89,10 @@ class Sampler:
         translation: number of translations of the node that count for its singular values, 0 to 3, in its own axes;
             see `FrameTask.translation`.
         rotation: number of rotations that count.
-        balls: names of joints, by threes, that are written for a ball joint each: they count as balls.
-        second: whether the smallest singular value of the passive joints is wanted.
-        whole: whether all of `Evaluations` is wanted; else its placements and Jacobians stay empty, (count, 0, 0), and
-            of singular values only the smallest is there, as the last: that is quicker.
+        balls: names of joints, by threes, that stand for a ball joint each: they count as balls.
+        passive_sigma: whether the smallest singular value of the passive joints is computed.
+        whole: whether all of `Evaluations` is computed; else placements and Jacobians are empty, (count, 0, 0), and
+            only the smallest singular value is there, as the last: that is faster.
 
     Raises:
         UnknownNameError: no such node.
@@ -100,7 +105,7 @@ class Sampler:
         translation: int = 3,
         rotation: int = 3,
         balls: Sequence[Sequence[str]] = (),
-        second: bool = False,
+        passive_sigma: bool = False,
         whole: bool = True,
     ) -> None:
         self._measure = prepare(measure_all, BatchMemory)
@@ -113,7 +118,7 @@ class Sampler:
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, CORRECTION
         mobility = memory.n - memory.rank
         columns = mechanism.passive_columns
-        passive = columns if second and 0 < mechanism.passive_rank == len(columns) else columns[:0]
+        passive = columns if passive_sigma and 0 < mechanism.passive_rank == len(columns) else columns[:0]
         memory.resize(
             mobility=mobility, wide=max(memory.n, 6), wide_system=mobility + 6, passive=len(passive), balls=len(balls),
             width=min(translation + rotation, mobility),
@@ -124,9 +129,13 @@ class Sampler:
         memory.passive_dof[:] = passive - fixed
         memory.ball_dof[:] = np.reshape([mechanism.v_index(name) - fixed for three in balls for name in three], (-1, 3))
 
-    def led(self, values: Array, start: Array | None = None) -> Evaluations:
-        """Evaluate at values of the actuated joints (count, actuated), loops closed from one to the next as `evaluate`
-        does, from home, or from a configuration (nq,) whose loops are closed."""
+    def follow(self, values: Array, start: Array | None = None) -> Evaluations:
+        """Evaluate at positions of the actuated joints, one after the other, as `evaluate` does.
+
+        Args:
+            values: (count, actuated) positions, rad and m.
+            start: (nq,) configuration with closed loops where the path begins; home unless given.
+        """
         if not self.mechanism.loops:
             configurations = np.tile(self.mechanism.q_home, (len(values), 1))
             configurations[:, self._actuated] = values
@@ -137,7 +146,7 @@ class Sampler:
         return self._run()
 
     def at(self, configurations: Array) -> Evaluations:
-        """Evaluate at configurations (count, nq), as they are."""
+        """Evaluate at configurations (count, nq), loops closed or not."""
         self._memory.resize(count=len(configurations))
         self._memory.is_given = 1
         self._memory.point_at("given", np.ascontiguousarray(configurations))

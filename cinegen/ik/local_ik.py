@@ -1,4 +1,5 @@
-"""`LocalIK`: finds a configuration from one start, by Levenberg-Marquardt steps; and makes starts."""
+"""Local inverse kinematics: a configuration from one start, by Levenberg-Marquardt iterations; and samples as
+starts."""
 
 from __future__ import annotations
 
@@ -20,19 +21,18 @@ _STRIDE = 0.6  # rad or lengths: from one configuration of the tree to the next
 
 
 class LocalIK:
-    """Finds configurations in which some nodes are where they should be, all loops closed.
+    """Local solver of the inverse kinematics of some nodes, all loops closed. For one thread at a time.
 
-    Not for two threads at once.
+    Set the targets of its `tasks`, then call `solve`.
 
     Args:
-        mechanism: which.
-        tasks: what should be where; none, to close loops only. Later changes of these do not count: set the targets of
-            `tasks`.
-        limits: whether joints keep to their position limits.
+        mechanism: mechanism.
+        tasks: frames with targets, of which copies are made; none, to close loops only.
+        limits: whether joints keep their position limits.
 
     Attributes:
-        mechanism: which.
-        tasks: the targets.
+        mechanism: mechanism.
+        tasks: the copies.
     """
 
     def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True) -> None:
@@ -64,66 +64,74 @@ class LocalIK:
 
     # --- one start -----------------------------------------------------------------------------------------------
 
-    def seek(self, start: Array, goal: float) -> bool:
-        """Iterate from a start (nq,); the best configuration found becomes `best`. Return whether all residuals came
-        below the goal."""
+    def solve(self, start: Array, goal: float) -> bool:
+        """Iterate from a start; the best configuration found becomes `best`.
+
+        Args:
+            start: (nq,) loops closed or not.
+            goal: residual to reach, rad or characteristic lengths.
+
+        Returns:
+            Whether all residuals are below the goal.
+        """
         memory = self._memory
         memory.trial[:], memory.goal_residual = start, goal
         return bool(self._solve(memory.handle))
 
     @property
     def best(self) -> Array:
-        """(nq,) the best configuration found from the last start."""
+        """(nq,) best configuration from the last start."""
         return self._memory.q.copy()
 
     @property
     def cost(self) -> float:
-        """What is left there: the sum of all squared residuals."""
+        """Sum of all squared residuals there."""
         return float(self._memory.cost)
 
     @property
-    def open_by(self) -> float:
-        """What is left there of loops."""
+    def closure(self) -> float:
+        """Largest loop residual there, rad or characteristic lengths."""
         return float(self._memory.loops_left)
 
     @property
     def iterations(self) -> int:
-        """How many there were from the last start."""
+        """Number of iterations from the last start."""
         return int(self._memory.iterations)
 
     # --- starts --------------------------------------------------------------------------------------------------
 
-    def anywhere(self, rng: np.random.Generator) -> Array:
-        """(nq,) all joints at random within their limits, loops open."""
+    def random_start(self, rng: np.random.Generator) -> Array:
+        """Return a configuration (nq,) with all joints at random within their limits, loops open."""
         q = self.mechanism.q_home.copy()
         q[self._at] = rng.uniform(self._low, self._high)
         return q
 
-    def spread(self, count: int, rng: np.random.Generator) -> Array:
-        """(count, nq) configurations all over what can be reached from home, loops closed and within limits.
+    def samples(self, count: int, rng: np.random.Generator) -> Array:
+        """Return up to `count` configurations (count, nq) that can be reached from home, loops closed and within
+        limits.
 
-        With loops, a tree that grows from home towards random configurations (S. M. LaValle, "Rapidly-exploring random
-        trees", 1998). Without, joints at random.
+        With loops, they are a tree that grows from home towards random configurations (S. M. LaValle,
+        "Rapidly-exploring random trees", 1998); without, random configurations.
         """
         if not self.mechanism.loops:
-            return np.array([self.anywhere(rng) for _ in range(count)])
+            return np.array([self.random_start(rng) for _ in range(count)])
         home = self.mechanism.q_home
         found, points = [home], [home[self._at] / self._scale]
         for _ in range(4 * count):
             if len(found) == count:
                 break
-            wanted = self.anywhere(rng)[self._at] / self._scale
+            wanted = self.random_start(rng)[self._at] / self._scale
             known = np.array(points)
-            near = nearest_start(known, wanted, np.zeros(len(known)))
-            direction = wanted - known[near]
+            nearest = nearest_start(known, wanted, np.zeros(len(known)))
+            direction = wanted - known[nearest]
             start = home.copy()
             part = min(1.0, _STRIDE / max(float(np.abs(direction).max()), 1e-12))
-            start[self._at] = (known[near] + part * direction) * self._scale
-            if self.seek(start, 1e-10):
+            start[self._at] = (known[nearest] + part * direction) * self._scale
+            if self.solve(start, 1e-10):
                 found.append(self.best)
                 points.append(self.best[self._at] / self._scale)
         return np.array(found)
 
     def placements(self, q: Array) -> list[pin.SE3]:
-        """Return the poses of all nodes with targets at q (nq,)."""
+        """Return the poses at q (nq,) of all frames that have targets."""
         return [self.mechanism.placement(q, task.node) * task.offset for task in self.tasks]

@@ -1,8 +1,8 @@
-"""What a redundant mechanism does with the motions that its loops and tasks leave free.
+"""Objectives: motions of a redundant mechanism in the null space of its loops and tasks.
 
-Each objective says how fast the joints should move for its own sake. A tick adds these up, takes what neither opens a
-loop nor moves a task, and adds that to its step: the gradient projection of A. Liégeois, "Automatic supervisory control
-of the configuration and behavior of multibody mechanisms", IEEE Trans. Systems, Man, and Cybernetics 7, 1977.
+Each objective returns a desired joint velocity. A tick projects their sum onto the null space of loops and tasks, and
+adds it to its step: the gradient projection of A. Liégeois, "Automatic supervisory control of the configuration and
+behavior of multibody mechanisms", IEEE Trans. Systems, Man, and Cybernetics 7, 1977.
 """
 
 from __future__ import annotations
@@ -16,45 +16,45 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
-from cinegen.ik.plain import axes_of, equations
+from cinegen.ik.equations import axes_of, equations
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
-_STEP = 1e-5  # rad or lengths: between two configurations whose difference is a derivative; what is left is 1e-10
-_LOST = 1e-6  # a singular value below this part of the largest is zero
+_STEP = 1e-5  # rad or lengths: step of central differences; their error is 1e-10
+_LOST = 1e-6  # relative singular value below which it counts as 0
 
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """What an objective is told before a tick.
+    """State of a solver before a tick, for objectives and barriers.
 
     Attributes:
-        mechanism: which moves.
-        q: (nq,) where it is.
-        dt: seconds that the tick will last.
-        tasks: that hold.
-        resting: how many of the first columns rest: those of a base that is not pulled.
+        mechanism: mechanism that moves.
+        q: (nq,) configuration.
+        dt: period of the tick, s.
+        tasks: tasks of the solver.
+        fixed: number of leading columns that are fixed: 6 for a floating base that no task moves.
     """
 
     mechanism: Mechanism
     q: Array
     dt: float
     tasks: Sequence[FrameTask] = ()
-    resting: int = 0
+    fixed: int = 0
 
 
 class Objective(Protocol):
-    """Anything with a method `velocity`."""
+    """Object with a method `velocity`."""
 
     def velocity(self, state: State) -> ArrayLike:
-        """(nv,) how fast the joints should move for its sake, rad/s and m/s, loops and tasks apart."""
+        """Return the desired joint velocity (nv,), rad/s and m/s, regardless of loops and tasks."""
         ...
 
 
 class _Rated:
-    """An objective with a rate, and a weight for each joint."""
+    """Objective with a rate, and a weight for each joint."""
 
     def __init__(self, joints: Iterable[str] | Mapping[str, float] | None, rate: float) -> None:
         if not 0.0 < rate < math.inf:
@@ -63,37 +63,38 @@ class _Rated:
             joints = dict.fromkeys([joints] if isinstance(joints, str) else joints, 1.0)
         for joint, weight in (joints or {}).items():
             if not 0.0 <= weight < math.inf:
-                raise CinegenError(f"the weight of '{joint}' must not be below 0, but is {weight}")
+                raise CinegenError(f"the weight of '{joint}' must be finite and not below 0, not {weight}")
         self.joints, self.rate = joints, rate
         self._weighed: tuple[Mechanism, Array] | None = None
 
-    def _part(self, state: State) -> float:
-        """1/s: what is done in a tick, such that after many it does not matter how long each is."""
+    def _gain(self, state: State) -> float:
+        """Return the gain of one tick, 1/s, such that the decay over many ticks does not depend on their period."""
         return -math.expm1(-self.rate * state.dt) / state.dt
 
     def _weights(self, mechanism: Mechanism) -> Array:
-        """(nv,) the largest is 1; a base that can move counts nothing."""
+        """Return the weights of the columns (nv,): the largest is 1, that of a floating base 0."""
         if self._weighed is None or self._weighed[0] is not mechanism:
             names = mechanism.joints if self.joints is None else self.joints
             weights = np.zeros(mechanism.model.nv)
             for name in names:
-                at = mechanism.v_index(name)
+                column = mechanism.v_index(name)
                 joint = mechanism.model.joints[mechanism.model.getJointId(name)]
-                weights[at : at + joint.nv] = 1.0 if self.joints is None else self.joints[name]
+                weights[column : column + joint.nv] = 1.0 if self.joints is None else self.joints[name]
             self._weighed = mechanism, weights / max(float(weights.max(initial=0.0)), 1e-300)
         return self._weighed[1]
 
 
 class Posture(_Rated):
-    """Joints go back to a posture. Lowers half the sum of the squared distances, without unit.
+    """Posture task: joints move towards a configuration. Minimises half the sum of the squared distances,
+    dimensionless.
 
     Args:
-        q: (nq,) the posture; home unless given.
-        joints: which joints count, or how much each does; all alike unless given.
-        rate: 1/s: left alone, a distance falls to 37 % in 1 / rate seconds.
+        q: (nq,) configuration; home unless given.
+        joints: joints that move, or the weight of each; all joints, with equal weights, unless given.
+        rate: rate at which distances decay, 1/s.
 
     Raises:
-        CinegenError: a rate not above 0, or a weight below.
+        CinegenError: the rate is not above 0, or a weight is negative.
     """
 
     def __init__(
@@ -106,36 +107,37 @@ class Posture(_Rated):
         self.q = None if q is None else np.array(q, dtype=float)
 
     def velocity(self, state: State) -> Array:
-        """(nv,) rad/s and m/s."""
+        """Return the desired joint velocity (nv,), rad/s and m/s."""
         mechanism = state.mechanism
-        return self._part(state) * self._weights(mechanism) * self._way(state) * mechanism.scale
+        return self._gain(state) * self._weights(mechanism) * self._difference(state) * mechanism.scale
 
     def value(self, state: State) -> float:
-        """What is lowered."""
-        return float(0.5 * self._weights(state.mechanism) @ self._way(state) ** 2)
+        """Return the value that is minimised."""
+        return float(0.5 * self._weights(state.mechanism) @ self._difference(state) ** 2)
 
-    def _way(self, state: State) -> Array:
-        """(nv,) to the posture, without unit."""
+    def _difference(self, state: State) -> Array:
+        """Return the difference to the desired configuration (nv,), dimensionless."""
         mechanism = state.mechanism
-        there = mechanism.q_home if self.q is None else mechanism.checked(self.q)
-        return mechanism.scaled_difference(state.q, there)
+        desired = mechanism.q_home if self.q is None else mechanism.checked(self.q)
+        return mechanism.scaled_difference(state.q, desired)
 
 
 class LimitMargin(_Rated):
-    """Joints keep a margin from their position limits; where they do, nothing is done.
+    """Joints keep a margin from their position limits; outside the margins the velocity is 0.
 
-    Lowers half the sum of the squared ways that joints have gone into their margins, without unit: F. Chaumette and
-    É. Marchand, "A redundancy-based iterative approach for avoiding joint limits: application to visual servoing", IEEE
-    Trans. Robotics and Automation 17, 2001, all joints weighed alike. It is finite at a limit and beyond, and no joint
-    near its limit slows the others down, as with barriers that are infinite there.
+    Minimises half the sum of the squared depths of joints in their margins, dimensionless: F. Chaumette and É.
+        Marchand,
+    "A redundancy-based iterative approach for avoiding joint limits: application to visual servoing", IEEE Trans.
+    Robotics and Automation 17, 2001, with equal weights. It is finite at a limit and beyond, and a joint near its limit
+    does not slow the others down, as barrier functions do.
 
     Args:
-        margin: part of a joint's range to be kept free at either end, up to 0.5: then it is drawn to the middle.
-        joints: which joints count, or how much each does; all that have limits unless given.
-        rate: 1/s: left alone, what a joint has gone into its margin falls to 37 % in 1 / rate seconds.
+        margin: fraction of a joint's range at either end, up to 0.5: then the joint moves towards the middle.
+        joints: joints that move, or the weight of each; all joints with limits unless given.
+        rate: rate at which depths decay, 1/s.
 
     Raises:
-        CinegenError: a rate not above 0, a weight below, or a margin not in (0, 0.5].
+        CinegenError: the rate is not above 0, a weight is negative, or the margin is not in (0, 0.5].
     """
 
     def __init__(
@@ -146,33 +148,33 @@ class LimitMargin(_Rated):
     ) -> None:
         super().__init__(joints, rate)
         if not 0.0 < margin <= 0.5:
-            raise CinegenError(f"a margin must be in (0, 0.5], not {margin}")
+            raise CinegenError(f"the margin must be in (0, 0.5], not {margin}")
         self.margin = margin
         self._ranges: tuple[Mechanism, NDArray[np.intp], NDArray[np.intp], Array, Array] | None = None
 
     def velocity(self, state: State) -> Array:
-        """(nv,) rad/s and m/s."""
+        """Return the desired joint velocity (nv,), rad/s and m/s."""
         mechanism = state.mechanism
-        return -self._part(state) * self._weights(mechanism) * self._inside(state) * mechanism.scale
+        return -self._gain(state) * self._weights(mechanism) * self._depth(state) * mechanism.scale
 
     def value(self, state: State) -> float:
-        """What is lowered."""
-        return float(0.5 * self._weights(state.mechanism) @ self._inside(state) ** 2)
+        """Return the value that is minimised."""
+        return float(0.5 * self._weights(state.mechanism) @ self._depth(state) ** 2)
 
-    def _inside(self, state: State) -> Array:
-        """(nv,) how far joints are in their margins, without unit: below 0 at their lower limits."""
+    def _depth(self, state: State) -> Array:
+        """Return the depth of each joint in its margins (nv,), dimensionless; negative at lower limits."""
         mechanism = state.mechanism
         if self._ranges is None or self._ranges[0] is not mechanism:
             self._ranges = mechanism, *_ranges(mechanism, self.margin)
         _, at_q, at_v, low, high = self._ranges
-        here = state.q[at_q]
-        inside = np.zeros(mechanism.model.nv)
-        inside[at_v] = (here - np.minimum(np.maximum(here, low), high)) / mechanism.scale[at_v]
-        return inside
+        q = state.q[at_q]
+        depth = np.zeros(mechanism.model.nv)
+        depth[at_v] = (q - np.minimum(np.maximum(q, low), high)) / mechanism.scale[at_v]
+        return depth
 
 
 def _ranges(mechanism: Mechanism, margin: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Array, Array]:
-    """Of the joints with two limits: where they stand in q and in v, and where their margins end, rad and m."""
+    """Return the joints with two limits: their indices in q and v, and the inner ends of their margins, rad and m."""
     at_q, at_v = mechanism.scalar_joints
     wide = mechanism.limits.upper[at_q] - mechanism.limits.lower[at_q]
     limited = (wide > 0.0) & np.isfinite(wide)
@@ -184,19 +186,19 @@ def _ranges(mechanism: Mechanism, margin: float) -> tuple[NDArray[np.intp], NDAr
 class Manipulability(_Rated):
     """Tasks stay far from singularities.
 
-    Raises T. Yoshikawa's measure ("Manipulability of robotic mechanisms", International Journal of Robotics Research 4,
-    1985): the product of the singular values of what is pulled, on the motions that the loops leave, all without unit.
-    It is its logarithm that is raised, so that weights and the number of tasks do not matter; and not faster than
-    `rate`, in rad/s or characteristic lengths.
+    Maximises the manipulability of T. Yoshikawa ("Manipulability of robotic mechanisms", International Journal of
+    Robotics Research 4, 1985): the product of the dimensionless singular values of the tasks in the null space of the
+    loops. The gradient is that of its logarithm, so that weights and the number of tasks do not matter; the velocity is
+    at most `rate`, in rad/s or characteristic lengths per second.
 
     Args:
-        node: whose measure it is; that of the tasks together unless given.
-        translation: how many translations of the node count, along the axes it has (see `FrameTask`).
-        rotation: how many rotations.
-        rate: 1/s.
+        node: node whose manipulability it is; that of all tasks unless given.
+        translation: number of translations of the node that count, along its own axes; see `FrameTask.translation`.
+        rotation: number of rotations that count.
+        rate: largest velocity, 1/s.
 
     Raises:
-        CinegenError: a rate not above 0, or translation or rotation not 0 to 3.
+        CinegenError: the rate is not above 0, or translation or rotation is not 0 to 3.
     """
 
     def __init__(self, node: str | None = None, translation: int = 3, rotation: int = 3, rate: float = 1.0) -> None:
@@ -206,79 +208,79 @@ class Manipulability(_Rated):
         self.node, self.translation, self.rotation = node, translation, rotation
 
     def velocity(self, state: State) -> Array:
-        """(nv,) rad/s and m/s."""
+        """Return the desired joint velocity (nv,), rad/s and m/s."""
         gradient = self.gradient(state)
         slope = float(np.linalg.norm(gradient))
-        return self._part(state) / max(1.0, slope) * gradient * state.mechanism.scale
+        return self._gain(state) / max(1.0, slope) * gradient * state.mechanism.scale
 
     def value(self, state: State) -> float:
-        """What is lowered: minus the measure's logarithm."""
+        """Return the value that is minimised: minus the logarithm of the manipulability."""
         loops, _, rows = self._rows(state, self._measured(state), state.q)
-        _, motions = _solved(loops, state.mechanism.loop_rank)
+        _, motions = _inverse(loops, state.mechanism.loop_rank)
         sigma = np.linalg.svd(rows @ motions, compute_uv=False)
         return -float(np.log(sigma[sigma > _LOST * sigma.max(initial=0.0)]).sum())
 
     def gradient(self, state: State) -> Array:
-        """(nv,) of the measure's logarithm by the free motions that no task asks for, without unit.
+        """Return the gradient (nv,) of the logarithm in the null space of loops and tasks, dimensionless.
 
-        With A = J V, V the free motions, it changes by the trace of A^+ dA; along a motion z that keeps loops closed,
-        dV = -J_c^+ dJ_c V to what V does not span. The Jacobians' own changes are central differences: two evaluations
-        for each motion that the tasks leave.
+        With A = J V, V the free motions, the logarithm changes by the trace of A^+ dA; along a motion that keeps loops
+        closed, dV = -J_c^+ dJ_c V outside the span of V. The changes of the Jacobians are central differences: two
+        evaluations for each motion in the null space of the tasks.
         """
         mechanism, measured = state.mechanism, self._measured(state)
         system, nv = mechanism.system, mechanism.model.nv
         gradient = np.zeros(nv)
-        loops, pulled, rows = self._rows(state, measured, state.q)
+        loops, tasks, rows = self._rows(state, measured, state.q)
         if not len(rows):
             return gradient
-        with np.errstate(all="ignore"):  # what is no number is left out by the solver
-            inverse, motions = _solved(loops, mechanism.loop_rank)
+        with np.errstate(all="ignore"):  # the solver leaves out velocities that are not finite
+            inverse, motions = _inverse(loops, mechanism.loop_rank)
             u, sigma, wt = np.linalg.svd(rows @ motions, full_matrices=False)
             used = sigma > _LOST * sigma.max(initial=0.0)
-            solved = wt[used].T / sigma[used] @ u[:, used].T
-            for way in (motions @ _left(pulled @ motions)).T:
-                step = np.concatenate([np.zeros(state.resting), _STEP * way])
+            pseudo_inverse = wt[used].T / sigma[used] @ u[:, used].T
+            for direction in (motions @ _null_space(tasks @ motions)).T:
+                step = np.concatenate([np.zeros(state.fixed), _STEP * direction])
                 ahead = self._rows(state, measured, system.integrate(state.q, step))
                 behind = self._rows(state, measured, system.integrate(state.q, -step))
                 change = ahead[2] - behind[2] - rows @ inverse @ (ahead[0] - behind[0])
-                slope = np.sum(solved.T * (change @ motions)) / (2.0 * _STEP)
-                gradient[state.resting :] += slope * way
+                slope = np.sum(pseudo_inverse.T * (change @ motions)) / (2.0 * _STEP)
+                gradient[state.fixed :] += slope * direction
         return gradient
 
     def _measured(self, state: State) -> list[FrameTask] | None:
-        """Whose measure it is; None where it is that of the tasks."""
+        """Return a task of the node; None if all tasks of the solver count."""
         if self.node is None:
             return None
         frame = state.mechanism.frame_id(self.node)
-        here = state.mechanism.placement(state.q, self.node)
-        return [FrameTask(self.node, here, self.translation, self.rotation, frame=frame)]
+        pose = state.mechanism.placement(state.q, self.node)
+        return [FrameTask(self.node, pose, self.translation, self.rotation, frame=frame)]
 
     def _rows(self, state: State, measured: list[FrameTask] | None, q: Array) -> tuple[Array, Array, Array]:
-        """The rows of loops, of tasks, and of what is measured, at q, without unit and without columns that rest."""
+        """Return the Jacobians of loops, tasks, and measured tasks at q, dimensionless, without fixed columns."""
         mechanism = state.mechanism
         system = mechanism.system
-        loops = system.evaluate(q)[1][:, state.resting :]
+        loops = system.evaluate(q)[1][:, state.fixed :]
         found: list[Array] = []
         for tasks in (state.tasks, measured):
             if tasks is None:
                 found.append(found[0])
                 continue
-            holding = [task for task in tasks if task.is_valid()]
-            with_axes = [(task, axes_of(task, mechanism, system)) for task in holding]
-            found.append(equations(mechanism, system, with_axes)[1][:, state.resting :])
+            with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks if task.is_valid()]
+            found.append(equations(mechanism, system, with_axes)[1][:, state.fixed :])
         return loops, found[0], found[1]
 
 
-def _solved(loops: Array, rank: int) -> tuple[Array, Array]:
-    """The loops' pseudo-inverse (n, rows), and (n, n - rank) the motions that keep them closed."""
+def _inverse(loops: Array, rank: int) -> tuple[Array, Array]:
+    """Return the pseudo-inverse of the loops' Jacobian (n, rows), and the motions that keep loops closed (n, n -
+    rank)."""
     if rank == 0:
         return np.zeros(loops.shape[::-1]), np.eye(loops.shape[1])
     u, sigma, vt = np.linalg.svd(loops, full_matrices=True)
     return vt[:rank].T / sigma[:rank] @ u[:, :rank].T, vt[rank:].T
 
 
-def _left(rows: Array) -> Array:
-    """(k, .) motions that rows (., k) leave free."""
+def _null_space(rows: Array) -> Array:
+    """Return an orthonormal basis (k, .) of the null space of rows (., k)."""
     if not len(rows):
         return np.eye(rows.shape[1])
     _, sigma, vt = np.linalg.svd(rows, full_matrices=True)

@@ -1,73 +1,74 @@
-"""`PersistentSolver`: does not stay where limits or its posture keep it from targets that it could reach."""
+"""`PersistentSolver`: leaves dead ends by another configuration that reaches the targets."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from cinegen.errors import CinegenError
+from cinegen.ik.global_ik import inverse_kinematics
 from cinegen.ik.objectives import Objective, Posture
-from cinegen.ik.point_to_point import inverse_kinematics
 from cinegen.ik.solver import Array, Solver
 from cinegen.ik.step import Status, Step
 from cinegen.ik.task import FrameTask
 
-_STARTS = 24  # from so many configurations a way out is looked for, once for each place of the targets
-_TICKS = 2  # at rest, before it is looked for
+_STARTS = 24  # of the search, once for each set of targets
+_TICKS = 2  # at rest before the search
 _REST = 1e-6  # rad or lengths in a tick
-_RATE = 0.2  # part of the way to the other posture in a tick, at most; limits of speed count too
-_THERE = 0.02  # rad or lengths from that posture, tasks take over again
+_RATE = 0.2  # largest fraction of the distance to the other configuration in a tick; velocity limits apply, too
+_ARRIVED = 0.02  # rad or lengths from that configuration, where the tasks are resumed
 
 
 class PersistentSolver(Solver):
     """A `Solver` that leaves dead ends.
 
-    Where it comes to rest, its targets standing still and not reached, it looks for a posture that reaches them
-    (`inverse_kinematics`). If there is one it goes there through the joints, loops closed and limits kept, while the
-    tasks wait. The status is DETOUR meanwhile.
+    Where it comes to rest before targets that do not move, it searches for a configuration that reaches them
+    (`inverse_kinematics`). If there is one, it moves there in joint space, loops closed and limits kept, while the
+    tasks are suspended. The status is DETOUR meanwhile.
 
-    A tick in which a posture is looked for takes some milliseconds; the first for a set of tasks a few tenths of a
-    second where loops are to be closed. Tasks after twists never wait. What it finds may be far from where the robot
-    is: not for robots among people.
+    A tick with a search takes some milliseconds; the first for a set of tasks takes a few tenths of a second if the
+    mechanism has loops. Tasks that follow twists are never suspended. The configuration found may be far away: do not
+    use this solver for robots among people.
     """
 
     _goal: Array | None = None
-    _own: tuple[Objective, ...] = ()  # objectives that wait
-    _resting = 0  # ticks
-    _tried: tuple[bytes, ...] = ()  # where the targets were when a posture was looked for
+    _own: tuple[Objective, ...] = ()  # suspended objectives
+    _resting = 0  # ticks at rest
+    _tried: tuple[bytes, ...] = ()  # targets of the last search
 
     @property
     def objectives(self) -> tuple[Objective, ...]:
-        """See `Solver`; on a detour they wait."""
+        """Objectives, see `Solver`; they are suspended with the tasks."""
         return self._objectives if self._goal is None else self._own
 
     @objectives.setter
     def objectives(self, objectives: Iterable[Objective]) -> None:
-        self._take_over()
+        self._resume()
         Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
 
     def step(self) -> Step:
-        """One tick of dt. Never raises: the status says what happened."""
-        if self._goal is not None and self._places() != self._tried:
-            self._take_over()
+        """Compute one tick of dt. Never raises: the status reports what happened."""
+        if self._goal is not None and self._targets() != self._tried:
+            self._resume()
         before = self._q.copy()
         step = super().step()
         moved = self.mechanism.distance(before, self._q)
         if self._goal is not None:
-            if self.mechanism.distance(self._q, self._goal) < _THERE or moved < _REST:
-                self._take_over()
+            if self.mechanism.distance(self._q, self._goal) < _ARRIVED or moved < _REST:
+                self._resume()
         elif moved < _REST * self.tick_gain and step.status in (Status.AT_LIMIT, Status.OUT_OF_REACH):
             self._resting += 1
-            if self._resting >= _TICKS and self._places() != self._tried:
-                self._look_for_another()
+            if self._resting >= _TICKS and self._targets() != self._tried:
+                self._search()
         else:
             self._resting = 0
         return step
 
-    def _places(self) -> tuple[bytes, ...]:
+    def _targets(self) -> tuple[bytes, ...]:
         return tuple(task.target.homogeneous.tobytes() for task in self._tasks if task.is_valid())
 
-    def _look_for_another(self) -> None:
-        self._tried = self._places()
+    def _search(self) -> None:
+        """Search for a configuration that reaches the targets; if there is one, suspend the tasks and move there."""
+        self._tried = self._targets()
         tasks = [task for task in self._tasks if task.is_valid()]
         if not tasks or any(task.twist is not None for task in tasks):
             return
@@ -75,16 +76,16 @@ class PersistentSolver(Solver):
             FrameTask(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, offset=p.offset) for p in tasks
         ]
         try:
-            reached = inverse_kinematics(self.mechanism, wanted, starts=_STARTS)
+            result = inverse_kinematics(self.mechanism, wanted, starts=_STARTS)
         except CinegenError:
             return
-        if reached:
-            self._goal, self._own = reached.q, self._objectives
-            self._objectives = (Posture(reached.q, rate=_RATE / self.dt),)
+        if result:
+            self._goal, self._own = result.q, self._objectives
+            self._objectives = (Posture(result.q, rate=_RATE / self.dt),)
             self._suspend_tasks(True)
 
-    def _take_over(self) -> None:
-        """The tasks do, again."""
+    def _resume(self) -> None:
+        """Resume the tasks."""
         if self._goal is None:
             return
         self._goal, self._objectives, self._own = None, self._own, ()

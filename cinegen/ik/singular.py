@@ -14,8 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.plain import equations, units
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import equations, free_motions, units
 from cinegen.ik.task import FrameTask
 from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism

@@ -16,8 +16,8 @@ from cinegen.ik._kernels.memory import MOST_FLAGS, SolverMemory
 from cinegen.ik._kernels.tick import tick
 from cinegen.ik.barrier import Barrier, Bounds
 from cinegen.ik.blend import Blend
+from cinegen.ik.equations import task_rank
 from cinegen.ik.objectives import Objective, State
-from cinegen.ik.plain import task_rank
 from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solver_tasks
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
@@ -484,8 +484,7 @@ class Solver:
     @property
     def state(self) -> State:
         """State that objectives and barriers are given."""
-        resting = 6 if self._base_is_fixed() else 0
-        return State(self.mechanism, self.q, self.dt, self.tasks, resting)
+        return State(self.mechanism, self.q, self.dt, self.tasks, 6 if self._base_is_fixed() else 0)
 
     # --- barriers ------------------------------------------------------------------------------------------------
 

@@ -12,8 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.ik._kernels import memory as m
-from cinegen.ik.plain import equations
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import equations, free_motions
 from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism

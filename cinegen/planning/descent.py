@@ -23,8 +23,8 @@ from cinegen.collision.clearance import Clearance
 from cinegen.collision.errors import PlanningError
 from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
+from cinegen.ik.equations import free_motions
 from cinegen.ik.objectives import State
-from cinegen.ik.resolve import free_motions
 from cinegen.ik.task import FrameTask
 from cinegen.joints import supporting_columns
 from cinegen.model import Mechanism

@@ -88,18 +88,18 @@ def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> Go
     """
     mechanism, rng = scene.mechanism, np.random.default_rng(seed)
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
-    seeker = LocalIK(mechanism, (task,))
-    seeker.tasks[0].target = scene.goal
+    local = LocalIK(mechanism, (task,))
+    local.tasks[0].target = scene.goal
     starts = [scene.start]
     if mechanism.loops:
-        starts += list(LocalIK(mechanism).spread(_SAMPLES, rng))
+        starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))
     free: list[Array] = []
     blocked: list[tuple[Array, int, float]] = []
     for count in range(_STARTS):
-        start = starts[count] if count < len(starts) else seeker.anywhere(rng)
-        if not seeker.seek(start, 1e-10) or seeker.open_by > CLOSURE:
+        start = starts[count] if count < len(starts) else local.random_start(rng)
+        if not local.solve(start, 1e-10) or local.closure > CLOSURE:
             continue
-        q = seeker.best
+        q = local.best
         if any(mechanism.distance(q, other) < _DISTINCT for other in free):
             continue
         distances = clearance.distances(q)

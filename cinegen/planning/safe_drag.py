@@ -274,8 +274,8 @@ class _ConfigurationSearch:
     """Search for configurations in which all targets are reached with the safety distance kept."""
 
     def __init__(self, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
-        self._seeker = LocalIK(mechanism, tuple(tasks))
-        for own, task in zip(self._seeker.tasks, tasks, strict=True):
+        self._local = LocalIK(mechanism, tuple(tasks))
+        for own, task in zip(self._local.tasks, tasks, strict=True):
             own.target = task.target.copy()
         self._rng, self._left = np.random.default_rng(0), _STARTS
         self.found: list[Array] = []
@@ -285,9 +285,9 @@ class _ConfigurationSearch:
         if self._left == 0:
             return False
         self._left -= 1
-        seeker = self._seeker
-        if seeker.seek(seeker.anywhere(self._rng), 1e-8) and seeker.open_by <= CLOSURE:
-            q = seeker.best
+        local = self._local
+        if local.solve(local.random_start(self._rng), 1e-8) and local.closure <= CLOSURE:
+            q = local.best
             if clearance.least(q) >= safety:
                 self.found.append(q)
         return self._left == 0

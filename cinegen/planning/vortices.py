@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision.clearance import Clearance
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import free_motions
 from cinegen.jit.compiled import prepare
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning._kernels.memory import VortexMemory

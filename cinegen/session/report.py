@@ -11,7 +11,7 @@ from msgspec import Struct
 from numpy.typing import NDArray
 
 from cinegen.ik import EventKind, LookAhead
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import free_motions
 from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.model import Mechanism
 from cinegen.session.state import RobotState

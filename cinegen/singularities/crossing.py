@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import free_motions
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import counted_loops
 from raff2urdf.closure import rank

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import ClosureError
 from cinegen.html import table
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import free_motions
 from cinegen.model import Mechanism
 from cinegen.singularities.ball_joints import CountedJacobians, counted
 from cinegen.singularities.grassmann import Dependence, classify, near

@@ -12,7 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import free_motions
 from cinegen.model import Mechanism
 from raff2urdf.closure import rank
 

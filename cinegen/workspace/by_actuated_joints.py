@@ -7,7 +7,7 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.ik.batch import Evaluations, Sampler
+from cinegen.ik.batch import BatchEvaluator, Evaluations
 from cinegen.tolerances import AT_LIMIT
 from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.chunks import back_and_forth, neighbours
@@ -28,7 +28,7 @@ class ByActuatedJoints:
         sampler: of its mechanism and node.
     """
 
-    def __init__(self, spec: MapSpecification, sampler: Sampler) -> None:
+    def __init__(self, spec: MapSpecification, sampler: BatchEvaluator) -> None:
         self.spec, self._sampler = spec, sampler
         mechanism = spec.mechanism
         names = [
@@ -43,14 +43,14 @@ class ByActuatedJoints:
         if spec.mechanism.loops:
             shape = [len(range(*part.indices(part.stop))) for part in chunk]
             order = back_and_forth(shape)
-            done = self._sampler.led(np.ascontiguousarray(values[order]))
+            done = self._sampler.follow(np.ascontiguousarray(values[order]))
             inverse = np.argsort(order)
             done = Evaluations(*(getattr(done, name)[inverse] for name in _FIELDS))
             status = self._judged(done)
             if not (status == _REACHABLE).all():
                 self._retry(values, neighbours(shape), done, status)
         else:
-            done = self._sampler.led(values)
+            done = self._sampler.follow(values)
             status = self._judged(done)
         done.q[status != _REACHABLE] = np.nan
         return Cells(spec, status, done, self._modes(values) if "solutions" in spec.quantities else None)
@@ -69,7 +69,7 @@ class ByActuatedJoints:
         home = self.spec.mechanism.q_home
 
         def reaches(start: Array, cell: int) -> bool:
-            found = self._sampler.led(values[cell : cell + 1], start)
+            found = self._sampler.follow(values[cell : cell + 1], start)
             now = self._judged(found)[0]
             if now == _REACHABLE or (now, status[cell]) == (_BEYOND_LIMITS, _OPEN):
                 status[cell] = now

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.batch import Evaluations, Sampler
+from cinegen.ik.batch import BatchEvaluator, Evaluations
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.workspace.cells import Cells, CellStatus
@@ -50,13 +50,13 @@ class ByPose(Continuation):
         sampler: of its mechanism and node.
     """
 
-    def __init__(self, spec: MapSpecification, sampler: Sampler) -> None:
+    def __init__(self, spec: MapSpecification, sampler: BatchEvaluator) -> None:
         super().__init__(spec)
         mechanism = spec.mechanism
         self._sampler = sampler
         self.local = LocalIK(mechanism, (), spec.limits)
         count = _SAMPLES_CLOSED if mechanism.loops else _SAMPLES
-        self._samples = self.local.spread(count, np.random.default_rng(_SEED))
+        self._samples = self.local.samples(count, np.random.default_rng(_SEED))
         self._features = np.array([self._feature(mechanism.placement(q, spec.node)) for q in self._samples])
         self.bounds = ReachBounds(mechanism, spec.node, spec.limits, spec.rotation)
         axis = (FrameTask(spec.node, pin.SE3.Identity(), 3, 2),)
@@ -162,7 +162,7 @@ class ByPose(Continuation):
             left[at] = False
             rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), directions[at]).matrix()
             target = local.tasks[0].target = pin.SE3(rotation, point)
-            if any(local.seek(start, GOAL) for start in (known[by[at]], *self.starts(target))):
+            if any(local.solve(start, GOAL) for start in (known[by[at]], *self.starts(target))):
                 known.append(local.best)
                 nearer = directions @ directions[at]
                 by[nearer > nearness] = len(known) - 1
@@ -258,7 +258,7 @@ class _Solutions:
             self._note(cell, front.q[cell])
         for cell in reached:
             target = front.target(cell)
-            for start in (*of.starts(target), *(of.local.anywhere(rng) for _ in range(tries))):
+            for start in (*of.starts(target), *(of.local.random_start(rng) for _ in range(tries))):
                 self._note(cell, of.solve(target, start))
         while self._waiting:
             here, number, q = self._waiting.popleft()

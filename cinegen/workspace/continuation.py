@@ -38,7 +38,7 @@ class Continuation:
     def solve(self, target: pin.SE3, guess: Array) -> Array | None:
         """Return a configuration (nq,) near a guess (nq,) with the node at a target; None where there is none."""
         self._local.tasks[0].target = target
-        return self._local.best if self._local.seek(guess, GOAL) else None
+        return self._local.best if self._local.solve(guess, GOAL) else None
 
     def at(self, values: Array, guess: Array) -> Array | None:
         """Return a configuration (nq,) near a guess (nq,) at coordinates (axes,) of the region; None where there is

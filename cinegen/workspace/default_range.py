@@ -88,7 +88,7 @@ def _pose_range(mechanism: Mechanism, node: str, axis: int) -> tuple[float, floa
 @lru_cache(maxsize=4)
 def _samples(mechanism: Mechanism) -> Array:
     """Return samples (n, nq) of the configuration space."""
-    return LocalIK(mechanism, ()).spread(_SAMPLES, np.random.default_rng(0))
+    return LocalIK(mechanism, ()).samples(_SAMPLES, np.random.default_rng(0))
 
 
 @lru_cache(maxsize=8)
@@ -110,7 +110,7 @@ def _furthest(mechanism: Mechanism, node: str, axis: int, sign: float) -> float:
         q, at, step = _samples(mechanism)[k], points[k], first
         while step > last:
             local.tasks[0].target = pin.SE3(np.eye(3), at + step * outwards)
-            if local.seek(q, _GOAL):
+            if local.solve(q, _GOAL):
                 q, at = local.best, at + step * outwards
             else:
                 step *= 0.5

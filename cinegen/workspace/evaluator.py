@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.ik.batch import Sampler
+from cinegen.ik.batch import BatchEvaluator
 from cinegen.singularities.ball_joints import balls
 from cinegen.singularities.crossing import of_passive_joints
 from cinegen.workspace.by_actuated_joints import ByActuatedJoints
@@ -44,7 +44,9 @@ class ChunkEvaluator:
         lean = _LEAN.issuperset(spec.quantities) and (
             "sigma_1" not in spec.quantities or spec.rank == min(sum(spec.counted), spec.dof)
         )
-        sampler = Sampler(spec.mechanism, spec.node, *spec.counted, threes, "sigma_2" in spec.quantities, not lean)
+        sampler = BatchEvaluator(
+            spec.mechanism, spec.node, *spec.counted, threes, "sigma_2" in spec.quantities, not lean
+        )
         self._by = (ByActuatedJoints if spec.over_joints else ByPose)(spec, sampler)
 
     def values(self, chunk: tuple[slice, ...]) -> dict[str, Values]:
@@ -62,7 +64,7 @@ class ChunkEvaluator:
 
     def _complete_sigma_2(self, cells: Cells) -> None:
         """Compute sigma_2 where the sampler can't: axes of a ball joint in a plane, dependent columns."""
-        q, sigma = cells.evaluations.q, cells.evaluations.second
+        q, sigma = cells.evaluations.q, cells.evaluations.passive_sigma
         left = np.flatnonzero(np.isfinite(q[:, 0]) & ~np.isfinite(sigma))
         if len(left):
             rows = of_passive_joints(self.spec.mechanism)

@@ -145,9 +145,9 @@ def _runner(
     if scheduler is None and workers == 1:
         yield partial(_in_turn, folder)
         return
-    from cinegen.ik.batch import Sampler
+    from cinegen.ik.batch import BatchEvaluator
 
-    Sampler(store.spec.mechanism, store.spec.node)  # compiles, if necessary, before all processes do so at once
+    BatchEvaluator(store.spec.mechanism, store.spec.node)  # compiles, if necessary, before all processes do so at once
     with connected(scheduler, workers) as client:
         yield lambda task, lists: (chunks for chunks, _ in each(client, task, lists, folder))
 

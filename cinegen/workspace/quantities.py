@@ -37,7 +37,7 @@ def _sigma_1(cells: Cells) -> Values:
 
 
 def _sigma_2(cells: Cells) -> Values:
-    return cells.evaluations.second
+    return cells.evaluations.passive_sigma
 
 
 def _actuated_singular_values(cells: Cells) -> Array:

@@ -150,7 +150,7 @@ def test_links_whose_solids_always_overlap_are_checked_by_their_meshes():
     assert both not in {frozenset(clearance.names(pair)) for pair in range(len(clearance.pairs))}
     check = MeshCheck(given)
     assert check.unchecked == ()
-    free = LocalIK(talos()).spread(50, np.random.default_rng(3))
+    free = LocalIK(talos()).samples(50, np.random.default_rng(3))
     beyond = np.random.default_rng(0).uniform(-np.pi, np.pi, size=(100, talos().model.nq))  # limits apart
     named = [[both <= set(check.contact(q).split("'")) for q in some] for some in (free, beyond)]
     assert not any(named[0])

@@ -7,14 +7,14 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from reference_tick import damping
 from scipy.optimize import linprog, minimize
 
 from cinegen import CinegenError, Solver, Status
-from cinegen.ik import Posture, plain
+from cinegen.ik import Posture
 from cinegen.ik._kernels.memory import SPEED_SCALE
 from cinegen.ik.barrier import Bounds
-from cinegen.ik.damping import damping
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import axes_of, equations, free_motions, task_rank
 from cinegen.ik.thresholds import RESTING
 
 DT = 0.01
@@ -183,15 +183,15 @@ def test_it_goes_back_on_when_it_went_on_before(robot):
 
 
 def best_by_scipy(mechanism, solver, rows, most):
-    """(nv,) what does most for the tasks by the plain statement (`cinegen.ik.resolve`), by scipy's SLSQP."""
+    """(nv,) what does most for the tasks by the plain statement (`reference_tick`), by scipy's SLSQP."""
     system = mechanism.system
     _, loops = system.evaluate(solver.q)
-    tasks = [(task, plain.axes_of(task, mechanism, system)) for task in solver.tasks]
-    error, jacobian = plain.equations(mechanism, system, tasks)
+    tasks = [(task, axes_of(task, mechanism, system)) for task in solver.tasks]
+    error, jacobian = equations(mechanism, system, tasks)
     motions, _ = free_motions(loops, mechanism.loop_rank)
     u, sigma, wt = np.linalg.svd(jacobian @ motions)
     sigmas, along = np.zeros(motions.shape[1]), np.zeros(motions.shape[1])
-    rank = min(plain.task_rank(mechanism, system, solver.tasks, slice(None)), len(sigma))
+    rank = min(task_rank(mechanism, system, solver.tasks, slice(None)), len(sigma))
     sigmas[:rank], along[:rank] = sigma[:rank], (u.T @ error)[:rank]
     squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
     squared[rank:] = RESTING

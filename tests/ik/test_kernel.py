@@ -1,4 +1,4 @@
-"""The kernels against what they must compute: plain numpy, `cinegen.ik.plain`, `cinegen.ik.resolve`, scipy."""
+"""The kernels against what they must compute: plain numpy, `cinegen.ik.equations`, `reference_tick`, scipy."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numba import types
+from reference_tick import resolve
 from scipy.optimize import linprog, nnls
 
 import cinegen
 import raff2urdf
 from cinegen import Solver
-from cinegen.ik import plain
 from cinegen.ik._kernels import bounds, tasks
 from cinegen.ik._kernels.memory import SolverMemory
-from cinegen.ik.resolve import resolve
+from cinegen.ik.equations import axes_of, equations, task_rank
 from cinegen.ik.thresholds import FULL, NEAR, REST
 from cinegen.jit import compiled, factor, svd
 from cinegen.loops._kernels import kinematics, residual
@@ -113,8 +113,8 @@ def plain_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
     mechanism = solver.mechanism
     system = mechanism.system
     system.evaluate(solver.q)
-    tasks = [(task, plain.axes_of(task, mechanism, system)) for task in solver.tasks]
-    return plain.equations(mechanism, system, tasks)
+    tasks = [(task, axes_of(task, mechanism, system)) for task in solver.tasks]
+    return equations(mechanism, system, tasks)
 
 
 @every_robot
@@ -158,19 +158,17 @@ def expected_step(solver: Solver, low: np.ndarray, high: np.ndarray, longest: np
     mechanism = solver.mechanism
     loops = mechanism.system.evaluate(solver.q)[1]
     error, rows = plain_equations(solver)
-    rank, task_rank = mechanism.loop_rank, plain.task_rank(mechanism, mechanism.system, solver.tasks, slice(None))
+    rank, of_tasks = mechanism.loop_rank, task_rank(mechanism, mechanism.system, solver.tasks, slice(None))
     infinite = np.full(len(low), np.inf)
-    found = resolve(loops, rank, rows, task_rank, error, -infinite, infinite)
+    found = resolve(loops, rank, rows, of_tasks, error, -infinite, infinite)
     pace = min(1.0, FULL / float((np.abs(found.step) / longest).max(initial=1e-9)))
     step = pace * found.step
     if (step <= high).all() and (step >= low).all():
         return step
-    lost = found.sigma[task_rank - 1]
+    lost = found.sigma[of_tasks - 1]
     if (pace < 1.0 and lost < NEAR) or lost < 1e-9:
         return None
-    return resolve(
-        loops, rank, rows, task_rank, pace * error, np.maximum(low, -longest), np.minimum(high, longest)
-    ).step
+    return resolve(loops, rank, rows, of_tasks, pace * error, np.maximum(low, -longest), np.minimum(high, longest)).step
 
 
 def steps_agree(solver: Solver, rng: np.random.Generator, tight: float) -> str:

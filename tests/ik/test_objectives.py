@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import cinegen
 from cinegen import Solver, Status
 from cinegen.ik import LimitMargin, Manipulability, Posture, State
-from cinegen.ik.resolve import free_motions
+from cinegen.ik.equations import free_motions
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*should mimic another joint")  # the panda's second finger
 

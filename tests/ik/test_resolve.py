@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from reference_tick import damping, resolve
 from scipy.optimize import LinearConstraint, minimize
 
-from cinegen.ik.damping import damping
-from cinegen.ik.resolve import free_motions, resolve
+from cinegen.ik.equations import free_motions
 from cinegen.ik.thresholds import NEAR, RESTING
 
 seeds = st.integers(0, 2**32 - 1)

@@ -9,9 +9,9 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from reference_tick import damping
 
 from cinegen import CinegenError, Solver, Status, forecast_motion, load
-from cinegen.ik.damping import damping
 
 ARM = load("robots/planar_3r.raff")
 END = ARM.nodes[-1]

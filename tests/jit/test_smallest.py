@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numba import njit
 
-from cinegen.ik.batch import Sampler
+from cinegen.ik.batch import BatchEvaluator
 from cinegen.jit.smallest import smallest_singular_value
 
 
@@ -57,10 +57,10 @@ def test_a_sampler_that_is_asked_for_less_gives_the_same(robot, name, counted):
     home = [mechanism.q_home[mechanism.q_index(joint)] for joint in mechanism.actuated]
     steps = np.random.default_rng(0).normal(size=(20, len(home))) * 0.01
     motors = home + np.cumsum(steps, axis=0)
-    whole = Sampler(mechanism, mechanism.end, *counted, (), True).led(motors)
-    less = Sampler(mechanism, mechanism.end, *counted, (), True, whole=False).led(motors)
+    whole = BatchEvaluator(mechanism, mechanism.end, *counted, (), True).follow(motors)
+    less = BatchEvaluator(mechanism, mechanism.end, *counted, (), True, whole=False).follow(motors)
     assert np.isfinite(whole.q).any()
-    for one in ("q", "closure", "second"):
+    for one in ("q", "closure", "passive_sigma"):
         np.testing.assert_array_equal(getattr(whole, one), getattr(less, one))
     np.testing.assert_allclose(less.singular_values[:, -1], whole.singular_values[:, -1], atol=1e-13)
     assert less.placements.shape == less.jacobians.shape == (20, 0, 0)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from test_inverse_kinematics import CLOSED, SERIAL, configurations, end_of, limits_of, mechanism_of
 
 import cinegen
-from cinegen.ik.batch import Sampler
+from cinegen.ik.batch import BatchEvaluator
 
 
 def motors(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
@@ -140,9 +140,9 @@ def test_a_line_of_equal_steps_is_where_each_of_its_configurations_is_alone(name
 
 def test_along_a_line_a_cell_takes_two_evaluations() -> None:
     mechanism = mechanism_of("delta4")
-    sampler = Sampler(mechanism, "platform")
+    sampler = BatchEvaluator(mechanism, "platform")
     home = motors(mechanism, mechanism.q_home)
-    sampler.led(np.linspace(home - 0.4, home + 0.4, 100))
+    sampler.follow(np.linspace(home - 0.4, home + 0.4, 100))
     assert 100 < sampler._memory.evaluations <= 2.2 * 100
 
 

@@ -236,7 +236,7 @@ def test_what_a_robot_does_is_never_said_to_be_too_far(robot, name, limits):
     from cinegen.ik.local_ik import LocalIK
 
     mechanism = robot(name)
-    some = LocalIK(mechanism, (), limits).spread(25, np.random.default_rng(1))
+    some = LocalIK(mechanism, (), limits).samples(25, np.random.default_rng(1))
     for node in mechanism.nodes[1:]:
         placements = [mechanism.placement(q, node) for q in some]
         points, rotations = (np.array([getattr(p, part) for p in placements]) for part in ("translation", "rotation"))

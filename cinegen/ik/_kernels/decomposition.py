@@ -1,5 +1,4 @@
-"""How well the tasks can be followed: their rows on the null space of the loops, decomposed; `cinegen.ik.resolve`,
-compiled."""
+"""Singular values of the tasks in the null space of the loops, compiled; in plain form in `tests/ik/reference_tick.py`."""
 
 from __future__ import annotations
 
@@ -39,7 +38,7 @@ def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
 
 @compiled
 def damping(square: float, error: float, threshold: float) -> float:
-    """What is added to a squared singular value, as `cinegen.ik.damping.damping`."""
+    """What is added to a squared singular value, as in `tests/ik/reference_tick.py`."""
     ratio = square / (threshold * threshold)
     return (1.0 - ratio) * (1.0 - ratio) * (0.25 * threshold * threshold + error) if ratio < 1.0 else 0.0
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.ik.batch import Sampler
+from cinegen.ik.batch import BatchEvaluator
 from cinegen.singularities.ball_joints import balls
 from cinegen.singularities.crossing import Rows, crossings, of_node, of_passive_joints, turned
 from cinegen.singularities.singularity import SingularityType
@@ -289,7 +289,7 @@ def dexterity(box: BoxConfigurations) -> Dexterity:
     sizes = np.zeros(box.grid.size)
     sizes[inner] = box.grid.sizes
     q = box.q[reached]
-    done = Sampler(spec.mechanism, spec.node, *spec.counted, balls(spec.mechanism)).at(q)
+    done = BatchEvaluator(spec.mechanism, spec.node, *spec.counted, balls(spec.mechanism)).at(q)
     cells = Cells(spec, np.full(len(q), CellStatus.REACHABLE, np.uint8), done)
     with np.errstate(divide="ignore"):
         conditioning = np.nan_to_num(1.0 / QUANTITIES["condition"].of(cells).astype(float), nan=0.0)

@@ -1,6 +1,6 @@
-"""The equations of one tick in plain numpy: what the kernels compute, as it reads in the papers.
+"""Equations of the tasks and motions in the null space of the loops, in plain numpy.
 
-Slow, and the standard that the kernels are held against; and where something is counted once, such as a rank.
+The kernels compute the same in each tick, and are tested against this; it serves where speed does not matter.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik.resolve import free_motions
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import ERROR_CAP
 from cinegen.loops.closed_loops import ClosedLoops
@@ -22,8 +21,21 @@ from raff2urdf.closure import rank
 Array = NDArray[np.float64]
 
 
+def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
+    """Return an orthonormal basis of the motions that keep all loops closed, (nv, nv - rank), and the loops' singular
+    values.
+
+    The width is the generic mobility: near a type 2 singularity, where the loops lose a rank, it stays the same.
+    """
+    if rank == 0:
+        return np.eye(loops.shape[1]), np.zeros(0)
+    _, sigma, vt = np.linalg.svd(loops, full_matrices=True)
+    return vt[rank:].T, sigma[:rank]
+
+
 def axes_of(task: FrameTask, mechanism: Mechanism, system: ClosedLoops) -> Array:
-    """(3, 3) whose axes a task holds, in the world; Pinocchio's placements must be up to date in the system's data."""
+    """Return the axes of a task in the world, (3, 3); Pinocchio's placements must be up to date in the system's
+    data."""
     if task.axes == "target":
         return np.asarray(task.target.rotation)
     if task.axes == "world":
@@ -35,19 +47,19 @@ def axes_of(task: FrameTask, mechanism: Mechanism, system: ClosedLoops) -> Array
 def equations(
     mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[tuple[FrameTask, Array]]
 ) -> tuple[Array, Array]:
-    """Of all tasks after poses together, without unit: what is left to do (capped, weighted), and the rows that do it.
+    """Return the remaining errors of tasks that follow poses, capped and weighted, and their Jacobian; dimensionless.
 
     Args:
-        mechanism: which is pulled.
-        system: whose `evaluate` has left Pinocchio's Jacobians where they are asked for.
-        tasks: that make sense, each with its axes in the world (3, 3).
+        mechanism: mechanism that is moved.
+        system: its loops, whose `evaluate` has left Pinocchio's Jacobians at the configuration in question.
+        tasks: valid tasks, each with its axes in the world (3, 3).
 
     Returns:
-        (rows,) and (rows, nv).
+        errors (rows,) and Jacobian (rows, nv).
     """
     model, data, length = mechanism.model, system.data, system.length
     errors, rows = [np.zeros(0)], [np.zeros((0, model.nv))]
-    heaviest = max((task.weight for task, _ in tasks), default=1.0)  # only the weights' proportions matter
+    heaviest = max((task.weight for task, _ in tasks), default=1.0)  # only the proportions of weights matter
     for task, axes in tasks:
         placement = pin.updateFramePlacement(model, data, task.frame) * task.offset
         jacobian = np.zeros((6, model.nv))
@@ -55,25 +67,25 @@ def equations(
             of_node = pin.getFrameJacobian(model, data, task.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
             jacobian[:] = task.offset.toActionMatrixInverse() @ of_node
         error, row = task.equations(placement, jacobian * system.scale, axes)
-        straight, turn = error[: task.translation] / length, error[task.translation :]
+        linear, angular = error[: task.translation] / length, error[task.translation :]
         weight = task.weight / heaviest
-        errors += [weight * _capped(straight), weight * _capped(turn)]
+        errors += [weight * _capped(linear), weight * _capped(angular)]
         rows.append(weight * units(task, length)[:, None] * row)
     return np.concatenate(errors), np.vstack(rows)
 
 
 def units(task: FrameTask, length: float) -> Array:
-    """(rows,) what takes the unit from each equation of a task: the characteristic length (m) counts as 1."""
+    """Return the factors (rows,) that make a task's equations dimensionless: the characteristic length (m) counts 1."""
     return np.where(np.arange(task.rows) < task.translation, 1.0 / length, 1.0)
 
 
 def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[FrameTask], moving: slice) -> int:
-    """The generic rank of all tasks: a planar mechanism never moves along z, and is not singular for that.
+    """Return the generic rank of all tasks. A planar mechanism never moves along z, and is not singular for that.
 
     Args:
-        mechanism: which is pulled.
-        system: scratch.
-        tasks: that make sense.
+        mechanism: mechanism that is moved.
+        system: its loops; scratch.
+        tasks: valid tasks.
         moving: columns that may move.
     """
     highest = 0

@@ -1,0 +1,238 @@
+"""Global inverse kinematics: a configuration that brings nodes to poses, from many starts of the local solver."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from cinegen.errors import CinegenError
+from cinegen.html import table
+from cinegen.ik._kernels.local_ik import nearest_start
+from cinegen.ik.local_ik import LocalIK
+from cinegen.ik.solver import Solver
+from cinegen.ik.step import Status
+from cinegen.ik.task import FrameTask
+from cinegen.model import Mechanism
+from cinegen.tolerances import CLOSURE
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 1000  # configurations that starts are taken from
+_CLOSED_SAMPLES = 400  # with loops, where they cost more
+_NEAREST = 8  # starts that are nearest to the targets; after them every other one is random
+_KEPT = 16  # global solvers that are kept
+_APPROACH = 400  # ticks towards targets that were not reached
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IKResult:
+    """Result of `inverse_kinematics`; true if all targets are reached.
+
+    Attributes:
+        found: whether all targets are reached.
+        q: (nq,) configuration, loops closed; if no solution was found, one as near to the targets as possible.
+        closure: largest loop residual at q, rad or characteristic lengths.
+        starts: number of starts.
+        iterations: number of iterations from all starts.
+        saturated: if no solution was found, joints at a limit that restricts the motion towards the targets.
+    """
+
+    found: bool
+    q: Array
+    closure: float
+    starts: int
+    iterations: int
+    saturated: tuple[str, ...]
+    _mechanism: Mechanism = field(repr=False)
+    _tasks: tuple[FrameTask, ...] = field(repr=False)
+
+    @property
+    def errors(self) -> tuple[tuple[float, float], ...]:
+        """Remaining error of each target: m and rad."""
+        return tuple(self._error(task) for task in self._tasks)
+
+    def _error(self, task: FrameTask) -> tuple[float, float]:
+        axes = task.target.rotation
+        if task.axes != "target":
+            axes = np.eye(3) if task.axes == "world" else self._mechanism.placement(self.q, task.axes).rotation
+        linear, angular = task.errors(self._mechanism.placement(self.q, task.node) * task.offset, axes)
+        return math.hypot(*linear), math.hypot(*angular)
+
+    def __bool__(self) -> bool:
+        return self.found
+
+    def __str__(self) -> str:
+        effort = f"{self.starts} start{'s' * (self.starts != 1)}, {self.iterations} iterations"
+        if self.found:
+            return f"reached ({effort})"
+        left = ", ".join(f"{linear:.3g} m and {angular:.3g} rad" for linear, angular in self.errors)
+        limits = f"; {', '.join(self.saturated)} at the limit" if self.saturated else ""
+        return f"not reached: remaining error at the nearest configuration {left}{limits} ({effort})"
+
+    def __repr__(self) -> str:
+        return f"<IKResult of {self._mechanism.name}: {self}>"
+
+    def _repr_html_(self) -> str:
+        """Show the error of each target as a table in a notebook."""
+        errors = zip(self._tasks, self.errors, strict=True)
+        rows = [(task.node, f"{linear:.3g}", f"{angular:.3g}") for task, (linear, angular) in errors]
+        return table(f"{self._mechanism.name}: {self}", ("node", "error (m)", "error (rad)"), rows)
+
+
+def inverse_kinematics(
+    mechanism: Mechanism,
+    targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
+    q: ArrayLike | None = None,
+    *,
+    tolerance: float = 1e-6,
+    limits: bool = True,
+    starts: int = 100,
+    seed: int = 0,
+) -> IKResult:
+    """Find a configuration that brings nodes to targets, loops closed and joints within their limits.
+
+    The first start is q; the next are the nearest to the targets among samples of all configurations that can be
+    reached from home; later ones are random. The first solution is returned. Samples are kept: the first call for a
+    mechanism and its nodes takes milliseconds, later ones microseconds. Threads do not share them.
+
+    Args:
+        mechanism: mechanism.
+        targets: pose of each node in the world; or tasks, where a pose is constrained in part.
+        q: (nq,) first start, loops closed or not; a solution near it is preferred.
+        tolerance: largest error, m and rad. Usually less than 1e-12 remains.
+        limits: whether joints must keep their position limits.
+        starts: largest number of starts. A target is reported as not reached only after all of them.
+        seed: seed of the samples and random starts.
+
+    Raises:
+        UnknownNameError: no such node.
+        ConfigurationError: q has a wrong shape or is not finite.
+        CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive.
+    """
+    if isinstance(targets, Mapping):
+        targets = [FrameTask(node, target) for node, target in targets.items()]
+    if not targets:
+        raise CinegenError("inverse kinematics needs a target for at least one node")
+    for task in targets:
+        if not task.is_valid() or task.twist is not None:
+            raise CinegenError(f"a target of '{task.node}' must be a finite pinocchio.SE3, and its weight above 0")
+    if not (tolerance > 0.0 and starts > 0):
+        raise CinegenError(f"tolerance and starts must be above 0, not {tolerance} and {starts}")
+    return _global_ik(mechanism, tuple(targets), limits, seed).solve(
+        [task.target for task in targets], None if q is None else mechanism.checked(q), tolerance, starts
+    )
+
+
+class _GlobalIK:
+    """Local solver of some frames of a mechanism, with its starts."""
+
+    def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> None:
+        self._mechanism, self._limits, self._seed = mechanism, limits, seed
+        self._local = LocalIK(mechanism, tasks, limits)
+        self._weights = [_weights(task, mechanism.length) for task in tasks]
+        closing = LocalIK(mechanism, (), limits) if mechanism.loops else self._local
+        count = _CLOSED_SAMPLES if mechanism.loops else _SAMPLES
+        self._samples = closing.samples(count, np.random.default_rng(seed))
+        self._features = np.array([self._feature(self._local.placements(q)) for q in self._samples])
+        self._used = np.zeros(len(self._samples))
+
+    def _feature(self, placements: Sequence[pin.SE3]) -> Array:
+        """Return the constrained parts of some placements as one point; its distances are dimensionless."""
+        parts = []
+        for placement, (linear, angular) in zip(placements, self._weights, strict=True):
+            parts += [linear * placement.translation, (angular * placement.rotation).ravel()]
+        return np.concatenate(parts)
+
+    def solve(self, targets: Sequence[pin.SE3], q: Array | None, tolerance: float, starts: int) -> IKResult:
+        """Solve from one start after the other."""
+        local = self._local
+        for task, target in zip(local.tasks, targets, strict=True):
+            task.target = target
+        goal = 0.5 * min(tolerance, tolerance / self._mechanism.length)  # of each of up to three residuals
+        rng: np.random.Generator | None = None  # anew in each call: results do not depend on earlier calls
+        point = self._feature(targets)
+        self._used[:] = 0.0
+        iterations = 0
+        best: tuple[float, Array] = (np.inf, self._mechanism.q_home)
+        for count in range(starts):
+            if count == 0 and q is not None:
+                start = q
+            else:
+                nearest = -1
+                if count < _NEAREST or count % 2 == 0:
+                    nearest = nearest_start(self._features, point, self._used)
+                if nearest >= 0:
+                    start = self._samples[nearest]
+                    self._used[nearest] = 1.0
+                else:
+                    rng = rng or np.random.default_rng(self._seed)
+                    start = local.random_start(rng)
+            found = local.solve(start, goal)
+            iterations += local.iterations
+            if found:
+                return self._result(True, local.best, local.closure, count + 1, iterations, ())
+            if local.closure <= CLOSURE and local.cost < best[0]:
+                best = local.cost, local.best
+        return self._approached(best[1], starts, iterations)
+
+    def _approached(self, q: Array, starts: int, iterations: int) -> IKResult:
+        """Return the configuration as near to the targets as ticks from q come."""
+        solver = Solver(self._mechanism, 1.0, q)
+        solver.copy_tasks(self._local.tasks)
+        solver.lift_limits(position=not self._limits)
+        for _ in range(_APPROACH):
+            step = solver.step()
+            if step.status is Status.OUT_OF_REACH or not np.abs(step.v).max(initial=0.0) > 1e-7:
+                break
+        return self._result(False, step.q, step.closure, starts, iterations, step.saturated)
+
+    def _result(
+        self, found: bool, q: Array, closure: float, starts: int, iterations: int, saturated: tuple[str, ...]
+    ) -> IKResult:
+        tasks = tuple(  # copies: the solver's tasks change with the next call
+            FrameTask(task.node, task.target, task.translation, task.rotation, 1.0, task.axes, offset=task.offset)
+            for task in self._local.tasks
+        )
+        return IKResult(found, q, closure, starts, iterations, saturated, self._mechanism, tasks)
+
+
+def _weights(task: FrameTask, length: float) -> tuple[float, Array]:
+    """Return the weights of a task's position (1/m) and of its three axes in the distance between placements."""
+    angular = np.full(3, 0.5 * (task.rotation / 3.0))
+    if task.rotation == 2:
+        angular = np.array([0.0, 0.0, 0.5])
+    return task.translation / 3.0 / length, angular
+
+
+class _Kept(threading.local):
+    """Global solvers that this thread used last."""
+
+    def __init__(self) -> None:
+        self.recent: OrderedDict[tuple[object, ...], _GlobalIK] = OrderedDict()
+
+
+_kept = _Kept()
+
+
+def _global_ik(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> _GlobalIK:
+    frames = [
+        (task.node, task.translation, task.rotation, task.axes, task.weight, *task.offset.homogeneous.ravel().tolist())
+        for task in tasks
+    ]
+    key = (id(mechanism), limits, seed, *frames)
+    recent = _kept.recent
+    solver = recent.get(key)
+    if solver is None:
+        solver = recent[key] = _GlobalIK(mechanism, tasks, limits, seed)  # keeps the mechanism, so that its id stays
+        if len(recent) > _KEPT:
+            recent.popitem(last=False)
+    else:
+        recent.move_to_end(key)
+    return solver

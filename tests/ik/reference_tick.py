@@ -1,0 +1,119 @@
+"""The linear algebra of one tick in plain numpy, lexicographic: loops exactly, joint limits exactly, tasks as well as
+possible. Everything is dimensionless. The compiled kernels are tested against it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from cinegen.ik.equations import free_motions
+from cinegen.ik.thresholds import NEAR, RESTING
+
+Array = NDArray[np.float64]
+
+_TOUCH = 1e-12  # rad: a step that ends this little beyond a bound ends on it
+
+
+def damping(sigma: Array, error: float, near: float = NEAR) -> Array:
+    """Return what is added to each squared singular value, (k,): exactly 0 from `near` on.
+
+    (1 - (sigma / near)^2)^2 (near^2 / 4 + error) below: only singular directions that are about to be lost are damped
+    (A. A. Maciejewski and C. A. Klein, "Numerical filtering for the operation of robotic manipulators through
+    kinematically singular configurations", Journal of Robotic Systems 5, 1988). The term in the error's size keeps a
+    robot at rest that is stretched towards a target out of its reach: there the step is proportional to the small
+    singular value and the error to its square, and undamped the two oscillate (T. Sugihara, "Solvability-unconcerned
+    inverse kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27, 2011).
+
+    Args:
+        sigma: (k,) singular values.
+        error: size of the desired motion, dimensionless.
+        near: singular value from which on nothing is damped.
+    """
+    part = np.maximum(0.0, 1.0 - (sigma / near) ** 2) ** 2
+    return np.asarray(part * (0.25 * near * near + error))
+
+
+@dataclass(frozen=True, slots=True)
+class Resolution:
+    """Attributes:
+    step: (nv,) joint step.
+    sigma: singular values of the tasks in the null space of the loops, largest first.
+    loop_sigma: singular values of the loops, as many as their generic rank.
+    frozen: columns whose bound restricts the step; they end on it.
+    """
+
+    step: Array
+    sigma: Array
+    loop_sigma: Array
+    frozen: tuple[int, ...]
+
+
+def resolve(loops: Array, rank: int, tasks: Array, task_rank: int, error: Array, low: Array, high: Array) -> Resolution:
+    """Return the step that does most for the tasks while every loop stays closed and every joint within its bounds.
+
+    In the coordinates y of the free motions V, with the SVD A = tasks V = U S W^T, the step minimises
+
+        |A y - error|^2 + sum_i damping_i (w_i . y)^2    subject to    low <= V y <= high,
+
+    without damping where singular values are large, and with `RESTING` for motions that no task constrains. With
+    x_i = h_i (w_i . y), h_i^2 = s_i^2 + damping_i, that is the point x of a polyhedron that is nearest to
+    b_i = (s_i / h_i) u_i . error.
+
+    Args:
+        loops: (rows, nv) Jacobian of the loops.
+        rank: its generic rank.
+        tasks: (k, nv) Jacobian of all tasks, weighted.
+        task_rank: generic rank of the tasks in the null space of the loops.
+        error: (k,) desired motion.
+        low: (nv,) lowest step of each joint, at most 0.
+        high: (nv,) highest, at least 0.
+    """
+    motions, loop_sigma = free_motions(loops, rank)
+    width = motions.shape[1]
+    if width == 0 or len(error) == 0:
+        return Resolution(np.zeros(len(low)), np.zeros(0), loop_sigma, ())
+    u, sigma, wt = np.linalg.svd(tasks @ motions, full_matrices=True)
+    sigmas, along = np.zeros(width), np.zeros(width)  # motions that no task constrains have singular value 0
+    used = min(len(sigma), width)
+    sigmas[:used], along[:used] = sigma[:used], (u.T @ error)[:used]
+    squared = sigmas**2 + damping(sigmas, float(np.linalg.norm(error)))
+    squared[task_rank:] = RESTING  # these stay still, unless a limit needs them
+    scale = np.sqrt(squared)
+    wanted = sigmas / scale * along
+    joints = motions @ wt.T / scale  # (nv, width): joint step of each x
+    x, frozen = _nearest(wanted, joints, low, high)
+    step = joints @ x
+    return Resolution(step * _within(step, low, high), sigma, loop_sigma, frozen)
+
+
+def _nearest(wanted: Array, joints: Array, low: Array, high: Array) -> tuple[Array, tuple[int, ...]]:
+    """Return the point x nearest to `wanted` with low <= joints x <= high, and the joints whose bounds are active.
+
+    Least distance programming by non-negative least squares (C. L. Lawson and R. J. Hanson, "Solving least squares
+    problems", 1974, chapter 23).
+    """
+    step = joints @ wanted
+    if (step <= high + _TOUCH).all() and (step >= low - _TOUCH).all():
+        return wanted, ()
+    upper, lower = np.flatnonzero(np.isfinite(high)), np.flatnonzero(np.isfinite(low))
+    owner = np.concatenate([upper, lower])
+    sides = np.concatenate([-joints[upper], joints[lower]])  # sides (x - wanted) >= least
+    least = np.concatenate([step[upper] - high[upper], low[lower] - step[lower]])
+    target = np.zeros(len(wanted) + 1)
+    target[-1] = 1.0
+    multipliers, _ = nnls(np.vstack([sides.T, least]), target)
+    active = np.flatnonzero(multipliers > 0.0)
+    # the same point again, from its active bounds: to rounding
+    move = np.linalg.lstsq(sides[active], least[active], rcond=1e-10)[0]
+    return wanted + move, tuple(sorted({int(j) for j in owner[active]}))
+
+
+def _within(step: Array, low: Array, high: Array) -> float:
+    """Return the largest fraction of the step, 0 to 1, that stays within all bounds (to `_TOUCH`)."""
+    up = step > high + _TOUCH
+    down = step < low - _TOUCH
+    parts = np.concatenate([high[up] / step[up], low[down] / step[down]])
+    return float(min(1.0, parts.min(initial=1.0)))
