@@ -1,4 +1,4 @@
-"""Singular values of the tasks in the null space of the loops, compiled; in plain form in `tests/ik/reference_tick.py`."""
+"""Singular values of the tasks in the null space of the loops, compiled; plain form: `tests/ik/reference_tick.py`."""
 
 from __future__ import annotations
 
