@@ -76,14 +76,9 @@ def _shape(follow: str) -> str | None:
 
 
 def _describe(setup: Setup) -> None:
-    from cinegen.session import is_obstacle
-
     for name, mechanism in setup.robots.items():
-        if is_obstacle(mechanism):
-            continue
         line = f"{name}: {count(mechanism.joints, 'joint')}, {count(mechanism.loops, 'loop')}"
         line += f", mobility {mechanism.mobility}"
         print(f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else line)
-    around = setup.avoidance
-    if around is not None:
-        print(f"keeps {1e3 * around.scene.safety:.3g} mm clear of {count(around.obstacles, 'obstacle')}")
+    if setup.avoidance is not None:
+        print(f"keeps {1e3 * setup.avoidance.scene.safety:.3g} mm clear of {count(setup.obstacles, 'obstacle')}")

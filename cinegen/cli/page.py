@@ -111,18 +111,16 @@ class PageOptions:
 
 def _wait(cockpit: Cockpit, seconds: float | None) -> None:
     """Wait until the time is over or Ctrl-C; at a terminal, with a line about the state."""
-    from cinegen.session import is_obstacle
-
     if not sys.stderr.isatty():
         cockpit.wait(seconds)
         return
     left = math.inf if seconds is None else seconds
-    robots = [name for name, mechanism in cockpit.setup.robots.items() if not is_obstacle(mechanism)]
     while left > 0.0 and not cockpit.wait(min(left, 1.0)):
         left -= 1.0
         state = cockpit.state
-        states = ((name, state.robots[name]) for name in robots)
-        text = ", ".join(f"{name}: {robot.status.label}, closure {robot.closure:.0e}" for name, robot in states)
+        text = ", ".join(
+            f"{name}: {robot.status.label}, closure {robot.closure:.0e}" for name, robot in state.robots.items()
+        )
         print(f"\r{state.time:5.0f} s  {text[:110]:<110}", end="", file=sys.stderr, flush=True)
 
 

@@ -296,7 +296,7 @@ def _record(found: Plan, path: Path) -> str:
 
     setup = scene_setup(found.scene)
     name = next(iter(setup.robots))
-    times = record_plan(found, path, name, {name: setup.robots[name]})
+    times = record_plan(found, path, name, setup.robots[name])
     return f"recorded: {path}, {times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
 
 
@@ -308,5 +308,6 @@ def _view(found: Plan, page: PageOptions) -> None:
     setup = scene_setup(found.scene)
     with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
         recording = Path(folder) / f"{found.scene.name}.jsonl"
-        times = record_plan(found, recording, next(iter(setup.robots)), setup.robots, setup.bases)
+        ((name, mechanism),) = setup.robots.items()
+        times = record_plan(found, recording, name, mechanism, setup.obstacles)
         page.show(replay_setup(recording, min(1.0, max(0.01, float(times[-1]) / _SHOWN))), found.scene.name)

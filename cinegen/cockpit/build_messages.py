@@ -18,6 +18,7 @@ from cinegen.cockpit.messages import (
     LoopDescription,
     NodeDescription,
     NodeSensor,
+    ObstacleDescription,
     PlaybackDescription,
     ReportMessage,
     RobotDescription,
@@ -30,8 +31,8 @@ from cinegen.cockpit.messages import (
 from cinegen.devices.kinds import what_is
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
-from cinegen.session import CommandFrame, RobotReport, SessionState, Setup, is_obstacle
-from cinegen.session.state import PlaybackStatus
+from cinegen.session import CommandFrame, RobotReport, SessionState, Setup
+from cinegen.session.state import PlaybackStatus, TaskState
 
 Array = NDArray[np.float64]
 
@@ -45,12 +46,13 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
         client: number of the client.
         playback: recording that is replayed.
     """
-    length = max((one.length for one in setup.robots.values() if not is_obstacle(one)), default=1.0)
+    length = max(mechanism.length for mechanism in setup.robots.values())
     return HelloMessage(
         protocol=PROTOCOL,
         client=client,
         title=title,
-        robots=tuple(_robot(setup, name, mechanism, length) for name, mechanism in setup.robots.items()),
+        robots=tuple(_robot(setup, name, mechanism) for name, mechanism in setup.robots.items()),
+        obstacles=tuple(ObstacleDescription(name, length, one.dof) for name, one in setup.obstacles.items()),
         sensors=tuple(SensorDescription(one.name, one.url, what_is(one.url)) for one in setup.devices),
         switches=tuple(SwitchDescription(one.robot, one.node, one.choices) for one in setup.switches),
         frames=get_args(CommandFrame),
@@ -59,15 +61,13 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
     )
 
 
-def _robot(setup: Setup, name: str, mechanism: Mechanism, length: float) -> RobotDescription:
-    """Describe a robot; `length` is that of an obstacle."""
-    obstacle, base = is_obstacle(mechanism), setup.base(name)
+def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
+    base = setup.base(name)
     joints = [describe_joint(mechanism, joint) for joint in mechanism.joints]
     return RobotDescription(
         name=name,
         robot=mechanism.name,
-        obstacle=obstacle,
-        length=length if obstacle else mechanism.length,
+        length=mechanism.length,
         mobility=mechanism.mobility,
         end=mechanism.end,
         base=None if base.robot is None or base.node is None else (base.robot, base.node),
@@ -129,17 +129,21 @@ def state_message(state: SessionState, poses: NodePoses) -> StateMessage:
     for name, robot in state.robots.items():
         nodes = poses.of(name, robot.q)
         placed[name] = np.concatenate([pin.SE3ToXYZQUAT(one) for one in (robot.base, *nodes.values())]).tolist()
-        for task in robot.tasks:
-            position = robot.base.act((nodes[task.node] * task.offset).translation)
-            target = pin.SE3ToXYZQUAT(robot.base * task.target)
-            tasks.append(
-                TaskMessage(
-                    task.id, name, task.node, task.source, task.label, position.tolist(), target.tolist(), task.error,
-                    task.translation, task.rotation, task.weight,
-                )
-            )  # fmt: skip
+        tasks += [_task(name, task, robot.base * nodes[task.node], robot.base * task.target) for task in robot.tasks]
+    for name, obstacle in state.obstacles.items():
+        tasks += [_task(name, task, obstacle.pose, task.target) for task in obstacle.tasks]
+    obstacles = {name: tuple(pin.SE3ToXYZQUAT(one.pose).tolist()) for name, one in state.obstacles.items()}
     statuses = {name: robot.status for name, robot in state.robots.items()}
-    return StateMessage(round(state.time, 3), placed, tuple(tasks), statuses)
+    statuses |= {name: obstacle.status for name, obstacle in state.obstacles.items()}
+    return StateMessage(round(state.time, 3), placed, obstacles, tuple(tasks), statuses)
+
+
+def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMessage:
+    """Build the message of a task, whose node and target are there in the world."""
+    return TaskMessage(
+        task.id, robot, task.node, task.source, task.label, (node * task.offset).translation.tolist(),
+        pin.SE3ToXYZQUAT(target).tolist(), task.error, task.translation, task.rotation, task.weight,
+    )  # fmt: skip
 
 
 def report_message(

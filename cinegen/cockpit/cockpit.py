@@ -19,7 +19,7 @@ from cinegen.cockpit.scene import RobotScene
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import KnownNames, Reporter, RobotReport, SessionRunner, SessionState, Setup, is_obstacle
+from cinegen.session import KnownNames, Reporter, RobotReport, SessionRunner, SessionState, Setup
 
 FRAMES = 60
 """States per second that pages are sent."""
@@ -100,6 +100,8 @@ class Cockpit:
         """Return the present scene as one HTML file that needs no server."""
         for name, robot in self.state.robots.items():
             self.scene.show(name, robot.q, robot.base)
+        for name, obstacle in self.state.obstacles.items():
+            self.scene.show_obstacle(name, obstacle.pose)
         return self.page.html()
 
     def wait(self, seconds: float | None = None) -> bool:
@@ -163,7 +165,7 @@ class Cockpit:
 
     def _report(self) -> None:
         """Report on all robots."""
-        reporters = {name: Reporter(one) for name, one in self.setup.robots.items() if not is_obstacle(one)}
+        reporters = {name: Reporter(one) for name, one in self.setup.robots.items()}
         while not self._over.is_set():
             begin = time.monotonic()
             state = self.runner.state if self.error is None else None
@@ -183,12 +185,12 @@ class Cockpit:
 
 def title_of(setup: Setup) -> str:
     """Return the title of a session's page: its robots' names."""
-    return ", ".join(name for name, mechanism in setup.robots.items() if not is_obstacle(mechanism))
+    return ", ".join(setup.robots)
 
 
 def draw(page: Page, setup: Setup) -> RobotScene:
-    """Draw the robots of a session into a page, as it begins."""
-    scene = RobotScene(page, setup.robots, base_poses_at_home(setup))
+    """Draw the robots and obstacles of a session into a page, as it begins."""
+    scene = RobotScene(page, setup.robots, base_poses_at_home(setup), setup.obstacles)
     avoidance = setup.avoidance
     if avoidance is not None:
         scene.show(avoidance.robot, avoidance.scene.start)

@@ -23,7 +23,7 @@ from cinegen.cockpit.messages import ReportMessage, StateMessage
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import KnownNames, Reporter, SessionRunner, SessionState, Setup, is_obstacle
+from cinegen.session import KnownNames, Reporter, SessionRunner, SessionState, Setup
 from raff2urdf.files import write_all
 
 FPS = 30
@@ -126,7 +126,7 @@ def _messages(
 ) -> Iterator[tuple[StateMessage, ReportMessage | None]]:
     """Yield the state of each picture, and the report of some."""
     poses = NodePoses(setup.robots)
-    reporters = {name: Reporter(one) for name, one in setup.robots.items() if not is_obstacle(one)}
+    reporters = {name: Reporter(one) for name, one in setup.robots.items()}
     for number, state in enumerate(states):
         report = None
         if aids and number % _REPORTED == 0:

@@ -99,14 +99,13 @@ class LoopDescription(Struct, frozen=True):
 
 
 class RobotDescription(Struct, frozen=True):
-    """A robot, or an obstacle, which has one node.
+    """A robot.
 
     Attributes:
         name: name in the session.
         robot: its own name.
-        obstacle: whether it is an obstacle.
-        length: characteristic length (m); that of the largest robot for an obstacle.
-        mobility: number of degrees of freedom; 0 for an obstacle that can't be moved.
+        length: characteristic length (m).
+        mobility: number of degrees of freedom.
         end: its end.
         base: robot and node that carry it, or null.
         nodes: its nodes.
@@ -116,7 +115,6 @@ class RobotDescription(Struct, frozen=True):
 
     name: str
     robot: str
-    obstacle: bool
     length: float
     mobility: int
     end: str
@@ -124,6 +122,20 @@ class RobotDescription(Struct, frozen=True):
     nodes: tuple[NodeDescription, ...]
     joints: tuple[JointDescription, ...]
     loops: tuple[LoopDescription, ...]
+
+
+class ObstacleDescription(Struct, frozen=True):
+    """An obstacle; in commands and tasks, it is a robot whose only node has its name.
+
+    Attributes:
+        name: name in the session.
+        length: size of marks on it (m): the characteristic length of the largest robot.
+        mobility: number of degrees of freedom; 0 if it can't be moved.
+    """
+
+    name: str
+    length: float
+    mobility: int
 
 
 class SensorDescription(Struct, frozen=True):
@@ -175,7 +187,8 @@ class HelloMessage(TypedMessage, frozen=True):
         protocol: version of the protocol.
         client: number of the client.
         title: title of the page.
-        robots: robots and obstacles.
+        robots: robots.
+        obstacles: obstacles.
         sensors: sensors.
         switches: nodes that may follow sensors.
         frames: command frames.
@@ -187,6 +200,7 @@ class HelloMessage(TypedMessage, frozen=True):
     client: int
     title: str
     robots: tuple[RobotDescription, ...]
+    obstacles: tuple[ObstacleDescription, ...]
     sensors: tuple[SensorDescription, ...]
     switches: tuple[SwitchDescription, ...]
     frames: tuple[CommandFrame, ...]
@@ -199,7 +213,7 @@ class TaskMessage(Struct, frozen=True):
 
     Attributes:
         id: number of the task.
-        robot: its robot.
+        robot: its robot or obstacle.
         node: node that it moves.
         source: what commands it: pointer, pin or sensor.
         label: name for people.
@@ -254,7 +268,7 @@ class ReportMessage(Struct, frozen=True):
     """A report, about ten times per second.
 
     Attributes:
-        robots: robots by name; without obstacles.
+        robots: robots by name.
         sensors: sensors.
         switches: sensor that each node follows.
         settings: settings of the solvers and sensors.
@@ -289,8 +303,9 @@ class StateMessage(TypedMessage, frozen=True):
         time: time since the session began, s.
         poses: poses of each robot, seven numbers each: its base pose in the world, then each of its nodes relative to
             that, in the order of the description.
-        tasks: tasks of all robots.
-        statuses: status of each robot.
+        obstacles: pose of each obstacle in the world.
+        tasks: tasks of all robots and obstacles.
+        statuses: status of each robot and obstacle.
         frame: number of the state.
         controller: number of the client that has control, or null.
         report: in some of the states.
@@ -298,6 +313,7 @@ class StateMessage(TypedMessage, frozen=True):
 
     time: float
     poses: dict[str, list[float]]
+    obstacles: dict[str, Vector7]
     tasks: tuple[TaskMessage, ...]
     statuses: dict[str, RobotStatus]
     frame: int = 0

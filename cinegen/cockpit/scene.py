@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -17,14 +17,16 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.cockpit.page import Page
+from cinegen.collision.body import box_corners
+from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
-from cinegen.session import is_obstacle, solids_of
 
 if TYPE_CHECKING:  # trimesh takes its time
     from raff2urdf.graphics.surface import ColouredSurface
 
 Array = NDArray[np.float64]
 
+_ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: the radius of what is shown, whatever its true size, so that every robot fills the view
 _EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # m, y up: where the view is from; far away, so that near parts don't look fat
 _RINGS, _SIDES = 7, 28  # of a capsule's end
@@ -32,8 +34,7 @@ _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: where a loop is closed
 _TARGET = 0xD55E00  # vermillion: where something should be
 _GOAL = 0x009E73  # bluish green: where a scene's robot is to go
 _OBSTACLE = np.array([0.62, 0.55, 0.46, 1.0])  # nothing else is brown
-_WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of what stands fixed: it must not hide what is behind
-_DISC = np.array([0.34, 0.71, 0.91, 1.0])  # Okabe and Ito's sky blue: a mobile robot
+_WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of obstacles that can't be moved: they must not hide what is behind
 
 
 class RobotScene:
@@ -42,17 +43,26 @@ class RobotScene:
     Args:
         page: to draw into.
         mechanisms: by the name they have in the page.
-        bases: where those stand that don't stand in the world's origin.
+        bases: base poses of those that are not in the world's origin (m).
+        obstacles: obstacles, by name.
     """
 
     def __init__(
-        self, page: Page, mechanisms: Mapping[str, Mechanism], bases: Mapping[str, pin.SE3] | None = None
+        self,
+        page: Page,
+        mechanisms: Mapping[str, Mechanism],
+        bases: Mapping[str, pin.SE3] | None = None,
+        obstacles: Mapping[str, DrawnObstacle] | None = None,
     ) -> None:
         self.page, self.mechanisms = page, dict(mechanisms)
         self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
         self._root = meshcat.Visualizer(window=page)["cinegen"]
         self._targets: set[str] = set()
-        self._fit()
+        drawn = {name: (one, _geometry(one)) for name, one in (obstacles or {}).items()}
+        self._fit(drawn.values())
+        for name, (obstacle, objects) in drawn.items():
+            self._put(self._root[name][name], objects)
+            self.show_obstacle(name, obstacle.placement)
         for name, mechanism in self.mechanisms.items():
             self._draw(name, mechanism)
             self.show(name, mechanism.q_home, self.bases[name])
@@ -67,6 +77,10 @@ class RobotScene:
         for node in mechanism.nodes:
             placement = pin.updateFramePlacement(model, data, mechanism.frame_id(node))
             self._root[name][node].set_transform(placement.homogeneous)
+
+    def show_obstacle(self, name: str, pose: pin.SE3) -> None:
+        """Move an obstacle to a pose in the world (m)."""
+        self._root[name].set_transform(pose.homogeneous)
 
     def target(self, name: str, label: str, placement: pin.SE3) -> None:
         """Shows where something should be as a triad; drawn when first shown, then moved."""
@@ -89,15 +103,16 @@ class RobotScene:
         self._root[path]["ball"].set_object(shape.Sphere(size), ball)
         self._root[path].set_transform(placement.homogeneous)
 
-    def _fit(self) -> None:
-        """Scales and moves the whole so that it fills the view, and puts the floor under it."""
-        points = np.vstack(
-            [
-                part @ self.bases[name].rotation.T + self.bases[name].translation
-                for name, mechanism in self.mechanisms.items()
-                for part in _extent(mechanism)
-            ]
-        )
+    def _fit(self, obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]]) -> None:
+        """Scale and move everything so that robots and movable obstacles fill the view, with the floor below."""
+        parts = [
+            part @ self.bases[name].rotation.T + self.bases[name].translation
+            for name, mechanism in self.mechanisms.items()
+            for part in _extent(mechanism)
+        ]
+        for obstacle, objects in obstacles:
+            parts += [_corners(one, obstacle.placement * one.placement) for one in objects if obstacle.dof]
+        points = np.vstack(parts)
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
         scale = _SHOWN / self._radius
@@ -117,17 +132,11 @@ class RobotScene:
     def _draw(self, name: str, mechanism: Mechanism) -> None:
         model = mechanism.model
         owners = {frame: node for node, frame in ((node, mechanism.frame_id(node)) for node in mechanism.nodes)}
-        obstacle = is_obstacle(mechanism)
-        for i, solid in enumerate(_shapes(mechanism)):
+        for i, solid in enumerate(mechanism.visual.geometryObjects):
             node = owners.get(solid.parentFrame)
-            if node is None:
-                continue
-            in_node = model.frames[solid.parentFrame].placement.actInv(solid.placement)
-            for k, (geometry, material, extra) in enumerate(_drawn(solid)):
-                place = self._root[name][node][f"{i}.{k}" if k else str(i)]
-                place.set_object(geometry, material)
-                place.set_transform(in_node.homogeneous @ extra)
-        for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)} if not obstacle else ():
+            if node is not None:
+                self._put(self._root[name][node], [solid], model.frames[solid.parentFrame].placement, i)
+        for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
             self._root[name][node]["triad"].set_object(shape.triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
             mark = self._root[name][loop.first][f"loop {loop.name}"]
@@ -135,39 +144,43 @@ class RobotScene:
             mark.set_object(shape.Sphere(0.05 * mechanism.length), ball)
             mark.set_transform(loop.first_placement.homogeneous)
 
+    def _put(self, path: Any, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN, first: int = 0) -> None:
+        """Draw geometry objects below a path of the page's scene, as seen from a frame."""
+        for i, solid in enumerate(objects, first):
+            placement = frame.actInv(solid.placement).homogeneous
+            for k, (geometry, material, extra) in enumerate(_drawn(solid)):
+                place = path[f"{i}.{k}" if k else str(i)]
+                place.set_object(geometry, material)
+                place.set_transform(placement @ extra)
 
-def _shapes(mechanism: Mechanism) -> list[pin.GeometryObject]:
-    """What is drawn of a mechanism, each on the frame of a node."""
-    solids = solids_of(mechanism)
-    if not solids:
-        return list(mechanism.visual.geometryObjects)
-    number = mechanism.frame_id(mechanism.nodes[-1])
-    frame = mechanism.model.frames[number]
-    colour = _DISC if not is_obstacle(mechanism) else _OBSTACLE if mechanism.mobility else _WALL
+
+def _geometry(obstacle: DrawnObstacle) -> list[pin.GeometryObject]:
+    """Return the shapes of an obstacle, in its frame."""
     found = []
-    for i, solid in enumerate(solids):
-        place = frame.placement * solid.placement
-        found.append(pin.GeometryObject(f"{i}", frame.parentJoint, number, place, solid.shape))
-        found[-1].meshColor = colour
+    for i, (placement, shape_) in enumerate(one.placed() for one in obstacle.shapes):
+        found.append(pin.GeometryObject(f"{i}", 0, placement, shape_))
+        found[-1].meshColor = _OBSTACLE if obstacle.dof else _WALL
     return found
 
 
 def _extent(mechanism: Mechanism) -> Iterator[Array]:
-    """Points (n, 3) that reach as far as the mechanism does at home: its nodes, the corners of its meshes, and of what
-    is drawn of an obstacle that can be moved."""
-    places = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
-    yield np.array([place.translation for place in places])
-    frames = {mechanism.frame_id(node): place for node, place in zip(mechanism.nodes, places, strict=True)}
-    movable = mechanism.mobility > 0 and bool(solids_of(mechanism))
-    for solid in _shapes(mechanism):
-        place = frames.get(solid.parentFrame)
-        if place is None or not (movable or _is_file(solid)):
-            continue
-        solid.geometry.computeLocalAABB()
-        box = solid.geometry.aabb_local
-        corners = np.stack(np.meshgrid(*zip(box.min_, box.max_, strict=True)), axis=-1).reshape(-1, 3)
-        within = place * mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
-        yield corners @ within.rotation.T + within.translation
+    """Yield points (n, 3) that reach as far as the mechanism does at home: its nodes, and the corners of its meshes."""
+    placements = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
+    yield np.array([placement.translation for placement in placements])
+    frames = {mechanism.frame_id(node): one for node, one in zip(mechanism.nodes, placements, strict=True)}
+    for solid in mechanism.visual.geometryObjects:
+        placement = frames.get(solid.parentFrame)
+        if placement is not None and _is_file(solid):
+            in_node = mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
+            yield _corners(solid, placement * in_node)
+
+
+def _corners(solid: pin.GeometryObject, placement: pin.SE3) -> Array:
+    """Return the corners (8, 3) of the bounding box of a shape at a pose."""
+    solid.geometry.computeLocalAABB()
+    box = solid.geometry.aabb_local
+    corners = box_corners(np.array(box.min_), np.array(box.max_))
+    return np.asarray(corners @ placement.rotation.T + placement.translation)
 
 
 def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:

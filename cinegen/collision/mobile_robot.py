@@ -14,7 +14,7 @@ from raff2urdf.readers.urdf import UNLIMITED
 
 X, Y, NODE = "x", "y", "mobile"
 
-_LINKS = "".join(f'<link name="{name}"/>' for name in ("ground", "rail", NODE))
+_LINKS = "".join(f'<link name="{name}"/>' for name in ("ground", "rail"))
 _JOINTS = "".join(
     f'<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/><axis xyz="{axis}"/>'
     f'<limit effort="0" velocity="0" lower="{-UNLIMITED}" upper="{UNLIMITED}"/></joint>'
@@ -23,13 +23,17 @@ _JOINTS = "".join(
 
 
 @cache
-def mobile_robot() -> Mechanism:
-    """Return two prismatic joints without limits, along x and y of the world, and the node that they carry."""
+def mobile_robot(visual: str = "") -> Mechanism:
+    """Return two prismatic joints without limits, along x and y of the world, and the node that they carry.
+
+    Args:
+        visual: `<visual>` elements of that node, in URDF.
+    """
     joints = [
         {"name": name, "type": "prismatic", "home": 0.0, "limits": None, "velocity": None, "actuated": True}
         for name in (X, Y)
     ]
-    urdf = f'<robot name="{NODE}">{_LINKS}{_JOINTS}</robot>'
+    urdf = f'<robot name="{NODE}">{_LINKS}<link name="{NODE}">{visual}</link>{_JOINTS}</robot>'
     constraints = {"robot": NODE, "nodes": ["ground", "rail", NODE], "floating": None, "joints": joints, "loops": []}
     return build(urdf, constraints, name=NODE)
 

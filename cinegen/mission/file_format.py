@@ -1,8 +1,8 @@
 """The file format of a mission, lines of JSON: this module is the schema.
 
-The first line describes the robots, see `MissionHeader`; with it the robots can be built again. Each other line is a
-moment, see `Moment`. A pose is x y z (m) and a quaternion x y z w. The tables in `docs/missions.md` are generated from
-the classes here by `docs/protocols.py`.
+The first line describes the robots and obstacles, see `MissionHeader`; with it they can be built again. Each other line
+is a moment, see `Moment`. A pose is x y z (m) and a quaternion x y z w. The tables in `docs/missions.md` are generated
+from the classes here by `docs/protocols.py`.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from msgspec import UNSET, Struct, UnsetType
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model.fingerprint import fingerprint
 from cinegen.model.mechanism import Mechanism
 from cinegen.typed_json import DoF, decoder, encode
@@ -112,7 +113,7 @@ class RecordedRobot(Struct, frozen=True, forbid_unknown_fields=True):
     base: BasePose
 
 
-class MissionHeader(Struct, frozen=True, forbid_unknown_fields=True):
+class MissionHeader(Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The first line.
 
     Attributes:
@@ -120,12 +121,14 @@ class MissionHeader(Struct, frozen=True, forbid_unknown_fields=True):
         version: of the format.
         created: time, in ISO 8601.
         robots: robots by name.
+        obstacles: obstacles by name.
     """
 
     cinegen: Literal["mission"]
     version: Literal[3]
     created: str
     robots: dict[str, RecordedRobot]
+    obstacles: dict[str, DrawnObstacle] = {}
 
 
 class Moment(Struct, frozen=True, forbid_unknown_fields=True):
@@ -134,10 +137,12 @@ class Moment(Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         t: time since the first moment, s.
         robots: robots by name; one that is left out is as in the moment before.
+        obstacles: poses of obstacles in the world (m), by name; one that is left out is as in the moment before.
     """
 
     t: float
     robots: dict[str, RobotSample]
+    obstacles: dict[str, pin.SE3] = {}
 
 
 class _FileKind(Struct):
@@ -151,12 +156,17 @@ _MOMENT = decoder(Moment, Moment)
 _NOT_DECODED = (msgspec.MsgspecError, RecursionError)
 
 
-def encode_header(mechanisms: Mapping[str, Mechanism], bases: Mapping[str, BasePose]) -> bytes:
+def encode_header(
+    mechanisms: Mapping[str, Mechanism], bases: Mapping[str, BasePose], obstacles: Mapping[str, DrawnObstacle]
+) -> bytes:
     """Encode the first line.
 
     Raises:
-        MissionError: a base pose is of a robot that is not recorded, or on one.
+        MissionError: a base pose is of a robot that is not recorded, or on one; or an obstacle has a robot's name.
     """
+    for name in obstacles:
+        if name in mechanisms:
+            raise MissionError(f"both a robot and an obstacle are called '{name}': rename one")
     for name, base in bases.items():
         if name not in mechanisms:
             raise MissionError(f"no robot '{name}' is recorded")
@@ -164,7 +174,7 @@ def encode_header(mechanisms: Mapping[str, Mechanism], bases: Mapping[str, BaseP
             raise MissionError(f"the base of '{name}' is '{base.node}' of '{base.robot}', which is not recorded")
     robots = {name: _described(mechanism, bases.get(name, BasePose())) for name, mechanism in mechanisms.items()}
     created = datetime.now(UTC).isoformat(timespec="seconds")
-    return encode(MissionHeader("mission", VERSION, created, robots)) + b"\n"
+    return encode(MissionHeader("mission", VERSION, created, robots, dict(obstacles))) + b"\n"
 
 
 def _described(mechanism: Mechanism, base: BasePose) -> RecordedRobot:
@@ -216,19 +226,22 @@ def decode_header(first: bytes) -> MissionHeader:
     return header
 
 
-def decode_moment(data: bytes, robots: Mapping[str, RecordedRobot]) -> Moment:
-    """Decode a moment of these robots.
+def decode_moment(data: bytes, header: MissionHeader) -> Moment:
+    """Decode a moment of the robots and obstacles of a first line.
 
     Raises:
-        MissionError: it doesn't match the schema, or is of other robots.
+        MissionError: it doesn't match the schema, or is of other robots or obstacles.
     """
     try:
         moment = _MOMENT.decode(data)
     except _NOT_DECODED as error:
         raise MissionError(str(error)) from None
     for name, sample in moment.robots.items():
-        if name not in robots:
+        if name not in header.robots:
             raise MissionError(f"robot '{name:.40}' is not in the first line - at `$.robots`")
-        if len(sample.q) != robots[name].nq:
-            raise MissionError(f"Expected `array` of length {robots[name].nq} - at `$.robots.{name}.q`")
+        if len(sample.q) != header.robots[name].nq:
+            raise MissionError(f"Expected `array` of length {header.robots[name].nq} - at `$.robots.{name}.q`")
+    for name in moment.obstacles:
+        if name not in header.obstacles:
+            raise MissionError(f"obstacle '{name:.40}' is not in the first line - at `$.obstacles`")
     return moment

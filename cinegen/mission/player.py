@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.mission.recording import Recording
@@ -71,6 +72,10 @@ class Player:
         """Set the playback speed, clipped to 0.01 to 100; 1 is real time."""
         if not math.isnan(speed):
             self.speed = min(max(SLOWEST, speed), FASTEST)
+
+    def placements(self) -> dict[str, pin.SE3]:
+        """Return the present poses of all obstacles in the world (m)."""
+        return self.recording.placements_at(self.time)
 
     def advance(self, dt: float) -> dict[str, Array]:
         """Advance by dt (s, before the playback speed) and return the configurations (nq,) of all robots by name."""

@@ -24,6 +24,7 @@ import pinocchio as pin
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
+from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample, encode_header, is_mission
 from cinegen.model import Mechanism
 from cinegen.typed_json import encode
@@ -31,6 +32,9 @@ from raff2urdf.files import is_stream, open_stream, write_all
 
 MOST = 10_000
 """Moments that may wait to be written; further ones are lost."""
+
+_Samples = list[tuple[str, RobotSample]]
+_Poses = list[tuple[str, pin.SE3]]
 
 _POLL = 0.02  # s between two looks of the thread at the queue; waking it would delay the control loop
 _SYNC = 1.0  # s between two synchronisations with the disk
@@ -45,6 +49,7 @@ class MissionRecorder:
         path: path of the file.
         mechanisms: robots, by the names that `write` uses.
         bases: base poses of those that are not fixed in the origin, by name.
+        obstacles: obstacles by name.
         overwrite: whether an existing mission is overwritten. A file of another kind never is.
 
     Attributes:
@@ -61,15 +66,17 @@ class MissionRecorder:
         mechanisms: Mapping[str, Mechanism],
         bases: Mapping[str, BasePose] | None = None,
         overwrite: bool = False,
+        obstacles: Mapping[str, DrawnObstacle] | None = None,
     ) -> None:
         self.path = Path(path)
         self.error: str | None = None
         self._refused = self._invalid = 0  # moments lost in `write`, and in the thread
-        self._file = _open(self.path, encode_header(mechanisms, bases or {}), overwrite)
-        self._queue: deque[tuple[float, list[tuple[str, RobotSample]]]] = deque()  # its ends are atomic: no lock
+        self._file = _open(self.path, encode_header(mechanisms, bases or {}, obstacles or {}), overwrite)
+        self._queue: deque[tuple[float, _Samples, _Poses]] = deque()  # its ends are atomic: no lock
         self._end = threading.Event()
         self._sizes = {name: mechanism.model.nq for name, mechanism in mechanisms.items()}
         self._written: dict[str, tuple[bytes, bytes | None]] = {}  # last sample of each robot, and its tasks
+        self._poses = {name: encode(obstacle.placement) for name, obstacle in (obstacles or {}).items()}  # the last
         self._first: float | None = None
         self._last = -math.inf
         self._thread = threading.Thread(target=self._run, name=f"recorder {self.path.name}", daemon=True)
@@ -85,12 +92,15 @@ class MissionRecorder:
         """Number of lost moments: the queue was full, a value was not valid, or the time was not after the last."""
         return self._refused + self._invalid
 
-    def write(self, time: float, robots: Mapping[str, RobotSample]) -> None:
+    def write(
+        self, time: float, robots: Mapping[str, RobotSample], obstacles: Mapping[str, pin.SE3] | None = None
+    ) -> None:
         """Queue a moment. Neither raises nor waits.
 
         Args:
             time: time on any clock, s; after that of the moment before.
             robots: samples by name, which are copied; a robot that is not named stays as it was.
+            obstacles: poses of obstacles in the world (m), likewise.
         """
         if self.error is not None:
             return
@@ -98,8 +108,9 @@ class MissionRecorder:
             if not self._last < time < math.inf or len(self._queue) >= MOST:
                 self._refused += 1
                 return
-            moment = [(name, _copied(sample)) for name, sample in robots.items()]
-            self._queue.append((time, moment))
+            samples = [(name, _copied(sample)) for name, sample in robots.items()]
+            poses = [(name, pose.copy()) for name, pose in (obstacles or {}).items()]
+            self._queue.append((time, samples, poses))
             if self._first is None:
                 self._first = time
             self._last = time
@@ -149,9 +160,9 @@ class MissionRecorder:
         while not ends:
             ends = self._end.wait(_POLL)
             while self._queue:
-                time, robots = self._queue.popleft()
+                time, *moment = self._queue.popleft()
                 since = round(time - begin, 9) if begin is not None else 0.0
-                data = self._line(since, robots) if since > last else None
+                data = self._line(since, *moment) if since > last else None
                 if data is None:
                     self._invalid += 1
                     continue
@@ -161,7 +172,7 @@ class MissionRecorder:
                 _sync(self._file)
                 dirty, due = False, clock.monotonic() + _SYNC
 
-    def _line(self, time: float, robots: list[tuple[str, RobotSample]]) -> bytes | None:
+    def _line(self, time: float, robots: _Samples, obstacles: _Poses) -> bytes | None:
         """Return the line of a moment: what differs from the one before. None if the moment is not valid."""
         parts, written = {}, {}
         try:
@@ -174,10 +185,13 @@ class MissionRecorder:
                     continue
                 written[name] = motion, tasks
                 parts[name] = msgspec.Raw(motion if tasks == last else encode(sample))
-            line = encode({"t": time, "robots": parts}) + b"\n"
+            poses = {name: encode(_finite(pose)) for name, pose in obstacles}
+            moved = {name: msgspec.Raw(pose) for name, pose in poses.items() if self._poses[name] != pose}
+            line = encode({"t": time, "robots": parts} | ({"obstacles": moved} if moved else {})) + b"\n"
         except Exception:
             return None
         self._written |= written
+        self._poses |= poses
         return line
 
 
@@ -187,6 +201,12 @@ def _copied(sample: RobotSample) -> RobotSample:
     if not isinstance(tasks, UnsetType):
         tasks = tuple([replace(task, target=_copied_pose(task.target)) for task in tasks])
     return RobotSample(sample.q.copy(), sample.status, tasks)
+
+
+def _finite(pose: pin.SE3) -> pin.SE3:
+    if not np.isfinite(pose.homogeneous).all():
+        raise ValueError("pose")
+    return pose
 
 
 def _copied_pose(target: pin.SE3 | None) -> pin.SE3 | None:

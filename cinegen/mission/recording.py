@@ -10,13 +10,16 @@ from typing import Self
 
 import msgspec
 import numpy as np
+import pinocchio as pin
 from msgspec import UNSET, UnsetType
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
+from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.mission.file_format import (
     BasePose,
     MissionError,
+    MissionHeader,
     Moment,
     RecordedRobot,
     RecordedTask,
@@ -42,6 +45,8 @@ class Recording:
         q: configurations (count, nq) of each robot, rad and m, with the doubles that were written.
         tasks: tasks of each robot, (count).
         statuses: names of the statuses of each robot, (count).
+        placements: poses of each obstacle in the world (m), (count).
+        obstacles: obstacles by name.
     """
 
     path: Path
@@ -50,6 +55,8 @@ class Recording:
     q: Mapping[str, Array]
     tasks: Mapping[str, list[tuple[RecordedTask, ...]]]
     statuses: Mapping[str, list[str]]
+    placements: Mapping[str, list[pin.SE3]]
+    obstacles: Mapping[str, DrawnObstacle]
     _described: Mapping[str, RecordedRobot]
     _built: dict[str, Mechanism] = field(default_factory=dict)
 
@@ -74,8 +81,10 @@ class Recording:
             header = decode_header(first)
         except MissionError as error:
             raise MissionError(f"{path}: {error}") from None
-        moments = _moments(path, lines, header.robots)
-        self = cls(path, header.created, np.array([moment.t for moment in moments]), {}, {}, {}, header.robots)
+        moments = _moments(path, lines, header)
+        placements = {name: _placements(name, one, moments) for name, one in header.obstacles.items()}
+        times = np.array([moment.t for moment in moments])
+        self = cls(path, header.created, times, {}, {}, {}, placements, header.obstacles, header.robots)
         samples = {name: self._samples(name, moments) for name in header.robots}
         return replace(
             self,
@@ -168,20 +177,40 @@ class Recording:
         """
         if not len(self.times):
             return {name: self.mechanism(name).q_home.copy() for name in self.robots}
+        i, j, x = self._around(time)
+        return {name: between(self.mechanism(name), q[i], q[j], x) for name, q in self.q.items()}
+
+    def placements_at(self, time: float) -> dict[str, pin.SE3]:
+        """Return the poses of all obstacles in the world at a time (s): between two moments interpolated."""
+        if not len(self.times):
+            return {name: obstacle.placement.copy() for name, obstacle in self.obstacles.items()}
+        i, j, x = self._around(time)
+        return {name: pin.SE3.Interpolate(poses[i], poses[j], x) for name, poses in self.placements.items()}
+
+    def _around(self, time: float) -> tuple[int, int, float]:
+        """Return the moments before and after a time, and the fraction of the time between them that has passed."""
         i = self.index_at(time)
         j = min(i + 1, len(self.times) - 1)
         x = (time - self.times[i]) / (self.times[j] - self.times[i]) if j > i else 0.0
-        x = min(1.0, max(0.0, x)) if x == x else 0.0
-        return {name: between(self.mechanism(name), q[i], q[j], float(x)) for name, q in self.q.items()}
+        return i, j, float(min(1.0, max(0.0, x))) if x == x else 0.0
 
 
-def _moments(path: Path, lines: list[bytes], robots: Mapping[str, RecordedRobot]) -> list[Moment]:
+def _placements(name: str, obstacle: DrawnObstacle, moments: list[Moment]) -> list[pin.SE3]:
+    """Return the pose of an obstacle at each moment."""
+    found, last = [], obstacle.placement
+    for moment in moments:
+        last = moment.obstacles.get(name, last)
+        found.append(last)
+    return found
+
+
+def _moments(path: Path, lines: list[bytes], header: MissionHeader) -> list[Moment]:
     moments: list[Moment] = []
     for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
         if not line.strip():
             continue
         try:
-            moment = decode_moment(line, robots)
+            moment = decode_moment(line, header)
             if moments and moment.t <= moments[-1].t:
                 raise MissionError("Expected a time after that of the line before - at `$.t`")
         except MissionError as error:

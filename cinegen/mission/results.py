@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from cinegen.assembly import AssemblyModes
 from cinegen.joints import translations
-from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample
+from cinegen.mission.drawn_obstacle import DrawnObstacle
+from cinegen.mission.file_format import MissionError, RecordedTask, RobotSample
 from cinegen.mission.recorder import MissionRecorder
 from cinegen.model import Mechanism
 from cinegen.planning import Plan
@@ -29,8 +30,8 @@ def record_plan(
     plan: Plan,
     path: str | Path,
     name: str | None = None,
-    robots: Mapping[str, Mechanism] | None = None,
-    bases: Mapping[str, BasePose] | None = None,
+    mechanism: Mechanism | None = None,
+    obstacles: Mapping[str, DrawnObstacle] | None = None,
 ) -> Array:
     """Record the path of a plan, timed so that at any time one joint moves at its velocity limit.
 
@@ -41,9 +42,8 @@ def record_plan(
         plan: plan whose path has two configurations at least.
         path: path of the file, see `MissionRecorder`.
         name: name of the robot in the recording; its own unless given.
-        robots: all robots of the recording by name, with the plan's robot; the others stay at home. Unless given, the
-            plan's robot alone.
-        bases: base poses of these, by name.
+        mechanism: the plan's robot as it is drawn, if that differs.
+        obstacles: obstacles of the recording by name; none unless given.
 
     Returns:
         (steps + 1,) time of each configuration, s.
@@ -57,7 +57,7 @@ def record_plan(
     if times[-1] < _INSTANT:
         raise MissionError(f"{scene.name}: there is no path to record: {plan}")
     task = RecordedTask(scene.node, "plan", pin.SE3.Identity(), scene.goal, scene.translation, scene.rotation)
-    with MissionRecorder(path, {name: scene.mechanism} if robots is None else robots, bases) as recorder:
+    with MissionRecorder(path, {name: mechanism or scene.mechanism}, obstacles=obstacles) as recorder:
         last = -np.inf
         for time, q in zip(times.tolist(), plan.path, strict=True):
             if time - last >= _INSTANT:

@@ -4,7 +4,6 @@ from cinegen.mission import BasePose
 from cinegen.session.cloud import Cloud, ShownMap
 from cinegen.session.commands import Command, CommandError, CommandFrame, KnownNames, decode_command
 from cinegen.session.map_setup import map_setup
-from cinegen.session.obstacle import is_obstacle
 from cinegen.session.report import Reporter, RobotReport
 from cinegen.session.runner import SessionError, SessionRunner
 from cinegen.session.scene_setup import scene_setup
@@ -20,7 +19,6 @@ from cinegen.session.setup import (
     parse_base_pose,
     replay_setup,
 )
-from cinegen.session.solids import solids_of
 from cinegen.session.state import SessionState
 
 __all__ = [
@@ -45,10 +43,8 @@ __all__ = [
     "ShownMap",
     "arrange",
     "decode_command",
-    "is_obstacle",
     "map_setup",
     "parse_base_pose",
     "replay_setup",
     "scene_setup",
-    "solids_of",
 ]

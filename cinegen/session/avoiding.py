@@ -1,4 +1,4 @@
-"""`AvoidingRobot`: a robot of a session that keeps clear of what stands around it."""
+"""`AvoidingRobot`: a robot of a session that avoids obstacles."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ _NAMED = 2  # in a status, at most
 
 
 class AvoidingRobot(DrivenRobot):
-    """That of a scene. Tasks lead it round obstacles or up to them; obstacles that come near push it away; other
-    motions stop before they hit anything.
+    """The robot of a scene. Tasks guide it around obstacles or up to them; obstacles that come near push it away; other
+    motions stop before a collision.
 
     Args:
-        name: in the session.
-        scene: what stands around it, and where it begins.
-        obstacles: what people call each of the scene's obstacles.
-        dt: s, a tick.
+        name: name in the session.
+        scene: its obstacles, and its initial configuration.
+        obstacles: names of the scene's obstacles in the session.
+        dt: period of a tick, s.
     """
 
     def __init__(self, name: str, scene: Scene, obstacles: Sequence[str], dt: float) -> None:
@@ -41,12 +41,12 @@ class AvoidingRobot(DrivenRobot):
         self.bodies: tuple[Body, ...] = self._clearance.links
         self._data = self.mechanism.model.createData()
 
-    def meet(self, obstacle: int, placement: pin.SE3) -> None:
-        """An obstacle, by its place in the scene, is there now in the session's world."""
+    def move_obstacle(self, obstacle: int, placement: pin.SE3) -> None:
+        """Move an obstacle, by its index in the scene, to a pose in the session's world (m)."""
         self._avoiding.move(obstacle, self.base.actInv(placement))
 
-    def places(self) -> Iterator[pin.SE3]:
-        """Where its bodies are, in the session's world."""
+    def link_placements(self) -> Iterator[pin.SE3]:
+        """Yield the pose of each of its bodies in the session's world (m)."""
         pin.forwardKinematics(self.mechanism.model, self._data, self.q)
         for body in self.bodies:
             yield self.base * self._data.oMi[body.joint] * body.placement
@@ -81,12 +81,12 @@ class AvoidingRobot(DrivenRobot):
     # --- names ---------------------------------------------------------------------------------------------------
 
     def _barring(self) -> list[str]:
-        """What holds the last step back."""
+        """Return names of what restricts the last step."""
         held = self._avoiding.barrier.pairs
         return [self._what(int(held[row])) for row in self.step.active_barriers if row < len(held)]
 
     def _what(self, pair: int) -> str:
-        """What a link meets in a pair."""
+        """Return what a link meets in a pair."""
         group = int(self._clearance.groups[pair])
         if group < len(self._obstacles):
             return f"'{self._obstacles[group]}'"

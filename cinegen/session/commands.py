@@ -135,7 +135,7 @@ class MoveJoint(TypedMessage, frozen=True):
     """Move an actuated joint; the others keep their values, passive joints follow.
 
     Attributes:
-        robot: robot or obstacle.
+        robot: robot.
         joint: actuated joint of it.
         value: position to move to, rad or m.
     """
@@ -163,7 +163,7 @@ class MoveTo(TypedMessage, frozen=True):
     """Move a robot to a configuration, a node along a straight line.
 
     Attributes:
-        robot: robot or obstacle.
+        robot: robot.
         node: node that moves along a straight line.
         q: (nq,) configuration with closed loops, rad and m.
     """
@@ -286,7 +286,7 @@ class KnownNames:
     """Names that commands may refer to.
 
     Attributes:
-        nodes: nodes of each robot.
+        nodes: nodes of each robot; the only node of an obstacle has its name.
         actuated: actuated joints of each robot.
         sensors: sensors that a node may follow, by robot and node; None: no sensor.
     """
@@ -299,7 +299,8 @@ class KnownNames:
     def of(cls, setup: Setup) -> KnownNames:
         """Return the names of a session."""
         return cls(
-            {name: frozenset(mechanism.nodes) for name, mechanism in setup.robots.items()},
+            {name: frozenset(mechanism.nodes) for name, mechanism in setup.robots.items()}
+            | {name: frozenset((name,)) for name in setup.obstacles},
             {name: frozenset(mechanism.actuated) for name, mechanism in setup.robots.items()},
             {(switch.robot, switch.node): frozenset(switch.choices) for switch in setup.switches},
         )

@@ -1,9 +1,11 @@
-"""`DrivenObstacle`: an obstacle of a session, that people drag."""
+"""`DrivenObstacle`: an obstacle of a session that users drag."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -11,42 +13,71 @@ from numpy.typing import NDArray
 from cinegen.collision.clearance import Clearance
 from cinegen.collision.obstacle import Obstacle
 from cinegen.ik import Solver
+from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
+from cinegen.model.mechanism import MechanismSource
 from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction, is_clear
 from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.robot import DrivenRobot, UserTask
-from cinegen.session.state import RobotStatus
+from cinegen.session.state import ObstacleState, RobotStatus
 
 Array = NDArray[np.float64]
 
-_NEARER = 0.5  # of the safety distance: nearer than that it does not come
+_NEAREST = 0.5  # of the safety distance: it does not come nearer
+
+_JOINTS: dict[int, tuple[tuple[str, Any], ...]] = {
+    0: (),
+    3: (("x", pin.JointModelPX), ("y", pin.JointModelPY), ("angle", pin.JointModelRZ)),
+    6: (("free", pin.JointModelFreeFlyer),),
+}
 
 
 class DrivenObstacle(DrivenRobot):
-    """Of the scene of a robot. It pushes the robot before it: the robot yields as it comes nearer than the safety
-    distance, and where the robot can't yield, the obstacle stops at half of that. It is taken without being turned.
+    """An obstacle, which pushes the robot: the robot yields when the obstacle comes nearer than the safety distance;
+    where the robot can't yield, the obstacle stops at half of that. Dragging does not rotate it.
+
+    A solver moves it as a single free body, whose only node has its name.
 
     Args:
-        name: in the session.
-        mechanism: that stands for it.
-        obstacle: of the scene.
-        number: its place in the scene.
-        robot: that keeps clear of it.
-        dt: s, a tick.
+        name: name in the session.
+        drawn: the obstacle.
+        dt: period of a tick, s.
     """
 
-    def __init__(
-        self, name: str, mechanism: Mechanism, obstacle: Obstacle, number: int, robot: AvoidingRobot, dt: float
-    ) -> None:
-        super().__init__(name, Solver(mechanism, dt))
-        self._number, self._robot = number, robot
-        self._node = mechanism.nodes[-1]
-        joint = mechanism.model.frames[mechanism.frame_id(self._node)].parentJoint
+    def __init__(self, name: str, drawn: DrawnObstacle, dt: float) -> None:
+        super().__init__(name, Solver(_free_body(name, drawn.dof), dt))
+        self.base = drawn.placement.copy()
+        self._dt = dt
+        self._meets: tuple[int, AvoidingRobot, Clearance, ClearanceBarrier] | None = None
+
+    def meet(self, robot: AvoidingRobot, number: int, obstacle: Obstacle) -> None:
+        """Let a robot avoid it.
+
+        Args:
+            robot: robot of the scene.
+            number: index of the obstacle in the scene.
+            obstacle: the obstacle in the scene.
+        """
+        joint = self.mechanism.model.frames[self.mechanism.frame_id(self.name)].parentJoint
         own = [replace(piece, joint=joint) for piece in obstacle.pieces]
         links = [Obstacle(body.name, (replace(body, joint=0, placement=pin.SE3.Identity()),)) for body in robot.bodies]
-        self._clearance = Clearance(mechanism, own, links)
-        self._barrier = ClearanceBarrier(self._clearance, _NEARER * robot.safety, approach_fraction(dt))
-        self.solver.barriers = (self._barrier,)
+        clearance = Clearance(self.mechanism, own, links)
+        barrier = ClearanceBarrier(clearance, _NEAREST * robot.safety, approach_fraction(self._dt))
+        self.solver.barriers = (barrier,)
+        self._meets = number, robot, clearance, barrier
+
+    @property
+    def pose(self) -> pin.SE3:
+        """Pose in the session's world (m)."""
+        return self.placement(self.name)
+
+    @pose.setter
+    def pose(self, pose: pin.SE3) -> None:
+        relative = self.base.actInv(pose)
+        if self.mechanism.floating:
+            self.jump_to(pin.SE3ToXYZQUAT(relative))
+        elif self.mechanism.mobility:
+            self.jump_to(np.array([*relative.translation[:2], pin.log3(relative.rotation)[2]]))
 
     def add_task(
         self,
@@ -69,48 +100,71 @@ class DrivenObstacle(DrivenRobot):
             in_plane.translation[2] = here.translation[2]
             task.task.target = in_plane
 
-    def set_base(self, base: pin.SE3) -> None:
-        """See `DrivenRobot`."""
-        super().set_base(base)
-        self._tell()
-
     def tick(self, dt: float) -> str:
-        """See `DrivenRobot`; nothing is done while nobody holds it."""
+        """See `DrivenRobot`; nothing is computed while it is at rest without tasks."""
         if not self.tasks and self.motion is None and self.step.status.name == "IDLE":
             return ""
-        self._look()
-        trouble = super().tick(dt)
-        self._tell()
-        return trouble
+        self._update_links()
+        problem = super().tick(dt)
+        self._report_pose()
+        return problem
 
     def jump_to(self, q: Array) -> None:
         """See `DrivenRobot`."""
         super().jump_to(q)
-        self._tell()
+        self._report_pose()
 
     def collision(self, q: Array) -> str:
         """See `DrivenRobot`."""
-        self._look()
-        if np.array_equal(q, self.q) or is_clear(self._clearance, self.q, q, self._barrier.safety):
+        self._update_links()
+        if self._meets is None or np.array_equal(q, self.q):
             return ""
-        pair = int(self._clearance.distances(q).argmin())
-        return f"it would hit '{self._clearance.names(pair)[1]}'"
+        _, _, clearance, barrier = self._meets
+        if is_clear(clearance, self.q, q, barrier.safety):
+            return ""
+        return f"it would hit '{clearance.names(int(clearance.distances(q).argmin()))[1]}'"
 
     def status(self) -> RobotStatus:
         """See `DrivenRobot`."""
         status = super().status()
-        if self.motion is None and status.name == "BARRED":
-            pairs = self._barrier.pairs
-            links = [self._clearance.names(int(pairs[i]))[1] for i in self.step.active_barriers if i < len(pairs)]
-            if links:
-                return RobotStatus(status.name, f"barred by '{links[0]}'", status.description)
+        if self._meets is not None and self.motion is None and status.name == "BARRED":
+            _, _, clearance, barrier = self._meets
+            rows = [row for row in self.step.active_barriers if row < len(barrier.pairs)]
+            if rows:
+                link = clearance.names(int(barrier.pairs[rows[0]]))[1]
+                return RobotStatus(status.name, f"barred by '{link}'", status.description)
         return status
 
-    def _look(self) -> None:
-        """Where the robot's bodies are now."""
-        for number, place in enumerate(self._robot.places()):
-            self._clearance.move(number, self.base.actInv(place))
+    def obstacle_state(self) -> ObstacleState:
+        """Return the state, with targets in the session's world."""
+        robot = self.state()
+        tasks = tuple(msgspec.structs.replace(task, target=self.base * task.target) for task in robot.tasks)
+        return ObstacleState(self.pose, tasks, robot.status)
 
-    def _tell(self) -> None:
-        """The robot is told where it is now."""
-        self._robot.meet(self._number, self.placement(self._node))
+    def _update_links(self) -> None:
+        """Move the robot's bodies to their present poses in the clearance."""
+        if self._meets is not None:
+            _, robot, clearance, _ = self._meets
+            for number, placement in enumerate(robot.link_placements()):
+                clearance.move(number, self.base.actInv(placement))
+
+    def _report_pose(self) -> None:
+        """Report the pose to the robot."""
+        if self._meets is not None:
+            number, robot, _, _ = self._meets
+            robot.move_obstacle(number, self.pose)
+
+
+def _free_body(name: str, dof: int) -> Mechanism:
+    """Return the mechanism of a single body that moves freely (6 DoF), in the horizontal plane (3), or not at all."""
+    model, parent = pin.Model(), 0
+    for joint, kind in _JOINTS[dof]:
+        parent = model.addJoint(parent, kind(), pin.SE3.Identity(), joint)
+    model.addFrame(pin.Frame(name, parent, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.lowerPositionLimit[:], model.upperPositionLimit[:], model.velocityLimit[:] = -np.inf, np.inf, np.inf
+    joints = tuple(joint for joint, _ in _JOINTS[dof]) if dof == 3 else ()
+    return Mechanism(
+        name=name, model=model, nodes=(name,), joints=joints, actuated=joints, loops=(), length=1.0, floating=dof == 6,
+        q_home=pin.neutral(model), loop_rank=0, gap_as_written=0.0, sensors={}, sensor_constraints=(),
+        source=MechanismSource("", None, None, name),
+    )  # fmt: skip

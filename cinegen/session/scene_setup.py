@@ -1,23 +1,33 @@
-"""Scenes in a session: their robots keep clear, their obstacles are driven too."""
+"""`scene_setup`: the setup of a session with the robot and the obstacles of a scene."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal
 
-from cinegen.collision import Scene
-from cinegen.ik import Solver
-from cinegen.mission import BasePose
-from cinegen.model import Mechanism
-from cinegen.model.load import build
-from cinegen.session.avoiding import AvoidingRobot
-from cinegen.session.driven_obstacle import DrivenObstacle
-from cinegen.session.looks import Looks
-from cinegen.session.obstacle import mechanism_of
-from cinegen.session.robot import DrivenRobot
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.collision import Obstacle, Scene
+from cinegen.collision.body import PlacedShape
+from cinegen.collision.convex_hull import hull
+from cinegen.collision.mobile_robot import mobile_robot
+from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
+from cinegen.model.motion_plane import motion_plane
 from cinegen.session.setup import RATE, Avoidance, Setup, arrange
-from cinegen.session.solids import KEY, said
+
+Array = NDArray[np.float64]
+
+_FLAT = 0.25  # characteristic lengths
+_THIN = 0.02  # of a half-space's width
+_WIDE = 1.3  # times as wide as everything in the scene
+_POINT = 0.015  # of the scene's radius: the ball that a point is drawn as
+_BLUE = "0.34 0.71 0.91 1"  # Okabe and Ito's sky blue: a mobile robot
 
 
 def scene_setup(
@@ -28,57 +38,115 @@ def scene_setup(
     rate: float = RATE,
     record: str | None = None,
 ) -> Setup:
-    """A session with a scene's robot, which keeps clear of the scene's obstacles, and these.
+    """Return the setup of a session with a scene's robot, which avoids the scene's obstacles.
 
     Args:
-        scene: the robot begins where it starts. It is called as its file, a mobile robot "mobile".
-        sensors: see `arrange`; so are the others.
+        scene: the robot begins at its start. It is called as its file, a mobile robot "mobile".
+        sensors: see `arrange`, as for the others.
+        follow: shape of the path that the robot's end, or `node`, follows.
+        node: node that follows it.
+        rate: ticks per second.
+        record: file in which the session is recorded.
 
     Raises:
-        SetupError: what is asked makes no sense.
-        UnknownNameError: a node that there is not.
+        SetupError: the sensors are not valid for the robot.
+        UnknownNameError: there is no such node.
     """
-    looks = Looks(scene)
+    appearance = SceneAppearance(scene)
     if scene.mobile is not None:
-        scene = replace(scene, mechanism=_seen(scene.mechanism, looks, scene.mobile))
+        scene = replace(scene, mechanism=mobile_robot(appearance.visual(scene.mobile)))
     name = _path_safe(Path(scene.robot).stem if isinstance(scene.robot, str) else scene.mechanism.name)
     setup = arrange({name: scene.mechanism}, None, tuple(sensors), follow, node, (), rate, record)
-    robots, bases, names = dict(setup.robots), dict(setup.bases), list[str]()
+    obstacles: dict[str, DrawnObstacle] = {}
     for obstacle in scene.obstacles:
-        called = _path_safe(obstacle.name)
-        while called in robots:
-            called += "'"
-        robots[called] = mechanism_of(obstacle, called, looks)
-        bases[called] = BasePose(placement=obstacle.placement)
-        names.append(called)
-    return replace(setup, robots=robots, bases=bases, avoidance=Avoidance(name, scene, tuple(names)))
-
-
-def driven(setup: Setup) -> dict[str, DrivenRobot]:
-    """The robots of a session."""
-    dt, around = 1.0 / setup.rate, setup.avoidance
-    if around is None:
-        return {name: DrivenRobot(name, Solver(mechanism, dt)) for name, mechanism in setup.robots.items()}
-    robot = AvoidingRobot(around.robot, around.scene, around.obstacles, dt)
-    found: dict[str, DrivenRobot] = {}
-    for name, mechanism in setup.robots.items():
-        if name == around.robot:
-            found[name] = robot
-        elif name in around.obstacles:
-            number = around.obstacles.index(name)
-            found[name] = DrivenObstacle(name, mechanism, around.scene.obstacles[number], number, robot, dt)
-        else:
-            found[name] = DrivenRobot(name, Solver(mechanism, dt))
-    return found
-
-
-def _seen(mechanism: Mechanism, looks: Looks, radius: float) -> Mechanism:
-    """A mobile robot with what is drawn of it."""
-    source = mechanism.source
-    drawn = {**(source.constraints or {}), KEY: said([looks.mobile(radius)])}
-    return build(source.urdf, drawn, source.folder, source.name)
+        key = _path_safe(obstacle.name)
+        while key in obstacles or key == name:
+            key += "'"
+        obstacles[key] = appearance.obstacle(obstacle)
+    return replace(setup, obstacles=obstacles, avoidance=Avoidance(name, scene))
 
 
 def _path_safe(name: str) -> str:
-    """A name as the page's scene can have it, where a slash parts names."""
+    """Return a name as the page's scene can have it, where a slash separates names."""
     return " ".join(name.replace("/", "-").split())
+
+
+class SceneAppearance:
+    """Shapes that a scene is drawn as.
+
+    Shapes that are given in the plane are very tall; where the robot moves in that plane they are drawn flat. A
+    half-space, which is unbounded, is drawn as a slab behind its plane, wider than the scene.
+
+    Args:
+        scene: scene.
+
+    Attributes:
+        height: height (m) of shapes that are drawn flat; None where the robot moves in space.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        mechanism = scene.mechanism
+        normal = motion_plane(mechanism)
+        upright = normal is not None and abs(normal[2]) > 1.0 - 1e-9
+        self.height: float | None = _FLAT * mechanism.length if upright else None
+        points = [mechanism.placement(scene.start, node).translation for node in mechanism.nodes]
+        points += [scene.goal.translation]
+        for obstacle in scene.obstacles:
+            for body in obstacle.bodies:
+                if np.isfinite(body.radius):
+                    points += [body.centre + sign * np.array([body.radius, body.radius, 0.0]) for sign in (-1.0, 1.0)]
+        low, high = np.min(points, axis=0), np.max(points, axis=0)
+        self._middle: Array = (low + high) / 2.0
+        self._radius = float(np.linalg.norm(high - low)) / 2.0
+
+    def obstacle(self, obstacle: Obstacle) -> DrawnObstacle:
+        """Return an obstacle of the scene. Half-spaces can't be moved."""
+        dof: Literal[0, 3, 6] = 6 if self.height is None else 3
+        if obstacle.kind in ("half_space", "half_plane"):
+            dof = 0
+        return DrawnObstacle(tuple(map(DrawnShape.of, self._shapes(obstacle))), obstacle.placement, dof)
+
+    def visual(self, radius: float) -> str:
+        """Return the visual of a mobile robot (radius in m), in URDF: a disc, or for a point a small ball."""
+        shape = f'<cylinder radius="{radius}" length="{self.height or radius}"/>'
+        if radius == 0.0:
+            shape = f'<sphere radius="{_POINT * self._radius}"/>'
+        colour = f'<material name="mobile"><color rgba="{_BLUE}"/></material>'
+        return f"<visual><geometry>{shape}</geometry>{colour}</visual>"
+
+    def _shapes(self, obstacle: Obstacle) -> Iterator[PlacedShape]:
+        for piece in obstacle.pieces:
+            if isinstance(piece.shape, coal.Halfspace):
+                yield self._slab(piece.shape, obstacle.placement * piece.placement, piece.placement)
+            else:
+                shape = piece.shape if self.height is None else _flattened(piece.shape, self.height)
+                yield PlacedShape(piece.placement, shape)
+
+    def _slab(self, half_space: coal.Halfspace, world: pin.SE3, placement: pin.SE3) -> PlacedShape:
+        """Return the slab of a half-space with these poses in the world and in its obstacle."""
+        normal = np.array(half_space.n)
+        middle = world.actInv(self._middle)
+        width = 2.0 * _WIDE * self._radius
+        thickness = _THIN * width
+        centre = middle - normal * (float(normal @ middle) - half_space.d + thickness / 2.0)
+        rotation = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), normal).toRotationMatrix()
+        sides = [width, width, thickness]
+        if self.height is not None and abs(normal[2]) < 0.5:  # a wall, seen from above
+            along = np.cross([0.0, 0.0, 1.0], normal)
+            rotation = np.column_stack([along, [0.0, 0.0, 1.0], normal])
+            sides = [width, self.height, thickness]
+        return PlacedShape(placement * pin.SE3(rotation, centre), coal.Box(np.array(sides)))
+
+
+def _flattened(shape: coal.ShapeBase, height: float) -> coal.ShapeBase:
+    """Return a shape that was given in the plane with a height (m); another shape as it is."""
+    match shape:
+        case coal.Cylinder() if 2.0 * shape.halfLength == HEIGHT:
+            return coal.Cylinder(shape.radius, height)
+        case coal.Box() if 2.0 * shape.halfSide[2] == HEIGHT:
+            return coal.Box(np.array([*(2.0 * shape.halfSide[:2]), height]))
+        case coal.Convex():
+            corners = np.array(shape.points())
+            if np.ptp(corners[:, 2]) == HEIGHT:
+                return hull(corners * np.array([1.0, 1.0, height / HEIGHT])).shape
+    return shape

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from cinegen.devices import Gamepad, ScriptedSensor, Sensor, Teleoperation, TwistMapping, open_sensor
 from cinegen.devices.kinds import scheme
 from cinegen.sensor import Reading, Twist
-from cinegen.session.obstacle import is_obstacle
 from cinegen.session.robot import SENSOR, DrivenRobot, UserTask
 from cinegen.session.setup import Device, Setup
 from cinegen.session.state import SensorReport, Settings
@@ -146,5 +145,5 @@ class SessionSensors:
 
 def default_speed(robots: dict[str, DrivenRobot]) -> float:
     """Return the speed of sensors at full deflection, m/s: the size of the largest robot in about three seconds."""
-    length = max((one.mechanism.length for one in robots.values() if not is_obstacle(one.mechanism)), default=1.0)
+    length = max(one.mechanism.length for one in robots.values())
     return float(f"{0.3 * length:.1g}")

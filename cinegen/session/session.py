@@ -16,12 +16,13 @@ import numpy as np
 import pinocchio as pin
 
 from cinegen.errors import CinegenError
+from cinegen.ik import Solver
 from cinegen.mission import MissionRecorder, Player, RecordedTask, Recording
 from cinegen.session import commands as c
+from cinegen.session.avoiding import AvoidingRobot
 from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.motion import ConfigurationMotion, JointMotion, LineMotion
 from cinegen.session.robot import PIN, POINTER, SENSOR, DrivenRobot, UserTask
-from cinegen.session.scene_setup import driven
 from cinegen.session.sensors import SessionSensors, default_speed
 from cinegen.session.setup import Setup
 from cinegen.session.state import Notice, PlaybackStatus, RecordingStatus, SessionState, Settings
@@ -49,14 +50,16 @@ class Session:
     def __init__(self, setup: Setup) -> None:
         self.setup = setup
         self.dt = 1.0 / setup.rate
-        self.robots = driven(setup)
+        self.robots = _robots(setup, self.dt)
+        self.obstacles = {name: DrivenObstacle(name, drawn, self.dt) for name, drawn in setup.obstacles.items()}
+        self._driven: dict[str, DrivenRobot] = {**self.robots, **self.obstacles}
         self._count = 0
         self.sensors = SessionSensors(setup, self.robots, self._new_id)
         self.time, self.paused = 0.0, False
         self._carried = [name for name in setup.order() if setup.base(name).robot is not None]
         self._drag: tuple[DrivenRobot, UserTask] | None = None
         self._dragged_pin: RecordedTask | None = None  # pin of the node that is dragged
-        self._history = UndoHistory(self.robots, self.sensors, setup.rate, self._new_id)
+        self._history = UndoHistory(self._driven, self.sensors, setup.rate, self._new_id)
         self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._noticed = self._answered = self._ticks = 0
         self.settings = Settings(100.0, 0.05, default_speed(self.robots), 0.5, "world")
@@ -78,6 +81,13 @@ class Session:
         for name, robot in self.robots.items():
             robot.set_base(setup.base(name).placement)
         self._carry()
+        if setup.avoidance is not None:
+            avoiding = self.robots[setup.avoidance.robot]
+            assert isinstance(avoiding, AvoidingRobot)
+            for number, (name, obstacle) in enumerate(
+                zip(self.obstacles, setup.avoidance.scene.obstacles, strict=True)
+            ):
+                self.obstacles[name].meet(avoiding, number, obstacle)
         self._change_settings(c.ChangeSettings(gain=self.settings.gain))
         if self._player is None:
             for switch in setup.switches:
@@ -114,16 +124,19 @@ class Session:
         if self._player is not None:
             for name, q in self._player.advance(self.dt).items():
                 self._show(self.robots[name], q)
+            for name, pose in self._player.placements().items():
+                self.obstacles[name].pose = pose
         else:
             self.sensors.advance(self.dt, self.settings, not self.paused)
             if not self.paused:
-                for robot in self.robots.values():
+                for robot in self._driven.values():
                     self._move(robot)
         if self._carried:
             self._carry()
         self._history.tick(self._drag is not None)
         if self._recorder is not None and self._ticks % max(1, round(self.setup.rate / SAMPLES)) == 0:
-            self._recorder.write(self.time, {name: robot.sample() for name, robot in self.robots.items()})
+            samples = {name: robot.sample() for name, robot in self.robots.items()}
+            self._recorder.write(self.time, samples, {name: one.pose for name, one in self.obstacles.items()})
 
     def _move(self, robot: DrivenRobot) -> None:
         try:
@@ -152,7 +165,7 @@ class Session:
     def _start_drag(self, command: c.StartDrag) -> None:
         self._release_pointer()
         self._history.begin()
-        robot = self.robots[command.robot]
+        robot = self._driven[command.robot]
         robot.motion = None
         self.sensors.suspend(command.robot, command.node)
         point = command.point
@@ -197,10 +210,10 @@ class Session:
     # --- tasks ---------------------------------------------------------------------------------------------------
 
     def _pin(self, command: c.Pin) -> None:
-        robot = self.robots[command.robot]
+        robot = self._driven[command.robot]
         if any(robot.tasks_of(PIN, command.node)):
             return
-        if sum(len(other.tasks) for other in self.robots.values()) >= MOST_TASKS:
+        if sum(len(other.tasks) for other in self._driven.values()) >= MOST_TASKS:
             self._notice(f"there are {MOST_TASKS} tasks: remove some first", warning=True)
         else:
             self._history.begin()
@@ -227,12 +240,12 @@ class Session:
                     setattr(found[1].task, name, getattr(command, name))
 
     def _task(self, id: int) -> tuple[DrivenRobot, UserTask] | None:
-        return next(((robot, one) for robot in self.robots.values() for one in robot.tasks if one.id == id), None)
+        return next(((robot, one) for robot in self._driven.values() for one in robot.tasks if one.id == id), None)
 
     # --- motions -------------------------------------------------------------------------------------------------
 
     def _move_joint(self, command: c.MoveJoint) -> None:
-        robot = self.robots[command.robot]
+        robot = self._driven[command.robot]
         if not isinstance(robot.motion, JointMotion):
             self._history.begin()
             self.sensors.stop_scripts(command.robot)
@@ -247,13 +260,12 @@ class Session:
     def _move_home(self, command: c.MoveHome) -> None:
         self._release_pointer()
         self._history.begin()
-        for name, robot in self.robots.items():
-            if command.robot == name or (command.robot is None and not isinstance(robot, DrivenObstacle)):
-                self._free(robot)
-                robot.motion = ConfigurationMotion(robot.mechanism, robot.q, robot.home, "home", "moving home")
+        for robot in self.robots.values() if command.robot is None else (self._driven[command.robot],):
+            self._free(robot)
+            robot.motion = ConfigurationMotion(robot.mechanism, robot.q, robot.home, "home", "moving home")
 
     def _move_to(self, command: c.MoveTo) -> None:
-        robot = self.robots[command.robot]
+        robot = self._driven[command.robot]
         motion = LineMotion(robot.mechanism, robot.q, np.array(command.q), command.node, self.dt)
         self._release_pointer()
         self._history.begin()
@@ -289,7 +301,7 @@ class Session:
     def _change_settings(self, command: c.ChangeSettings) -> None:
         values = {name: value for name, value in msgspec.structs.asdict(command).items() if value is not None}
         self.settings = msgspec.structs.replace(self.settings, **values)
-        for robot in self.robots.values():
+        for robot in self._driven.values():
             if command.gain is not None:
                 robot.solver.gain = command.gain
             if command.damping is not None:
@@ -310,7 +322,8 @@ class Session:
             self._notice(f"recorded {recorder.seconds:.1f} s in {recorder.path}")
 
     def _record(self, path: str) -> None:
-        self._recorder = MissionRecorder(Path(path), self.setup.robots, self.setup.bases)
+        setup = self.setup
+        self._recorder = MissionRecorder(Path(path), setup.robots, setup.bases, obstacles=setup.obstacles)
 
     def _control_playback(self, command: c.ControlPlayback) -> None:
         if self._player is None:
@@ -330,13 +343,14 @@ class Session:
         return SessionState(
             time=self.time,
             robots={name: robot.state() for name, robot in self.robots.items()},
+            obstacles={name: one.obstacle_state() for name, one in self.obstacles.items()},
             sensors=self.sensors.reports(),
             switches=dict(self.sensors.selected),
             settings=self.settings,
             undo=self._history.undo_count,
             redo=self._history.redo_count,
             paused=self.paused,
-            moving=next((robot.motion.name for robot in self.robots.values() if robot.motion is not None), None),
+            moving=next((robot.motion.name for robot in self._driven.values() if robot.motion is not None), None),
             recording=None
             if recorder is None
             else RecordingStatus(str(recorder.path), recorder.seconds, recorder.error),
@@ -354,3 +368,13 @@ class Session:
     def _notice(self, text: str, warning: bool = False) -> None:
         self._noticed += 1
         self._notices.append(Notice(self._noticed, text, warning))
+
+
+def _robots(setup: Setup, dt: float) -> dict[str, DrivenRobot]:
+    robots: dict[str, DrivenRobot] = {}
+    for name, mechanism in setup.robots.items():
+        if setup.avoidance is not None and setup.avoidance.robot == name:
+            robots[name] = AvoidingRobot(name, setup.avoidance.scene, tuple(setup.obstacles), dt)
+        else:
+            robots[name] = DrivenRobot(name, Solver(mechanism, dt))
+    return robots

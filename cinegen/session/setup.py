@@ -18,6 +18,7 @@ from cinegen.collision import Scene
 from cinegen.devices.kinds import listens_for_others, overrides, why_missing
 from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
+from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
 
 RATE = 1000.0
@@ -80,13 +81,12 @@ class Avoidance:
 
     Attributes:
         robot: name of the robot.
-        scene: its obstacles, and its initial configuration; the robot's world is the scene's.
-        obstacles: names of the obstacles in the session, in the order of the scene.
+        scene: its initial configuration, and its obstacles, which are the session's in the same order; the robot's
+            world is the scene's.
     """
 
     robot: str
     scene: Scene
-    obstacles: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,9 @@ class Setup:
     """Setup of a session.
 
     Attributes:
-        robots: robots and obstacles, by name.
-        bases: base poses of those that are not in the world's origin.
+        robots: robots by name.
+        obstacles: obstacles by name; no robot has the same.
+        bases: base poses of the robots that are not in the world's origin.
         devices: sensors.
         switches: nodes that may follow them.
         rate: ticks per second.
@@ -137,10 +138,14 @@ class Setup:
     avoidance: Avoidance | None = None
     map: MapOverlay | None = None
     priority: int = 0
+    obstacles: Mapping[str, DrawnObstacle] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.robots:
             raise SetupError("a session needs a robot")
+        for name in self.obstacles:
+            if name in self.robots:
+                raise SetupError(f"both a robot and an obstacle are called '{name}': rename one")
         self.order()
         if not 1.0 <= self.rate <= 1e5:
             raise SetupError(f"a session's rate must be 1 to 100,000 ticks per second, not {self.rate}")
@@ -306,7 +311,14 @@ def replay_setup(path: str | Path, speed: float = 1.0, stops: Sequence[tuple[flo
         raise SetupError(f"the playback speed must be 0.01 to 100, not {speed}")
     recording = Recording.load(path)
     robots = {name: recording.mechanism(name) for name in recording.q}
-    return Setup(robots, recording.bases, replay=str(path), playback_speed=speed, stops=tuple(stops))
+    return Setup(
+        robots,
+        recording.bases,
+        replay=str(path),
+        playback_speed=speed,
+        stops=tuple(stops),
+        obstacles=recording.obstacles,
+    )
 
 
 def _side_by_side(robots: Mapping[str, Mechanism], files: Mapping[str, str]) -> dict[str, BasePose]:

@@ -79,6 +79,20 @@ class RobotState(Struct, frozen=True):
     closure: float
 
 
+class ObstacleState(Struct, frozen=True):
+    """An obstacle.
+
+    Attributes:
+        pose: in the session's world (m).
+        tasks: its tasks; their targets are in the session's world.
+        status: of the last tick.
+    """
+
+    pose: pin.SE3
+    tasks: tuple[TaskState, ...]
+    status: RobotStatus
+
+
 class SensorReport(Struct, frozen=True):
     """A sensor.
 
@@ -169,6 +183,7 @@ class SessionState(Struct, frozen=True):
     Attributes:
         time: time since the session began, s.
         robots: robots by name.
+        obstacles: obstacles by name.
         sensors: all sensors.
         switches: sensor that each node follows, by robot and node; None: no sensor.
         settings: settings of the solvers and sensors.
@@ -184,6 +199,7 @@ class SessionState(Struct, frozen=True):
 
     time: float
     robots: dict[str, RobotState]
+    obstacles: dict[str, ObstacleState]
     sensors: tuple[SensorReport, ...]
     switches: dict[tuple[str, str], str | None]
     settings: Settings

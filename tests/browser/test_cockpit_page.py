@@ -99,12 +99,16 @@ def becomes(tab, condition, seconds=30.0):
 
 
 def place(cockpit, name, node, point=(0.0, 0.0, 0.0)):
+    if name in cockpit.state.obstacles:
+        return cockpit.state.obstacles[name].pose.act(np.array(point))
     robot = cockpit.state.robots[name]
     return (robot.base * cockpit.setup.robots[name].placement(robot.q, node)).act(np.array(point))
 
 
 def held(cockpit, name, who="pointer"):
-    return [task for task in cockpit.state.robots[name].tasks if task.source == who]
+    state = cockpit.state
+    owner = state.obstacles[name] if name in state.obstacles else state.robots[name]
+    return [task for task in owner.tasks if task.source == who]
 
 
 def picture(tab, name):
@@ -472,7 +476,7 @@ def test_obstacles_are_seen_and_dragged_and_push_the_robot(robot, tab):
         assert np.abs(cockpit.state.robots["arm7"].q - rest).max() > 0.01
         assert "arm7: pushed by 'pole'" in statuses
         page.mouse.up()
-        assert becomes(page, lambda: not cockpit.state.robots["pole"].tasks)
+        assert becomes(page, lambda: not cockpit.state.obstacles["pole"].tasks)
         page.keyboard.press("Control+z")
         assert becomes(page, lambda: np.linalg.norm(place(cockpit, "pole", "pole") - begin) < 1e-9)
     finally:

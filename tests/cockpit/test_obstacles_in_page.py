@@ -48,14 +48,15 @@ def test_a_hull_is_drawn_with_all_its_faces_turned_outwards():
 
 
 def test_the_page_is_told_what_is_an_obstacle_and_its_title_names_robots_only(setup):
-    told = {one.name: one for one in hello_message(setup, title_of(setup), 1).robots}
+    hello = hello_message(setup, title_of(setup), 1)
     assert title_of(setup) == "arm7"
-    assert {name: one.obstacle for name, one in told.items()} == {"arm7": False, "pole": True, "floor": True}
-    assert told["pole"].length == told["arm7"].length  # marks on it are as large as on the robot
+    assert [robot.name for robot in hello.robots] == ["arm7"]
+    assert {one.name: one.mobility for one in hello.obstacles} == {"pole": 6, "floor": 0}
+    assert hello.obstacles[0].length == hello.robots[0].length  # marks on it are as large as on the robot
     session = Session(setup)
     said = state_message(session.state(), NodePoses(setup.robots))
     session.close()
-    assert said.poses["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
+    assert said.obstacles["pole"][:3] == pytest.approx([0.45, 0.25, 0.5])
     assert said.statuses["pole"].name == "IDLE"
 
 

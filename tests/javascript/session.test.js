@@ -5,8 +5,8 @@ import { line, root } from "./browser.js";
 
 const { keyOf, Session } = await import("../../cinegen/cockpit/static/base/session.js");
 
-const ARM = { name: "arm", obstacle: false, nodes: [{ name: "base" }, { name: "tool" }], joints: [], loops: [] };
-const WALL = { name: "wall", obstacle: true, nodes: [{ name: "box" }] };
+const ARM = { name: "arm", nodes: [{ name: "base" }, { name: "tool" }], joints: [], loops: [] };
+const WALL = { name: "wall", length: 1, mobility: 0 };
 let link;
 let session;
 let last;
@@ -20,8 +20,8 @@ beforeEach(async () => {
   }
 });
 
-test("robots and obstacles are last apart, and what the server leaves out is empty", () => {
-  link.emit("hello", { client: 1, robots: [ARM, WALL, { name: "bare", obstacle: false }] });
+test("robots and obstacles are told apart, and what the server leaves out is empty", () => {
+  link.emit("hello", { client: 1, robots: [ARM, { name: "bare" }], obstacles: [WALL] });
   assert.deepEqual(session.robots.map(({ name }) => name), ["arm", "bare"]);
   assert.deepEqual(session.obstacles.map(({ name }) => name), ["wall"]);
   const { nodes, joints, loops } = session.robot("bare");
@@ -33,9 +33,9 @@ test("robots and obstacles are last apart, and what the server leaves out is emp
 });
 
 test("a part is called by its node alone where there is one robot", () => {
-  link.emit("hello", { client: 1, robots: [ARM, WALL] });
+  link.emit("hello", { client: 1, robots: [ARM], obstacles: [WALL] });
   assert.equal(session.called("arm", "tool"), "tool");
-  assert.equal(session.called("wall", "box"), "wall");
+  assert.equal(session.called("wall", "wall"), "wall");
   link.emit("hello", { client: 1, robots: [ARM, { ...ARM, name: "other" }] });
   assert.equal(session.called("arm", "tool"), "arm · tool");
 });

@@ -173,6 +173,6 @@ def test_a_map_in_a_scene_has_its_obstacles_beside_it(robot, tmp_path):
     region = Region((GridAxis("x", 0.2, 0.4, 2), GridAxis("y", 0.2, 0.4, 2)))
     make_map(MapSpecification(robot("arm7"), region, ("clearance",), scene=scene), tmp_path / "a.zarr", workers=1)
     setup = map_setup(tmp_path / "a.zarr")
-    assert set(setup.robots) == {setup.map.robot, "pole"}
+    assert set(setup.robots) == {setup.map.robot}
     assert setup.avoidance.robot == setup.map.robot
-    assert setup.base("pole").placement.isApprox(pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.5])))
+    assert setup.obstacles["pole"].placement.isApprox(pin.SE3(np.eye(3), np.array([0.45, 0.25, 0.5])))

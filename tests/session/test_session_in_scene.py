@@ -12,7 +12,7 @@ import pytest
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.links import link_bodies
 from cinegen.mission import Recording
-from cinegen.session import KnownNames, Session, is_obstacle, replay_setup, scene_setup
+from cinegen.session import KnownNames, Session, replay_setup, scene_setup
 from cinegen.session import commands as c
 
 SAFETY = 0.02
@@ -56,8 +56,7 @@ class Measured:
         pin.forwardKinematics(self.mechanism.model, self.data, state.robots[self.name].q)
         least = np.inf
         for obstacle, shape in self.shapes.items():
-            other = state.robots[obstacle]
-            there = other.base * self.setup.robots[obstacle].placement(other.q, obstacle)
+            there = state.obstacles[obstacle].pose
             for link in self.links:
                 here = self.data.oMi[link.joint] * link.placement
                 result = coal.DistanceResult()
@@ -86,7 +85,8 @@ def lead(session, way, each=10, seen=None):
 
 
 def point(session, name, node):
-    return session.robots[name].placement(node).translation.copy()
+    one = session.obstacles[name] if name in session.obstacles else session.robots[name]
+    return one.placement(node).translation.copy()
 
 
 def line(begin, end, count):
@@ -163,7 +163,7 @@ def test_an_obstacle_that_is_dragged_pushes_the_robot_and_never_touches_it(sessi
     assert ("PUSHED", "pushed by 'pole'") in {(status.name, status.label) for status in statuses}
     assert min(least) > 0.5 * SAFETY
     assert np.linalg.norm(point(one, "pole", "pole") - begin - [-0.1, -0.25, 0.0]) < 5e-3
-    turned = one.robots["pole"].placement("pole").rotation
+    turned = one.obstacles["pole"].pose.rotation
     assert np.allclose(turned, np.eye(3), atol=1e-6)  # dragged, it is not turned
 
 
@@ -186,8 +186,8 @@ def test_an_obstacle_stops_where_the_robot_cannot_yield(session):
     lead(one, line(begin, [0.0, 0.0, 0.1], 50))
     state = run(one, 200)
     assert np.linalg.norm(point(one, "pole", "pole")[:2]) > 0.03
-    assert state.robots["pole"].status.name == "BARRED"
-    assert state.robots["pole"].status.label.startswith("barred by '")
+    assert state.obstacles["pole"].status.name == "BARRED"
+    assert state.obstacles["pole"].status.label.startswith("barred by '")
 
 
 def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
@@ -195,9 +195,9 @@ def test_a_robot_at_rest_is_left_alone_by_obstacles_that_are_let_go(session):
     begin = point(one, "pole", "pole")
     run(one, 20, c.StartDrag("pole", "pole", (0, 0, 0)), c.MoveDrag(tuple(begin + np.array([0.1, 0.0, 0.0]))))
     state = run(one, 5, c.EndDrag())
-    moved = state.robots["pole"].q.copy()
-    assert state.robots["pole"].status.name == "IDLE"
-    assert np.array_equal(run(one, 50).robots["pole"].q, moved)
+    moved = state.obstacles["pole"].pose
+    assert state.obstacles["pole"].status.name == "IDLE"
+    assert run(one, 50).obstacles["pole"].pose == moved
 
 
 def test_home_stops_before_it_hits_and_says_what(session):
@@ -255,15 +255,15 @@ def test_home_leads_back_to_where_the_scene_starts_and_leaves_obstacles_where_th
 
 def test_dragging_an_obstacle_is_undone_with_the_robot_that_yielded(session):
     one = session("arm7", POLE)
-    before = {name: robot.q for name, robot in one.state().robots.items()}
+    before = one.state().robots["arm7"].q
     begin = point(one, "pole", "pole")
     run(one, 0, c.StartDrag("pole", "pole", (0, 0, 0)))
     lead(one, line(begin, begin + np.array([-0.1, -0.2, 0.0]), 50))
     run(one, 500, c.EndDrag())
-    assert np.abs(one.state().robots["arm7"].q - before["arm7"]).max() > 0.05
+    assert np.abs(one.state().robots["arm7"].q - before).max() > 0.05
     state = run(one, 3000, c.Undo())
-    for name, q in before.items():
-        assert np.allclose(state.robots[name].q, q, atol=1e-9)
+    assert np.allclose(state.robots["arm7"].q, before, atol=1e-9)
+    assert np.allclose(state.obstacles["pole"].pose.translation, begin, atol=1e-9)
 
 
 def test_what_moves_in_the_plane_stays_in_it(session):
@@ -272,7 +272,7 @@ def test_what_moves_in_the_plane_stays_in_it(session):
     lead(one, line([0.02, 0.6, 0.05], [0.1, 0.7, 0.4], 20))
     state = run(one, 300)
     assert np.allclose(point(one, "disc", "disc"), [0.08, 0.7, 0.0], atol=1e-6)
-    assert state.robots["disc"].status.label == "following"
+    assert state.obstacles["disc"].status.label == "following"
 
 
 def test_a_half_space_stays_where_it_is(session):
@@ -317,25 +317,26 @@ def test_a_session_in_a_scene_is_recorded_and_shown_again(session, tmp_path):
     last = one.state()
     one.close()
     setup = replay_setup(path)
-    assert [is_obstacle(mechanism) for mechanism in setup.robots.values()] == [False, True, True]
+    assert list(setup.robots) == ["planar_3r"]
+    assert {name: obstacle.dof for name, obstacle in setup.obstacles.items()} == {"block": 3, "floor": 0}
     shown = Session(setup)
     run(shown, 1)
     state = run(shown, 0, c.ControlPlayback(time=Recording.load(path).seconds))
     state = run(shown, 2)
-    for name, robot in last.robots.items():
-        there = [r.base * setup.robots[name].placement(r.q, setup.robots[name].nodes[-1])
-                 for r in (robot, state.robots[name])]  # fmt: skip
-        assert np.allclose(there[0].homogeneous, there[1].homogeneous, atol=1e-3)
+    assert np.allclose(last.robots["planar_3r"].q, state.robots["planar_3r"].q, atol=1e-3)
+    for name, obstacle in last.obstacles.items():
+        assert np.allclose(obstacle.pose.homogeneous, state.obstacles[name].pose.homogeneous, atol=1e-3)
     shown.close()
 
 
 def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session):
     one = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
-    assert list(one.robots) == ["arm7", "arm7'", "shelf-left side", "ends'"]
+    assert list(one.robots) == ["arm7"]
+    assert list(one.obstacles) == ["arm7'", "shelf-left side", "ends'"]
     known = KnownNames.of(one.setup)
     assert c.decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', known) == c.Pin("arm7'", "arm7'")
     copied = pickle.loads(pickle.dumps(one.setup))
-    assert list(copied.robots) == list(one.robots)
+    assert list(copied.obstacles) == list(one.obstacles)
     assert copied.avoidance.scene.safety == SAFETY
 
 

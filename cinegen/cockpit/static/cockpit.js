@@ -62,7 +62,10 @@ session.on("hello", () => {
   view.forget();
   view.background = new Set(session.obstacles.filter(({ mobility }) => mobility === 0).map(({ name }) => name));
 });
-session.on("state", (state) => view.apply([...session.robots, ...session.obstacles], state.poses)); // before all that asks where things are
+session.on("state", (state) => { // before all that asks where things are
+  view.apply(session.robots, state.poses);
+  view.apply(session.obstacles, state.obstacles);
+});
 
 paint(view);
 lay(view);

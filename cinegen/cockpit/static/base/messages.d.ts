@@ -131,6 +131,7 @@ export interface HelloMessage {
   client: number;
   title: string;
   robots: RobotDescription[];
+  obstacles: ObstacleDescription[];
   sensors: SensorDescription[];
   switches: SwitchDescription[];
   frames: ("base" | "tool" | "view" | "world")[];
@@ -141,7 +142,6 @@ export interface HelloMessage {
 export interface RobotDescription {
   name: string;
   robot: string;
-  obstacle: boolean;
   length: number;
   mobility: number;
   end: string;
@@ -175,6 +175,12 @@ export interface LoopDescription {
   second: string;
 }
 
+export interface ObstacleDescription {
+  name: string;
+  length: number;
+  mobility: number;
+}
+
 export interface SensorDescription {
   id: string;
   url: string;
@@ -197,6 +203,7 @@ export interface StateMessage {
   type: "state";
   time: number;
   poses: Record<string, number[]>;
+  obstacles: Record<string, [number, number, number, number, number, number, number]>;
   tasks: TaskMessage[];
   statuses: Record<string, RobotStatus>;
   frame?: number;

@@ -10,7 +10,7 @@ import { Events } from "./events.js";
  * @typedef {import("./messages").NodeDescription} Node
  * @typedef {"mine" | "other" | "free"} Control
  * @typedef {{ robot: string, node: string }} Part
- * @typedef {import("./messages").RobotDescription & { byName: Map<string, Node> }} KnownRobot
+ * @typedef {import("./messages").RobotDescription & { obstacle: boolean, byName: Map<string, Node> }} KnownRobot
  * @typedef {Pick<import("./link.js").Link, "on" | "send">} Line
  */
 
@@ -121,8 +121,9 @@ export class Session extends Events {
       const nodes = robot.nodes ?? [];
       const joints = robot.joints ?? [];
       const byName = new Map(nodes.map((node) => [node.name, node]));
-      this.#robots.set(robot.name, { ...robot, nodes, joints, loops: robot.loops ?? [], byName });
+      this.#robots.set(robot.name, { ...robot, nodes, joints, loops: robot.loops ?? [], obstacle: false, byName });
     }
+    for (const obstacle of hello.obstacles ?? []) this.#robots.set(obstacle.name, asRobot(obstacle));
     this.emit("hello", hello);
     if (this.selected !== null && !this.knows(this.selected.robot, this.selected.node)) this.select(null, null);
   }
@@ -138,6 +139,18 @@ export class Session extends Events {
     document.documentElement.dataset.control = control;
     this.emit("control", control);
   }
+}
+
+/**
+ * Return an obstacle as a robot of one part.
+ *
+ * @param {import("./messages").ObstacleDescription} obstacle
+ * @returns {KnownRobot}
+ */
+function asRobot({ name, length, mobility }) {
+  const node = { name, parent: null, joint: null, kind: /** @type {const} */ ("link") };
+  const byName = new Map([[name, node]]);
+  return { name, robot: name, obstacle: true, length, mobility, end: name, base: null, nodes: [node], joints: [], loops: [], byName };
 }
 
 /**

@@ -125,7 +125,7 @@ export class View {
   }
 
   /**
-   * Moves robots to where a state has them.
+   * Move robots, or obstacles, to where a state has them.
    *
    * @param {KnownRobot[]} robots
    * @param {Record<string, number[]> | undefined} poses
@@ -133,7 +133,7 @@ export class View {
   apply(robots, poses) {
     for (const robot of robots) {
       const numbers = poses?.[robot.name];
-      if (!Array.isArray(numbers) || numbers.length < POSE * (1 + robot.nodes.length)) continue;
+      if (!Array.isArray(numbers) || numbers.length < POSE * (robot.obstacle ? 1 : 1 + robot.nodes.length)) continue;
       const before = this.#applied.get(robot.name)?.numbers;
       if (before !== undefined && before.every((value, i) => value === numbers[i])) continue;
       this.#applied.set(robot.name, { robot, numbers });
@@ -156,7 +156,7 @@ export class View {
    */
   #move(robot, numbers) {
     put(this.group(robot.name), numbers, 0);
-    robot.nodes.forEach((node, i) => put(this.group(robot.name, node.name), numbers, POSE * (i + 1)));
+    if (!robot.obstacle) robot.nodes.forEach((node, i) => put(this.group(robot.name, node.name), numbers, POSE * (i + 1)));
     this.changed();
   }
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 import coal
 import numpy as np
 import pinocchio as pin
@@ -12,13 +10,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cinegen.collision import scene_of
-from cinegen.collision.body import PlacedShape as Solid
+from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.obstacle_kinds import HEIGHT
-from cinegen.model.load import build
-from cinegen.session.looks import Looks
-from cinegen.session.obstacle import is_obstacle, mechanism_of
-from cinegen.session.solids import said, solids_of
+from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
+from cinegen.session import scene_setup
+from cinegen.session.driven_obstacle import DrivenObstacle
+from cinegen.session.scene_setup import SceneAppearance
+from cinegen.typed_json import decoder, encode
 
 sizes = st.floats(1e-3, 10.0)
 seeds = st.integers(0, 2**31)
@@ -50,34 +49,33 @@ def support(solid, direction):
 
 
 @given(shape=shapes, seed=seeds)
-def test_what_is_written_of_a_solid_reads_back(robot, shape, seed):
+def test_what_is_written_of_a_shape_reads_back(shape, seed):
     rng = np.random.default_rng(seed)
     placement = pin.SE3(pin.exp3(rng.normal(size=3)), rng.normal(size=3))
-    base = robot("planar_3r").source
-    written = json.loads(json.dumps(said([Solid(placement, shape)])))
-    copy = build(base.urdf, {**base.constraints, "solids": written}, base.folder, base.name)
-    (found,) = solids_of(copy)
+    written = encode(DrawnShape.of(PlacedShape(placement, shape)))
+    found = decoder(DrawnShape, DrawnShape).decode(written).placed()
     assert type(found.shape) is type(shape)
     for direction in rng.normal(size=(5, 3)):
         unit = direction / np.linalg.norm(direction)
-        assert support(found, unit) == pytest.approx(support(Solid(placement, shape), unit), abs=1e-6)
-
-
-def test_robots_say_nothing_of_solids(robot):
-    assert solids_of(robot("delta4")) == []
-    assert not is_obstacle(robot("delta4"))
+        assert support(found, unit) == pytest.approx(support(PlacedShape(placement, shape), unit), abs=1e-6)
 
 
 def test_an_obstacle_moves_freely_in_space_in_the_plane_of_a_planar_robot_and_a_half_space_not_at_all(scene):
     ball, wall = {"kind": "sphere", "radius": 0.1}, {"kind": "half_space", "normal": [0, 1, 0], "point": [0, -1]}
-    freedoms = {}
-    for name in ("arm7", "planar_3r"):
-        made = scene(name, ball, wall)
-        looks = Looks(made)
-        found = [mechanism_of(obstacle, obstacle.name, looks) for obstacle in made.obstacles]
-        assert all(map(is_obstacle, found))
-        freedoms[name] = [mechanism.mobility for mechanism in found]
-    assert freedoms == {"arm7": [6, 0], "planar_3r": [3, 0]}
+    for name, dof in (("arm7", [6, 0]), ("planar_3r", [3, 0])):
+        drawn = scene_setup(scene(name, ball, wall)).obstacles
+        assert [one.dof for one in drawn.values()] == dof
+        assert [DrivenObstacle(key, one, 0.01).mechanism.mobility for key, one in drawn.items()] == dof
+
+
+@pytest.mark.parametrize("dof", [3, 6])
+def test_an_obstacle_is_where_it_is_put(dof):
+    placement = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.3), np.array([0.1, 0.2, 0.3]))
+    one = DrivenObstacle("ball", DrawnObstacle((), placement, dof), 0.01)
+    assert np.allclose(one.pose.homogeneous, placement.homogeneous)
+    goal = placement * pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, -2.0), np.array([1.0, -2.0, 0.0]))
+    one.pose = goal
+    assert np.allclose(one.pose.homogeneous, goal.homogeneous)
 
 
 def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
@@ -89,8 +87,8 @@ def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
     ]
 
     def heights(made):
-        looks, up = Looks(made), np.array([0.0, 0.0, 1.0])
-        drawn = [next(iter(looks.solids(obstacle))) for obstacle in made.obstacles]
+        appearance, up = SceneAppearance(made), np.array([0.0, 0.0, 1.0])
+        drawn = [appearance.obstacle(obstacle).shapes[0].placed() for obstacle in made.obstacles]
         return [2e3 - 2e-3 - support(solid, up) - support(solid, -up) for solid in drawn]
 
     planar, spatial = scene("planar_3r", *flat), scene("arm7", *flat)
@@ -105,8 +103,8 @@ def test_what_is_drawn_in_the_plane_is_flat_where_the_robot_moves_in_it(scene):
 def test_a_half_space_is_a_slab_behind_its_plane(scene, name, normal):
     made = scene(name, {"kind": "half_space", "normal": normal, "point": [-0.4, -0.3, -0.2]})
     (obstacle,) = made.obstacles
-    (slab,) = Looks(made).solids(obstacle)
-    placed = Solid(obstacle.placement * slab.placement, slab.shape)
+    slab = SceneAppearance(made).obstacle(obstacle).shapes[0].placed()
+    placed = PlacedShape(obstacle.placement * slab.placement, slab.shape)
     unit = np.array(normal) / np.linalg.norm(normal)
     reach = 1e3 - 1e-3 - support(placed, unit)  # the plane, and nothing above it
     assert reach == pytest.approx(float(unit @ [-0.4, -0.3, -0.2]), abs=1e-6)
