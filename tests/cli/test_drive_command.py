@@ -247,7 +247,8 @@ def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
     code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8480", "--seconds", "0.3")
     assert code == 0
     recording = Recording.load("run.jsonl")
-    assert recording.robots == ("mobile", "triangle", "rod", "angle", "block", "hexagon", "post")
+    assert recording.robots == ("mobile",)
+    assert tuple(recording.obstacles) == ("triangle", "rod", "angle", "block", "hexagon", "post")
     assert recording.q["mobile"][-1] == pytest.approx([0.5, 0.8])
 
 
