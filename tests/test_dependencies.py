@@ -15,8 +15,9 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 OWN = {"cinegen", "raff2urdf"}
 POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
-UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}}
-"""Packages that don't tell which distribution they are of: cmeel puts them in a folder of its own."""
+UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}, "distributed": {"distributed", "cryptography"}}
+"""Distributions of packages whose metadata don't name them: cmeel puts them in a folder of its own; distributed needs
+cryptography for certificates, but does not require it."""
 
 
 installed = cache(packages_distributions)

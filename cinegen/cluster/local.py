@@ -1,16 +1,13 @@
 """A Dask scheduler and workers for this machine alone: on the loopback interface, authenticated, without HTTP servers.
 
-Dask runs any function that a connection asks for. Its own TCP transport asks nobody who they are, so any user of the
-machine could run code in these processes. The transport here, scheme `cinegen://`, first has both ends prove that they
-know a secret (HMAC-SHA256 of fresh random numbers and of the port, so that neither a replayed nor a relayed proof is
-accepted). Workers receive it through their standard input. Nothing is encrypted: loopback traffic can be read only by
-who may read these processes' memory as well.
+Dask runs any function that a connection asks for, and its TCP transport has no authentication: any user of the machine
+could run code in these processes. So they use TLS, and both ends of a connection must present a certificate that was
+made for this cluster. Workers receive it and its key through their standard input.
 """
 
 from __future__ import annotations
 
-import asyncio
-import hmac
+import json
 import os
 import subprocess
 import sys
@@ -18,31 +15,26 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from secrets import token_bytes
+from functools import cache
 from tempfile import TemporaryFile
 from typing import IO, Any
 
+import dask
 import distributed
 from distributed import Client, SpecCluster
-from distributed.comm.core import FatalCommClosedError
-from distributed.comm.registry import backends
-from distributed.comm.tcp import TCPBackend, TCPConnector, TCPListener
-from tornado.iostream import StreamClosedError
+from distributed.security import Security
 
 from cinegen.cluster import ClusterError
 
-SCHEME = "cinegen"
-"""Of addresses such as cinegen://127.0.0.1:40123."""
-
 HOST = "127.0.0.1"
-"""The only address that is listened on."""
+"""The only address on which processes listen."""
 
 _PATIENCE = 60.0  # s, in which all workers must connect
 _INTERVAL = 0.5  # s between two checks of the workers
 _DEATHS = 20  # of workers, at start, before giving up
 _START = "from cinegen.cluster.local import serve_worker; serve_worker()"
 _OPTIONS = (
-    "--host", HOST, "--protocol", SCHEME, "--no-nanny", "--no-dashboard", "--nthreads", "1", "--nworkers", "1",
+    "--host", HOST, "--protocol", "tls", "--no-nanny", "--no-dashboard", "--nthreads", "1", "--nworkers", "1",
     "--memory-limit", "0", "--worker-class", "cinegen.cluster.local.LocalWorker",
     "--death-timeout", str(_PATIENCE),
 )  # fmt: skip
@@ -51,71 +43,6 @@ _ENVIRONMENT = {
     "DASK_DISTRIBUTED__ADMIN__TICK__INTERVAL": "1s",
     **dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"),
 }
-
-
-# --- authentication ----------------------------------------------------------------------------------------------
-
-_SIZE = 32  # bytes of the secret, of a random number, and of a proof
-_PROOF_PATIENCE = 20.0  # s, in which the other end must prove that it knows the secret
-
-_secret = token_bytes(_SIZE)
-
-
-def _proof(role: bytes, port: int, listener: bytes, connector: bytes) -> bytes:
-    """Return what only an end that knows the secret can compute from both ends' random numbers."""
-    return hmac.digest(_secret, b"%s %d " % (role, port) + listener + connector, "sha256")
-
-
-class _Connector(TCPConnector):
-    prefix = f"{SCHEME}://"
-
-    async def connect(self, address: str, deserialize: bool = True, **connection_args: Any) -> Any:
-        """Connect, and exchange proofs with the listener."""
-        comm = await super().connect(address, deserialize, **connection_args)  # type: ignore[no-untyped-call]
-        port, own = int(address.rpartition(":")[2]), token_bytes(_SIZE)
-        try:
-            other = await comm.stream.read_bytes(_SIZE)
-            await comm.stream.write(own + _proof(b"connector", port, other, own))
-            proof = await comm.stream.read_bytes(_SIZE)
-        except StreamClosedError as error:
-            raise FatalCommClosedError(f"{address} refuses this process: it belongs to another run") from error
-        except asyncio.CancelledError:
-            comm.abort()
-            raise
-        if not hmac.compare_digest(proof, _proof(b"listener", port, other, own)):
-            comm.abort()
-            raise FatalCommClosedError(f"{address} belongs to another run")
-        return comm
-
-
-class _Listener(TCPListener):
-    prefix = f"{SCHEME}://"
-
-    async def _prepare_stream(self, stream: Any, address: str) -> Any:
-        """Return the stream once the other end has proved itself; close it and return None where it does not."""
-        try:
-            port, own = stream.socket.getsockname()[1], token_bytes(_SIZE)
-            await stream.write(own)
-            answer = await asyncio.wait_for(stream.read_bytes(2 * _SIZE), _PROOF_PATIENCE)
-            other, proof = answer[:_SIZE], answer[_SIZE:]
-            if hmac.compare_digest(proof, _proof(b"connector", port, own, other)):
-                await stream.write(_proof(b"listener", port, own, other))
-                return stream
-        except (StreamClosedError, TimeoutError):
-            pass
-        stream.close()
-        return None
-
-
-class _Backend(TCPBackend):
-    _connector_class = _Connector
-    _listener_class = _Listener
-
-
-backends[SCHEME] = _Backend()
-
-
-# --- processes ---------------------------------------------------------------------------------------------------
 
 
 class _WithoutHTTP:
@@ -141,14 +68,24 @@ def local_cluster(workers: int) -> Iterator[Client]:
     Raises:
         ClusterError: workers can't be started.
     """
-    options = {"host": HOST, "port": 0, "protocol": SCHEME, "dashboard": False}
+    options = {"host": HOST, "port": 0, "protocol": "tls", "dashboard": False}
     with (
+        dask.config.set(_certificate()),
         SpecCluster(scheduler={"cls": LocalScheduler, "options": options}, silence_logs=False) as cluster,
         _Workers(cluster.scheduler_address, workers) as processes,
         Client(cluster.scheduler_address) as client,
     ):
         processes.wait_for(client)
         yield client
+
+
+@cache
+def _certificate() -> dict[str, str]:
+    """Return Dask's settings for TLS with a certificate of this process, for all its clusters."""
+    tls = Security.temporary().get_tls_config_for_role("worker")
+    roles, names = ("client", "scheduler", "worker"), ("key", "cert")
+    settings = {f"distributed.comm.tls.{role}.{name}": tls[name] for role in roles for name in names}
+    return settings | {"distributed.comm.tls.ca-file": tls["ca_file"]}
 
 
 class _Workers:
@@ -200,7 +137,7 @@ class _Workers:
         )  # fmt: skip
         with suppress(BrokenPipeError):  # it has ended already, and will be replaced
             if process.stdin is not None:
-                process.stdin.write(_secret.hex().encode() + b"\n")
+                process.stdin.write(json.dumps(_certificate()).encode() + b"\n")
                 process.stdin.flush()
         return process
 
@@ -224,14 +161,11 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def serve_worker() -> None:
-    """Run `dask worker` with the arguments of this process, and the secret in the first line of standard input.
+    """Run `dask worker` with the arguments of this process, and Dask's settings in the first line of standard input.
 
     The process ends when standard input does: with the one that started it.
     """
-    global _secret
-    _secret = bytes.fromhex(sys.stdin.readline())
-    if len(_secret) != _SIZE:
-        sys.exit("no secret on standard input: only cinegen starts this process")
+    dask.config.set(json.loads(sys.stdin.readline()) | {"distributed.comm.require-encryption": True})
     threading.Thread(target=_end_with_parent, daemon=True).start()
     from distributed.cli.dask_worker import main
 

@@ -184,7 +184,7 @@ def _corners(solid: pin.GeometryObject, placement: pin.SE3) -> Array:
 
 
 def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
-    """Return the material of a colour: any four numbers, as a URDF may have them."""
+    """Of any four numbers, as a URDF may have them."""
     red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
     colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
     return shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
@@ -201,7 +201,7 @@ def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
 
 
 def _is_coloured(path: Path) -> bool:
-    """Return whether a file has colours of its own."""
+    """Whether a file has colours of its own."""
     if path.suffix.lower() == ".obj":
         text = path.read_text(encoding="utf-8", errors="replace")
         named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
@@ -210,7 +210,7 @@ def _is_coloured(path: Path) -> bool:
 
 
 def _is_file(solid: pin.GeometryObject) -> bool:
-    """Return whether a shape is a mesh: for others, Pinocchio gives a type instead of a path."""
+    """Whether a shape is a mesh; of others, Pinocchio says their kind where meshes have their path."""
     return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
 
 

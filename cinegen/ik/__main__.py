@@ -1,4 +1,4 @@
-"""`python -m cinegen.ik` compiles all kernels in advance."""
+"""`python -m cinegen.ik` compiles all kernels, so that nobody has to wait for that later."""
 
 from numba import types
 

@@ -435,7 +435,7 @@ class Solver:
 
     @property
     def keeps_linearisation(self) -> bool:
-        """True if each tick keeps its `linearisation`; False by default. It may be set at any time."""
+        """Whether each tick keeps its `linearisation`; False by default. It may be set at any time."""
         return self._keeps_linearisation
 
     @keeps_linearisation.setter

@@ -1,4 +1,4 @@
-"""Numbers of the requests and statuses of a tick, and the thresholds of all its decisions."""
+"""What a tick asks for and reports, as numbers; and the thresholds of all its decisions."""
 
 DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED = range(4)
 """Requests of a tick."""

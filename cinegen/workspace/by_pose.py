@@ -28,9 +28,7 @@ from cinegen.workspace.specification import MapSpecification
 Array = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
-_NOT_EVALUATED, _REACHABLE = int(CellStatus.NOT_EVALUATED), int(CellStatus.REACHABLE)  # numpy compares enumerations
-_BY_SEARCH, _PROVED = int(CellStatus.REACHABLE_BY_SEARCH), int(CellStatus.UNREACHABLE_PROVED)  # slowly
-_NOT_FOUND = int(CellStatus.UNREACHABLE_NOT_FOUND)
+_NOT_EVALUATED, _REACHABLE, _BY_SEARCH, _PROVED, _NOT_FOUND, *_ = map(int, CellStatus)  # numpy compares these faster
 
 _SAME = 1e-4  # rad or lengths: two solutions that are nearer are one
 _SURE = 0.2  # of the distance to the next solution: a neighbour's that is nearer continues this one
@@ -47,13 +45,13 @@ class ByPose(Continuation):
 
     Args:
         spec: a specification over poses.
-        sampler: of its mechanism and node.
+        batch: evaluator of its mechanism and node.
     """
 
-    def __init__(self, spec: MapSpecification, sampler: BatchEvaluator) -> None:
+    def __init__(self, spec: MapSpecification, batch: BatchEvaluator) -> None:
         super().__init__(spec)
         mechanism = spec.mechanism
-        self._sampler = sampler
+        self._batch = batch
         self.local = LocalIK(mechanism, (), spec.limits)
         count = _SAMPLES_CLOSED if mechanism.loops else _SAMPLES
         self._samples = self.local.samples(count, np.random.default_rng(_SEED))
@@ -62,16 +60,14 @@ class ByPose(Continuation):
         axis = (FrameTask(spec.node, pin.SE3.Identity(), 3, 2),)
         self._axis = LocalIK(mechanism, axis, spec.limits) if "solid_angle" in spec.quantities else None
         self._neutral = pin.neutral(mechanism.model)
-        self._revolute = np.zeros(mechanism.model.nv, dtype=bool)
-        self._revolute[[mechanism.v_index(name) for name in mechanism.joints if not mechanism.is_prismatic(name)]] = (
-            True
-        )
+        revolute = [mechanism.v_index(name) for name in mechanism.joints if not mechanism.is_prismatic(name)]
+        self._revolute = np.isin(np.arange(mechanism.model.nv), revolute)
 
     def cells(self, chunk: tuple[slice, ...]) -> Cells:
         """Evaluate the cells of a chunk."""
         spec, region = self.spec, self.spec.region
         points, rotations = region.poses(spec.home, region.values(chunk))
-        near = neighbours([len(range(*part.indices(part.stop))) for part in chunk])
+        near = neighbours([cells.stop - cells.start for cells in chunk])
         dead_ends: frozenset[int] = frozenset()
         for _ in range(_ROUNDS):
             front = _Wavefront(self, points, rotations, near, dead_ends)
@@ -89,7 +85,7 @@ class ByPose(Continuation):
     def _evaluated(self, configurations: Array) -> Evaluations:
         """Evaluate the node at configurations (n, nq); NaN where they are."""
         finite = np.isfinite(configurations[:, 0])
-        done = self._sampler.at(configurations[finite])
+        done = self._batch.at(configurations[finite])
         full = {}
         for name in (field.name for field in fields(done)):
             values = getattr(done, name)

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class CellStatus(IntEnum):
-    """Whether a cell is reachable, and how that was found out."""
+    """Status of a cell: reachable or not, and the method that found it."""
 
     NOT_EVALUATED = 0
     REACHABLE = 1
@@ -33,7 +33,7 @@ class CellStatus(IntEnum):
 
     @property
     def reachable(self) -> bool:
-        """Whether such a cell has a configuration."""
+        """True if such a cell has a configuration."""
         return self in (CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH)
 
     @property

@@ -1,4 +1,4 @@
-"""Chunks of a map's grid: how it is divided, which cells a chunk has, and which of them are neighbours.
+"""Chunks of a map's grid: their shapes, their cells, and the neighbours of a cell.
 
 Chunks and the cells of a chunk are numbered with the last axis fastest.
 """
@@ -6,13 +6,15 @@ Chunks and the cells of a chunk are numbered with the last axis fastest.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 Ints = NDArray[np.intp]
 Shape = Sequence[int]
+
+_ROUNDING = 1e-9
 
 
 def cube_shape(shape: Shape, most: int) -> tuple[int, ...]:
@@ -24,31 +26,22 @@ def cube_shape(shape: Shape, most: int) -> tuple[int, ...]:
         shape: number of cells along each axis of the grid.
         most: number of cells of a chunk, at most.
     """
-    width = [1] * len(shape)
-    growing = set(range(len(width)))
-    while growing:
-        k = min(growing, key=lambda k: (width[k], -k))
-        wider = min(2 * width[k], shape[k])
-        if wider == width[k] or math.prod(width) // width[k] * wider > most:
-            growing.discard(k)
-        else:
-            width[k] = wider
-    for k in reversed(range(len(width))):  # the last axes take what is left
-        width[k] = max(1, min(shape[k], width[k] * (most // math.prod(width)) or 1))
-    return _even(shape, width)
+    return _divided(shape, most, sorted(range(len(shape)), key=lambda k: shape[k]), cube=True)
 
 
 def line_shape(shape: Shape, most: int) -> tuple[int, ...]:
     """Return the same for a chunk of whole lines, as far as they fit: a path through it has few corners."""
+    return _divided(shape, most, reversed(range(len(shape))), cube=False)
+
+
+def _divided(shape: Shape, most: int, order: Iterable[int], cube: bool) -> tuple[int, ...]:
+    """Return a chunk of at most so many cells: axis after axis takes an equal share of the room, or else all."""
     width = [1] * len(shape)
-    for k in reversed(range(len(width))):
-        width[k] = max(1, min(shape[k], most // math.prod(width)))
-    return _even(shape, width)
-
-
-def _even(shape: Shape, width: Shape) -> tuple[int, ...]:
-    """Return chunks of about the same size: no wider, and no more of them."""
-    return tuple(-(-n // -(-n // wide)) for n, wide in zip(shape, width, strict=True))
+    for left, k in zip(range(len(shape), 0, -1), order, strict=True):
+        room = most // math.prod(width)
+        wide = max(1, min(shape[k], int(room ** (1.0 / left) + _ROUNDING) if cube else room))
+        width[k] = -(-shape[k] // -(-shape[k] // wide))  # chunks of about the same size
+    return tuple(width)
 
 
 def chunk_counts(shape: Shape, chunk_shape: Shape) -> tuple[int, ...]:

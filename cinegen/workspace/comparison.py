@@ -34,7 +34,7 @@ _SAME = 1e-9  # of a cell's width
 
 @dataclass(frozen=True, eq=False, repr=False)
 class QuantityDifference:
-    """How a quantity differs, second map minus first, in cells that both reach.
+    """Difference of a quantity, second map minus first, in cells that both reach.
 
     Attributes:
         unit: of the quantity; "1" if dimensionless.
@@ -50,9 +50,8 @@ class QuantityDifference:
     def range(self) -> tuple[float, float, float]:
         """Minimum, median and maximum; NaN if there is no cell."""
         known = self.values[np.isfinite(self.values)]
-        if not known.size:
-            return math.nan, math.nan, math.nan
-        return float(known.min()), float(np.median(known)), float(known.max())
+        least, median, most = np.quantile(known, (0.0, 0.5, 1.0)) if known.size else (math.nan,) * 3
+        return float(least), float(median), float(most)
 
     def __str__(self) -> str:
         """Return the range for people."""
@@ -110,19 +109,20 @@ class Comparison:
         one, other = (name[:50] for name in self.names)
         return f"<Comparison of {one} and {other} on {self.region!r}>"
 
+    @property
+    def _rows(self) -> dict[str, Extent | QuantityDifference]:
+        return {**self.extents, **self.differences}
+
     def __str__(self) -> str:
         """Return lines for people."""
         ranges = ", ".join(f"{axis.name} {axis.low:.4g} to {axis.high:.4g}" for axis in self.region.axes)
-        shape = " x ".join(map(str, self.region.shape))
-        rows: dict[str, Extent | QuantityDifference] = {**self.extents, **self.differences}
-        wide = max(map(len, rows))
+        shape, wide = " x ".join(map(str, self.region.shape)), max(map(len, self._rows))
         lines = [f"{self.names[0]} and {self.names[1]}: {shape} cells over {ranges}"]
         lines += [f"  {remark}" for remark in self.remarks]
-        return "\n".join([*lines, *(f"  {name:<{wide}}  {row}" for name, row in rows.items())])
+        return "\n".join([*lines, *(f"  {name:<{wide}}  {row}" for name, row in self._rows.items())])
 
     def _repr_html_(self) -> str:
-        rows: dict[str, Extent | QuantityDifference] = {**self.extents, **self.differences}
-        return table(repr(self), ("", "reachable, or difference"), rows.items())
+        return table(repr(self), ("", "reachable, or difference"), self._rows.items())
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values, m and rad."""
@@ -158,23 +158,21 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     differences = {}
     for name in one.quantities:
         attributes = first[name].attrs
-        if name not in other.quantities or attributes.get("units") != second[name].attrs.get("units"):
+        if name not in other.quantities or attributes["units"] != second[name].attrs["units"]:
             continue
         with np.errstate(invalid="ignore"):
             values = np.where(in_a & in_b, b[name].values.astype(float) - a[name].values.astype(float), np.nan)
         values[~np.isfinite(values)] = np.nan
-        description = str(attributes.get("long_name", name))
-        differences[name] = QuantityDifference(str(attributes.get("units", "1")), description, values)
-    parts = (
-        (in_a, a_low, a_high), (in_b, b_low, b_high),
-        (in_a & ~in_b, a_low & ~b_high, a_high & ~b_low), (in_b & ~in_a, b_low & ~a_high, b_high & ~a_low),
-        (in_a & in_b, a_low & b_low, a_high & b_high),
-    )  # fmt: skip
-    names = ("first", "second", "only_first", "only_second", "both")
-    extents = {name: extent_of(region, unit, *part) for name, part in zip(names, parts, strict=True)}
-    return Comparison(
-        _names(first, second), region, (in_a, in_b), differences=differences, remarks=_remarks(one, other), **extents
-    )
+        differences[name] = QuantityDifference(attributes["units"], attributes["long_name"], values)
+    parts = {
+        "first": (in_a, a_low, a_high), "second": (in_b, b_low, b_high),
+        "only_first": (in_a & ~in_b, a_low & ~b_high, a_high & ~b_low),
+        "only_second": (in_b & ~in_a, b_low & ~a_high, b_high & ~a_low),
+        "both": (in_a & in_b, a_low & b_low, a_high & b_high),
+    }  # fmt: skip
+    extents = {name: extent_of(region, unit, *part) for name, part in parts.items()}
+    cells, remarks = (in_a, in_b), _remarks(one, other)
+    return Comparison(_names(first, second), region, cells, differences=differences, remarks=remarks, **extents)
 
 
 def _common(one: MapSpecification, other: MapSpecification) -> Region:
@@ -232,12 +230,6 @@ def _names(first: xarray.Dataset, second: xarray.Dataset) -> tuple[str, str]:
 
 
 def _remarks(one: MapSpecification, other: MapSpecification) -> tuple[str, ...]:
-    """Return what differs between two specifications, apart from their grids and quantities."""
-    found = ["the robots are different"] if one.robot_hash != other.robot_hash else []
-    pairs: list[tuple[str, Any, Any]] = [
-        (name, getattr(one, name), getattr(other, name)) for name in ("node", "limits", "along", "starts", "directions")
-    ]
-    a, b = one.region, other.region
-    pairs += [(f"region's {name}", getattr(a, name), getattr(b, name)) for name in ("orientation", "centre", "ends")]
-    pairs += [(name, a.at.get(name, "as at home"), b.at.get(name, "as at home")) for name in sorted({*a.at, *b.at})]
-    return (*found, *(f"{name}: {first} and {second}" for name, first, second in pairs if first != second))
+    """Return the differences between two specifications, apart from their grids and quantities."""
+    found, known = one.differences(other), ("quantities", *one.region.names)
+    return tuple(f"{name}: {first} and {second}" for name, first, second in found if name not in known)

@@ -44,10 +44,8 @@ class ChunkEvaluator:
         lean = _LEAN.issuperset(spec.quantities) and (
             "sigma_1" not in spec.quantities or spec.rank == min(sum(spec.counted), spec.dof)
         )
-        sampler = BatchEvaluator(
-            spec.mechanism, spec.node, *spec.counted, threes, "sigma_2" in spec.quantities, not lean
-        )
-        self._by = (ByActuatedJoints if spec.over_joints else ByPose)(spec, sampler)
+        batch = BatchEvaluator(spec.mechanism, spec.node, *spec.counted, threes, "sigma_2" in spec.quantities, not lean)
+        self._by = (ByActuatedJoints if spec.over_joints else ByPose)(spec, batch)
 
     def values(self, chunk: tuple[slice, ...]) -> dict[str, Values]:
         """Return the values (n, ...) of a chunk's cells by the name of each array, the last axis fastest."""
@@ -63,7 +61,7 @@ class ChunkEvaluator:
         return {**found, "configuration": cells.evaluations.q, "reachable": reachable, "status": cells.status}
 
     def _complete_sigma_2(self, cells: Cells) -> None:
-        """Compute sigma_2 where the sampler can't: axes of a ball joint in a plane, dependent columns."""
+        """Compute sigma_2 where the batch evaluator can't: axes of a ball joint in a plane, dependent columns."""
         q, sigma = cells.evaluations.q, cells.evaluations.passive_sigma
         left = np.flatnonzero(np.isfinite(q[:, 0]) & ~np.isfinite(sigma))
         if len(left):
@@ -73,7 +71,7 @@ class ChunkEvaluator:
 
 @dataclass(frozen=True)
 class Estimate:
-    """What a map costs.
+    """Cost of a map.
 
     Attributes:
         cells: number of cells.
@@ -97,7 +95,7 @@ class Estimate:
 
 
 def estimate(spec: MapSpecification, maps: int = 1) -> Estimate:
-    """Estimate what some maps cost by a few small chunks, evenly in the region. Takes about a second.
+    """Estimate the cost of some maps by a few small chunks, evenly in the region. Takes about a second.
 
     Args:
         spec: specification of a map.

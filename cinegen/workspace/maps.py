@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache, partial
 from pathlib import Path
 from socket import gethostname
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,7 +82,8 @@ def make_map(
     divide = line_shape if spec.over_joints else cube_shape
     with open_for_writing(where, spec, divide(spec.region.shape, most or chunk_size(spec.region.size, usual))) as store:
         if store.text != spec.text:
-            raise MapError(f"{where} is another map: {_difference(store.spec, spec)}. Give another -o")
+            differs = (f"{name} is {there}, not {asked}" for name, there, asked in store.spec.differences(spec))
+            raise MapError(f"{where} is another map: {'; '.join(differs)}. Give another -o")
         quick = spec.over_joints and not spec.mechanism.loops
         _make(store, _QUICK * usual if quick else usual, workers, scheduler, report or (lambda *_: None))
     return open_map(where)
@@ -123,17 +125,8 @@ def _make(store: MapStore, usual: int, workers: int | None, scheduler: str | Non
 
 def _lists(store: MapStore, chunks: NDArray[np.intp], most: int) -> Iterator[Chunks]:
     """Divide chunks (n,) into lists with at most so many cells each, unless a chunk has more."""
-    some, cells = Chunks(), 0
-    for first in range(0, len(chunks), _MANY):
-        part = chunks[first : first + _MANY]
-        for chunk, size in zip(part.tolist(), store.sizes(part).tolist(), strict=True):
-            if some and cells + size > most:
-                yield some
-                some, cells = [], 0
-            some.append(chunk)
-            cells += size
-    if some:
-        yield some
+    count = max(1, most // math.prod(store.chunk_shape))
+    return (chunks[first : first + count].tolist() for first in range(0, len(chunks), count))
 
 
 @contextmanager
@@ -218,34 +211,3 @@ def _store(folder: MapFolder) -> MapStore:
 @lru_cache(maxsize=2)
 def _evaluator(folder: MapFolder) -> ChunkEvaluator:
     return ChunkEvaluator(_store(folder).spec)
-
-
-# --- differences -------------------------------------------------------------------------------------------------
-
-
-def _difference(there: MapSpecification, asked: MapSpecification) -> str:
-    """Return what differs between two specifications, for people."""
-    one, other = there.document(), asked.document()
-    if one["robot"] != other["robot"]:
-        return f"of another robot, or of another version of it ({there.mechanism.name})"
-    one, other = _flat(one), _flat(other)
-    return "; ".join(
-        f"{name} is {one.get(name, 'left out')}, not {other.get(name, 'left out')}"
-        for name in sorted({*one, *other})
-        if one.get(name) != other.get(name)
-    )
-
-
-def _flat(document: Mapping[str, Any]) -> dict[str, str]:
-    """Return the specification's values as text by name, those of its region among them."""
-    region = document["region"]
-    found = {axis["name"]: f"{axis['low']:g}..{axis['high']:g}:{axis['count']}" for axis in region["axes"]}
-    found |= {name: f"{value:g}" for name, value in region["at"].items()}
-    others = {
-        name: value for name, value in (region | document).items() if name not in ("axes", "at", "region", "robot")
-    }
-    return found | {name: _text(value) for name, value in others.items()}
-
-
-def _text(value: Any) -> str:
-    return ", ".join(map(_text, value)) if isinstance(value, (list, tuple)) else str(value)

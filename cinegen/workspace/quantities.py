@@ -1,7 +1,7 @@
-"""Quantities of a map's cells: their names, units and how they are computed; each is one function and one entry.
+"""Quantities of a map's cells: their names, units and formulas; each is one entry of `QUANTITIES`.
 
 Singular values are those of `cinegen.singularity`, dimensionless: lengths are divided by the mechanism's characteristic
-length, which makes them commensurable with angles. `MapSpecification.counted` says which motions of the node count.
+length, which makes them commensurable with angles. They are of the node's motions in `MapSpecification.counted`.
 Every map also has `reachable`, `status` and `configuration`.
 """
 
@@ -27,19 +27,6 @@ _SINGULAR = 1e12  # condition numbers beyond are rounding
 _NO_EFFORT = 1e-12  # N m or N for 1 N: less is rounding
 
 
-def _solutions(cells: Cells) -> Values:
-    assert cells.solutions is not None
-    return cells.solutions
-
-
-def _sigma_1(cells: Cells) -> Values:
-    return cells.evaluations.singular_values[:, cells.spec.rank - 1]
-
-
-def _sigma_2(cells: Cells) -> Values:
-    return cells.evaluations.passive_sigma
-
-
 def _actuated_singular_values(cells: Cells) -> Array:
     """Return the singular values (n, rank), largest first, of the node's motions by the actuated joints."""
     spec, mechanism, done = cells.spec, cells.spec.mechanism, cells.evaluations
@@ -62,10 +49,6 @@ def _condition(cells: Cells) -> Values:
     return np.where(found > _SINGULAR, np.inf, found)
 
 
-def _manipulability(cells: Cells) -> Values:
-    return np.asarray(np.prod(_actuated_singular_values(cells), axis=1))
-
-
 def _margin(cells: Cells) -> Values:
     limits, q = cells.spec.mechanism.limits, cells.evaluations.q
     low, high = limits.lower, limits.upper
@@ -77,7 +60,7 @@ def _margin(cells: Cells) -> Values:
 
 
 def _moves_node(spec: MapSpecification) -> NDArray[np.bool_]:
-    """Return (nq,) whether each joint variable has to do with the pose of the node: those of fingers have not."""
+    """Return (nq,) true for joint variables on which the pose of the node depends: not for those of fingers."""
     mechanism = spec.mechanism
     model, system = mechanism.model, mechanism.system
     ends = [model.frames[mechanism.frame_id(spec.node)].parentJoint]
@@ -123,14 +106,10 @@ def _projections(cells: Cells) -> Array:
 
 
 def _actuated(spec: MapSpecification, limits: Array) -> Array:
-    """Return those (actuated,) of limits (nv,) of all joints; `_UNIT_LIMIT` where there is none."""
+    """Return the limits (actuated,) of the actuated joints among those of all (nv,); `_UNIT_LIMIT` where there is
+    none."""
     columns = [spec.mechanism.v_index(name) for name in spec.mechanism.actuated]
     return np.where(np.isfinite(limits), limits, _UNIT_LIMIT)[columns]
-
-
-def _solid_angle(cells: Cells) -> Values:
-    assert cells.solid_angle is not None
-    return cells.solid_angle
 
 
 def _clearance(cells: Cells) -> Values:
@@ -152,14 +131,14 @@ class Quantity(NamedTuple):
 
     Attributes:
         unit: "1" if dimensionless.
-        description: what it is.
+        description: its definition.
         values: function that returns the values (n,) of cells.
         dtype: type of the stored values.
     """
 
     unit: str
     description: str
-    values: Callable[[Cells], Values]
+    values: Callable[[Cells], Values | None]
     dtype: str = "float32"
 
     def of(self, cells: Cells) -> Values:
@@ -168,17 +147,22 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES = {
-    "solutions": Quantity("1", "inverse solutions; over actuated joints, assembly modes", _solutions, "int32"),
-    "sigma_1": Quantity("1", "smallest singular value of type 1: the node loses a degree of freedom at 0", _sigma_1),
-    "sigma_2": Quantity("1", "smallest singular value of type 2: the node is not controlled at 0", _sigma_2),
+    "solutions": Quantity("1", "inverse solutions; over actuated joints, assembly modes",
+                          lambda cells: cells.solutions, "int32"),
+    "sigma_1": Quantity("1", "smallest singular value of type 1: the node loses a degree of freedom at 0",
+                        lambda cells: cells.evaluations.singular_values[:, cells.spec.rank - 1]),
+    "sigma_2": Quantity("1", "smallest singular value of type 2: the node is not controlled at 0",
+                        lambda cells: cells.evaluations.passive_sigma),
     "condition": Quantity("1", "condition number of the node's motions by the actuated joints, 1 at best", _condition),
-    "manipulability": Quantity("1", "Yoshikawa's manipulability: product of all singular values", _manipulability),
+    "manipulability": Quantity("1", "Yoshikawa's manipulability: product of all singular values",
+                               lambda cells: np.prod(_actuated_singular_values(cells), axis=1)),
     "margin": Quantity("1", "joint-limit margin: 1 in the middle of all ranges, 0 at a limit", _margin),
     "velocity": Quantity("m s-1", "largest component of the node's velocity along the direction", _velocity),
     "force": Quantity("N", "largest force of the node along the direction", _force),
-    "solid_angle": Quantity("sr", "possible directions of the node's z axis (dexterous solid angle)", _solid_angle),
+    "solid_angle": Quantity("sr", "possible directions of the node's z axis (dexterous solid angle)",
+                            lambda cells: cells.solid_angle),
     "clearance": Quantity("m", "smallest distance to obstacles and between links", _clearance),
-}
+}  # fmt: skip
 """All quantities by name."""
 
 DIRECTED = frozenset({"velocity", "force"})

@@ -1,4 +1,4 @@
-"""`Region`: the grid that a map is made over, and what is asked of the node in each of its cells.
+"""`Region`: the grid of a map, and the pose of the node or the values of joints in each of its cells.
 
 The grid's axes are coordinates of a node's pose or actuated joints. A cell is evaluated at its middle and counts as a
 whole, so that volumes are sums of cells.
@@ -12,9 +12,11 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
+import msgspec
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from cinegen.model import Mechanism
 from cinegen.singularities.slice import POSE
@@ -214,8 +216,7 @@ class Region:
             return np.asarray(home.rotation)[None]
         at_home = pin.rpy.matrixToRpy(home.rotation)
         angles = [column.get(name, np.array([self.at.get(name, at_home[k])])) for k, name in enumerate(POSE[3:])]
-        roll, pitch, yaw = np.broadcast_arrays(*angles)
-        return _rotation(2, yaw) @ _rotation(1, pitch) @ _rotation(0, roll)
+        return np.asarray(Rotation.from_euler("xyz", np.column_stack(np.broadcast_arrays(*angles))).as_matrix())
 
     # --- sizes ---------------------------------------------------------------------------------------------------
 
@@ -271,13 +272,7 @@ class Region:
     @classmethod
     def of_document(cls, document: Mapping[str, Any]) -> Region:
         """Return the region that `document` wrote."""
-        fields = dict(document)
-        fields["axes"] = tuple(GridAxis(**axis) for axis in fields["axes"])
-        if fields["centre"] is not None:
-            fields["centre"] = tuple(fields["centre"])
-        if fields["ends"] is not None:
-            fields["ends"] = tuple(map(tuple, fields["ends"]))
-        return cls(**fields)
+        return msgspec.convert(document, cls)
 
 
 def line_region(first: Sequence[float], last: Sequence[float], count: int, **more: Any) -> Region:
@@ -295,14 +290,3 @@ def line_region(first: Sequence[float], last: Sequence[float], count: int, **mor
     length = float(np.linalg.norm(np.subtract(last, first)))
     ends = (tuple(map(float, first)), tuple(map(float, last)))
     return Region((GridAxis(DISTANCE, 0.0, length, count),), ends=ends, **more)  # type: ignore[arg-type]
-
-
-def _rotation(axis: int, angles: Array) -> Array:
-    """Return rotations (n, 3, 3) about x, y or z."""
-    c, s = np.cos(angles), np.sin(angles)
-    one, two = (axis + 1) % 3, (axis + 2) % 3
-    found = np.zeros((len(angles), 3, 3))
-    found[:, axis, axis] = 1.0
-    found[:, one, one] = found[:, two, two] = c
-    found[:, one, two], found[:, two, one] = -s, s
-    return found

@@ -37,6 +37,7 @@ STARTS = 6
 _ROUNDING = 1e-12  # by which the length of a unit vector may differ from 1
 _MOVES = 1e-9  # rad or characteristic lengths for each: less is rounding
 _RESERVED = (*QUANTITIES, "configuration", "reachable", "status", "joint")
+_SETTINGS = ("node", "quantities", "limits", "starts", "directions", "along", "scene")
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +59,7 @@ class MapSpecification:
 
     Raises:
         UnknownNameError: no such node.
-        MapError: coordinates, quantities or numbers that make no sense.
+        MapError: invalid coordinates, quantities or numbers.
     """
 
     mechanism: Mechanism
@@ -118,7 +119,8 @@ class MapSpecification:
         """Return whether a coordinate of the node's pose can change."""
         for q, rows in self._motions:
             rotation = self.mechanism.placement(q, self.node).rotation
-            changed = rotation @ rows[:3] if k < 3 else _rpy_rates(rotation) @ rows[3:]
+            to_rates = pin.rpy.computeRpyJacobianInverse(pin.rpy.matrixToRpy(rotation), pin.LOCAL)
+            changed = rotation @ rows[:3] if k < 3 else to_rates @ rows[3:]
             if np.abs(changed[k % 3]).max(initial=0.0) > _MOVES:
                 return True
         return False
@@ -141,7 +143,7 @@ class MapSpecification:
 
     @cached_property
     def over_joints(self) -> bool:
-        """Whether the map is over values of actuated joints, not over poses."""
+        """True for a map over values of actuated joints, not over poses."""
         return self.region.is_over_joints(self.mechanism)
 
     @cached_property
@@ -153,8 +155,8 @@ class MapSpecification:
     def rotation(self) -> int:
         """Number of given rotations of the node: 0, 2 (the direction of its z axis) or 3."""
         region = self.region
-        turned = any(name in (*region.names, *region.at) for name in POSE[3:])
-        return {"free": 3 if turned else 0, "axis": 2, "fixed": 3}[region.orientation]
+        given = any(name in (*region.names, *region.at) for name in POSE[3:])
+        return {"free": 3 if given else 0, "axis": 2, "fixed": 3}[region.orientation]
 
     @cached_property
     def counted(self) -> tuple[int, int]:
@@ -178,10 +180,7 @@ class MapSpecification:
     @cached_property
     def _kinematics(self) -> dict[str, Any]:
         source = self.mechanism.source
-        return {
-            "urdf": kinematics_of(source.urdf, source.name),
-            "constraints": None if source.constraints is None else dict(source.constraints),
-        }
+        return {"urdf": kinematics_of(source.urdf, source.name), "constraints": source.constraints}
 
     @cached_property
     def robot_hash(self) -> str:
@@ -194,15 +193,25 @@ class MapSpecification:
         return {
             "version": VERSION,
             "robot": {**self._kinematics, **shapes},
-            "node": self.node,
             "region": self.region.document(),
-            "quantities": list(self.quantities),
-            "limits": self.limits,
-            "starts": self.starts,
-            "directions": self.directions,
-            "along": list(self.along),
-            "scene": None if self.scene is None else dict(self.scene),
+            **{name: getattr(self, name) for name in _SETTINGS},
         }
+
+    def differences(self, other: MapSpecification) -> list[tuple[str, str, str]]:
+        """Return the name of each setting that differs from another specification's, and both values, for people."""
+        a, b = self._settings, other._settings
+        names = (name for name in (*a, *b) if a.get(name) != b.get(name))
+        return [(name, a.get(name, "as at home"), b.get(name, "as at home")) for name in dict.fromkeys(names)]
+
+    @property
+    def _settings(self) -> dict[str, str]:
+        region = self.region
+        found = {"robot": f"{self.mechanism.name} ({self.robot_hash[:8]})"}
+        for owner, names in ((self, _SETTINGS), (region, ("orientation", "centre", "ends"))):
+            values = {name: getattr(owner, name) for name in names}
+            found |= {name: ", ".join(value) if name == "quantities" else str(value) for name, value in values.items()}
+        found |= {axis.name: f"{axis.low:g}..{axis.high:g}:{axis.count}" for axis in region.axes}
+        return found | {name: f"{value:g}" for name, value in region.at.items()}
 
     @property
     def text(self) -> str:
@@ -235,13 +244,10 @@ def _parsed(text: str, source: str, folder: str) -> MapSpecification:
     document = json.loads(text)
     if document.get("version") != VERSION:
         raise MapError(f"the map has version {document.get('version')}; this program reads version {VERSION}")
+    settings = {name: document[name] for name in _SETTINGS}
+    settings |= {name: tuple(document[name]) for name in ("quantities", "along")}
     spec = MapSpecification(
-        build(**json.loads(source)),
-        Region.of_document(document["region"]),
-        tuple(document["quantities"]),
-        along=tuple(document["along"]),
-        folder=folder,
-        **{name: document[name] for name in ("node", "limits", "starts", "directions", "scene")},
+        build(**json.loads(source)), Region.of_document(document["region"]), folder=folder, **settings
     )
     if spec.text != text:
         raise MapError("its robot and its specification do not belong together")
@@ -289,15 +295,6 @@ def map_slice(
     return dataset.isel(cells), replace(spec, region=replace(region, axes=axes, at={**region.at, **at}))
 
 
-def _rpy_rates(rotation: Array) -> Array:
-    """Return the matrix (3, 3) from angular velocities in the rotated axes to rates of roll, pitch and yaw."""
-    roll, pitch, _ = pin.rpy.matrixToRpy(rotation)
-    sin, cos, tan = math.sin(roll), math.cos(roll), math.tan(pitch)
-    return np.array(
-        [[1.0, sin * tan, cos * tan], [0.0, cos, -sin], [0.0, sin / math.cos(pitch), cos / math.cos(pitch)]]
-    )
-
-
 def _json(document: Any) -> str:
     return json.dumps(document, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
 
@@ -306,7 +303,7 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
     """Return the names of a specification's quantities, each once, in the order of `QUANTITIES`.
 
     Raises:
-        MapError: a quantity is unknown, or makes no sense in this map.
+        MapError: a quantity is unknown, or does not exist in this map.
     """
     mechanism, wanted = spec.mechanism, set(spec.quantities)
     for name in spec.quantities:

@@ -81,27 +81,23 @@ class MapStore:
             raise MapError(f"{self.path}: {error}") from None
         except _ERRORS as error:
             raise MapError(f"{self.path} is damaged: its description is invalid ({error}). {_ADVICE}") from None
-        self._arrays = {}
-        for name in (*self.spec.region.names, *_data_arrays(self.spec)):
-            self._arrays[name] = self._checked(name, group, expected)
-        for axis in self.spec.region.axes:
-            try:
-                sound = np.array_equal(self._arrays.pop(axis.name)[:], axis.middles())
-            except _ERRORS:
-                sound = False
-            if not sound:
-                raise MapError(f"{self.path} is damaged: the values of {axis.name} are missing or wrong. {_ADVICE}")
+        for name in self.spec.region.names:
+            self._checked(name, group, expected)
+        self._arrays = {name: self._checked(name, group, expected) for name in _data_arrays(self.spec)}
 
-    def _checked(self, name: str, group: zarr.Group, expected: zarr.Group) -> Any:
-        """Return an array of the group, once its type, shape and encoding are as expected."""
+    def _checked(self, name: str, group: Any, expected: Any) -> Any:
+        """Return an array of the group, once its type, shape and encoding and a coordinate's values are as expected."""
+        problem = f"{name} is missing, or its description is wrong"
         try:
-            found: Any = group[name]
-            layouts = [array.metadata.to_dict() | {"attributes": {}} for array in (found, expected[name])]
+            found = group[name]
+            one, other = (array.metadata.to_dict() | {"attributes": {}} for array in (found, expected[name]))
+            if one == other:
+                problem = f"the values of {name} are missing or wrong"
+                if name not in self.spec.region.names or np.array_equal(found[:], expected[name][:]):
+                    return found.with_config(_CONFIG)
         except _ERRORS:
-            layouts = [{}, {"": ""}]
-        if layouts[0] != layouts[1]:
-            raise MapError(f"{self.path} is damaged: {name} is missing, or its description is wrong. {_ADVICE}")
-        return found.with_config(_CONFIG)
+            pass
+        raise MapError(f"{self.path} is damaged: {problem}. {_ADVICE}") from None
 
     @property
     def digest(self) -> str:
@@ -143,7 +139,12 @@ class MapStore:
 
     def is_sound(self, chunk: int) -> bool:
         """Return whether all files of a chunk exist, with the right checksums."""
-        return all(_is_sound(_read(self._file(name, chunk))) for name in self._arrays)
+        try:
+            return all(_is_sound(self._file(name, chunk).read_bytes()) for name in self._arrays)
+        except FileNotFoundError:
+            return False
+        except OSError as error:
+            raise MapError(f"{error.filename} can't be read: {error.strerror}") from None
 
     def discard(self, chunk: int) -> None:
         """Mark a chunk as incomplete.
@@ -277,20 +278,6 @@ class _CheckedFiles(LocalStore):
                 f"map, which evaluates this chunk again; or delete {status}, which marks it as not evaluated"
             )
         return found
-
-
-def _read(path: Path) -> bytes:
-    """Return the content of a file; nothing where there is no file.
-
-    Raises:
-        MapError: it can't be read.
-    """
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        return b""
-    except OSError as error:
-        raise MapError(f"{path} can't be read: {error.strerror}") from None
 
 
 def _is_sound(data: bytes) -> bool:

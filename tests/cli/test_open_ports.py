@@ -147,10 +147,13 @@ STRANGER = """
 import asyncio, os, sys
 from distributed.core import rpc
 from distributed.protocol.pickle import dumps
-import cinegen.cluster.local  # registers its scheme
+from distributed.security import Security
+
+security = Security.temporary()
 
 async def ask(address, name):
-    there = rpc(address, timeout=5)
+    certificate = security.get_connection_args("client") if address.startswith("tls") else {}
+    there = rpc(address, timeout=5, connection_args=certificate)
     try:
         print((await getattr(there, name)(function=dumps(os.getpid)))["result"], flush=True)
     except Exception as error:
@@ -174,7 +177,7 @@ def test_another_process_of_this_machine_can_run_nothing_in_those_that_make_a_ma
     with cluster.connected(None, 1) as client:
         (worker,) = client.scheduler_info(n_workers=-1)["workers"]
         places = ((client.scheduler.address.partition("://")[2], "run_function"), (worker.partition("://")[2], "run"))
-        asked = [word for at, name in places for scheme in ("tcp", "cinegen") for word in (f"{scheme}://{at}", name)]
+        asked = [word for at, name in places for scheme in ("tcp", "tls") for word in (f"{scheme}://{at}", name)]
         answers = of_a_stranger(root, *asked)
         assert client.submit(pow, 2, 3).result() == 8  # while this process may
     assert len(answers) == 4

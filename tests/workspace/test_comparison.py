@@ -42,7 +42,7 @@ def test_rings_that_overlap(both):
         assert extent.value == pytest.approx(exact, rel=0.04)
     assert found.first.value == pytest.approx(found.both.value + found.only_first.value)
     assert found.second.value == pytest.approx(found.both.value + found.only_second.value)
-    assert found.remarks == ("rz: 0.0 and 3.141592653589793",)
+    assert found.remarks == ("rz: 0 and 3.14159",)
 
 
 def test_quantities_differ_as_the_closed_form_says(both, robot):
@@ -148,5 +148,5 @@ def test_other_robots_are_named(made):
     other = made(None, (0.2, 0.3, 2), (0.2, 0.3, 2), ("sigma_1",), limits=False)
     found = compare(one, other)
     assert found.names == (one.attrs["robot"], other.attrs["robot"])
-    assert "the robots are different" in found.remarks
+    assert any(remark.startswith("robot: ") for remark in found.remarks)
     assert list(found.differences) == ["sigma_1"]  # the arm has nothing passive

@@ -10,7 +10,7 @@ from cinegen.jit.se3 import combine
 
 @compiled
 def speed_along(screw: Array, normal: Array, at: Array) -> float:
-    """Return the speed along a normal (3,) with which a screw (6,) moves a point (3,)."""
+    """How fast a screw (6,) moves what is at a point (3,) along a normal (3,)."""
     x = screw[0] + screw[4] * at[2] - screw[5] * at[1]
     y = screw[1] + screw[5] * at[0] - screw[3] * at[2]
     z = screw[2] + screw[3] * at[1] - screw[4] * at[0]

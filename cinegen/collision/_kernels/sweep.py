@@ -1,4 +1,4 @@
-"""Bounds of how much nearer a motion can bring two bodies, anywhere on it."""
+"""How far a motion can bring two bodies nearer: a bound that holds all along it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from cinegen.jit.foreign import DISTANCE
 
 @compiled
 def _swept(memory: ClearanceMemory, joint: int, seen_from: int, centre: Array, radius: float) -> float:
-    """Return the longest path of a point of a ball during `motion`, relative to another joint.
+    """Of all points of a ball, the longest path during `motion`, seen from what another joint carries.
 
     From the last joint to the first: a joint swings what those behind it have moved by `way` at most, so it moves
     nothing faster than its own column moves the ball's farthest point, and that `way` further out.

@@ -38,7 +38,7 @@ def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
 
 @compiled
 def damping(square: float, error: float, threshold: float) -> float:
-    """Return what is added to a squared singular value, as in `tests/ik/reference_tick.py`."""
+    """What is added to a squared singular value, as in `tests/ik/reference_tick.py`."""
     ratio = square / (threshold * threshold)
     return (1.0 - ratio) * (1.0 - ratio) * (0.25 * threshold * threshold + error) if ratio < 1.0 else 0.0
 

@@ -89,7 +89,7 @@ def _bound_speeds(memory: SolverMemory) -> None:
 
 @compiled
 def _bound_by_speed(memory: SolverMemory) -> None:
-    """Relax barriers that demand a retreat faster than the joints can move: no step would be feasible."""
+    """Where the mechanism has to go back, it need not go faster than its joints can: then it could not go at all."""
     for b in range(memory.barriers):
         at = memory.n + b
         if not memory.ceiling[at] < 0.0:
@@ -174,7 +174,7 @@ def _bend(memory: SolverMemory) -> None:
 
 @compiled
 def _is_at_position_limit(memory: SolverMemory, j: int) -> bool:
-    """Return whether a joint at an active bound is at a position limit after the step, or beyond it before."""
+    """Whether a joint that its bound holds back is at a position limit after the step, or beyond it before."""
     if memory.q_index[j] < 0:
         return False
     here, scale = memory.q[memory.q_index[j]], memory.scale[j]

@@ -145,7 +145,7 @@ def _step(memory: LocalIKMemory) -> bool:
 
 @compiled
 def _is_blocked(memory: LocalIKMemory, j: int, direction: float) -> bool:
-    """Return whether a joint is at a limit that it would exceed."""
+    """Whether a joint is on a limit that it would go beyond."""
     i = memory.q_index[j]
     if i < 0:
         return False

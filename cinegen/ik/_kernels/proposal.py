@@ -103,8 +103,8 @@ def _largest(step: Array) -> float:
 
 @compiled
 def _can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
-    """Return whether tasks can be corrected together with the loops, or next to a secondary step: neither limits nor
-    damping change them."""
+    """Whether tasks can be made exact together with the loops, or beside a secondary step: nothing bends or damps
+    them."""
     scaled = memory.rank == 0 or memory.report[SPEED_SCALE] != 1.0
     if (scaled and not had_secondary) or memory.active_rows == 0 or memory.is_nudged != 0:
         return False
@@ -124,7 +124,7 @@ def _can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
 
 @compiled
 def _ticks_left(memory: SolverMemory) -> float:
-    """Return how many steps that correct the capped errors lead to the targets; at least 1."""
+    """How many of the step that makes the capped errors good lead to the targets; at least 1."""
     most = 1.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
@@ -159,7 +159,7 @@ def is_sure(memory: SolverMemory) -> bool:
 
 @compiled
 def _turns_back(memory: SolverMemory) -> bool:
-    """Return whether the step reverses the last one, within 60 degrees."""
+    """Whether the step leads back where the last one came from, within 60 degrees."""
     along, here, there = 0.0, 0.0, 0.0
     for j in range(memory.n):
         along += memory.step[j] * memory.last[j]

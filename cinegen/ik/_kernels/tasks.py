@@ -73,8 +73,8 @@ def aim_tasks(memory: TasksMemory) -> bool:
 
 @compiled
 def tasks_left(memory: TasksMemory) -> float:
-    """Return the cost of all tasks whose gradient is the capped errors: half the square up to the cap, linear beyond
-    (Huber), of the distances that are stored in the tasks."""
+    """How far all tasks are from where they lead, as one number that the capped errors are the gradient of: half the
+    square up to the cap, linear beyond (Huber). By the distances that stand in the tasks."""
     total = 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
@@ -138,8 +138,8 @@ def _find_axes(memory: TasksMemory, task: TaskMemory, target: Array) -> None:
 
 @compiled
 def _advance(memory: TasksMemory, task: TaskMemory) -> None:
-    """Advance a twist's aim: from the aim of the last tick if the node is there, else from the pose of the node. So
-    nothing drifts while the twist is followed, and no error accumulates while it is not."""
+    """Advance a twist's aim: from where it led in the last tick if the node is there, else from where the node is. So
+    nothing drifts while the twist is followed, and nothing winds up while it is not."""
     frame, aim, axes, twist, dt = memory.ends[0], task.aim, task.world_axes, task.twist, memory.dt
     off, turn = memory.vectors[0], memory.vectors[1]
     for i in range(3):

@@ -216,8 +216,8 @@ def _most_tries(memory: SolverMemory) -> int:
 
 @compiled
 def _is_spare(memory: SolverMemory, part: float) -> bool:
-    """Return whether barriers allow the rest of the step with less of the secondary step, which may be what they
-    restrict."""
+    """Whether barriers allow what is left of the step without so much of the secondary step: that may be what keeps
+    them."""
     spare = True
     for b in range(memory.barriers):
         s = 0.0

@@ -1,4 +1,4 @@
-"""How well a mechanism moves in a wanted box, and whether it is free of singularities, also between a map's samples.
+"""Dexterity of a mechanism in a wanted box, and its singularities there, also between a map's samples.
 
 From point to neighbouring point the mechanism is continued on one branch (`BoxConfigurations`). The signs of the
 singular values of both types are compared between neighbours (`cinegen.singularities.crossing`): one that has changed
@@ -103,13 +103,14 @@ class BoxConfigurations(Continuation):
     def _from_map(self, configurations: Array) -> tuple[Array, NDArray[np.bool_]]:
         """Return (n, nq) what the map knows of the points, and (n,) which ones it does not know to be unreachable."""
         grid = self.grid
-        known, may = np.full((grid.size, configurations.shape[1]), np.nan), np.ones(grid.size, dtype=bool)
+        count = len(grid.values)
+        known, may = np.full((count, configurations.shape[1]), np.nan), np.ones(count, dtype=bool)
         known[grid.middles] = configurations
         reached = np.isfinite(configurations[:, 0])
         may[grid.middles] = reached | grid.cut
         for cell in np.flatnonzero(reached & grid.cut).tolist():
             point = int(grid.middles[cell])
-            found = self._onward(configurations[cell], grid.size + cell, point)
+            found = self._onward(configurations[cell], count + cell, point)
             known[point] = np.nan if found is None else found
         return known, may
 
@@ -215,7 +216,7 @@ def _candidates(box: BoxConfigurations, rows: Rows, edges: Ints) -> Iterator[tup
     """Yield neighbours between which the singular value can pass through 0 (`crossing.may_cross`), or of which it is 0
     at one; layer by layer, so that few matrices are kept."""
     layers = box.grid.shape[0]
-    layer = box.grid.size // layers
+    layer = len(box.q) // layers
     nothing = np.zeros_like(rows.of(box.mechanism.q_home))
     before = np.zeros((0, *nothing.shape)), np.zeros(0)
     for k in range(layers):
@@ -263,7 +264,7 @@ class WorstAndMean:
 
 @dataclass(frozen=True)
 class Dexterity:
-    """How well a mechanism moves in a box.
+    """Dexterity of a mechanism in a box.
 
     The mean of 1/condition is the global conditioning index of Gosselin and Angeles ("A global performance index for
     the kinematic optimization of robotic manipulators", ASME J. Mechanical Design 113, 1991).
@@ -284,9 +285,9 @@ class Dexterity:
 
 
 def dexterity(box: BoxConfigurations) -> Dexterity:
-    """Return how well a mechanism moves in a box, as far as it is reached."""
+    """Return the dexterity of a mechanism in a box, as far as it is reached."""
     spec, reached, inner = box.spec, box.reached, box.grid.middles
-    sizes = np.zeros(box.grid.size)
+    sizes = np.zeros(len(box.q))
     sizes[inner] = box.grid.sizes
     q = box.q[reached]
     done = BatchEvaluator(spec.mechanism, spec.node, *spec.counted, balls(spec.mechanism)).at(q)

@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
 from typing import Any
 
 from cinegen.html import table
@@ -19,7 +20,7 @@ from raff2urdf.writer import number
 
 @dataclass(frozen=True)
 class VariantResult:
-    """What was found of a variant.
+    """Result of a variant.
 
     Attributes:
         name: such as `link2.d=1500`.
@@ -44,12 +45,12 @@ class VariantResult:
 
     @property
     def covers_box(self) -> bool:
-        """Whether the whole wanted box is reached."""
+        """True if the whole wanted box is reached."""
         return self.dexterity is not None and self.dexterity.whole
 
     @property
     def suitable(self) -> bool:
-        """Whether the whole wanted box is reached, on one branch, and is free of singularities."""
+        """True if the whole wanted box is reached, on one branch, and is free of singularities."""
         return self.covers_box and bool(self.regularity)
 
     @property
@@ -63,30 +64,12 @@ class VariantResult:
         return "no" if self.regularity.joined else "branches meet"
 
     def as_dict(self) -> dict[str, Any]:
-        """Return flat JSON values, with the names of the columns of a CSV file; None where there is no number."""
-        known, regular = self.dexterity, self.regularity
-        nan = math.nan
-        numbers = {
-            "extent": self.extent.value if self.extent else nan,
-            "extent_error": self.extent.error if self.extent else nan,
-            "length_m": self.length,
-            "reached": known.reached if known else nan,
-            "sigma_1_worst": known.sigma_1.worst if known else nan,
-            "sigma_1_mean": known.sigma_1.mean if known else nan,
-            "conditioning_worst": known.conditioning.worst if known else nan,
-            "conditioning_mean": known.conditioning.mean if known else nan,
-            "sigma_2_worst": known.sigma_2 if known else nan,
+        """Return flat JSON values, with the names of the columns of a CSV file; None for missing numbers."""
+        values = {name: _attribute(self, path) for name, path in _FIELDS.items()}
+        values = {
+            name: None if isinstance(one, float) and not math.isfinite(one) else one for name, one in values.items()
         }
-        return {
-            **self.values,
-            **{name: value if math.isfinite(value) else None for name, value in numbers.items()},
-            "covers_box": self.covers_box,
-            "type_1": regular.first if regular is not None else None,
-            "type_2": regular.second if regular is not None else None,
-            "one_branch": regular.joined if regular is not None else None,
-            "suitable": self.suitable,
-            "remark": self.remark,
-        }
+        return {**self.values, **values}
 
     def cells(self) -> list[str]:
         """Return the columns of a table for people, but for the remark."""
@@ -100,12 +83,37 @@ class VariantResult:
         return [*values, str(self.extent), reached, *short, self.singular]
 
 
+_FIELDS = {
+    "extent": "extent.value",
+    "extent_error": "extent.error",
+    "length_m": "length",
+    "reached": "dexterity.reached",
+    "sigma_1_worst": "dexterity.sigma_1.worst",
+    "sigma_1_mean": "dexterity.sigma_1.mean",
+    "conditioning_worst": "dexterity.conditioning.worst",
+    "conditioning_mean": "dexterity.conditioning.mean",
+    "sigma_2_worst": "dexterity.sigma_2",
+    "covers_box": "covers_box",
+    "type_1": "regularity.first",
+    "type_2": "regularity.second",
+    "one_branch": "regularity.joined",
+    "suitable": "suitable",
+    "remark": "remark",
+}
+"""Attributes of a variant by their names in JSON and CSV."""
+
+
+def _attribute(of: Any, path: str) -> Any:
+    """Return an attribute of an attribute; None where one is missing."""
+    return reduce(lambda one, name: None if one is None else getattr(one, name), path.split("."), of)
+
+
 _COLUMNS = ("reaches", "of the box", "sigma 1 worst", "mean", "1/condition worst", "mean", "sigma 2 worst", "singular")
 
 
 @dataclass(frozen=True)
 class SweepResult:
-    """What a sweep found.
+    """Result of a sweep.
 
     Attributes:
         robot: name of the robot.
@@ -150,7 +158,7 @@ class SweepResult:
         }
 
     def csv(self) -> str:
-        """Return a file of comma-separated values, empty where there is no number."""
+        """Return a file of comma-separated values, empty for missing numbers."""
         out = io.StringIO()
         writer = csv.DictWriter(out, ["variant", *(self.rows[0].as_dict() if self.rows else ())], lineterminator="\n")
         writer.writeheader()

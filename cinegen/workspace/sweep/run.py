@@ -6,9 +6,10 @@ import json
 import os
 import warnings
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import raff2urdf
 from cinegen.cluster import connected, each
@@ -71,8 +72,7 @@ def sweep(
 
     Raises:
         RaffError: the file is wrong.
-        MapError: parameters, a box or settings that make no sense; or the folder is of something else, or can't be
-            written.
+        MapError: invalid parameters, box or settings; or the folder is of something else, or can't be written.
         ClusterError: the cluster does not answer.
         UnknownNameError: no such node.
     """
@@ -82,8 +82,11 @@ def sweep(
     document = parse(read(source), str(source))
     raff2urdf.check(document)
     found = variants(document, variations, robot)
-    plan = _SweepSettings(region, box or WantedBox(), robot, settings)
-    plan.check(source)
+    plan = _Plan(region, box or WantedBox(), robot, settings)
+    plan.box.grid(region)
+    with warnings.catch_warnings(), suppress(ClosureError):  # each variant reports its own
+        warnings.simplefilter("ignore")
+        plan.spec(source)
     _begin(here, _description(document, variations, plan))
     tasks: list[_Task] = []
     for k, variant in enumerate(found):
@@ -98,9 +101,8 @@ def sweep(
     return result
 
 
-@dataclass(frozen=True)
-class _SweepSettings:
-    """What is done with each variant.
+class _Plan(NamedTuple):
+    """The settings of a sweep.
 
     Attributes:
         region: the grid of all maps.
@@ -119,29 +121,15 @@ class _SweepSettings:
 
         Raises:
             ClosureError: its loops can't be closed.
-            MapError: settings that make no sense for it.
+            MapError: settings that are invalid for it.
+            UnknownNameError: no such node.
         """
         settings = {**self.settings, "quantities": (*_NEEDED, *self.settings.get("quantities", ()))}
         return MapSpecification(load(path, self.robot), self.region, **settings)
 
-    def check(self, path: Path) -> None:
-        """Check the settings with the robot as it is, unless its loops can't be closed.
-
-        Raises:
-            MapError: they make no sense.
-            UnknownNameError: no such node.
-        """
-        self.box.cells(self.region)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # each variant reports its own
-            try:
-                self.spec(path)
-            except ClosureError:
-                return
-
 
 def _rows(
-    plan: _SweepSettings, tasks: list[_Task], workers: int | None, scheduler: str | None, report: Report
+    plan: _Plan, tasks: list[_Task], workers: int | None, scheduler: str | None, report: Report
 ) -> list[VariantResult]:
     """Return the result of each variant. Several processes work on different variants or, if there are fewer variants
     than processes, together on one after the other."""
@@ -162,7 +150,7 @@ def _rows(
 
 
 def _in_turn(
-    plan: _SweepSettings, tasks: list[_Task], size: int, report: Report, scheduler: str | None = None
+    plan: _Plan, tasks: list[_Task], size: int, report: Report, scheduler: str | None = None
 ) -> Iterator[VariantResult]:
     for number, task in enumerate(tasks):
 
@@ -175,9 +163,7 @@ def _in_turn(
         yield row
 
 
-def _judged(
-    plan: _SweepSettings, task: _Task, scheduler: str | None = None, report: Report | None = None
-) -> VariantResult:
+def _judged(plan: _Plan, task: _Task, scheduler: str | None = None, report: Report | None = None) -> VariantResult:
     """Make the map of a variant, by a cluster or by this process alone, and judge it in the wanted box.
 
     Raises:
@@ -196,15 +182,9 @@ def _judged(
     grid = plan.box.grid(plan.region)
     touched = dataset["configuration"].isel(dict(zip(plan.region.names, grid.cells, strict=True)))
     box = BoxConfigurations(spec, grid, touched.values)
-    return VariantResult(
-        name,
-        values,
-        extent(dataset),
-        spec.mechanism.length,
-        dexterity(box),
-        regularity(box) if box.parts else None,
-        _one_line(*(str(warning.message) for warning in warned)),
-    )
+    regular = regularity(box) if box.parts else None
+    remark = _one_line(*(str(warning.message) for warning in warned))
+    return VariantResult(name, values, extent(dataset), spec.mechanism.length, dexterity(box), regular, remark)
 
 
 def _one_line(*texts: str) -> str:
@@ -215,17 +195,12 @@ def _one_line(*texts: str) -> str:
 # --- the folder -------------------------------------------------------------------------------------------------------
 
 
-def _description(document: Document, variations: Sequence[Variation], plan: _SweepSettings) -> dict[str, Any]:
+def _description(document: Document, variations: Sequence[Variation], plan: _Plan) -> dict[str, Any]:
     """Return everything that determines the maps, as JSON values."""
     described = {
-        "kind": _KIND,
-        "version": _VERSION,
-        "raff": dumps(document),
-        "robot": plan.robot,
-        "varied": [str(variation) for variation in variations],
-        "region": plan.region.document(),
-        "settings": plan.settings,
-    }
+        "kind": _KIND, "version": _VERSION, "raff": dumps(document), "robot": plan.robot,
+        "varied": list(map(str, variations)), "region": plan.region.document(), "settings": plan.settings,
+    }  # fmt: skip
     return dict(json.loads(json.dumps(described)))
 
 

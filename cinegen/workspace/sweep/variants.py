@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +25,6 @@ NAMES = (*KLEINFINGER, "limits.low", "limits.high", "velocity")
 MOST = 10_000
 """Number of variants of a sweep, and of values of a variation, at most."""
 
-_RANGE = re.compile(r"(?P<low>.+?)\.\.(?P<high>[^:]+)(:(?P<count>.*))?")
 _DIGITS = 12  # of a value: that many are the same in a name and in a file
 
 
@@ -116,7 +115,7 @@ class Variation:
         count: number of values, evenly spaced.
 
     Raises:
-        MapError: numbers that make no sense.
+        MapError: invalid numbers.
     """
 
     parameters: tuple[Parameter, ...]
@@ -147,30 +146,26 @@ class Variation:
         values.
 
         Raises:
-            MapError: the text is no variation; says what is missing.
+            MapError: the text is no variation; the message names the missing part.
         """
-        names, equals, values = text.partition("=")
+        names, equals, values = text.strip().partition("=")
         if not equals:
-            raise MapError(f"'{text}' has no values: write for instance {text.strip() or 'link2.d'}=100..200:5")
+            raise MapError(f"'{text}' has no values: write for instance {names or 'link2.d'}=100..200:5")
         parameters = tuple(Parameter.parse(name) for name in names.split("+"))
-
-        def parsed(value: str) -> float:
-            try:
-                return float(value)
-            except ValueError:
-                example = "link2.d=100..200:5"
-                raise MapError(f"'{text}': '{value.strip()}' is no number: write for instance {example}") from None
-
-        found = _RANGE.fullmatch(values.strip())
-        if found is None:
-            return cls(parameters, parsed(values), parsed(values), 1)
-        if found["count"] is None:
+        ends, colon, count = values.partition(":")
+        low, dots, high = ends.partition("..")
+        if dots and not colon:
             raise MapError(f"'{text}' lacks the number of values: write for instance {text.strip()}:5")
-        low, high = parsed(found["low"]), parsed(found["high"])
-        try:
-            return cls(parameters, low, high, int(found["count"]))
-        except ValueError:
-            raise MapError(f"'{text}': '{found['count']}' is no number of values") from None
+
+        def parsed(kind: Callable[[str], Any], value: str, expected: str) -> Any:
+            try:
+                return kind(value)
+            except ValueError:
+                example = "write for instance link2.d=100..200:5"
+                raise MapError(f"'{text}': '{value.strip()}' is not a {expected}: {example}") from None
+
+        first, last = (parsed(float, value, "number") for value in (low, high if dots else low))
+        return cls(parameters, first, last, parsed(int, count if colon else "1", "number of values"))
 
     @property
     def heading(self) -> str:
