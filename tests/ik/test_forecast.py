@@ -13,6 +13,7 @@ from planar import TWO_R, root, singular_values, two_r
 
 from cinegen import CinegenError, Solver, forecast_motion
 from cinegen.ik import EventKind, LimitMargin, LookAhead, Posture
+from cinegen.ik.forecast import _interpolated
 from cinegen.ik.singular import NEAR_PASSIVE, passive_singular_values
 from cinegen.ik.thresholds import NEAR
 
@@ -386,6 +387,29 @@ def test_a_leap_of_a_target_and_the_end_of_a_twist_do_not_go_on(robot):
         step = solver.step()
     task.target = delta.placement(step.q, "platform")  # stop
     assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
+
+
+def test_a_target_that_made_no_sense_in_between_does_not_go_on(robot):
+    delta = robot("delta4")
+    solver = Solver(delta, DT)
+    task = solver.add_task("platform")
+    solver.step()
+    begin = task.target.translation.copy()
+    for k, there in enumerate((begin, np.full(3, np.nan), begin + [0.001, 0.0, 0.0])):
+        task.target.translation = there
+        solver.step()
+        if k:
+            assert np.array_equal(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q)
+    task.target.translation += [0.001, 0.0, 0.0]
+    solver.step()
+    assert not np.allclose(forecast_motion(solver, 0.5).q, forecast_motion(solver, 0.5, moving=False).q, atol=1e-6)
+
+
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=9), st.floats(0.0, 1.0))
+def test_between_ticks_values_are_linear_up_to_the_last_tick(values, part):
+    last = len(values) - 1
+    for x in (0.0, part * last, float(last)):
+        assert _interpolated(np.array(values), x) == pytest.approx(np.interp(x, range(last + 1), values), abs=1e-9)
 
 
 def test_a_base_that_can_move_is_foreseen_too(raff):
