@@ -123,7 +123,7 @@ def test_limits_are_a_mapping_with_arrays_in_the_order_of_q_and_v(arm):
 
 
 def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it_says_0_or_nothing(tmp_path):
-    limits = ('effort="5" velocity="3"', 'effort="0" velocity="0"', 'effort="1e9"')
+    limits = ('effort="0.5" velocity="0.3"', 'effort="0" velocity="0"', 'effort="1e9"')
     joints = "".join(
         f"""<link name="l{k + 1}"/><joint name="j{k}" type="revolute"><parent link="l{k}"/><child link="l{k + 1}"/>
         <axis xyz="0 0 1"/><limit lower="-1" upper="1" {limit}/></joint>"""
@@ -133,7 +133,7 @@ def test_limits_of_velocity_and_effort_are_those_of_a_urdf_and_infinite_where_it
     path.write_text(f'<robot name="arm"><link name="l0"/>{joints}</robot>')
     found = cinegen.load(path).limits
     nothing = (-1, 1, math.inf, math.inf)
-    assert [tuple(found[joint]) for joint in found] == [(-1, 1, 3, 5), nothing, nothing]
+    assert [tuple(found[joint]) for joint in found] == [(-1, 1, 0.3, 0.5), nothing, nothing]
 
 
 def test_whether_configurations_are_within_limits_is_told_of_many_at_once(arm):

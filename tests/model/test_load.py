@@ -244,6 +244,16 @@ def test_home_is_brought_inside_the_limits_where_closing_left_them(raff):
     assert held.closure(held.q_home) <= 1e-12
 
 
+def test_a_warning_of_a_home_outside_the_limits_is_of_the_line_that_loads(tmp_path):
+    path = tmp_path / "stuck.raff"
+    held = FOUR_BAR.replace("type 2 pred 0", "type 2 pred 0 limits { 170 171 }", 1)
+    held = held.replace("type 2 pred 0 }", "type 2 pred 0 limits { 94 96 } }")  # while the other one stays
+    path.write_text(f"RAFF stuck\n{held}")
+    with pytest.warns(cinegen.CinegenWarning, match="home is outside the limits of") as caught:
+        cinegen.load(path)
+    assert {warning.filename for warning in caught} == {__file__}
+
+
 def test_a_base_that_a_sensor_may_move_is_free_and_adds_six(raff):
     text = """
       sensor 1 { port "/dev/null" translation 3 rotation 3 }

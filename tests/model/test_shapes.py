@@ -11,6 +11,8 @@ import trimesh
 
 import cinegen
 from cinegen.cockpit import make_page
+from cinegen.model.shapes import _where
+from cinegen.model.stick import stick_figure
 
 URDF = """<robot name="arm">
   <link name="base">{0}</link>
@@ -125,6 +127,26 @@ def test_without_shapes_a_stick_figure_stands_in(write):
     assert np.allclose(drum.placement.rotation[:, 2], [0.0, 0.6, 0.8], atol=1e-9)
     page, _ = make_page({"arm": mechanism})
     assert len(page.html()) > 1000
+
+
+@pytest.mark.parametrize(("name", "count"), [("five_bar", 2), ("delta4", 3), ("gough", 6)])
+def test_a_stick_figure_has_a_bar_to_each_joint_on_the_base(robot, name, count):
+    """Also where they are near each other; joints on one point share a bar."""
+    mechanism = robot(name)
+    bars = [shape for shape in stick_figure(mechanism.model).geometryObjects if shape.name.startswith("bar 0 ")]
+    ends = [bar.placement.translation + bar.geometry.halfLength * bar.placement.rotation[:, 2] for bar in bars]
+    model = mechanism.model
+    on_base = [model.jointPlacements[j].translation for j in range(1, model.njoints) if model.parents[j] == 0]
+    assert len(bars) == count
+    assert all(min(np.linalg.norm(end - point) for point in on_base) < 1e-9 for end in ends)
+
+
+def test_a_mesh_that_is_named_otherwise_in_the_file_is_told_by_the_line_of_its_last_name(tmp_path):
+    """As where it was found in a package. A file that does not name it at all has no line."""
+    path = tmp_path / "arm.urdf"
+    path.write_text('<robot>\n<a/>\n<mesh filename="model://arm/part.stl"/>\n</robot>')
+    assert _where(str(path), "/somewhere/else/part.stl") == f"{path}:3"
+    assert _where(str(path), "/somewhere/else/other.stl") == str(path)
 
 
 def test_one_body_alone_has_nothing_to_draw(tmp_path):
