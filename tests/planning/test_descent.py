@@ -15,10 +15,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from cinegen.collision import PlanningError, load_scene, scene_of
+from cinegen.collision import PlanningError, clearance_of, load_scene, scene_of
 from cinegen.collision.body import Body
 from cinegen.collision.links import link_bodies
+from cinegen.ik import Posture
 from cinegen.planning import PlanStatus, plan
+from cinegen.planning.attempt import attempt
 from cinegen.planning.descent import GAINS, AvoidanceField, Gains, GoalPotential, Potential
 from cinegen.planning.enclosures import Enclosure
 from cinegen.planning.potential_fields import Elliptical, Firas, Spherical
@@ -179,6 +181,19 @@ def test_where_repulsion_fades_it_is_still_the_gradient(field, x, y):
 
 
 @pytest.mark.parametrize("field", REPULSIVE)
+@pytest.mark.parametrize("part", [0.1, 0.5, 0.9, 1.0, 2.0])
+def test_repulsion_fades_by_the_square_of_the_error_from_where_fading_starts(field, part):
+    """Its weight is 1 - (1 - u)^2 with u the square of the error relative to that distance, and 1 from there on."""
+    scene = point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.7]}])
+    q, fading = np.array([3.8, 0.1]), math.sqrt(2.0 * GoalPotential(scene).value([3.8, 0.1])) / part
+    full, faded = (potential(scene, field, 0.6, fading=start) for start in (1e-9, fading))
+    repulsion = full.value(q) - full.goal.value(q)
+    assert repulsion > 1e-3
+    weight = 1.0 - (1.0 - min(part, 1.0) ** 2) ** 2
+    assert faded.value(q) - faded.goal.value(q) == pytest.approx(weight * repulsion, rel=1e-9)
+
+
+@pytest.mark.parametrize("field", REPULSIVE)
 def test_at_the_goal_nothing_is_left_but_the_goal(field):
     found = potential(point([{"kind": "disc", "radius": 0.3, "point": [4.0, 0.5]}]), field, 0.6)
     at_goal = np.array([4.0, 0.0])
@@ -210,6 +225,20 @@ def is_lowest(scene, found, q, away):
     ways = rng.normal(size=(200, scene.mechanism.model.nv))
     here = found.value(q)
     return all(found.value(moved(scene, q, away * way / np.linalg.norm(way))) >= here - 1e-9 for way in ways)
+
+
+def test_what_blocks_an_attempt_is_what_is_near_at_its_end():
+    """Straight ahead from beside one obstacle until another is in the way."""
+    beside, across = {"kind": "disc", "radius": 0.3, "point": [0.0, 0.43]}, {"kind": "box", "size": [0.1, 3.0]}
+    scene = point([{**beside, "name": "beside"}, {**across, "point": [2.0, 0.0], "name": "across"}], radius=0.1)
+    goal = np.array([4.0, 0.0])
+    made = attempt(
+        clearance_of(scene), np.zeros(2), Posture(goal, rate=0.1), lambda q: float(np.linalg.norm(q - goal)),
+        lambda q: bool(np.abs(q - goal).max() < 1e-3), scene.safety, 500, "straight",
+    )  # fmt: skip
+    assert made.status is PlanStatus.STUCK
+    assert [set(pair) for pair in made.blocked_by] == [{"mobile", "across"}]
+    assert made.path[-1] == pytest.approx([1.95 - 0.1 - 0.02, 0.0], abs=0.02)
 
 
 @pytest.mark.parametrize("task", [0.03, 0.1, 1.0])
