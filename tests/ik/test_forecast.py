@@ -395,7 +395,7 @@ def test_a_target_that_made_no_sense_in_between_does_not_go_on(robot):
     task = solver.add_task("platform")
     solver.step()
     begin = task.target.translation.copy()
-    for k, there in enumerate((begin, np.full(3, np.nan), begin + [0.001, 0.0, 0.0])):
+    for k, there in enumerate((begin, np.full(3, np.nan), begin + 0.001 * np.eye(3)[0])):
         task.target.translation = there
         solver.step()
         if k:
