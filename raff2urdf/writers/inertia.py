@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
 from raff2urdf.formats import DENSITY
+from raff2urdf.writers.tree_at_home import shape_of
 
 Array = NDArray[np.float64]
 
@@ -142,35 +144,37 @@ def inertias(
     density = DENSITY if density is None else density
     if not (np.isfinite(density) and density > 0.0):
         raise RaffError(f"a density of {density:g} kg/m3: it must be a number above 0")
-    surfaces: dict[str, Any] = {}
-
-    def surface(name: str) -> Any:
-        if name not in surfaces:
-            surfaces[name] = (read or load_surface)(name)
-        return surfaces[name]
-
+    surface = cache(read or load_surface)
     found: dict[str, Inertia] = {}
     given: list[str] = []
     for link in model.links:
-        own = _of_urdf(link.inertial)
-        if own is not None:
+        if link.inertial is None or link.inertial.mass is None or link.inertial.inertia is None:
+            found[link.name] = sum_of(
+                _placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.visuals
+            )
+        else:
+            mass, matrix = float(link.inertial.mass), np.asarray(link.inertial.inertia, dtype=float)
+            found[link.name] = _placed(Inertia.from_matrix(mass, np.zeros(3), matrix), link.inertial.origin)
             given.append(link.name)
-        found[link.name] = own if own is not None else sum_of(_of_visual(v, density, surface) for v in link.visuals)
     raised: dict[str, None] = {}
+
+    def least(name: str, body: Inertia) -> Inertia:
+        enough = body.at_least(LEAST_MASS, LEAST_MOMENT)
+        if enough.mass <= body.mass and np.trace(enough.second) <= np.trace(body.second):
+            return body
+        raised[name] = None
+        return enough
+
     for name, body in found.items():
         if body.mass > 0.0 and name not in given:
-            found[name] = enough = body.at_least(LEAST_MASS, LEAST_MOMENT)
-            if enough.mass > body.mass or np.trace(enough.second) > np.trace(body.second):
-                raised[name] = None
+            found[name] = least(name, body)
     for carrier, fixed in moving:
-        whole = found[carrier] + sum_of(found[name].in_frame(placement) for name, placement in fixed)
-        enough = whole.at_least(LEAST_MASS, LEAST_MOMENT)
-        if enough.mass > whole.mass or np.trace(enough.second) > np.trace(whole.second):
-            own = found[carrier]
-            found[carrier] = Inertia(
-                own.mass + enough.mass - whole.mass, own.centre, own.second + enough.second - whole.second
-            )
-            raised[carrier] = None
+        own = found[carrier]
+        whole = own + sum_of(found[name].in_frame(placement) for name, placement in fixed)
+        enough = least(carrier, whole)
+        if enough is not whole:
+            second = own.second + enough.second - whole.second
+            found[carrier] = Inertia(own.mass + enough.mass - whole.mass, own.centre, second)
     return Inertias(found, density, tuple(given), tuple(raised))
 
 
@@ -182,24 +186,20 @@ def sum_of(bodies: Iterable[Inertia]) -> Inertia:
     return total
 
 
-def of_geometry(geometry: yourdfpy.Geometry, density: float, surface: Reader | None = None) -> Inertia:
+def of_geometry(geometry: yourdfpy.Geometry | None, density: float, surface: Reader | None = None) -> Inertia:
     """Return the inertia of a URDF's shape as a solid body, in the shape's own axes."""
-    if geometry.box is not None:
-        size = np.asarray(geometry.box.size, dtype=float)
+    kind, size, file = shape_of(geometry)
+    if kind == "mesh":
+        return of_surface((surface or load_surface)(file), density, size)
+    if kind == "box":
         mass = density * float(np.prod(size))
         return Inertia(mass, np.zeros(3), mass / 12.0 * np.diag(size**2))
-    if geometry.sphere is not None:
-        radius = float(geometry.sphere.radius)
-        mass = density * 4.0 / 3.0 * np.pi * radius**3
-        return Inertia(mass, np.zeros(3), mass * radius**2 / 5.0 * np.eye(3))
-    if geometry.cylinder is not None:
-        radius, length = float(geometry.cylinder.radius), float(geometry.cylinder.length)
-        mass = density * np.pi * radius**2 * length
-        return Inertia(mass, np.zeros(3), mass * np.diag([radius**2 / 4.0, radius**2 / 4.0, length**2 / 12.0]))
-    if geometry.mesh is not None:
-        scale = 1.0 if geometry.mesh.scale is None else geometry.mesh.scale
-        return of_surface((surface or load_surface)(geometry.mesh.filename), density, scale)
-    return Inertia()
+    radius = float(size[0]) if kind else 0.0
+    if kind == "cylinder":
+        mass = density * np.pi * radius**2 * float(size[1])
+        return Inertia(mass, np.zeros(3), mass * np.diag([radius**2 / 4.0, radius**2 / 4.0, size[1] ** 2 / 12.0]))
+    mass = density * 4.0 / 3.0 * np.pi * radius**3
+    return Inertia(mass, np.zeros(3), mass * radius**2 / 5.0 * np.eye(3))
 
 
 def of_surface(mesh: Any, density: float, scale: Any = 1.0) -> Inertia:
@@ -243,15 +243,5 @@ def load_surface(path: str | Path, content: bytes | None = None) -> Any:
         raise RaffError(f"{path}: unreadable: {error}") from None
 
 
-def _of_visual(visual: yourdfpy.Visual, density: float, surface: Reader) -> Inertia:
-    if visual.geometry is None:
-        return Inertia()
-    body = of_geometry(visual.geometry, density, surface)
-    return body if visual.origin is None else body.in_frame(visual.origin)
-
-
-def _of_urdf(inertial: yourdfpy.Inertial | None) -> Inertia | None:
-    if inertial is None or inertial.mass is None or inertial.inertia is None:
-        return None
-    body = Inertia.from_matrix(float(inertial.mass), np.zeros(3), np.asarray(inertial.inertia, dtype=float))
-    return body if inertial.origin is None else body.in_frame(inertial.origin)
+def _placed(body: Inertia, origin: Array | None) -> Inertia:
+    return body if origin is None else body.in_frame(origin)

@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -40,6 +40,7 @@ from raff2urdf.writers.tree_at_home import (
     greatest,
     limits,
     loop_element,
+    shape_of,
     unique_name,
 )
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
@@ -77,23 +78,30 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
     """Return the robot, and those of its meshes that MuJoCo can't read as they are, as binary STL."""
     tree = TreeAtHome(translation.model, translation.analysis.home)
     masses = inertias(translation.model, options.density, translation.surface, tree.moving)
-    model, converted = _with_readable_meshes(translation, stem)
-    text = mjcf(replace(tree, model=model), translation.constraints, masses)
-    return {f"{stem}.xml": text.encode(), **converted}
+    readable = _ReadableMeshes(translation, stem)
+    text = mjcf(tree, translation.constraints, masses, readable)
+    readable.warn()
+    return {f"{stem}.xml": text.encode(), **readable.converted}
 
 
-def mjcf(tree: TreeAtHome, constraints: Mapping[str, Any], inertias: Inertias) -> str:
+def mjcf(
+    tree: TreeAtHome,
+    constraints: Mapping[str, Any],
+    inertias: Inertias,
+    readable: Callable[[str], str | None] = lambda mesh: mesh,
+) -> str:
     """Return the text of the file.
 
     Args:
         tree: the robot's tree at closed home.
         constraints: its loops and actuated joints, as in constraints.schema.json.
         inertias: of its links.
+        readable: returns the name of a mesh that MuJoCo reads in the place of a mesh; None if there is none.
 
     Raises:
         RaffError: MJCF has no notation for something in the tree or a loop.
     """
-    return text_of(_Writer(tree, constraints, inertias).root())
+    return text_of(_Writer(tree, constraints, inertias, readable).root())
 
 
 @dataclass
@@ -101,6 +109,7 @@ class _Writer:
     tree: TreeAtHome
     constraints: Mapping[str, Any]
     inertias: Inertias
+    readable: Callable[[str], str | None]
     meshes: dict[tuple[str, tuple[float, ...]], str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -212,32 +221,25 @@ class _Writer:
 
     def add_shapes(self, body: etree._Element, link: yourdfpy.Link) -> None:
         for shape in (*link.visuals, *link.collisions):
-            geometry = shape.geometry
-            if geometry is None:
+            kind, size, file = shape_of(shape.geometry)
+            mesh = self.mesh(file, tuple(size.tolist())) if kind == "mesh" else ""
+            if not kind or mesh is None:
                 continue
-            geom = etree.SubElement(body, "geom")
-            if geometry.box is not None:
-                geom.attrib.update({"type": "box", "size": numerals(np.asarray(geometry.box.size) / 2.0)})
-            elif geometry.cylinder is not None:
-                size = (geometry.cylinder.radius, geometry.cylinder.length / 2.0)
-                geom.attrib.update({"type": "cylinder", "size": numerals(size)})
-            elif geometry.sphere is not None:
-                geom.attrib.update({"type": "sphere", "size": numeral(geometry.sphere.radius)})
-            elif geometry.mesh is not None:
-                geom.attrib.update({"type": "mesh", "mesh": self.mesh(geometry.mesh)})
+            half = {"box": (0.5, 0.5, 0.5), "cylinder": (1.0, 0.5)}.get(kind, (1.0,))
+            geom = etree.SubElement(body, "geom", type=kind)
+            geom.set(*(("mesh", mesh) if mesh else ("size", numerals(size * half))))
             geom.attrib.update(pose(np.eye(4) if shape.origin is None else shape.origin))
             if isinstance(shape, yourdfpy.Collision):
                 geom.attrib.update({"contype": "1", "conaffinity": "1", "group": "4"})
             elif shape.material is not None and shape.material.color is not None:
                 geom.set("rgba", numerals(shape.material.color.rgba))
 
-    def mesh(self, mesh: yourdfpy.Mesh) -> str:
-        """Return the name of a mesh in the assets."""
-        scale = tuple(np.broadcast_to(1.0 if mesh.scale is None else mesh.scale, 3).tolist())
-        key = (mesh.filename, scale)
-        if key not in self.meshes:
-            self.meshes[key] = unique_name(PurePosixPath(mesh.filename).stem, self.meshes.values())
-        return self.meshes[key]
+    def mesh(self, file: str, scale: tuple[float, ...]) -> str | None:
+        """Return the name of a mesh in the assets; None if MuJoCo can't read it."""
+        readable = self.readable(file)
+        if readable is not None and (readable, scale) not in self.meshes:
+            self.meshes[readable, scale] = unique_name(PurePosixPath(readable).stem, self.meshes.values())
+        return None if readable is None else self.meshes[readable, scale]
 
     def home(self, world: etree._Element) -> list[float]:
         """Return the values at home, in MuJoCo's order: that of the joints in the file."""
@@ -386,55 +388,44 @@ def add_inertial(body: etree._Element, inertia: Inertia) -> None:
 # --- meshes ------------------------------------------------------------------------------------------------------
 
 
-def _with_readable_meshes(translation: Translation, stem: str) -> tuple[yourdfpy.Robot, dict[str, bytes]]:
-    """Return the tree with meshes that MuJoCo reads, and the contents of those that were converted, by name.
+class _ReadableMeshes:
+    """Finds a mesh that MuJoCo reads in the place of each mesh of a robot.
 
-    One warning lists the meshes that MuJoCo can't read at all.
+    Attributes:
+        converted: contents of those that were converted, by name.
     """
-    converted: dict[str, bytes] = {}
-    readable: dict[str, str | None] = {}
 
-    def shown(shape: Any) -> Any:
-        mesh = None if shape.geometry is None else shape.geometry.mesh
-        if mesh is None:
-            return shape
-        if mesh.filename not in readable:
-            readable[mesh.filename] = _readable(translation, mesh.filename, f"meshes/{stem}", converted)
-        name = readable[mesh.filename]
-        if name is None:
-            return None
-        return replace(shape, geometry=replace(shape.geometry, mesh=replace(mesh, filename=name)))
+    def __init__(self, translation: Translation, stem: str) -> None:
+        self.translation, self.folder = translation, f"meshes/{stem}"
+        self.converted: dict[str, bytes] = {}
+        self.found: dict[str, str | None] = {}
 
-    links = [
-        replace(
-            link,
-            visuals=[shape for shape in map(shown, link.visuals) if shape is not None],
-            collisions=[shape for shape in map(shown, link.collisions) if shape is not None],
-        )
-        for link in translation.model.links
-    ]
-    if lost := [mesh for mesh, name in readable.items() if name is None]:
-        reason = f"MuJoCo accepts from {_LEAST_VERTICES} vertices on up to {_MOST_FACES} faces"
-        message = f"robot '{translation.model.name}': meshes left out, because {reason}: {', '.join(lost)}"
-        warnings.warn(message, RaffWarning, stacklevel=2)
-    return replace(translation.model, links=links), converted
+    def __call__(self, mesh: str) -> str | None:
+        """Return the name of a mesh that MuJoCo reads; None if there can be none."""
+        if mesh not in self.found:
+            self.found[mesh] = mesh if self._is_readable(mesh) else self._convert(mesh)
+        return self.found[mesh]
 
-
-def _readable(translation: Translation, mesh: str, folder: str, converted: dict[str, bytes]) -> str | None:
-    """Return the name of a mesh that MuJoCo reads instead of this one; None if there can be none."""
-    suffix = PurePosixPath(mesh).suffix.lower()
-    if suffix == ".obj":
-        return mesh
-    if suffix == ".stl":
-        content = translation.content(mesh)
+    def _is_readable(self, mesh: str) -> bool:
+        suffix = PurePosixPath(mesh).suffix.lower()
+        content = self.translation.content(mesh) if suffix == ".stl" else b""
         faces = int.from_bytes(content[80:84], "little")
-        if len(content) == 84 + 50 * faces and _LEAST_VERTICES <= faces <= _MOST_FACES:
-            return mesh
-    surface = translation.surface(mesh)
-    if len(surface.vertices) < _LEAST_VERTICES or len(surface.faces) > _MOST_FACES:
-        return None
-    name = f"{folder}/{PurePosixPath(mesh).name}.stl"
-    while name in converted:
-        name = f"{name.removesuffix('.stl')}-.stl"
-    converted[name] = surface.export(file_type="stl")
-    return name
+        binary = len(content) == 84 + 50 * faces and _LEAST_VERTICES <= faces <= _MOST_FACES
+        return suffix == ".obj" or binary
+
+    def _convert(self, mesh: str) -> str | None:
+        surface = self.translation.surface(mesh)
+        if len(surface.vertices) < _LEAST_VERTICES or len(surface.faces) > _MOST_FACES:
+            return None
+        name = f"{self.folder}/{PurePosixPath(mesh).name}.stl"
+        while name in self.converted:
+            name = f"{name.removesuffix('.stl')}-.stl"
+        self.converted[name] = surface.export(file_type="stl")
+        return name
+
+    def warn(self) -> None:
+        """Warn of meshes that were left out."""
+        if lost := [mesh for mesh, name in self.found.items() if name is None]:
+            reason = f"MuJoCo reads meshes from {_LEAST_VERTICES} vertices on up to {_MOST_FACES} faces"
+            robot = self.translation.model.name
+            warnings.warn(f"robot '{robot}': left out {', '.join(lost)}: {reason}", RaffWarning, stacklevel=3)

@@ -37,6 +37,7 @@ from raff2urdf.writers.tree_at_home import (
     greatest,
     limits,
     loop_element,
+    shape_of,
     unique_name,
 )
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
@@ -126,7 +127,7 @@ class _Writer:
             source = tree.link[part]
             for word, shapes in (("visual", source.visuals), ("collision", source.collisions)):
                 for number, shape in enumerate(shapes, 1):
-                    if shape.geometry is not None:
+                    if shape_of(shape.geometry)[0]:
                         add_shape(etree.SubElement(link, word, name=f"{part}_{word}{number}"), shape, placement)
 
     def new_name(self, name: str) -> str:
@@ -224,18 +225,13 @@ def add_axis(joint: etree._Element, direction: Array, low: float, high: float) -
 def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
     """Add pose, geometry and colour of a URDF's visual or collision shape, whose link is at `placement`."""
     add_pose(element, placement if shape.origin is None else placement @ shape.origin)
-    geometry, given = etree.SubElement(element, "geometry"), shape.geometry
-    for kind, words in (("box", ["size"]), ("cylinder", ["radius", "length"]), ("sphere", ["radius"])):
-        solid = getattr(given, kind)
-        if solid is not None:
-            inner = etree.SubElement(geometry, kind)
-            for word in words:
-                etree.SubElement(inner, word).text = numerals(np.ravel(getattr(solid, word)))
-    if given.mesh is not None:
-        mesh = etree.SubElement(geometry, "mesh")
-        etree.SubElement(mesh, "uri").text = given.mesh.filename
-        scale = np.broadcast_to(1.0 if given.mesh.scale is None else given.mesh.scale, 3)
-        etree.SubElement(mesh, "scale").text = numerals(scale)
+    kind, size, file = shape_of(shape.geometry)
+    solid = etree.SubElement(etree.SubElement(element, "geometry"), kind)
+    if kind == "mesh":
+        etree.SubElement(solid, "uri").text = file
+    sizes = {"cylinder": (("radius", size[:1]), ("length", size[1:])), "sphere": (("radius", size),)}
+    for word, value in sizes.get(kind, (("scale" if kind == "mesh" else "size", size),)):
+        etree.SubElement(solid, word).text = numerals(value)
     material = getattr(shape, "material", None)
     if material is not None and material.color is not None:
         painted = etree.SubElement(element, "material")

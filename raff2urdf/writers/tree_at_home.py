@@ -159,6 +159,28 @@ class TreeAtHome:
         return end["node"], np.array(end["placement"], dtype=float)
 
 
+def shape_of(geometry: yourdfpy.Geometry | None) -> tuple[str, Array, str]:
+    """Return kind, sizes and file of a shape; an empty kind without a shape.
+
+    Sizes are the sides (3,) of a box, radius and length of a cylinder along z, the radius of a sphere, m; and the
+    scales (3,) of a mesh, which alone has a file.
+    """
+    for kind, words in _SIZES.items():
+        solid = getattr(geometry, kind, None)
+        if solid is not None:
+            sizes = [1.0 if getattr(solid, word) is None else getattr(solid, word) for word in words]
+            found = np.concatenate([np.ravel(size) for size in sizes]).astype(float)
+            return (
+                kind,
+                np.array(np.broadcast_to(found, 3)) if kind == "mesh" else found,
+                getattr(solid, "filename", ""),
+            )
+    return "", np.zeros(0), ""
+
+
+_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("scale",)}
+
+
 def axis(joint: yourdfpy.Joint) -> Array:
     """Return the joint's unit axis (3,)."""
     given = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=float)
