@@ -68,7 +68,7 @@ def loop_kind(name: str) -> LoopKind:
     """
     known = [kind.name.lower() for kind in LoopKind]
     if name not in known:
-        raise RaffError(f"'{name}' is no kind of loop{did_you_mean(str(name), known)}")
+        raise RaffError(f"'{name}' is not a kind of loop{did_you_mean(str(name), known)}")
     return LoopKind[name.upper()]
 
 

@@ -12,7 +12,15 @@ import warnings
 from collections.abc import Iterable, Iterator
 
 from raff2urdf.document import Document, JointType, RaffPart, RaffRobot
-from raff2urdf.errors import Problem, RaffError, RaffWarning, SourceLocation, did_you_mean
+from raff2urdf.errors import (
+    Problem,
+    RaffError,
+    RaffWarning,
+    SourceLocation,
+    defined_twice,
+    did_you_mean,
+    limits_reversed,
+)
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -48,7 +56,7 @@ def check(document: Document) -> None:
     Raises:
         RaffError: with every problem.
     """
-    problems = [] if document.robots else [document.source.problem("the file holds no robot")]
+    problems = [] if document.robots else [document.source.problem("the file has no robot: add 'robot NAME { }'")]
     problems += _file_problems(document)
     for robot in document.robots:
         problems += [*_tree_problems(document, robot), *_constraint_problems(document, robot)]
@@ -86,14 +94,14 @@ def _file_problems(document: Document) -> Iterator[Problem]:
     for robot in document.robots:
         at = robot.locations.get("name")
         if robot.name in seen:
-            yield problem(f"a second robot '{robot.name}'{_first(seen[robot.name])}", at)
+            yield problem(defined_twice(f"robot '{robot.name}'", _line(seen[robot.name])), at)
         elif not is_xml_name(robot.name):
             yield problem(_bad_name(robot.name, "robot"), at)
         seen[robot.name] = at
     for sensor in document.sensors:
         at = sensor.locations.get("number")
         if sensor.number in seen:
-            yield problem(f"a second sensor {sensor.number}{_first(seen[sensor.number])}", at)
+            yield problem(defined_twice(f"sensor {sensor.number}", _line(seen[sensor.number])), at)
         seen[sensor.number] = at
 
 
@@ -103,18 +111,18 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     for part in robot.parts:
         first = numbers.setdefault(part.number, part)
         if first is not part:
-            message = f"a second {part.keyword} {part.number}{_first(first.locations.get('number'))}"
+            message = defined_twice(f"the number {part.number}", _line(first.locations.get("number")))
             yield problem(message, part.locations.get("number"))
     names: dict[str, RaffPart] = {}
     for part in robot.parts:
         at = part.locations.get("name") or part.locations.get("number")
         first = names.setdefault(part.node, part)
         if part.node in RESERVED:
-            yield problem(f"the name '{part.node}' is taken: it means {RESERVED[part.node]}", at)
+            yield problem(f"the name '{part.node}' is reserved for {RESERVED[part.node]}: choose another one", at)
         elif not is_xml_name(part.node):
             yield problem(_bad_name(part.node, part.keyword), at)
         elif first is not part and numbers[part.number] is part:
-            yield problem(f"the name '{part.node}' is taken by {first.keyword} {first.number}", at)
+            yield problem(f"the name '{part.node}' is that of {first.keyword} {first.number}: choose another one", at)
     for part in robot.parts:
         if part.pred != 0 and part.pred not in numbers:
             known = did_you_mean("", ["0 (the base)", *map(str, numbers)])
@@ -123,11 +131,9 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     yield from _cycles(document, numbers)
     for link in robot.links:
         if link.limits and not link.limits[0] <= link.limits[1]:
-            low, high = link.limits
-            message = f"the limits of link {link.number} are empty: low {low:g} is above high {high:g}"
-            yield problem(message, link.locations.get("limits"))
+            yield problem(limits_reversed(f"link {link.number}", *link.limits), link.locations.get("limits"))
         if link.velocity is not None and not link.velocity > 0:
-            message = f"the velocity limit of link {link.number} must be above 0"
+            message = f"the velocity limit of link {link.number} is {link.velocity:g}: it must be above 0"
             yield problem(message, link.locations.get("velocity"))
 
 
@@ -144,7 +150,9 @@ def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Proble
         if at in numbers and visited[at] == start:
             cycle = trail[trail.index(at) :]
             shown = " -> ".join(map(str, [*cycle[:8], *(["..."] if len(cycle) > 8 else []), at]))
-            message = f"{numbers[at].keyword} {at} is part of a cycle of parents: {shown}"
+            message = (
+                f"{numbers[at].keyword} {at} is part of a cycle of parents: {shown}: change the 'pred' of one of them"
+            )
             yield document.source.problem(message, numbers[at].locations.get("pred"))
 
 
@@ -158,14 +166,18 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
                 message = f"a loop of robot '{robot.name}' ends at {number}, which does not exist"
                 yield problem(message + did_you_mean("", [str(n) for n in known]), loop.locations.get(end))
         if loop.first == loop.second:
-            yield problem(f"a loop joins {loop.first} to itself", loop.locations.get("first"))
+            yield problem(
+                f"a loop joins node {loop.first} to itself: name two different nodes", loop.locations.get("first")
+            )
     for constraint in robot.sensor_constraints:
         if constraint.node not in robot.nodes:
             message = f"a sensor constraint of robot '{robot.name}' names {constraint.node}, which does not exist"
-            yield problem(message, constraint.locations.get("node"))
+            yield problem(message + did_you_mean("", [str(n) for n in known]), constraint.locations.get("node"))
         for number in constraint.sensors:
             if number != 0 and number not in sensors:
-                message = f"unknown sensor {number} (declared: {', '.join(map(str, sorted(sensors))) or 'none'})"
+                message = (
+                    f"sensor {number} is not declared (declared: {', '.join(map(str, sorted(sensors))) or 'none'})"
+                )
                 yield problem(message, constraint.locations.get(f"sensor {number}"))
 
 
@@ -176,19 +188,24 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
         if link.type is JointType.FIXED:
             for word in ("limits", "velocity"):
                 if getattr(link, word) is not None:
-                    yield problem(f"link {link.number} is fixed: its {word} mean nothing", link.locations.get(word))
+                    yield problem(
+                        f"link {link.number} is fixed, so '{word}' has no effect: remove it", link.locations.get(word)
+                    )
             if link.actuated:
-                message = f"link {link.number} is fixed: it has no joint to actuate"
+                message = f"link {link.number} is fixed, so 'actuated' has no effect: remove it"
                 yield problem(message, link.locations.get("actuated"))
         elif link.limits:
             home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
             if not link.limits[0] <= home <= link.limits[1]:
-                message = f"link {link.number} is written at {home:g}, outside its limits {link.limits}"
+                low, high = link.limits
+                message = (
+                    f"home {home:g} of link {link.number} is outside its limits {low:g} to {high:g}: change either"
+                )
                 yield problem(message, link.locations.get("limits"))
 
 
-def _first(location: SourceLocation | None) -> str:
-    return f": the first is on line {location.line}" if location else ""
+def _line(location: SourceLocation | None) -> int | None:
+    return location.line if location else None
 
 
 def _bad_name(name: str, keyword: str) -> str:

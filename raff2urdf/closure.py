@@ -242,7 +242,7 @@ def why_open(
     listed = ", ".join(f"'{names[i]}' ({kinds[i].name.lower()}, {remaining[i]:.3g})" for i in open_loops[:8])
     more = f" and {len(open_loops) - 8} more" if len(open_loops) > 8 else ""
     lines = [
-        f"the mechanism can't be closed: {listed}{more} remain open",
+        f"the mechanism can't be closed: these loops remain open: {listed}{more}",
         f"the numbers are the least gaps found, in rad or characteristic lengths; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]

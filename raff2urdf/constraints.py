@@ -15,7 +15,7 @@ import numpy as np
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
 from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.json_lines import line_of, repeated_key
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.xml_file import read_text
@@ -186,9 +186,9 @@ def _unreadable(values: Any) -> _Problems:
             members = list(value.items() if isinstance(value, dict) else enumerate(value))
             pending += [([*path, key], member) for key, member in reversed(members)]
         elif isinstance(value, float) and not math.isfinite(value):
-            yield path, "this is not a finite number (none beyond 1.8e308)"
+            yield path, "this is not a finite number: the largest is 1.8e308"
         elif isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
-            yield path, "this text holds half a character (a lone surrogate)"
+            yield path, "this text holds half a character (a lone surrogate): remove it"
 
 
 @cache
@@ -214,11 +214,11 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
         for end in ("first", "second"):
             if (node := loop[end]["node"]) not in nodes:
                 near = did_you_mean(node, nodes)
-                yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at no node: '{node}'{near}"
+                yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at '{node}', which is not a node{near}"
     for i, entry in enumerate(values.get("sensor_constraints", [])):
         if (node := entry["node"]) not in nodes:
             near = did_you_mean(node, nodes)
-            yield ["sensor_constraints", i, "node"], f"a sensor constraint names no node: '{node}'{near}"
+            yield ["sensor_constraints", i, "node"], f"a sensor constraint names '{node}', which is not a node{near}"
     if known is None:
         return
     links, joints = known
@@ -231,7 +231,7 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
             yield ["joints", i, "name"], f"the URDF has no joint '{name}'{did_you_mean(name, joints)}"
     for name in joints:
         if name not in listed:
-            yield ["joints"], f"joint '{name}' of the URDF is left out"
+            yield ["joints"], f"joint '{name}' of the URDF is missing: add an entry for it"
 
 
 def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
@@ -241,14 +241,17 @@ def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
         for i, entry in enumerate(values.get(key, [])):
             j = first.setdefault(entry[word], i)
             if j != i:
-                yield [key, i, word], f"'{entry[word]}' is listed twice, in {_shown([key, j])} too: remove one of them"
+                yield [key, i, word], f"'{entry[word]}' is listed twice, also in {_shown([key, j])}: remove one of them"
     for i, joint in enumerate(values["joints"]):
         name = f"joint '{joint['name']}'"
         if not abs(joint["home"]) <= LARGEST:
-            yield ["joints", i, "home"], f"{name}: its home {joint['home']:g} is beyond {LARGEST:g}"
+            yield (
+                ["joints", i, "home"],
+                f"the home of {name} is {joint['home']:g}, beyond {LARGEST:g}: check its unit (rad, m)",
+            )
         low, high = joint.get("limits") or (0.0, 0.0)
         if low > high:
-            yield ["joints", i, "limits"], f"{name}: its lower limit of {low:g} is above its upper one of {high:g}"
+            yield ["joints", i, "limits"], limits_reversed(name, low, high)
         actual = types.get(joint["name"], joint.get("type"))
         if joint.get("type", actual) != actual:
             why = f"its type is {joint['type']} here and {actual} in the URDF: correct one of them"
@@ -256,7 +259,10 @@ def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
     for i, loop in enumerate(values["loops"]):
         node = loop["first"]["node"]
         if node == loop["second"]["node"]:
-            yield ["loops", i, "second", "node"], f"loop '{loop['name']}' joins '{node}' with itself"
+            yield (
+                ["loops", i, "second", "node"],
+                f"loop '{loop['name']}' joins '{node}' to itself: name two different nodes",
+            )
 
 
 def _wrong_placements(values: Constraints) -> _Problems:
@@ -266,14 +272,14 @@ def _wrong_placements(values: Constraints) -> _Problems:
             rotation = matrix[:3, :3]
             why = ""
             if matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
-                why = "the last row of a placement is 0 0 0 1"
+                why = "the last row of its placement must be 0 0 0 1"
             elif not np.abs(matrix).max() <= LARGEST:
-                why = f"a number of its placement is beyond {LARGEST:g}"
+                why = f"a number of its placement is beyond {LARGEST:g}: check its unit (m)"
             elif (
                 np.abs(rotation).max() > 2.0
                 or np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6
                 or np.linalg.det(rotation) <= 0.0
             ):
-                why = "its placement must begin with a rotation, (3, 3)"
+                why = "the first three rows and columns of its placement must be a rotation"
             if why:
                 yield ["loops", i, end, "placement"], f"loop '{loop['name']}': {why}"

@@ -169,7 +169,7 @@ def _tree(
     model, missing = tree(document, robot, graphics, out)
     if missing:
         shown = "; ".join(missing[:10]) + (f"; and {len(missing) - 10} more" if len(missing) > 10 else "")
-        message = f"robot '{robot.name}': graphics that can't be shown (a skeleton replaces them): {shown}"
+        message = f"robot '{robot.name}': graphics that can't be shown, drawn as a skeleton instead: {shown}"
         warnings.warn(message, RaffWarning, stacklevel=3)
     return model, tuple(missing)
 
@@ -243,5 +243,5 @@ def _warn_outside_limits(document: Document, made: Translation) -> None:
         if not low <= made.analysis.home.get(link.joint, low) <= high:
             beyond.append(link.joint)
     if beyond:
-        message = f"robot '{made.robot.name}': with loops closed, home is outside the limits of {', '.join(beyond)}"
-        warnings.warn(message, RaffWarning, stacklevel=3)
+        message = f"with loops closed, home is outside the limits of {', '.join(beyond)}: change them"
+        warnings.warn(f"robot '{made.robot.name}': {message}", RaffWarning, stacklevel=3)

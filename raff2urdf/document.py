@@ -250,9 +250,9 @@ class Document:
             if name is None or robot.name == name:
                 return robot
         if name is None:
-            raise RaffError(self.source.problem("the file holds no robot"))
+            raise RaffError(self.source.problem("the file has no robot: add 'robot NAME { }'"))
         names = [robot.name for robot in self.robots]
-        raise RaffError(self.source.problem(f"no robot '{name}'{did_you_mean(name, names)}"))
+        raise RaffError(self.source.problem(f"there is no robot '{name}'{did_you_mean(name, names)}"))
 
     def metres(self, length: float) -> float:
         """Convert a length of the file to metres, by a division: 211.21 mm is the double nearest to 0.21121."""

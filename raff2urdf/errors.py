@@ -72,6 +72,16 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
     return f" (known: {', '.join(shown)}{', ...' if len(known) > len(shown) else ''})" if shown else ""
 
 
+def defined_twice(what: str, line: int | None) -> str:
+    """Return the error for a second definition; `line` is that of the first one."""
+    return f"{what} is defined twice{f', first on line {line}' if line else ''}: change one of them"
+
+
+def limits_reversed(what: str, low: float, high: float) -> str:
+    """Return the error for a lower limit above the upper one."""
+    return f"the lower limit {low:g} of {what} is above its upper limit {high:g}: swap them"
+
+
 _WIDTH = 100
 
 

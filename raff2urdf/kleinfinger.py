@@ -60,9 +60,9 @@ def parameters(placement: ArrayLike) -> Kleinfinger:
     """
     m = np.asarray(placement, dtype=float)
     if m.shape != (4, 4) or not np.isfinite(m).all():
-        raise ValueError("a placement is a (4, 4) array of finite numbers")
+        raise ValueError("a placement must be a (4, 4) array of finite numbers")
     if not np.array_equal(m[3], [0.0, 0.0, 0.0, 1.0]):
-        raise ValueError("the last row of a placement is 0 0 0 1")
+        raise ValueError("the last row of a placement must be 0 0 0 1")
     rotation, p = m[:3, :3], m[:3, 3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
         raise ValueError("the rotation of a placement must be orthonormal and right-handed")

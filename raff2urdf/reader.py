@@ -32,7 +32,7 @@ def read(path: str | Path) -> str:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise RaffError(Problem(f"can't be read: {reason}", name)) from None
     if len(data) > LARGEST_FILE:
-        raise RaffError(Problem(f"is larger than {LARGEST_FILE // 2**20} MiB: this is no RAFF file", name))
+        raise RaffError(Problem(f"is larger than {LARGEST_FILE // 2**20} MiB: this is not a RAFF file", name))
     at = data.find(b"\0")
     if at >= 0:
         line = data.count(b"\n", 0, at) + 1
@@ -41,7 +41,7 @@ def read(path: str | Path) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
-        raise RaffError(Problem(f"line {line} is not UTF-8 text: a binary file, or another encoding", name)) from None
+        raise RaffError(Problem(f"line {line} is not UTF-8 text: save the file as UTF-8", name)) from None
 
 
 def load(path: str | Path) -> Document:
@@ -277,7 +277,7 @@ class _Reading:
         outer = [home for home in homes if home in self.closed]
         if token.kind == "}":
             label, line = self.closed.get("robot", ("", 0))
-            self.stop(f"a '}}' too many: {f'{label} was closed on line {line}' if label else 'remove it'}", token)
+            self.stop(f"one '}}' too many: {f'{label} was closed on line {line}' if label else 'remove it'}", token)
         if token.kind != "WORD":
             listed = ", ".join(f"'{one}'" for one in known) or "'}'"
             message = f"unexpected '{word}' in {block.label}: expected {listed}"

@@ -213,13 +213,13 @@ def _constraint(reports: Reports, block: Block, keyword: Token) -> RaffLoop | Se
     at = min([*(at for _, at in nodes), *locations.values()], default=keyword.location)
     if "sensor" in values:
         if len(nodes) != 1 or "type" in values:
-            reports.report("a constraint with sensors names one node, and no type", at)
+            reports.report("a constraint with sensors must name one node, and no type", at)
         own = {f"sensor {number}": location for number, location in values["sensor"]}
         node = nodes[0] if nodes else (0, at)
         numbers = tuple(number for number, _ in values["sensor"])
         return SensorConstraint(node[0], numbers, {**locations, **own, "node": node[1]})
     if len(nodes) != 2:
-        reports.report("a constraint names two nodes (a loop), or one node and the sensors that it may follow", at)
+        reports.report("a constraint must name two nodes (a loop), or one node and the sensors that it may follow", at)
         return RaffLoop(0, 0)
     (first, first_at), (second, second_at) = nodes
     kind = values.get("type", LoopKind.RIGID)

@@ -96,13 +96,13 @@ def number(value: float) -> str:
         RaffError: the number is not finite.
     """
     if not math.isfinite(value):
-        raise RaffError(f"RAFF can't write the number {value}")
+        raise RaffError(f"RAFF has no notation for the number {value}: all numbers must be finite")
     return repr(float(value)).removesuffix(".0")
 
 
 def _text(text: str) -> str:
     if '"' in text or "\n" in text:
-        raise RaffError(f"RAFF can't write the text {text!r}: it holds a quotation mark or a line's end")
+        raise RaffError(f"RAFF has no notation for a quotation mark or a line's end: remove it from {text!r}")
     return f'"{text}"'
 
 

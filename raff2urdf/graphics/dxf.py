@@ -106,7 +106,7 @@ class _Reader:
         name = entity.dxf.name
         block = entity.block()
         if block is None:
-            raise RaffError(f"it has no block '{name}'")
+            raise RaffError(f"the block '{name}' is missing")
         if name in around.blocks:
             raise RaffError(f"block '{name}' contains itself")
         colour = self.colour(entity, layer, around)
@@ -181,7 +181,7 @@ def _grid(mesh: Polyline) -> Iterator[list[Vec3]]:
     if mesh.dxf.get("smooth_type", 0):
         m, n = mesh.dxf.get("m_smooth_density", m), mesh.dxf.get("n_smooth_density", n)
     if m * n != len(points):
-        raise RaffError(f"a polygon mesh of {m} x {n} points has {len(points)}")
+        raise RaffError(f"a polygon mesh of {m} x {n} points has {len(points)} points")
     for i in range(m if mesh.is_m_closed else m - 1):
         for j in range(n if mesh.is_n_closed else n - 1):
             down, right = (i + 1) % m, (j + 1) % n
@@ -190,7 +190,7 @@ def _grid(mesh: Polyline) -> Iterator[list[Vec3]]:
 
 def _vertex(points: Sequence[Vec3], index: int, entity: DXFGraphic) -> Vec3:
     if not 0 <= index < len(points):
-        raise RaffError(f"a {entity.dxftype()} of {len(points)} points refers to another one")
+        raise RaffError(f"a {entity.dxftype()} of {len(points)} points refers to point {index + 1}")
     return points[index]
 
 

@@ -42,10 +42,12 @@ def find(name: str, folder: Path) -> Path:
             return find(inner, folder)
         roots = list(_packages(package, folder))
         if not roots:
-            raise RaffError(f"mesh '{name}': no folder '{package}' is known: name its parent in ROS_PACKAGE_PATH")
+            raise RaffError(
+                f"mesh '{name}': the package '{package}' is not found: add its parent folder to ROS_PACKAGE_PATH"
+            )
         candidates = [_inside(root / inner, root, name) for root in roots]
     else:
-        raise RaffError(f"mesh '{name}': '{scheme}://' can't be read")
+        raise RaffError(f"mesh '{name}': '{scheme}://' can't be read: name a file")
     for path in candidates:
         if path.is_file():
             return path

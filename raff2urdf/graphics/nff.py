@@ -109,7 +109,7 @@ class _Reader:
             # Other keywords may precede the objects. After an object, the line is left over from a wrong count.
             unknown = objects == 0 and line.words[0].isalpha() and len(line.words) > 1
             if line.words[0].lower() not in _HEADER and not unknown:
-                where = "the file ends" if self.at == len(self.lines) else "no number of vertices follows"
+                where = "the file ends" if self.at == len(self.lines) else "the number of vertices does not follow"
                 self.wrong(f"'{_short(line.words[0])}' is where an object's name should be, but {where}", line)
         if objects == 0:
             self.wrong("holds no object", first)
@@ -174,7 +174,7 @@ class _Reader:
         if corners < 1:
             self.wrong(f"a polygon begins with its number of corners, not '{_short(line.words[0])}'", line)
         if corners > MOST_CORNERS:
-            self.wrong(f"a polygon of {_short(line.words[0])} corners: {MOST_CORNERS} are the most", line)
+            self.wrong(f"a polygon has {_short(line.words[0])} corners: at most {MOST_CORNERS} are allowed", line)
         if len(line.words) <= corners:
             self.wrong(f"a polygon of {corners} corners lists {len(line.words) - 1}", line)
         chosen = []
@@ -182,7 +182,7 @@ class _Reader:
             index = int(line.words[i]) if _COUNT.fullmatch(line.words[i]) else len(vertices)
             if index >= len(vertices):
                 most = f"0 to {len(vertices) - 1}" if vertices else "there are none"
-                self.wrong(f"'{_short(line.words[i])}' is no vertex of this object ({most})", line, i)
+                self.wrong(f"'{_short(line.words[i])}' is not a vertex of this object ({most})", line, i)
             chosen.append(vertices[index])
         colour, both, after_word = None, False, False
         for i in range(corners + 1, len(line.words)):
@@ -209,7 +209,7 @@ class _Reader:
     def colour(self, line: _Line, i: int) -> Colour:
         found = _HEX.fullmatch(line.words[i])
         if found is None:
-            self.wrong(f"'{_short(line.words[i])}' is no colour: 0xRGB or 0xRRGGBB", line, i)
+            self.wrong(f"'{_short(line.words[i])}' is not a colour: write 0xRGB or 0xRRGGBB", line, i)
         value = int(found[1], 16)
         if len(found[1]) <= 3:
             return 17 * (value >> 8), 17 * (value >> 4 & 15), 17 * (value & 15), 255
@@ -225,7 +225,7 @@ class _Reader:
         word = _short(line.words[0])
         if word.lower() in _HAINES or word.startswith("#"):  # its comments
             self.wrong(f"this is Haines' Neutral File Format (it begins with '{word}'), not WorldToolKit's", line)
-        self.wrong(f"this is no Neutral File Format: its first word is '{word}', not 'nff'", line)
+        self.wrong(f"this is not a Neutral File Format: its first word is '{word}', not 'nff'", line)
 
     def wrong(self, message: str, line: _Line, word: int = 0) -> NoReturn:
         starts = [found.span() for found in re.finditer(r"\S+", line.text)]

@@ -64,7 +64,7 @@ class Polygons:
             RaffError: it has too many corners.
         """
         if len(corners) > MOST_CORNERS:
-            raise RaffError(f"a polygon of {len(corners)} corners: {MOST_CORNERS} are the most")
+            raise RaffError(f"a polygon has {len(corners)} corners: at most {MOST_CORNERS} are allowed")
         kinds = self._gathered.setdefault(colour, {})
         kinds.setdefault(len(corners), []).append(corners)
         if both:

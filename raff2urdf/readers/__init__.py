@@ -40,7 +40,7 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False) -> De
     kind = str(root.tag)
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)
-        why = _OTHER_ROOTS.get(kind, f"this is no robot (known: {known})")
+        why = _OTHER_ROOTS.get(kind, f"this is not a robot (known: {known})")
         raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
     urdf, constraints, ignored = READERS[kind](text, path, robot, ignore_loops)
     if not ignore_loops:
@@ -111,8 +111,8 @@ def _mjcf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Foun
 
 
 _OTHER_ROOTS = {
-    "mujocoinclude": "this is no robot, but a part of one: load the file that includes it",
-    "gazebo": "this is no robot of SDF 1.4 or later: convert it with Gazebo's `gz sdf --convert`",
+    "mujocoinclude": "this is a part of a robot: load the file that includes it",
+    "gazebo": "this is not SDF 1.4 or later: convert it with Gazebo's `gz sdf --convert`",
 }
 
 READERS = {"robot": _urdf, "sdf": _sdf, "mujoco": _mjcf}

@@ -42,7 +42,9 @@ def read(path: Path) -> tuple[str, Constraints]:
     try:
         import mujoco
     except ImportError:
-        raise RaffError(f"{path}: MJCF is read by the package 'mujoco', which is not installed") from None
+        raise RaffError(
+            f"{path}: MJCF is read by the package 'mujoco', which is not installed: pip install mujoco"
+        ) from None
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # its warnings concern simulation; it would write them to a file
     try:
@@ -56,7 +58,7 @@ def read(path: Path) -> tuple[str, Constraints]:
     placed = {"body": model.body_pos, "joint": model.jnt_pos, "equality": model.eq_data, "keyframe": model.key_qpos}
     for what, numbers in placed.items():
         if not np.abs(numbers).max(initial=0.0) <= LARGEST:
-            raise RaffError(f"{path}: a number of a {what} is beyond {LARGEST:g}")
+            raise RaffError(f"{path}: a number of a {what} is beyond {LARGEST:g}: check its unit (m, rad)")
     return _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path)).read()
 
 
@@ -228,7 +230,11 @@ class _Reader:
         lost += [self.name_of("TENDON", t, "tendon") for t in range(model.ntendon) if model.tendon_limited[t]]
         if lost:
             listed = ", ".join(f"'{name}'" for name in lost[:8]) + (" and more" if len(lost) > 8 else "")
-            warnings.warn(f"{self.name}: couplings of joints are left out: {listed}", RaffWarning, stacklevel=6)
+            warnings.warn(
+                f"{self.name}: couplings of joints are left out, so that they move independently: {listed}",
+                RaffWarning,
+                stacklevel=6,
+            )
 
     # --- visuals ------------------------------------------------------------------------------------------------
 

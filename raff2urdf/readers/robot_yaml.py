@@ -66,7 +66,7 @@ def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
     for joint, kind in lists.pairs("joint_name", "joint_type"):
         lists.check_scalars(joint, kind)
         if joint.value not in by_name:  # published files name some that are gone, or spelt otherwise
-            message = f"joint '{joint.value}' is not in the URDF, nothing is replaced"
+            message = f"joint '{joint.value}' is not in the URDF: nothing is replaced"
             warnings.warn(str(lists.error(joint, message, list(by_name))), RaffWarning, stacklevel=4)
             continue
         replaced[joint.value] = _replace(tree, by_name[joint.value], kind, lists, name)
@@ -77,17 +77,17 @@ def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
     for pair, kind in lists.pairs("closed_loop", "type"):
         lists.check_scalars(kind)
         if kind.value.lower() not in _KINDS:
-            raise lists.error(kind, f"a loop's type is 3d or 6d, not '{kind.value}'")
+            raise lists.error(kind, f"the type of a loop must be 3d or 6d, not '{kind.value}'")
         frames = list(pair.value) if isinstance(pair, yaml.SequenceNode) else []
         if len(frames) != 2:
-            raise lists.error(pair, "a closed loop is a pair of frames")
+            raise lists.error(pair, "a closed loop must be a pair of frames: [frame, frame]")
         lists.check_scalars(*frames)
         for frame in frames:
             if frame.value not in children and frame.value not in nodes:
-                raise lists.error(frame, f"no joint or link '{frame.value}'", [*children, *nodes])
+                raise lists.error(frame, f"the URDF has no joint or link '{frame.value}'", [*children, *nodes])
         first, second = (children.get(frame.value, frame.value) for frame in frames)
         if first == second:
-            raise lists.error(pair, f"the loop joins '{first}' with itself")
+            raise lists.error(pair, f"the loop joins '{first}' to itself: name two different frames")
         loop_name = f"{frames[0].value}-{frames[1].value}"
         again = sum(loop["name"].partition("#")[0] == loop_name for loop in loops)
         loops.append(
@@ -117,7 +117,7 @@ def _drop_missing_meshes(tree: Any, folder: Path, name: str) -> None:
             remove(visual)
     if lost:
         more = f" (and {len(lost) - 1} more like it)" if len(lost) > 1 else ""
-        warnings.warn(f"{lost[0]}{more}: left out", RaffWarning, stacklevel=5)
+        warnings.warn(f"{lost[0]}{more}; such visuals are left out", RaffWarning, stacklevel=5)
 
 
 def _replace(tree: Any, joint: Any, kind: Any, lists: _Lists, name: str) -> list[str]:
@@ -130,7 +130,9 @@ def _replace(tree: Any, joint: Any, kind: Any, lists: _Lists, name: str) -> list
     if word == "SPHERICAL":
         return successive.replace(tree, joint, successive.SPHERICAL, name)
     if axes is None or axes[1] == axes[2]:
-        raise lists.error(kind, f"a joint's type is SPHERICAL, FIXED or UJOINT_XY (any two axes), not '{kind.value}'")
+        raise lists.error(
+            kind, f"the type of a joint must be SPHERICAL, FIXED or UJOINT_XY (any two axes), not '{kind.value}'"
+        )
     return successive.replace(tree, joint, [successive.ROTATIONS[axis] for axis in axes.groups()], name)
 
 
@@ -142,7 +144,7 @@ def _actuated(lists: _Lists, moving: list[str], replaced: Mapping[str, list[str]
         found = replaced.get(entry.value, [entry.value])
         for joint in found:
             if joint not in moving:
-                raise lists.error(entry, f"the actuated joint '{joint}' is no joint that moves", moving)
+                raise lists.error(entry, f"'{joint}' in name_mot is not a joint that moves", moving)
         actuated |= set(found)
     return actuated
 
@@ -168,7 +170,7 @@ class _Lists:
             if key.value not in _KEYS:
                 raise self.error(key, f"unknown key '{key.value}'", list(_KEYS))
             if key.value in self.values:
-                raise self.error(key, f"the key '{key.value}' is repeated")
+                raise self.error(key, f"the key '{key.value}' is repeated: remove one of them")
             self.values[key.value] = value
 
     def entries(self, key: str) -> list[Any]:
@@ -191,7 +193,7 @@ class _Lists:
         first, second = self.entries(key), self.entries(other)
         if len(first) != len(second):
             at = self.values[other if other in self.values else key]
-            raise self.error(at, f"{key} has {len(first)} entries and {other} {len(second)}: they must correspond")
+            raise self.error(at, f"{key} has {len(first)} entries, but {other} has {len(second)}: give one for each")
         return list(zip(first, second, strict=True))
 
     def error(self, node: Any, message: str, known: list[str] | None = None) -> RaffError:

@@ -102,7 +102,7 @@ def replace(tree: Any, joint: Any, steps: Sequence[Step], file: str) -> list[str
     taken = {element.get("name") for element in (*joints(tree), *links(tree))}
     for name in names:
         if name in taken:
-            what = f"joint '{own}' can't be written as successive joints: the name '{name}' is taken"
+            what = f"joint '{own}' can't be written as successive joints: rename '{name}', whose name is needed"
             raise error_at(file, joint, what)
     parent, start = joint.find("parent").get("link"), joint.find("origin")
     made: list[Any] = []

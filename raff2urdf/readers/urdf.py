@@ -10,7 +10,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, defined_twice, did_you_mean, limits_reversed
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.xml_file import error_at, parse_xml
 
@@ -42,11 +42,11 @@ def parse(text: str, name: str) -> Any:
     """
     tree = parse_xml(text, name)
     if tree.tag != "robot":
-        raise error_at(name, tree, f"this is no URDF: its first element is <{tree.tag}>, not <robot>")
+        raise error_at(name, tree, f"this is not a URDF: its first element is <{tree.tag}>, not <robot>")
     try:
         for joint in tree.iterchildren("joint"):
             if joint.find("parent") is None:
-                raise error_at(name, joint, f"{_label(joint)} has no <parent>")
+                raise error_at(name, joint, f"{_label(joint)} has no <parent>: add it")
         for joint in joints(tree):
             _check_joint(joint, name)
         _check_tree(tree, name)
@@ -185,6 +185,20 @@ def lacks_limits(joint: Any) -> bool:
     return joint.get("type") in ("revolute", "prismatic") and neither
 
 
+def limit_value(element: Any, text: str, word: str, label: str, name: str) -> float:
+    """Return a limit of a joint: `lower`, `upper`, `velocity` or `effort`.
+
+    Raises:
+        RaffError: it is not a number, or a negative velocity or effort.
+    """
+    value = number(text)
+    if math.isnan(value):
+        raise error_at(name, element, f"the {word} limit '{text}' of {label} is not a number")
+    if word in ("velocity", "effort") and value < 0.0:
+        raise error_at(name, element, f"the {word} limit of {label} is {value:g}: it must not be negative")
+    return value
+
+
 def _label(joint: Any) -> str:
     return f"joint '{joint.get('name', '')}'"
 
@@ -192,7 +206,7 @@ def _label(joint: Any) -> str:
 def _check_joint(joint: Any, name: str) -> None:
     kind, vector = joint.get("type"), joint.find("axis")
     if kind not in KINDS:
-        what = f"the type '{kind}' of {_label(joint)} is not in URDF{did_you_mean(str(kind), KINDS)}"
+        what = f"{_label(joint)} has the type '{kind}', which is not in URDF{did_you_mean(str(kind), KINDS)}"
         raise error_at(name, joint, what)
     if vector is not None and kind not in ("fixed", "floating", "spherical"):
         found = numbers(vector.get("xyz", "1 0 0"))
@@ -204,15 +218,10 @@ def _check_joint(joint: Any, name: str) -> None:
     if limit is None:
         return
     words = [word for word in ("lower", "upper", "velocity", "effort") if limit.get(word) is not None]
-    values = {word: number(limit.get(word)) for word in words}
-    for word, value in values.items():
-        if math.isnan(value):
-            raise error_at(name, limit, f"{_label(joint)}: its {word} limit '{limit.get(word)}' is no number")
-        if word in ("velocity", "effort") and value < 0.0:
-            raise error_at(name, limit, f"{_label(joint)}: its {word} limit is {value:g}, below 0")
+    values = {word: limit_value(limit, limit.get(word), word, _label(joint), name) for word in words}
     low, high = values.get("lower", 0.0), values.get("upper", 0.0)
     if kind in ("revolute", "prismatic") and low > high:
-        raise error_at(name, limit, f"{_label(joint)}: its lower limit of {low:g} is above its upper one of {high:g}")
+        raise error_at(name, limit, limits_reversed(_label(joint), low, high))
 
 
 def _check_tree(tree: Any, name: str) -> None:
@@ -220,29 +229,31 @@ def _check_tree(tree: Any, name: str) -> None:
     for link in links(tree):
         _check_name(link, known, name)
     if not known:
-        raise error_at(name, tree, f"the robot '{tree.get('name', '')}' has no link")
+        raise error_at(name, tree, f"the robot '{tree.get('name', '')}' has no link: add one")
     seen: dict[str, Any] = {}
     joint_of: dict[str, Any] = {}
     for joint in joints(tree):
         _check_name(joint, seen, name)
         for word, link in zip(("parent", "child"), ends(joint), strict=True):
             if link not in known:
-                what = f"{_label(joint)} has the {word} '{link}', which is no link{did_you_mean(link, list(known))}"
+                what = f"{_label(joint)} has the {word} '{link}', which is not a link{did_you_mean(link, list(known))}"
                 raise error_at(name, joint, what)
         child = ends(joint)[1]
         other = joint_of.setdefault(child, joint)
         if other is not joint:
-            what = f"{_label(joint)} has the child '{child}', as {_label(other)} on line {other.sourceline} has"
+            what = f"{_label(joint)} has the child '{child}' of {_label(other)} on line {other.sourceline}"
             remedy = "Give the joint a child of its own and close the loop in a sidecar file (.constraints.json)"
             raise error_at(
                 name, joint, f"{what}: a URDF can't close loops. {remedy}, or leave this joint out with {IGNORE}"
             )
     roots = [link for link in known if link not in joint_of]
     if not roots:
-        raise error_at(name, tree, "every link has a parent: the links form a cycle")
+        raise error_at(name, tree, "every link has a parent: remove the joint above the link that is the root")
     if len(roots) > 1:
         shown = ", ".join(f"'{root}' (line {known[root].sourceline})" for root in roots[:8])
-        raise error_at(name, known[roots[1]], f"{len(roots)} links have no parent, instead of one: {shown}")
+        raise error_at(
+            name, known[roots[1]], f"{len(roots)} links have no parent, but exactly one must be the root: {shown}"
+        )
     children: dict[str, list[str]] = {}
     for child, joint in joint_of.items():
         children.setdefault(ends(joint)[0], []).append(child)
@@ -252,13 +263,17 @@ def _check_tree(tree: Any, name: str) -> None:
     unreached = known.keys() - set(reached)
     for link in known:
         if link in unreached:
-            raise error_at(name, joint_of[link], f"link '{link}' is part of a kinematic cycle, or attached to one")
+            raise error_at(
+                name,
+                joint_of[link],
+                f"link '{link}' is not connected to the root, but part of a kinematic cycle or attached to one",
+            )
 
 
 def _check_name(element: Any, seen: dict[str, Any], name: str) -> None:
     own = element.get("name", "")
     if not own:
-        raise error_at(name, element, f"a {element.tag} without a name")
+        raise error_at(name, element, f"this {element.tag} has no name: give it one")
     first = seen.setdefault(own, element)
     if first is not element:
-        raise error_at(name, element, f"a second {element.tag} '{own}': the first is on line {first.sourceline}")
+        raise error_at(name, element, defined_twice(f"{element.tag} '{own}'", first.sourceline))

@@ -43,7 +43,7 @@ def read_text(path: Path) -> str:
         raise RaffError(f"{path}:1: unknown encoding '{encoding}': save the file as UTF-8") from None
     except UnicodeError as error:
         line = content[: getattr(error, "start", 0)].count(b"\n") + 1
-        raise RaffError(f"{path}:{line}: this is no text in {encoding}: save it as UTF-8") from None
+        raise RaffError(f"{path}:{line}: this is not text in {encoding}: save the file as UTF-8") from None
 
 
 def parse_xml(text: str, name: str) -> Any:
@@ -67,13 +67,13 @@ def parse_xml(text: str, name: str) -> Any:
         if entry.level_name != "WARNING" and entry.type_name not in _HARMLESS:
             raise RaffError(f"{name}:{entry.line or 1}: invalid XML: {' '.join(entry.message.split())}")
     if tree is None:
-        raise RaffError(f"{name}:1: invalid XML: there is no element in it")
+        raise RaffError(f"{name}:1: invalid XML: the file has no element")
     subset = tree.getroottree().docinfo.internalDTD
     for entity in subset.iterentities() if subset is not None else ():
-        raise RaffError(f"{name}:1: it defines the entity '{entity.name}': entities are not read")
+        raise RaffError(f"{name}:1: the entity '{entity.name}' is not read: write its text instead")
     for found in tree.iter(etree.Entity, _INCLUDE):
         what = f"the entity '{found.name}'" if found.tag is etree.Entity else f"'{found.get('href')}' by XInclude"
-        raise error_at(name, found, f"it uses {what}: write its content into the file")
+        raise error_at(name, found, f"{what} is not read: write its content into the file")
     own = etree.QName(tree).namespace
     if own is not None:
         for element in tree.iter(f"{{{own}}}*"):

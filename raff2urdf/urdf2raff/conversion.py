@@ -55,7 +55,7 @@ def to_raff(
     entries = {entry["name"]: entry for entry in (constraints or {}).get("loops", [])}
     for name, kind in (loops or {}).items():
         if name not in entries:
-            raise RaffError(f"{path}: no loop '{name}'{did_you_mean(name, list(entries))}")
+            raise RaffError(f"{path}: there is no loop '{name}'{did_you_mean(name, list(entries))}")
         entries[name]["kind"] = loop_kind(kind).name.lower()
     tree = parse(text, str(path))
     unlimited = [joint for joint in joints(tree) if lacks_limits(joint)]
@@ -80,7 +80,9 @@ def to_raff(
         found = replace(found, document=replace(found.document, robots=(export.robot(found.document, found.nodes),)))
         contents |= export.files
         if contents and folder is None:
-            raise RaffError(f"{path}: {out} has no folder for graphics: name a file, or give --no-graphics")
+            raise RaffError(
+                f"{path}: graphics can't be written next to {out}: name a regular file, or give --no-graphics"
+            )
     try:
         contents[out] = dumps(found.document, _head(path, found), found.notes).encode()
     except RaffError as error:

@@ -140,7 +140,11 @@ class GraphicsExport:
 
         shape = _shape(visual)
         if shape is None:
-            raise error_at(self.name, visual, "a visual without a shape")
+            raise error_at(
+                self.name,
+                visual,
+                "this visual has no shape: add a <box>, <cylinder>, <sphere> or <mesh> in a <geometry>",
+            )
         if shape.tag == "mesh":
             scale = np.array(three(shape, "scale", self.name, "1 1 1"))
             found = [mesh for mesh in self._scene(shape).dump() if isinstance(mesh, trimesh.Trimesh)]
@@ -154,7 +158,9 @@ class GraphicsExport:
         if shape.tag in ("cylinder", "capsule"):
             make = getattr(trimesh.creation, shape.tag)
             return [make(radius=self._length(shape, "radius"), height=self._length(shape, "length"))]
-        raise error_at(self.name, shape, f"the shape <{shape.tag}> is not in URDF")
+        raise error_at(
+            self.name, shape, f"the shape <{shape.tag}> is not in URDF: use <box>, <cylinder>, <sphere> or <mesh>"
+        )
 
     def _length(self, shape: Any, word: str) -> float:
         found = numbers(shape.get(word, ""))

@@ -311,7 +311,7 @@ class _Import:
     def node_number(self, link: str, what: str) -> int:
         if link not in self.number_of:
             near = did_you_mean(link, [*self.number_of])
-            raise error_at(self.name, self.tree, f"{what} names '{link}', which is no link{near}")
+            raise error_at(self.name, self.tree, f"{what} names '{link}', which is not a link{near}")
         return self.number_of[link]
 
     def sensor_constraints(self, movable: bool) -> Iterator[SensorConstraint]:
@@ -346,7 +346,7 @@ class _Numbers:
 
     Args:
         tree: of the URDF.
-        base: raff2urdf's own joint that only places the base, which needs no number; None without it.
+        base: raff2urdf's own joint that only places the base and is not numbered; None without it.
     """
 
     def __init__(self, tree: Any, base: Any) -> None:

@@ -143,7 +143,7 @@ def inertias(
     """
     density = DENSITY if density is None else density
     if not (np.isfinite(density) and density > 0.0):
-        raise RaffError(f"a density of {density:g} kg/m3: it must be a number above 0")
+        raise RaffError(f"the density is {density:g} kg/m3: it must be a number above 0")
     surface = cache(read or load_surface)
     found: dict[str, Inertia] = {}
     given: list[str] = []

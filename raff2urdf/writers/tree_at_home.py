@@ -48,15 +48,15 @@ class TreeAtHome:
         for joint in self.model.joints:
             base = joint.type == "floating" and joint is self.floating
             if joint.type not in (*REVOLUTE, *PRISMATIC, *FIXED) and not base:
-                what = "only revolute, prismatic and fixed joints can be written"
-                raise RaffError(f"{name}: joint '{joint.name}' is {joint.type}: {what}")
+                remedy = "replace it by revolute, continuous, prismatic or fixed ones"
+                raise RaffError(f"{name}: joint '{joint.name}' of the type {joint.type} can't be written: {remedy}")
             if joint.mimic is not None:
-                raise RaffError(f"{name}: joint '{joint.name}' mimics '{joint.mimic.joint}', which can't be written")
+                raise RaffError(f"{name}: joint '{joint.name}' mimics '{joint.mimic.joint}': remove its <mimic>")
         known = {link.name for link in self.model.links}
         if WORLD in known and (self.root != WORLD or self.link[WORLD].visuals or self.link[WORLD].collisions):
             raise RaffError(f"{name}: link '{WORLD}': simulators reserve that name for what does not move: rename it")
         if len(self.order) != len(known) - 1:
-            raise RaffError(f"{name}: its links are not one tree under '{self.root}'")
+            raise RaffError(f"{name}: its links are not one tree under '{self.root}': connect them to it")
 
     @cached_property
     def link(self) -> Mapping[str, yourdfpy.Link]:
@@ -81,7 +81,9 @@ class TreeAtHome:
         """The link without a parent."""
         roots = [str(link.name) for link in self.model.links if link.name not in self.joint_of]
         if len(roots) != 1:
-            raise RaffError(f"robot '{self.model.name}': {len(roots)} links have no parent, instead of one")
+            listed = ", ".join(roots[:8])
+            message = f"{len(roots)} links have no parent ({listed}): exactly one must be the root"
+            raise RaffError(f"robot '{self.model.name}': {message}")
         return roots[0]
 
     @cached_property
@@ -155,7 +157,8 @@ class TreeAtHome:
             RaffError: there is no such link.
         """
         if end["node"] not in self.link:
-            raise RaffError(f"robot '{self.model.name}': a loop ends at '{end['node']}', which is no link")
+            known = did_you_mean(end["node"], list(self.link))
+            raise RaffError(f"robot '{self.model.name}': a loop ends at '{end['node']}', which is not a link{known}")
         return end["node"], np.array(end["placement"], dtype=float)
 
 
@@ -186,7 +189,7 @@ def axis(joint: yourdfpy.Joint) -> Array:
     given = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=float)
     length = float(np.linalg.norm(given))
     if not length > 1e-9:
-        raise RaffError(f"joint '{joint.name}': its axis has no length")
+        raise RaffError(f"joint '{joint.name}' has the axis 0 0 0: give it a direction")
     return given / length
 
 

@@ -126,7 +126,7 @@ def _until(master, said, words):
     [
         (["info", "none.raff"], "none.raff: can't be read"),
         (["drive", "none.urdf"], "none.urdf: can't be read"),
-        (["info", "bad.raff"], "bad.raff:2:17: a second link 1"),
+        (["info", "bad.raff"], "bad.raff:2:17: the number 1 is defined twice"),
         (["drive", "good.raff", "--node", "nose"], "no node 'nose'"),
         (["info", "good.raff", "--robot", "b"], "no robot 'b'"),
         (["info", "good.raff", "--loop", "ball"], "write NAME=KIND"),

@@ -92,7 +92,7 @@ def test_a_loop_can_be_closed_otherwise_without_touching_the_file(raff):
     assert mechanism.mobility == 1
     with pytest.raises(cinegen.CinegenError, match="no loop 'end-base'"):
         raff(BENT, loops={"end-base": "ball"})
-    with pytest.raises(raff2urdf.RaffError, match="'hinge' is no kind of loop"):
+    with pytest.raises(raff2urdf.RaffError, match="'hinge' is not a kind of loop"):
         raff(BENT, loops={"base-end": "hinge"})
 
 
@@ -115,8 +115,8 @@ def test_the_urdf_of_a_mechanism_that_contradicts_itself_is_refused_alike(raff, 
     ("text", "says"),
     [
         ("<robot name='r'><link name='a'>", "invalid XML"),
-        ("<sdf/>", "it holds no model"),
-        ("<gazebo/>", "this is no robot"),
+        ("<sdf/>", "the file has no model"),
+        ("<gazebo/>", "this is not"),
         ("<robot name='r'/>", "has no link"),
     ],
 )
@@ -149,13 +149,13 @@ FOREIGN = '<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot name="ar
         (("0 0 1", "0 0"), r":7: the axis"),
         (("0 0 1", "0 0 inf"), r":7: the axis"),
         (("0 0 1", "up"), r":7: the axis 'up'"),
-        (('lower="-1"', 'lower="nan"'), r":8: joint 'turn': its lower limit 'nan' is no number"),
-        (('upper="2"', 'upper="two"'), r":8: joint 'turn': its upper limit 'two' is no number"),
-        (('upper="2"', 'upper="-2"'), r":8: joint 'turn': its lower limit of -1 is above its upper one of -2"),
-        (('velocity="3"', 'velocity="-3"'), r":8: joint 'turn': its velocity limit is -3, below 0"),
+        (('lower="-1"', 'lower="nan"'), r":8: the lower limit 'nan' of joint 'turn' is not a number"),
+        (('upper="2"', 'upper="two"'), r":8: the upper limit 'two' of joint 'turn' is not a number"),
+        (('upper="2"', 'upper="-2"'), r":8: the lower limit -1 of joint 'turn' is above its upper limit -2"),
+        (('velocity="3"', 'velocity="-3"'), r":8: the velocity limit of joint 'turn' is -3: it must not be negative"),
         (("</joint>", ""), r":\d+: invalid XML"),
-        (('<robot name="arm">', f"{FOREIGN}&a;"), "entity 'a': entities are not read"),
-        (('<robot name="arm">', FOREIGN.replace("SYSTEM ", "")), "entities are not read"),
+        (('<robot name="arm">', f"{FOREIGN}&a;"), "the entity 'a' is not read"),
+        (('<robot name="arm">', FOREIGN.replace("SYSTEM ", "")), "entity .a. is not read"),
     ],
 )
 def test_what_is_wrong_in_a_urdf_is_told_by_its_line(change, says, tmp_path):

@@ -193,7 +193,7 @@ def test_a_gearbox_is_left_out_with_a_warning(write):
     gear = (
         '<joint name="gear" type="gearbox"><parent>a</parent><child>b</child><gearbox_ratio>2</gearbox_ratio></joint>'
     )
-    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.sdf:\d+: joint 'gear' couples two joints: left out"):
+    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.sdf:\d+: joint 'gear' couples joints: left out"):
         mechanism = cinegen.load(write(arm().replace("</model>", f"{gear}</model>")))
     assert mechanism.mobility == 1
 
@@ -210,22 +210,22 @@ def test_the_first_model_is_loaded_unless_another_is_named(write):
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        (("<child>b</child>", "<child>c</child>"), r":7: joint 'j' has the child 'c', no link"),
-        (("<parent>a</parent>", "<parent>x</parent>"), r":7: joint 'j' has the parent 'x', no link"),
+        (("<child>b</child>", "<child>c</child>"), r":7: joint 'j' has the child 'c', which is not a link"),
+        (("<parent>a</parent>", "<parent>x</parent>"), r":7: joint 'j' has the parent 'x', which is not a link"),
         (("0 1 0</xyz>", "0 0 0</xyz>"), r":8: the axis '0 0 0' of joint 'j' must be three numbers, not all 0"),
         (("0 1 0</xyz>", "0 nan 0</xyz>"), r":8: the axis '0 nan 0' of joint 'j'"),
-        (("</axis>", "<limit><lower>2</lower><upper>1</upper></limit></axis>"), r":8: .*lower limit of 2 is above"),
-        (("</axis>", "<limit><lower>nan</lower></limit></axis>"), r":8: joint 'j': its lower limit 'nan' is no number"),
-        (("</axis>", "<limit><velocity>-2</velocity></limit></axis>"), r":8: joint 'j': its velocity limit is -2"),
+        (("</axis>", "<limit><lower>2</lower><upper>1</upper></limit></axis>"), r":8: .*lower limit 2 of joint 'j' is above"),
+        (("</axis>", "<limit><lower>nan</lower></limit></axis>"), r":8: the lower limit 'nan' of joint 'j' is not a number"),
+        (("</axis>", "<limit><velocity>-2</velocity></limit></axis>"), r":8: the velocity limit of joint 'j' is -2"),
         (("0 0 1 0 0 0.5", "0 0 1 0 0"), r":5: the pose '0 0 1 0 0' must be six numbers"),
         (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0'), r":5: the pose .* must be seven"),
         (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0 0'), r":5: the quaternion .* is 0"),
-        (("<pose>0 0 1", '<pose relative_to="lost">0 0 1'), r":5: no frame 'lost'"),
+        (("<pose>0 0 1", '<pose relative_to="lost">0 0 1'), r":5: there is no frame 'lost'"),
         (("<pose>0 0 1", '<pose relative_to="b">0 0 1'), r":5: the pose of 'b' is given relative to itself"),
-        (('type="revolute"', 'type="screw"'), r":7: joint 'j' is of the type 'screw', which has no counterpart"),
-        (('<link name="b">', '<link name="a">'), r":5: a second link 'a'"),
-        (("<axis><xyz>0 1 0</xyz></axis>", ""), r":7: joint 'j' needs 1 axes and has 0"),
-        (('<link name="a"/>', '<link name="a"/><include><uri>model://sun</uri></include>'), r":4: it includes 'model://sun'"),
+        (('type="revolute"', 'type="screw"'), r":7: joint 'j' has the type 'screw', which can't be converted"),
+        (('<link name="b">', '<link name="a">'), r":5: link 'a' is defined twice"),
+        (("<axis><xyz>0 1 0</xyz></axis>", ""), r":7: joint 'j' has 0 of 1 axes: add <axis>"),
+        (('<link name="a"/>', '<link name="a"/><include><uri>model://sun</uri></include>'), r":4: the included 'model://sun' is not read"),
         (("</sdf>", ""), r":\d+: invalid XML"),
     ],
 )  # fmt: skip
@@ -299,9 +299,9 @@ def test_a_static_model_stands_in_its_world(write):
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ('name="elbow"', 'name="drive"', r":14: a second joint 'drive': the first is on line 12"),
+        ('name="elbow"', 'name="drive"', r":14: joint 'drive' is defined twice, first on line 12"),
         ('<link name="ground"/>', '<link name="world"/>', r":5: a link can't be called 'world'"),
-        ("<parent>crank</parent>", "<parent>coupler</parent>", r":14: joint 'elbow' joins 'coupler' with itself"),
+        ("<parent>crank</parent>", "<parent>coupler</parent>", r":14: joint 'elbow' joins 'coupler' to itself"),
         ('relative_to="crank"', 'relative_to="coupler"', "the pose of 'coupler' is given relative to itself"),
         ("<pose>0.1 0 0 0 0 0</pose>", "<pose>1e308 0 0 0 0 0</pose>", r":7: the pose '1e308.* must be six numbers"),
     ],
@@ -313,7 +313,7 @@ def test_what_makes_no_sense_is_told_by_its_own_line(write, old, new, says):
 
 def test_one_that_mimics_another_is_told(write):
     text = PARALLELOGRAM.format(kind="revolute").replace("<limit>", '<mimic joint="swing"/><limit>', 1)
-    with pytest.warns(raff2urdf.RaffWarning, match="joint 'drive' couples two joints"):
+    with pytest.warns(raff2urdf.RaffWarning, match="joint 'drive' couples joints"):
         cinegen.load(write(text))
 
 

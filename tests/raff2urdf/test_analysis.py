@@ -379,7 +379,7 @@ def test_asking_for_a_loop_that_is_not_there_lists_those_that_are() -> None:
 
 
 def test_asking_for_a_kind_that_is_not_there_lists_those_that_are() -> None:
-    with pytest.raises(RaffError, match=r"'bal' is no kind of loop: did you mean 'ball'\?"):
+    with pytest.raises(RaffError, match=r"'bal' is not a kind of loop: did you mean 'ball'\?"):
         analysis_of(four_bar(), {"frame5-frame6": "bal"})
     with pytest.raises(RaffError, match=r"\(known: rigid, prismatic, revolute, ball\)"):
         analysis_of(four_bar(), {"frame5-frame6": "weld"})

@@ -44,7 +44,7 @@ def test_a_document_without_faults_passes(document: Document) -> None:
 
 def test_a_file_without_robots_reads_but_does_not_pass() -> None:
     (problem,) = problems_of("RAFF nothing")
-    assert "holds no robot" in problem.message
+    assert "has no robot" in problem.message
 
 
 ONE = "link 1 { type 2 pred 0 }"
@@ -64,14 +64,14 @@ WRONG = [
         "link 1 cycle 1 -> 2 -> 1",
     ),
     # numbers
-    (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "second link 1 first line 3"),
-    (f"{ONE}\nframe 1 {{ pred 0 }}", 4, 7, "second frame 1 first line 3"),
+    (f"{ONE}\nlink 1 {{ type 2 pred 0 }}", 4, 6, "number 1 defined twice first on line 3"),
+    (f"{ONE}\nframe 1 {{ pred 0 }}", 4, 7, "number 1 defined twice first on line 3"),
     # names
-    (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' taken link 1"),
-    ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' taken link 1"),
-    ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' taken the root"),
-    ('frame 1 { pred 0 name "world" }', 3, 23, "'world' taken"),
-    ('frame 1 { pred 0 name "universe" }', 3, 23, "'universe' taken"),
+    (f'{ONE}\nlink 2 {{ type 2 pred 0 name "link1" }}', 4, 29, "'link1' link 1 choose another"),
+    ('link 1 { type 2 pred 0 name "a" }\nframe 2 { pred 0 name "a" }', 4, 23, "'a' link 1 choose another"),
+    ('link 1 { type 2 pred 0 name "base" }', 3, 29, "'base' reserved the root"),
+    ('frame 1 { pred 0 name "world" }', 3, 23, "'world' reserved"),
+    ('frame 1 { pred 0 name "universe" }', 3, 23, "'universe' reserved"),
     ('link 1 { type 2 pred 0 name "4bar" }', 3, 29, "'4bar' can't name a link"),
     ('link 1 { type 2 pred 0 name "left arm" }', 3, 29, "'left arm' can't name a link"),
     ('frame 1 { pred 0 name "" }', 3, 23, "'' can't name a frame"),
@@ -79,7 +79,7 @@ WRONG = [
     ('frame 1 { pred 0 name "a<b" }', 3, 23, "'a<b' can't name a frame"),
     ('frame 1 { pred 0 name "\u0301a" }', 3, 23, "can't name a frame"),
     # limits
-    ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "limits link 1 empty low 80 high -85"),
+    ("link 1 { type 2 pred 0 limits { 80 -85 } }", 3, 33, "lower limit 80 link 1 above upper limit -85 swap"),
     ("link 1 { type 2 pred 0 velocity 0 }", 3, 33, "velocity link 1 above 0"),
     ("link 1 { type 1 pred 0 velocity -5 }", 3, 33, "velocity link 1 above 0"),
     # loops
@@ -89,7 +89,7 @@ WRONG = [
     (f"{ONE}\nconstraint {{ base base }}", 4, 14, "loop joins 0 to itself"),
     # sensors
     (f"{ONE}\nconstraint {{ link 2 sensor ( 0 ) }}", 4, 19, "sensor constraint 'r' 2 does not exist"),
-    (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "unknown sensor 4"),
+    (f"{ONE}\nconstraint {{ link 1 sensor ( 0 4 ) }}", 4, 32, "sensor 4 not declared"),
 ]
 
 
@@ -112,14 +112,14 @@ def test_a_second_robot_of_a_name_is_refused_where_it_stands() -> None:
     (problem,) = problems_of("RAFF t\nrobot a { }\nrobot b { }\nrobot a { }")
     assert problem.location is not None
     assert (problem.location.line, problem.location.column) == (4, 7)
-    assert problem.message == "a second robot 'a': the first is on line 2"
+    assert problem.message == "robot 'a' is defined twice, first on line 2: change one of them"
 
 
 def test_a_second_sensor_of_a_number_is_refused_where_it_stands() -> None:
     (problem,) = problems_of('RAFF t\nsensor 1 { port "a" }\nrobot r { }\nsensor 1 { port "b" }')
     assert problem.location is not None
     assert (problem.location.line, problem.location.column) == (4, 8)
-    assert problem.message == "a second sensor 1: the first is on line 2"
+    assert problem.message == "sensor 1 is defined twice, first on line 2: change one of them"
 
 
 @pytest.mark.parametrize("name", ["4bar", '"left arm"', '""', "-r"])
@@ -139,7 +139,7 @@ def test_robots_of_a_file_do_not_disturb_each_other() -> None:
 
 def test_an_unknown_sensor_is_answered_with_those_that_exist() -> None:
     text = text_of(f"{ONE}\nconstraint {{ link 1 sensor ( 3 ) }}", 'sensor 7 { port "a" } sensor 2 { port "b" }')
-    assert problems_of(text)[0].message == "unknown sensor 3 (declared: 2, 7)"
+    assert problems_of(text)[0].message == "sensor 3 is not declared (declared: 2, 7)"
 
 
 def test_sensor_0_needs_no_declaration() -> None:

@@ -78,7 +78,7 @@ def test_one_robot_may_be_asked_for(folder: Path, run: Run) -> None:
 def test_a_robot_that_is_not_there_is_answered_with_those_that_are(folder: Path, run: Run) -> None:
     done = run("two.raff", "--robot", "rigth")
     assert done.code == 1
-    assert "two.raff: no robot 'rigth': did you mean 'right'?" in done.err
+    assert "two.raff: there is no robot 'rigth': did you mean 'right'?" in done.err
     assert not (folder / "generated").exists()
 
 
@@ -160,7 +160,7 @@ def test_the_density_makes_it_heavier(folder: Path, run: Run) -> None:
 def test_a_wrong_density_writes_nothing(folder: Path, run: Run) -> None:
     done = run("arm.raff", "--format", "sdf", "--density", "-1")
     assert done.code == 1
-    assert "a density of -1 kg/m3: it must be a number above 0" in done.err
+    assert "the density is -1 kg/m3: it must be a number above 0" in done.err
     assert not (folder / "generated").exists()
 
 
@@ -292,7 +292,7 @@ def test_a_loop_may_be_closed_by_another_kind(folder: Path, run: Run) -> None:
     ("asked", "words"),
     [
         ("link5-frame7=ball", "no loop 'link5-frame7': did you mean 'link5-frame6'?"),
-        ("link5-frame6=bal", "'bal' is no kind of loop: did you mean 'ball'?"),
+        ("link5-frame6=bal", "'bal' is not a kind of loop: did you mean 'ball'?"),
         ("link5-frame6", "write NAME=KIND"),
     ],
 )
@@ -329,7 +329,7 @@ def test_a_warning_is_a_line_on_stderr_and_no_failure(folder: Path, command: Run
     lines = [line for line in done.err.splitlines() if not line.startswith(" ")]
     assert len(lines) == 2
     assert lines[0].startswith("warning: odd.raff:4:")
-    assert "link 2 is written at 0, outside its limits" in lines[0]
+    assert "home 0 of link 2 is outside its limits 10 to 20" in lines[0]
     assert "link2: a.stl (not found)" in lines[1]
 
 
@@ -360,14 +360,17 @@ def a_large_file(path: Path) -> None:
 WRONG: dict[str, tuple[str | bytes | Callable[[Path], None], str]] = {
     "an unknown parent": (f"{BODY}link 1 {{ type 2 pred 7 }}\n}}", "bad.raff:3:24: 7 does not exist"),
     "a cycle of parents": (f"{BODY}link 1 {{ type 2 pred 1 }}\n}}", "bad.raff:3:24: cycle of parents"),
-    "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: second link 1 first line 3"),
+    "a number used twice": (f"{BODY}{ONE}\n  {ONE}\n}}", "bad.raff:4:8: number 1 twice first line 3"),
     "a loop on a missing link": (f"{BODY}{ONE}\nconstraint {{ link 1 link 9 }} }}", "bad.raff:4:26: 9 does not exist"),
-    "limits the wrong way": (f"{BODY}link 1 {{ type 2 pred 0 limits {{ 2 1 }} }} }}", "bad.raff:3:35: limits empty"),
+    "limits the wrong way": (
+        f"{BODY}link 1 {{ type 2 pred 0 limits {{ 2 1 }} }} }}",
+        "bad.raff:3:35: lower limit above upper swap",
+    ),
     "NaN": (f"{BODY}link 1 {{ type 2 pred 0 parameters {{ d NaN }} }} }}", "bad.raff:3:41: 'd' number 'NaN'"),
     "1e400": (f"{BODY}link 1 {{ type 2 pred 0 velocity 1e400 }} }}", "bad.raff:3:35: '1e400' too large"),
     "a name that XML has not": (f'{BODY}frame 1 {{ pred 0 name "a b" }} }}', "bad.raff:3:25: 'a b' can't name a frame"),
     "a loop that can't be closed": (skew_four_bar(), "robot 'r' can't be closed 'link5-frame6'"),
-    "no robot": ("RAFF bad\n", "bad.raff: no robot"),
+    "no robot": ("RAFF bad\n", "bad.raff: has no robot"),
     "an empty file": ("", "bad.raff:1:1: RAFF"),
     "binary": (b"\x7fELF\x02\x01\x01\x00\x00", "bad.raff: line 1 binary"),
     "not UTF-8": (b"RAFF t\nrobot \xe9 { }", "bad.raff: line 2 UTF-8"),

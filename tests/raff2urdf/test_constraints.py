@@ -272,7 +272,9 @@ def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> No
         line = int(str(caught.value).split(":")[1])
         within = wrong.splitlines()[line - 1]
         assert str(value) in within or "placement" in within
-    with pytest.raises(RaffError, match=r"some\.json:\d+: at \$\.joints: joint 'joint1' of the URDF is left out"):
+    with pytest.raises(
+        RaffError, match=r"some\.json:\d+: at \$\.joints: joint 'joint1' of the URDF is missing: add an entry for it"
+    ):
         constraints.loads(constraints.dumps({**values, "joints": values["joints"][1:]}), "some.json", known)
 
 
@@ -328,13 +330,13 @@ def test_a_number_beyond_all_doubles_is_refused_at_its_place(
         (
             "joints/0/limits",
             [0.5, -0.5],
-            "$.joints[0].limits: joint 'joint1': its lower limit of 0.5 is above its upper",
+            "$.joints[0].limits: the lower limit 0.5 of joint 'joint1' is above its upper",
         ),
-        ("joints/1/name", "joint1", "$.joints[1].name: 'joint1' is listed twice, in $.joints[0] too"),
-        ("joints/1/home", 1e300, "$.joints[1].home: joint 'joint2': its home 1e+300 is beyond 1e+13"),
-        ("joints/1/home", 10**300, "$.joints[1].home: joint 'joint2': its home 1e+300 is beyond 1e+13"),
-        ("loops/0/second/node", "coupler", "$.loops[0].second.node: loop 'coupler-link3' joins 'coupler' with itself"),
-        ("sensors/1/number", 1, "$.sensors[1].number: '1' is listed twice, in $.sensors[0] too"),
+        ("joints/1/name", "joint1", "$.joints[1].name: 'joint1' is listed twice, also in $.joints[0]"),
+        ("joints/1/home", 1e300, "$.joints[1].home: the home of joint 'joint2' is 1e+300, beyond 1e+13"),
+        ("joints/1/home", 10**300, "$.joints[1].home: the home of joint 'joint2' is 1e+300, beyond 1e+13"),
+        ("loops/0/second/node", "coupler", "$.loops[0].second.node: loop 'coupler-link3' joins 'coupler' to itself"),
+        ("sensors/1/number", 1, "$.sensors[1].number: '1' is listed twice, also in $.sensors[0]"),
         ("robot", "\ud800", "$.robot: this text holds half a character"),
     ],
 )

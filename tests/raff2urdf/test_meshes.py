@@ -127,7 +127,7 @@ def test_base_links_and_frames_show_all_their_files_that_can_be_shown(workshop: 
     shown = [("meshes/arm/red.nff.1.stl", RED), ("meshes/arm/face.dxf.1.stl", BLUE), ("../parts/bar.stl", None)]
     for node in ("base", "link1", "frame2"):
         assert named(xml, node) == shown
-        reason = "broken.nff (line 9: '9' is no vertex of this object (0 to 3))"
+        reason = "broken.nff (line 9: '9' is not a vertex of this object (0 to 3))"
         assert f"{node}: gone.nff (not found), {reason}" in warned
 
 

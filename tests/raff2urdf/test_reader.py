@@ -402,11 +402,11 @@ WRONG = [
     ("RAFF t\nrobot r { link 7 { pred 0 } }", 2, 16, "link 7 no 'type'"),
     ("RAFF t\nrobot r { frame 7 { } }", 2, 17, "frame 7 no 'pred'"),
     ("RAFF t\nsensor 7 { }", 2, 8, "sensor 7 no 'port'"),
-    ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint names two nodes"),
-    ("RAFF t\nrobot r {\n  constraint { } }", 3, 3, "constraint names two nodes"),
+    ("RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { link 1 } }", 3, 21, "constraint must name two nodes"),
+    ("RAFF t\nrobot r {\n  constraint { } }", 3, 3, "constraint must name two nodes"),
     (
         "RAFF t\nrobot r { link 1 { type 2 pred 0 }\n  constraint { base link 1 sensor ( 0 ) } }",
-        3, 16, "constraint with sensors names one node",
+        3, 16, "constraint with sensors must name one node",
     ),
 ]  # fmt: skip
 

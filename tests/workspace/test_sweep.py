@@ -438,7 +438,7 @@ def test_variants_whose_loops_can_not_be_closed_are_told_and_passed_over(tmp_pat
     )
     closed = [d <= 50.0 for d in (20.0, 40.0, 60.0, 80.0)]  # the longest bar against the others: 30 + 10 + 10
     assert [row.dexterity is not None for row in table.rows] == closed
-    assert "the mechanism can't be closed: 'frame4-coupler'" in table.rows[-1].remark
+    assert "the mechanism can't be closed: these loops remain open: 'frame4-coupler'" in table.rows[-1].remark
     assert "\n" not in table.rows[-1].remark
     assert not table.rows[-1].suitable
     assert said[-1] == (32, 32)

@@ -35,9 +35,9 @@ def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constrain
     chosen = [m for m in models if robot is None or m.get("name") == robot]
     if not chosen:
         known = [str(m.get("name")) for m in models]
-        what = "it holds no model" if robot is None else f"no model '{robot}'{did_you_mean(robot, known)}"
+        what = "the file has no model" if robot is None else f"there is no model '{robot}'{did_you_mean(robot, known)}"
         for include in root.iter("include"):
-            what += f", but includes '{include.findtext('uri', '').strip()}': load that file itself"
+            what += f", but the file includes '{include.findtext('uri', '').strip()}': load that file itself"
             break
         raise error_at(name, root, what)
     version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]

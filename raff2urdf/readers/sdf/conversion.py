@@ -86,8 +86,8 @@ class SdfToUrdf:
         couplings = [j for j in model.joints if j.kind == COUPLING or j.element.find("axis/mimic") is not None]
         if couplings:
             first, more = couplings[0], len(couplings) - 1
-            others = f" and {more} more" if more else ""
-            message = f"joint '{first.name}'{others} couples two joints: left out, both move independently"
+            others = f" (and {more} more)" if more else ""
+            message = f"joint '{first.name}'{others} couples joints: left out, so that they move independently"
             warnings.warn(str(error_at(self.name, first.element, message)), RaffWarning, stacklevel=6)
         joints = [joint for joint in model.joints if joint.kind != COUPLING]
         fixed = model.static or any(WORLD in (joint.parent, joint.child) for joint in joints)
@@ -152,7 +152,7 @@ class SdfToUrdf:
             return 0.0, None
         home = numbers(own.get("home", "0"))
         if home is None or len(home) != 1:
-            raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is no number")
+            raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is not a number")
         return home[0], own.get("actuated") == "true"
 
     def _add_loop(self, joint: SdfJoint) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.errors import RaffError, defined_twice, did_you_mean, limits_reversed
 from raff2urdf.readers.sdf.poses import WORLD, SdfPoses, named, pose
-from raff2urdf.readers.urdf import SIZE, UNLIMITED, number, numbers
+from raff2urdf.readers.urdf import SIZE, UNLIMITED, limit_value, number, numbers
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.writers.sdf import NAMESPACE
 
@@ -68,7 +68,7 @@ class Reader:
         found = SdfModel(str(element.get("name", "model")))
         for include in element.iter("include"):
             uri = include.findtext("uri", "").strip()
-            raise self._error(include, f"it includes '{uri}': write its content into the file")
+            raise self._error(include, f"the included '{uri}' is not read: write its content into the file")
         around = element.getparent()
         poses = SdfPoses(self.name, element, pose(element, self.name), "")
         if around.tag == "world":
@@ -76,7 +76,7 @@ class Reader:
             poses.prefix = ""
         self._gather(poses, found)
         if not found.links:
-            raise self._error(element, f"the model '{found.name}' has no link")
+            raise self._error(element, f"the model '{found.name}' has no link: add one")
         if element.get("canonical_link") is not None:
             found.root = poses.canonical()
         found.static = element.findtext("static", "").strip() in ("1", "true")
@@ -91,14 +91,14 @@ class Reader:
             self._gather(poses.nested(nested), found)
         for element in poses.model.iterchildren("link", "joint", "frame"):
             if not element.get("name"):
-                raise self._error(element, f"a {element.tag} without a name")
+                raise self._error(element, f"this {element.tag} has no name: give it one")
         for link in poses.model.iterchildren("link"):
             own = poses.prefix + link.get("name")
             if link.get("name") == WORLD:
-                raise self._error(link, f"a link can't be called '{WORLD}': that is the world itself")
+                raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
             first = found.links.setdefault(own, link)
             if first is not link:
-                raise self._error(link, f"a second link '{own}': the first is on line {first.sourceline}")
+                raise self._error(link, defined_twice(f"link '{own}'", first.sourceline))
             found.placements[own] = poses.of_element(link)
         for frame in poses.model.iterchildren("frame"):
             own = poses.prefix + frame.get("name")
@@ -110,7 +110,7 @@ class Reader:
             own = joint.get("name")
             first = known.setdefault(own, joint)
             if first is not joint:
-                raise self._error(joint, f"a second joint '{own}': the first is on line {first.sourceline}")
+                raise self._error(joint, defined_twice(f"joint '{own}'", first.sourceline))
             found.joints.append(self._joint(joint, poses))
 
     def _joint(self, element: Any, poses: SdfPoses) -> SdfJoint:
@@ -118,17 +118,17 @@ class Reader:
         label = f"joint '{name}'"
         if kind not in _JOINT_TYPES:
             near = did_you_mean(kind, _JOINT_TYPES)
-            raise self._error(element, f"{label} is of the type '{kind}', which has no counterpart{near}")
+            raise self._error(element, f"{label} has the type '{kind}', which can't be converted{near}")
         ends = []
         for word in ("parent", "child"):
             end = element.find(word)
             text = "" if end is None else named(end)
             where = element if end is None else end
             if not text:
-                raise self._error(where, f"{label} has no {word}")
-            ends.append(poses.link(text, where, f"{label} has the {word} '{text}', no link"))
+                raise self._error(where, f"{label} has no <{word}>: add it")
+            ends.append(poses.link(text, where, f"{label} has the {word} '{text}', which is not a link"))
         if ends[0] == ends[1]:
-            raise self._error(element, f"{label} joins '{ends[0]}' with itself")
+            raise self._error(element, f"{label} joins '{ends[0]}' to itself: name two different links")
         found = SdfJoint(element, name, kind, ends[0], ends[1], poses.of_element(element), [], [], [])
         for word in ("axis", "axis2"):
             axis = element.find(word)
@@ -137,7 +137,7 @@ class Reader:
                 found.limits.append(self._limits(axis, label))
                 found.velocities.append(self._number(axis, "limit/velocity", label, math.inf))
         if len(found.axes) < _AXES.get(kind, 0):
-            raise self._error(element, f"{label} needs {_AXES[kind]} axes and has {len(found.axes)}")
+            raise self._error(element, f"{label} has {len(found.axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
         return found
 
     def _axis(self, element: Any, label: str, placement: Array, poses: SdfPoses) -> Array:
@@ -160,8 +160,7 @@ class Reader:
         low = self._number(axis, "limit/lower", label, -math.inf)
         high = self._number(axis, "limit/upper", label, math.inf)
         if low > high:
-            message = f"{label}: its lower limit of {low:g} is above its upper one of {high:g}"
-            raise self._error(axis.find("limit"), message)
+            raise self._error(axis.find("limit"), limits_reversed(label, low, high))
         return (low if low > -UNLIMITED else -math.inf), (high if high < UNLIMITED else math.inf)
 
     def _number(self, axis: Any, path: str, label: str, default: float) -> float:
@@ -169,12 +168,6 @@ class Reader:
         element = axis.find(path)
         if element is None or not (element.text or "").strip():
             return default
-        value = number(element.text.strip())
-        word = path.rpartition("/")[2]
-        if math.isnan(value):
-            raise self._error(element, f"{label}: its {word} limit '{element.text.strip()}' is no number")
-        if word == "velocity" and value == -1.0:
-            return math.inf
-        if word == "velocity" and value < 0.0:
-            raise self._error(element, f"{label}: its {word} limit is {value:g}, below 0")
-        return value
+        text, word = element.text.strip(), path.rpartition("/")[2]
+        unlimited = word == "velocity" and number(text) == -1.0
+        return math.inf if unlimited else limit_value(element, text, word, label, self.name)

@@ -33,7 +33,7 @@ def pose(element: Any, name: str) -> Array:
         return from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
     x, y, z, w = found[3:]
     if math.hypot(x, y, z, w) <= 1e-9:
-        raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is no rotation")
+        raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is not a rotation")
     matrix = np.eye(4)
     matrix[:3, 3], matrix[:3, :3] = found[:3], from_quaternion(w, x, y, z)
     return matrix
@@ -72,14 +72,18 @@ class SdfPoses:
             return self.of_element(element)
         if name == WORLD:
             return np.eye(4)
-        raise error_at(self.name, where, f"no frame '{name}'{did_you_mean(name, [*self.elements, '__model__'])}")
+        raise error_at(
+            self.name, where, f"there is no frame '{name}'{did_you_mean(name, [*self.elements, '__model__'])}"
+        )
 
     def of_element(self, element: Any) -> Array:
         """Return the pose of a link, joint, frame or model."""
         chain, at = [], element  # each is placed relative to the next
         while at is not None and at not in self._found:
             if at in self._pending:
-                raise error_at(self.name, at, f"the pose of '{at.get('name')}' is given relative to itself")
+                raise error_at(
+                    self.name, at, f"the pose of '{at.get('name')}' is given relative to itself: name another frame"
+                )
             self._pending.add(at)
             chain.append(at)
             at = self._find(self._relative_to(at)[0])[0]
@@ -115,13 +119,15 @@ class SdfPoses:
                 return WORLD
             if element is None:
                 near = did_you_mean(name, [WORLD, *self.elements])
-                raise error_at(self.name, where, (wrong or f"no link or frame '{name}'") + near)
+                raise error_at(self.name, where, (wrong or f"there is no link or frame '{name}'") + near)
             if element.tag == "link":
                 return self.prefix + name
             if element.tag == "model":
                 return self.nested(element).canonical()
             if element in passed:
-                raise error_at(self.name, element, f"the {element.tag} '{name}' is attached to itself")
+                raise error_at(
+                    self.name, element, f"the {element.tag} '{name}' is attached to itself: name another frame"
+                )
             passed.add(element)
             child, where = element.find("child"), element
             name = element.get("attached_to", "") if element.tag == "frame" else "" if child is None else named(child)
@@ -136,7 +142,7 @@ class SdfPoses:
             return self.prefix + str(link.get("name", ""))
         for model in self.model.iterchildren("model"):
             return self.nested(model).canonical()
-        raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link")
+        raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link: add one")
 
     def _find(self, name: str) -> tuple[Any, SdfPoses | None, str]:
         """Return the element of that name; or else the nested model and the name in it."""

@@ -216,7 +216,7 @@ def test_a_loop_of_old_gazebo_is_warned_of(bars):
 
 def test_a_link_with_two_parents_is_refused_by_both_joints_or_opened(bars):
     path = bars(f'<joint name="pin" type="continuous">\n{ENDS}</joint>')
-    says = r":6: joint 'pin' has the child 'rocker', as joint 'swing' on line 5 has: .*--ignore-loops"
+    says = r":6: joint 'pin' has the child 'rocker' of joint 'swing' on line 5: .*--ignore-loops"
     with pytest.raises(RaffError, match=says):
         readers.read(path)
     with pytest.warns(RaffWarning, match=r"every joint moves independently: joint 'pin' \(line 6\)"):

@@ -101,6 +101,6 @@ def test_two_axes_are_turned_about_one_after_the_other():
 def test_a_name_that_is_taken_is_refused():
     text = BODY.format(kind="spherical", axis="0 0 1").replace('name="first"', 'name="j_Y"')
     tree = parse(text, "x")
-    with pytest.raises(RaffError, match="the name 'j_Y' is taken"):
+    with pytest.raises(RaffError, match="rename 'j_Y'"):
         successive.replace_compound(tree, "x", keep_root=True)
     assert len(links(tree)) == 3

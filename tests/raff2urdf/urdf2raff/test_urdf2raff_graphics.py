@@ -171,7 +171,7 @@ def shown_meshes(urdf):
         (MESH.format("meshes/part.stl", ' scale="1 1"', ""), r'arm.urdf:3: scale="1 1" of <mesh> must be three'),
         ('<visual><geometry><cylinder radius="-1" length="1"/></geometry></visual>', r"arm.urdf:3: radius=.-1. of"),
         ('<visual><geometry><torus radius="1"/></geometry></visual>', r"arm.urdf:3: the shape <torus> is not in URDF"),
-        ("<visual/>", r"arm.urdf:3: a visual without a shape"),
+        ("<visual/>", r"arm.urdf:3: this visual has no shape"),
     ],
 )  # fmt: skip
 def test_a_mesh_that_is_missing_cut_short_or_elsewhere_is_told_by_its_line(there, visual, says):
@@ -206,7 +206,7 @@ def test_packages_are_found_by_name(there, monkeypatch):
     elsewhere = there / "elsewhere"
     elsewhere.mkdir()
     path = write(elsewhere, base=MESH.format(name.replace("arm_desc", "an_arm_desc"), "", ""))
-    with pytest.raises(raff2urdf.RaffError, match=r"no folder 'an_arm_description' is known: .*ROS_PACKAGE_PATH"):
+    with pytest.raises(raff2urdf.RaffError, match=r"the package 'an_arm_description' is not found: .*ROS_PACKAGE_PATH"):
         raff2urdf.to_raff(path, path.with_suffix(".raff"))
     (there / "far").mkdir()
     (there / "arm_description").rename(there / "far/an_arm_description")
