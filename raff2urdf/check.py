@@ -198,10 +198,8 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
             home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
             if not link.limits[0] <= home <= link.limits[1]:
                 low, high = link.limits
-                message = (
-                    f"home {home:g} of link {link.number} is outside its limits {low:g} to {high:g}: change either"
-                )
-                yield problem(message, link.locations.get("limits"))
+                message = f"home {home:.10g} of link {link.number} is outside its limits {low:.10g} to {high:.10g}"
+                yield problem(f"{message}: change either", link.locations.get("limits"))
 
 
 def _line(location: SourceLocation | None) -> int | None:

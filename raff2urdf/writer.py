@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
-from raff2urdf.document import Document, LoopKind, Parameters, RaffFrame, RaffLink, RaffNode, RaffRobot
+from raff2urdf.document import Document, LoopKind, Parameters, RaffFrame, RaffNode, RaffRobot, RaffSensor
 from raff2urdf.errors import RaffError
 
 
@@ -26,8 +27,7 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
     if document.units != "mm":
         lines.append(f"units {document.units}")
     for sensor in document.sensors:
-        lines += ["", f"sensor {sensor.number} {{", f"  port {_text(sensor.port)}"]
-        lines += [f"  translation {sensor.translation}", f"  rotation {sensor.rotation}", "}"]
+        lines += ["", f"sensor {sensor.number} {{", *_statements(sensor, "  "), "}"]
     for robot in document.robots:
         lines += ["", f"robot {_name(robot.name)} {{", *_robot(robot, notes or {}), "}"]
     return "\n".join(lines) + "\n"
@@ -36,25 +36,10 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
 def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
     if robot.path is not None:
         yield f"  path {_text(robot.path)}"
-    yield "  base {"
-    yield from _common(robot.base)
-    yield "  }"
-    for part in robot.parts:
-        note = f" // {_comment(notes[part.number])}" if part.number in notes else ""
-        yield f"  {part.keyword} {part.number} {{{note}"
-        if part.name is not None:
-            yield f"    name {_text(part.name)}"
-        yield from _common(part)
-        if isinstance(part, RaffLink):
-            yield f"    type {int(part.type)}"
-        yield f"    pred {part.pred}"
-        if isinstance(part, RaffLink):
-            if part.limits is not None:
-                yield f"    limits {{ {number(part.limits[0])} {number(part.limits[1])} }}"
-            if part.velocity is not None:
-                yield f"    velocity {number(part.velocity)}"
-            if part.actuated is not None:
-                yield f"    actuated {int(part.actuated)}"
+    for node in (robot.base, *robot.parts):
+        note = f" // {_comment(notes[node.number])}" if node.number in notes else ""
+        yield f"  {_node(robot, node.number)} {{{note}"
+        yield from _statements(node, "    ")
         yield "  }"
     for loop in robot.loops:
         kind = f" type {int(loop.kind)}" if loop.kind is not LoopKind.RIGID else ""
@@ -64,14 +49,30 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
         yield f"  constraint {{ {_node(robot, constraint.node)} sensor ( {sensors} ) }}"
 
 
-def _common(node: RaffNode) -> Iterator[str]:
-    """Yield the statements that base, link and frame have in common."""
-    if node.parameters != Parameters():
-        values = [(word, getattr(node.parameters, word)) for word in Parameters.__dataclass_fields__]
-        yield f"    parameters {{ {' '.join(f'{word} {number(value)}' for word, value in values if value != 0.0)} }}"
-    if node.filenames is not None:
-        files = _list(list(map(_text, node.filenames)), "      ")
-        yield f"    filename {{ {files} }}" if files else "    filename { }"
+_OF_SENSORS = ("port", "translation", "rotation")
+_WORDS = ("name", "parameters", "filenames", "type", "pred", "limits", "velocity", "actuated", *_OF_SENSORS)
+
+
+def _statements(block: RaffNode | RaffSensor, indent: str) -> Iterator[str]:
+    """Yield the statements of a node or a sensor; those that have their default values are left out."""
+    for word in _WORDS:
+        value = getattr(block, word, None)
+        if value is not None and value != Parameters():
+            yield f"{indent}{word.removesuffix('s') if word == 'filenames' else word} {_value(value)}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return _text(value)
+    if isinstance(value, int):  # among them kinds of joints, and whether they are actuated
+        return str(int(value))
+    if isinstance(value, float):
+        return number(value)
+    if isinstance(value, Parameters):
+        values = {word: getattr(value, word) for word in Parameters.__dataclass_fields__}
+        return f"{{ {' '.join(f'{word} {number(one)}' for word, one in values.items() if one != 0.0)} }}"
+    words = _list(list(map(_value, value)), "      ")
+    return f"{{ {words} }}" if words else "{ }"
 
 
 def _comment(text: str) -> str:

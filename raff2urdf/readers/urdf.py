@@ -185,6 +185,18 @@ def lacks_limits(joint: Any) -> bool:
     return joint.get("type") in ("revolute", "prismatic") and neither
 
 
+def direction(element: Any, text: str, label: str, name: str) -> NDArray[np.float64]:
+    """Return the axis (3,) of a joint as written.
+
+    Raises:
+        RaffError: it is not three numbers, or they are all 0.
+    """
+    found = numbers(text)
+    if found is None or len(found) != 3 or math.hypot(*found) <= 1e-9:
+        raise error_at(name, element, f"the axis '{text.strip()}' of {label} must be three numbers, not all 0{SIZE}")
+    return np.array(found)
+
+
 def limit_value(element: Any, text: str, word: str, label: str, name: str) -> float:
     """Return a limit of a joint: `lower`, `upper`, `velocity` or `effort`.
 
@@ -209,10 +221,7 @@ def _check_joint(joint: Any, name: str) -> None:
         what = f"{_label(joint)} has the type '{kind}', which is not in URDF{did_you_mean(str(kind), KINDS)}"
         raise error_at(name, joint, what)
     if vector is not None and kind not in ("fixed", "floating", "spherical"):
-        found = numbers(vector.get("xyz", "1 0 0"))
-        if found is None or len(found) != 3 or math.hypot(*found) <= 1e-9:
-            what = f"the axis '{vector.get('xyz')}' of {_label(joint)} must be three numbers, not all 0{SIZE}"
-            raise error_at(name, vector, what)
+        direction(vector, vector.get("xyz", "1 0 0"), _label(joint), name)
     origin(joint, name)
     limit = joint.find("limit")
     if limit is None:

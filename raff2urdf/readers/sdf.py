@@ -1,25 +1,39 @@
-"""Convert a model of an SDF to a tree of joints, and the loops that its other joints close."""
+"""Read SDF, Gazebo's Simulation Description Format, as a URDF and the loops that it closes.
+
+SDF gives every link a pose in the model, at the configuration where all joint variables are 0, and joints between
+any two links: a joint between links that the tree contains already closes a loop. Versions 1.4 to 1.12 are read: links,
+their visuals, joints, frames, nested models; not what is for simulators only (collisions, sensors, plugins).
+The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints, ends of loops) are read too.
+"""
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import yourdfpy
+from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.constraints import IDENTITY, Constraints
-from raff2urdf.errors import RaffWarning
+from raff2urdf.errors import RaffWarning, did_you_mean
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers import urdf_builder as shapes
-from raff2urdf.readers.sdf.model import COUPLING, LOOP_KINDS, TWO_AXES, SdfJoint, SdfModel
-from raff2urdf.readers.sdf.poses import WORLD, pose
+from raff2urdf.readers.sdf_model import (
+    COUPLING,
+    LOOP_KINDS,
+    TWO_AXES,
+    SdfAxis,
+    SdfJoint,
+    SdfModel,
+    SdfModelReader,
+    pose,
+)
 from raff2urdf.readers.urdf import numbers
-from raff2urdf.readers.urdf_builder import UNBOUNDED, UrdfBuilder
-from raff2urdf.readers.xml_file import error_at
+from raff2urdf.readers.urdf_builder import WORLD, UrdfBuilder
+from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT
 
 Array = NDArray[np.float64]
@@ -27,7 +41,34 @@ Array = NDArray[np.float64]
 _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
 
 
-class SdfToUrdf:
+def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constraints]:
+    """Return a URDF and its constraints, from the text of an SDF.
+
+    Args:
+        text: of the file.
+        name: of the file, in errors.
+        robot: which model; the first by default.
+
+    Raises:
+        RaffError: not an SDF, no such model, or something in it that has no counterpart; with the element's line.
+    """
+    root = parse_xml(text, name)
+    etree.strip_tags(root, etree.Comment)
+    models = [m for m in root.iter("model") if m.getparent().tag in ("sdf", "world", "population")]
+    chosen = [m for m in models if robot is None or m.get("name") == robot]
+    if not chosen:
+        known = [str(m.get("name")) for m in models]
+        what = "the file has no model" if robot is None else f"there is no model '{robot}'{did_you_mean(robot, known)}"
+        for include in root.iter("include"):
+            what += f", but the file includes '{include.findtext('uri', '').strip()}': load that file itself"
+            break
+        raise error_at(name, root, what)
+    version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]
+    model = SdfModelReader(name, (int(version[0]), int(version[-1]) if len(version) > 1 else 0)).model(chosen[0])
+    return _SdfToUrdf(name, model).run()
+
+
+class _SdfToUrdf:
     """Conversion of one model.
 
     Args:
@@ -118,18 +159,16 @@ class SdfToUrdf:
         parent, child = (joint.child, joint.parent) if reversed_ends else (joint.parent, joint.child)
         sign = -1.0 if reversed_ends else 1.0
         prismatic = joint.kind == "prismatic"
-        steps = list(zip(joint.axes, joint.limits, joint.velocities, strict=True))
-        if joint.kind == "ball":
-            steps = [(joint.placement[:3, i], UNBOUNDED, math.inf) for i in range(3)]
+        steps = [SdfAxis(axis) for axis in joint.placement[:3, :3].T] if joint.kind == "ball" else list(joint.axes)
         if reversed_ends:
             steps.reverse()
         at = joint.placement.copy()
-        arms = [np.cross(axis, self.placements[child][:3, 3] - at[:3, 3]) for axis, _, _ in steps]
+        arms = [np.cross(axis.direction, self.placements[child][:3, 3] - at[:3, 3]) for axis in steps]
         on_axis = prismatic or all(np.abs(arm).max() <= _ON_AXIS for arm in arms)
         if on_axis and len(steps) <= 1:
             at = self.placements[child]
         before = self.placements[parent]
-        for i, (axis, limits, velocity) in enumerate(steps):
+        for i, (axis, (low, high), velocity) in enumerate(steps):
             name = joint.name if len(steps) == 1 else f"{joint.name}_{'XYZ'[i] if joint.kind == 'ball' else i + 1}"
             home, actuated = self._own_values(name)
             link = child
@@ -138,7 +177,7 @@ class SdfToUrdf:
                 self.urdf.add_link(link)
             self.urdf.add_joint(
                 name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis),
-                zero=home, home=home, limits=(limits[0] + home, limits[1] + home), velocity=velocity, actuated=actuated,
+                zero=home, home=home, limits=(low + home, high + home), velocity=velocity, actuated=actuated,
             )  # fmt: skip
             parent, before = link, at
         if parent != child:
@@ -162,13 +201,12 @@ class SdfToUrdf:
             cross = self.urdf.free_name(f"{joint.name}_cross")
             self.placements[cross] = joint.placement
             self.urdf.add_link(cross)
-            one_axis = axes[:1], joint.limits[:1], joint.velocities[:1]
-            half = SdfJoint(joint.element, f"{joint.name}_1", "revolute", first, cross, joint.placement, *one_axis)
+            half = SdfJoint(joint.element, f"{joint.name}_1", "revolute", first, cross, joint.placement, axes[:1])
             self._add_joint(half, False)
             first, kind, axes = cross, "revolute", axes[1:]
         at = joint.placement.copy()
         if axes and kind != "fixed":
-            at[:3, :3] = with_z(axes[0])
+            at[:3, :3] = with_z(axes[0].direction)
         ends = [(node, inverse(self.placements[node]) @ at) for node in (first, joint.child)]
         own = self.own.get(joint.name)
         if own is not None and all(own.get(word) in self.placements for word in ("first", "second")):

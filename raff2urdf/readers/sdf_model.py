@@ -1,0 +1,329 @@
+"""The contents of a model of an SDF: links, joints and frames, all in the outermost model's frame.
+
+Poses are given relative to each other, by names, in nested models.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raff2urdf.errors import RaffError, defined_twice, did_you_mean, limits_reversed
+from raff2urdf.placement import from_origin, from_quaternion, inverse
+from raff2urdf.readers.urdf import SIZE, UNLIMITED, direction, limit_value, number, numbers
+from raff2urdf.readers.urdf_builder import UNBOUNDED, WORLD
+from raff2urdf.readers.xml_file import error_at
+from raff2urdf.writers.sdf import NAMESPACE
+
+Array = NDArray[np.float64]
+
+LOOP_KINDS = {
+    "fixed": "rigid", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "ball",
+}  # fmt: skip
+"""Kinds of loops by the joint that closes them."""
+
+TWO_AXES = ("universal", "revolute2")
+COUPLING = "gearbox"  # couples two joints, and connects nothing
+_AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, **dict.fromkeys(TWO_AXES, 2)}
+_JOINT_TYPES = (*LOOP_KINDS, *TWO_AXES, COUPLING)
+
+
+class SdfAxis(NamedTuple):
+    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, and velocity limit."""
+
+    direction: Array
+    limits: tuple[float, float] = UNBOUNDED
+    velocity: float = math.inf
+
+
+@dataclass(slots=True, eq=False)
+class SdfJoint:
+    """A joint, everything in the outermost model's frame."""
+
+    element: Any
+    name: str
+    kind: str
+    parent: str
+    child: str
+    placement: Array
+    axes: list[SdfAxis]
+
+
+@dataclass(slots=True)
+class SdfModel:
+    """A model with its nested models; links and joints by full names, everything in the outermost model's frame."""
+
+    name: str
+    root: str | None = None
+    links: dict[str, Any] = field(default_factory=dict)
+    placements: dict[str, Array] = field(default_factory=dict)
+    joints: list[SdfJoint] = field(default_factory=list)
+    frames: dict[str, str] = field(default_factory=dict)  # with the links that they are attached to
+    static: bool = False
+    own: Any = None  # the element raff:robot
+
+
+class SdfModelReader:
+    """Reads models of one file, of one version."""
+
+    def __init__(self, name: str, version: tuple[int, int]) -> None:
+        self.name, self.version = name, version
+
+    def model(self, element: Any) -> SdfModel:
+        """Return a model with its nested models."""
+        found = SdfModel(str(element.get("name", "model")))
+        for include in element.iter("include"):
+            uri = include.findtext("uri", "").strip()
+            raise self._error(include, f"the included '{uri}' is not read: write its content into the file")
+        around = element.getparent()
+        poses = SdfPoses(self.name, element, pose(element, self.name), "")
+        if around.tag == "world":
+            poses = SdfPoses(self.name, around, np.eye(4), "").nested(element)
+            poses.prefix = ""
+        self._gather(poses, found)
+        if not found.links:
+            raise self._error(element, f"the model '{found.name}' has no link: add one")
+        if element.get("canonical_link") is not None:
+            found.root = poses.canonical()
+        found.static = element.findtext("static", "").strip() in ("1", "true")
+        found.own = element.find(f"{{{NAMESPACE}}}robot")
+        return found
+
+    def _error(self, element: Any, message: str) -> RaffError:
+        return error_at(self.name, element, message)
+
+    def _gather(self, poses: SdfPoses, found: SdfModel) -> None:
+        for nested in poses.model.iterchildren("model"):
+            self._gather(poses.nested(nested), found)
+        for element in poses.model.iterchildren("link", "joint", "frame"):
+            if not element.get("name"):
+                raise self._error(element, f"this {element.tag} has no name: give it one")
+        for link in poses.model.iterchildren("link"):
+            own = poses.prefix + link.get("name")
+            if link.get("name") == WORLD:
+                raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
+            first = found.links.setdefault(own, link)
+            if first is not link:
+                raise self._error(link, defined_twice(f"link '{own}'", first.sourceline))
+            found.placements[own] = poses.of_element(link)
+        for frame in poses.model.iterchildren("frame"):
+            own = poses.prefix + frame.get("name")
+            if own not in found.links:
+                found.frames[own] = poses.link(frame.get("name"), frame)
+                found.placements[own] = poses.of_element(frame)
+        known: dict[str, Any] = {}
+        for joint in poses.model.iterchildren("joint"):
+            own = joint.get("name")
+            first = known.setdefault(own, joint)
+            if first is not joint:
+                raise self._error(joint, defined_twice(f"joint '{own}'", first.sourceline))
+            found.joints.append(self._joint(joint, poses))
+
+    def _joint(self, element: Any, poses: SdfPoses) -> SdfJoint:
+        name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))
+        label = f"joint '{name}'"
+        if kind not in _JOINT_TYPES:
+            near = did_you_mean(kind, _JOINT_TYPES)
+            raise self._error(element, f"{label} has the type '{kind}', which can't be converted{near}")
+        ends = []
+        for word in ("parent", "child"):
+            end = element.find(word)
+            text = "" if end is None else named(end)
+            where = element if end is None else end
+            if not text:
+                raise self._error(where, f"{label} has no <{word}>: add it")
+            ends.append(poses.link(text, where, f"{label} has the {word} '{text}', which is not a link"))
+        if ends[0] == ends[1]:
+            raise self._error(element, f"{label} joins '{ends[0]}' to itself: name two different links")
+        placement = poses.of_element(element)
+        written = [axis for word in ("axis", "axis2") if (axis := element.find(word)) is not None]
+        axes = [self._axis(axis, label, placement, poses) for axis in written if kind in _AXES]
+        if len(axes) < _AXES.get(kind, 0):
+            raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
+        return SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)
+
+    def _axis(self, element: Any, label: str, frame: Array, poses: SdfPoses) -> SdfAxis:
+        xyz = element.find("xyz")
+        vector = direction(*((element, "0 0 1") if xyz is None else (xyz, xyz.text or "")), label, self.name)
+        expressed = None if xyz is None else xyz.get("expressed_in")
+        if expressed:
+            frame = poses.of(expressed, xyz)
+        elif self.version < (1, 5) or element.findtext("use_parent_model_frame", "0").strip() in ("1", "true"):
+            frame = poses.placed
+        axis: Array = frame[:3, :3] @ vector
+        low = self._number(element, "limit/lower", label, -math.inf)
+        high = self._number(element, "limit/upper", label, math.inf)
+        if low > high:
+            raise self._error(element.find("limit"), limits_reversed(label, low, high))
+        limits = (low if low > -UNLIMITED else -math.inf), (high if high < UNLIMITED else math.inf)
+        return SdfAxis(axis / np.linalg.norm(axis), limits, self._number(element, "limit/velocity", label, math.inf))
+
+    def _number(self, axis: Any, path: str, label: str, default: float) -> float:
+        """Return a limit; -1, or nothing, is SDF's notation for no limit of velocity."""
+        element = axis.find(path)
+        if element is None or not (element.text or "").strip():
+            return default
+        text, word = element.text.strip(), path.rpartition("/")[2]
+        unlimited = word == "velocity" and number(text) == -1.0
+        return math.inf if unlimited else limit_value(element, text, word, label, self.name)
+
+
+# --- poses -------------------------------------------------------------------------------------------------------
+
+
+def pose(element: Any, name: str) -> Array:
+    """Return the placement (4, 4) of an element's <pose>, in whatever frame it names; `name` is the file's."""
+    written = element.find("pose")
+    text = "" if written is None else (written.text or "").strip()
+    if not text:
+        return np.eye(4)
+    found = numbers(text)
+    quaternion = written.get("rotation_format") == "quat_xyzw"
+    if found is None or len(found) != (7 if quaternion else 6):
+        raise error_at(name, written, f"the pose '{text}' must be {'seven' if quaternion else 'six'} numbers{SIZE}")
+    if not quaternion:
+        degrees = written.get("degrees", "false") in ("1", "true")
+        return from_origin(found[:3], [math.radians(a) if degrees else a for a in found[3:]])
+    x, y, z, w = found[3:]
+    if math.hypot(x, y, z, w) <= 1e-9:
+        raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is not a rotation")
+    matrix = np.eye(4)
+    matrix[:3, 3], matrix[:3, :3] = found[:3], from_quaternion(w, x, y, z)
+    return matrix
+
+
+class SdfPoses:
+    """Poses of the links, joints, frames and nested models of one model, in the outermost model's frame.
+
+    Names are looked up in the model itself; `inner::name` is in a nested model.
+
+    Args:
+        name: of the file, in errors.
+        model: the element.
+        placed: (4, 4), of the model.
+        prefix: of full names of its links.
+    """
+
+    def __init__(self, name: str, model: Any, placed: Array, prefix: str) -> None:
+        self.name, self.model, self.placed, self.prefix = name, model, placed, prefix
+        self.elements: dict[str, Any] = {}
+        for tag in ("link", "model", "frame", "joint"):  # files before 1.7 give a joint and a link the same name
+            for element in model.iterchildren(tag):
+                self.elements.setdefault(str(element.get("name", "")), element)
+        self._found: dict[Any, Array] = {}
+        self._nested: dict[Any, SdfPoses] = {}
+        self._pending: set[Any] = set()
+
+    def of(self, name: str, where: Any) -> Array:
+        """Return the pose of what has this name; `where` is the element that names it."""
+        if name in ("__model__", ""):
+            return self.placed
+        element, nested, inner_name = self._find(name)
+        if nested is not None:
+            return nested.of(inner_name, where)
+        if element is not None:
+            return self.of_element(element)
+        if name == WORLD:
+            return np.eye(4)
+        raise error_at(
+            self.name, where, f"there is no frame '{name}'{did_you_mean(name, [*self.elements, '__model__'])}"
+        )
+
+    def of_element(self, element: Any) -> Array:
+        """Return the pose of a link, joint, frame or model."""
+        chain, at = [], element  # each is placed relative to the next
+        while at is not None and at not in self._found:
+            if at in self._pending:
+                raise error_at(
+                    self.name, at, f"the pose of '{at.get('name')}' is given relative to itself: name another frame"
+                )
+            self._pending.add(at)
+            chain.append(at)
+            at = self._find(self._relative_to(at)[0])[0]
+        for one in reversed(chain):
+            self._found[one] = self.of(*self._relative_to(one)) @ pose(one, self.name)
+        self._pending.difference_update(chain)
+        return self._found[element]
+
+    def nested(self, model: Any) -> SdfPoses:
+        """Return the poses of a nested model."""
+        if model not in self._nested:
+            prefix, placed = f"{self.prefix}{model.get('name')}::", self.of_element(model)
+            if model.get("placement_frame"):  # the frame that the pose places
+                own = SdfPoses(self.name, model, np.eye(4), prefix)
+                placed = placed @ inverse(own.of(model.get("placement_frame"), model))
+            self._nested[model] = SdfPoses(self.name, model, placed, prefix)
+        return self._nested[model]
+
+    def link(self, name: str, where: Any, wrong: str = "") -> str:
+        """Return the full name of the link that a name refers to: what a frame is attached to, a joint's child.
+
+        Args:
+            name: of a link, a frame, a joint or a model.
+            where: the element that names it.
+            wrong: the error if there is none.
+        """
+        passed = set()
+        while name not in ("__model__", ""):
+            element, nested, inner_name = self._find(name)
+            if nested is not None:
+                return nested.link(inner_name, where, wrong)
+            if element is None and name == WORLD:
+                return WORLD
+            if element is None:
+                near = did_you_mean(name, [WORLD, *self.elements])
+                raise error_at(self.name, where, (wrong or f"there is no link or frame '{name}'") + near)
+            if element.tag == "link":
+                return self.prefix + name
+            if element.tag == "model":
+                return self.nested(element).canonical()
+            if element in passed:
+                raise error_at(
+                    self.name, element, f"the {element.tag} '{name}' is attached to itself: name another frame"
+                )
+            passed.add(element)
+            child, where = element.find("child"), element
+            name = element.get("attached_to", "") if element.tag == "frame" else "" if child is None else named(child)
+        return self.canonical()
+
+    def canonical(self) -> str:
+        """Return the full name of the link that the model's own frame is attached to."""
+        name = self.model.get("canonical_link")
+        if name:
+            return self.link(name, self.model, f"the canonical link '{name}' does not exist")
+        for link in self.model.iterchildren("link"):
+            return self.prefix + str(link.get("name", ""))
+        for model in self.model.iterchildren("model"):
+            return self.nested(model).canonical()
+        raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link: add one")
+
+    def _find(self, name: str) -> tuple[Any, SdfPoses | None, str]:
+        """Return the element of that name; or else the nested model and the name in it."""
+        if name in ("__model__", WORLD, ""):
+            return None, None, ""
+        if name in self.elements:
+            return self.elements[name], None, ""
+        for model in self.model.iterchildren("model"):
+            if name.startswith(f"{model.get('name')}::"):
+                return None, self.nested(model), name[len(str(model.get("name"))) + 2 :]
+        return None, None, ""
+
+    def _relative_to(self, element: Any) -> tuple[str, Any]:
+        """Return the name of what an element's pose is relative to, and the element that names it."""
+        pose = element.find("pose")
+        name = None if pose is None else pose.get("relative_to") or pose.get("frame")
+        if name:
+            return str(name), pose
+        if element.tag == "joint":
+            child = element.find("child")
+            return ("", element) if child is None else (named(child), child)
+        return (element.get("attached_to") or "" if element.tag == "frame" else ""), element
+
+
+def named(end: Any) -> str:
+    """Return the name in a joint's <parent> or <child>."""
+    return str(end.get("link_name") or end.text or "").strip()
