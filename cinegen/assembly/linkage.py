@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import weakref
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
@@ -72,7 +71,7 @@ class Linkage:
     joints are locked. Dimensionless: lengths are divided by the characteristic length. Not for two threads at once.
 
     Args:
-        mechanism: with loops; its joints are revolute or prismatic. It is not kept alive.
+        mechanism: with loops; its joints are revolute or prismatic.
         as_built: whether actuated joints are taken as they are, even if some are redundant or don't determine the
             others: to examine its structure; nothing can be solved so.
 
@@ -91,7 +90,7 @@ class Linkage:
     """
 
     def __init__(self, mechanism: Mechanism, as_built: bool = False) -> None:
-        self._mechanism = weakref.ref(mechanism)
+        self.mechanism = mechanism
         self.work = 0.0
         _check_joints(mechanism)
         model = mechanism.model
@@ -131,14 +130,6 @@ class Linkage:
         self._prepare()
         if not as_built:
             self._check_idle()
-
-    @property
-    def mechanism(self) -> Mechanism:
-        """The mechanism whose loops these are."""
-        found = self._mechanism()
-        if found is None:
-            raise ReferenceError("the mechanism is gone")
-        return found
 
     # --- tables -------------------------------------------------------------------------------------------------------
 
@@ -188,29 +179,22 @@ class Linkage:
             prepare(kernel.evaluate, tables, path, complex128[::1], scratch)
 
     def _check_idle(self) -> None:
-        """Refuse a mechanism whose locked joints don't determine its features."""
+        """Refuse a mechanism whose locked joints don't determine its features: a general combination of them, which the
+        slice selects, moves where any of them does."""
+        cut = np.append(np.random.default_rng(0).normal(size=3 * self.tables.features), [0.0, 0.0]).astype(complex)
         for q in self.mechanism.samples if self.idle else ():
-            matrix, moved = self._derivatives(q)
-            motions = np.linalg.svd(matrix)[2][self._rank :].T
-            if np.abs(moved @ motions).max(initial=0.0) > _IDLE:
+            kernel.evaluate(
+                self.tables, self.fixed(self.locked_values(q))._replace(slices=np.array([cut, cut])), self.unknowns(q),
+                self.scratch,
+            )  # fmt: skip
+            matrix = self.scratch.matrix[: len(self.passive)].real.T
+            motions = np.linalg.svd(matrix[:-1])[2][self._rank :].T
+            if np.abs(matrix[-1] @ motions).max(initial=0.0) > _IDLE:
                 raise ModesError(
                     f"{self.mechanism.name}: with its actuated joints locked it still moves, with {self.idle} DoF that "
-                    "its loops don't remove: there is a curve of configurations, not a number of them. Say 'actuated "
-                    "1' for more of its joints"
+                    "its loops don't remove: there is a curve of configurations, not a number of them. Declare "
+                    "'actuated 1' for more of its joints"
                 )
-
-    def _derivatives(self, q: Array) -> tuple[Array, Array]:
-        """Return the derivatives of loops and of features by the passive joints, at q (nq,), by central differences for
-        the features."""
-        solution, locked = self.unknowns(q), self.locked_values(q)
-        matrix = self.jacobian(solution, locked).real
-        step, columns = 1e-6, []
-        for k in range(len(self.passive)):
-            away = np.zeros(len(solution))
-            away[k] = step
-            there = self.features(np.array([solution + away, solution - away]), locked).real
-            columns.append((there[0] - there[1]).ravel() / (2.0 * step))
-        return matrix, np.array(columns).T
 
     def jacobian(self, solution: Complex, locked: Complex | Array) -> Complex:
         """Return the derivatives (rows, k) of all loops by the passive joints, at a solution (k + 1,)."""
@@ -312,18 +296,13 @@ class Linkage:
         self.work += float(records[:, 1].sum()) * self._step_work
         return Tracked(found, ends, records[:, 0])
 
-    def random(self, rng: np.random.Generator, count: int) -> Complex:
-        """Return random unknowns (count, k + 1) to start from; t = 0."""
+    def random_solutions(self, rng: np.random.Generator, count: int, path: ParameterPath) -> tuple[Complex, int]:
+        """Return the regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from random
+        unknowns, so many times; and how many times it ended in others, of which there is a curve."""
         shape = count, len(self.passive) + 1
-        drawn = np.pi * rng.uniform(-1.0, 1.0, size=shape) + 0.5j * rng.normal(size=shape)
-        drawn[:, -1] = 0.0
-        return np.asarray(drawn)
-
-    def solve_from(self, guesses: Complex, path: ParameterPath) -> tuple[Complex, int]:
-        """Return the regular solutions (n, k + 1) at a path's beginning that Newton's method reaches from guesses
-        (count, k + 1); and how many guesses ended in others, of which there is a curve."""
-        there = np.array(guesses, dtype=complex, order="C")
-        ends = np.zeros(len(there), dtype=np.int64)
+        there = np.pi * rng.uniform(-1.0, 1.0, size=shape) + 0.5j * rng.normal(size=shape)
+        there[:, -1] = 0.0
+        ends = np.zeros(count, dtype=np.int64)
         kernel.solve_from(self.tables, path, there, ends, self.scratch)
         self.work += _NEWTON_WORK * len(there) * self._step_work
         return there[ends == kernel.ARRIVED], int((ends == kernel.SINGULAR).sum())
@@ -360,18 +339,18 @@ class DistinctSolutions:
 
     Args:
         features: returns the features (count, f) of solutions (count, k + 1).
-
-    Attributes:
-        array: (count, k + 1) the solutions.
     """
 
     def __init__(self, features: Callable[[Complex], Complex]) -> None:
-        self._features = features
-        self._known: Complex | None = None
-        self.array: Complex = np.zeros((0, 0), dtype=complex)
+        self._features, self._known, self._solutions = features, list[Complex](), list[Complex]()
 
     def __len__(self) -> int:
-        return len(self.array)
+        return len(self._solutions)
+
+    @property
+    def array(self) -> Complex:
+        """The solutions (count, k + 1)."""
+        return np.array(self._solutions) if self._solutions else np.zeros((0, 0), dtype=complex)
 
     def add(self, solutions: Complex) -> int:
         """Add those of solutions (count, k + 1) that are new; return how many."""
@@ -382,24 +361,18 @@ class DistinctSolutions:
     def indices(self, solutions: Complex) -> list[int]:
         """Add those of solutions (count, k + 1) that are new; return where in `array` each is, -1 if it isn't
         finite."""
-        if not len(solutions):
-            return []
-        features = self._features(solutions)
-        if self._known is None:
-            self._known = np.zeros((0, features.shape[1]), dtype=complex)
-            self.array = np.zeros((0, solutions.shape[1]), dtype=complex)
         found = []
-        for solution, its in zip(solutions, features, strict=True):
+        for solution, its in zip(solutions, self._features(solutions) if len(solutions) else (), strict=True):
             if not np.isfinite(its).all():
                 found.append(-1)
                 continue
-            size = np.maximum(1.0, np.abs(np.vstack([self._known, its])).max(axis=1, initial=0.0))
-            apart = np.abs(self._known - its).max(axis=1, initial=0.0)
-            known = np.flatnonzero(apart < SAME * np.maximum(size[:-1], size[-1]))
-            found.append(int(known[0]) if len(known) else len(self))
-            if not len(known):
-                self._known = np.vstack([self._known, its])
-                self.array = np.vstack([self.array, solution])
+            known = np.array(self._known).reshape(-1, len(its))
+            size = np.maximum(np.abs(known).max(axis=1, initial=1.0), np.abs(its).max(initial=1.0))
+            same = np.flatnonzero(np.abs(known - its).max(axis=1, initial=0.0) < SAME * size)
+            found.append(int(same[0]) if len(same) else len(self))
+            if not len(same):
+                self._known.append(its)
+                self._solutions.append(solution)
         return found
 
 

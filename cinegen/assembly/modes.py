@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import threading
-import weakref
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -47,9 +47,9 @@ def assembly_modes(
     Raises:
         ModesError: there are no loops; actuated joints don't determine the mechanism; wrong values or method.
     """
-    if method not in ("auto", "monodromy"):
+    if method not in _METHODS:
         raise ModesError(f"method '{method}': there are 'auto' and 'monodromy'")
-    solver = _solver(mechanism, method)
+    solver = mechanism.derived(_METHODS[method])
     with solver.lock:
         return solver.modes(mechanism, _values(mechanism, actuated), report, effort)
 
@@ -71,30 +71,22 @@ def _values(mechanism: Mechanism, actuated: ArrayLike | None) -> Array:
     return values
 
 
-_SOLVERS: weakref.WeakKeyDictionary[Mechanism, dict[str, _Solver]] = weakref.WeakKeyDictionary()
-_SOLVERS_LOCK = threading.Lock()
-
-
-def _solver(mechanism: Mechanism, method: str) -> _Solver:
-    with _SOLVERS_LOCK:
-        known = _SOLVERS.setdefault(mechanism, {})
-        if method not in known:
-            known[method] = _Solver(mechanism, method)
-        return known[method]
-
-
 class _Solver:
-    """Solves a mechanism for any values; what does not depend on them is computed once. It does not keep the mechanism
-    alive."""
+    """Solves a mechanism for any values; what does not depend on them is computed once.
 
-    def __init__(self, mechanism: Mechanism, method: str) -> None:
+    Args:
+        mechanism: to solve.
+        families: whether knowledge of families is used.
+    """
+
+    def __init__(self, mechanism: Mechanism, families: bool) -> None:
         self.lock = threading.Lock()
         try:
             self._linkage = Linkage(mechanism)
         except ModesError:
             _check_rods(mechanism)
             raise
-        family = recognise(self._linkage) if method == "auto" else None
+        family = recognise(self._linkage) if families else None
         self._rods = SixRods(self._linkage, family) if family is not None and family.name == "hexapod" else None
         self._homotopy = Homotopy(self._linkage, family)
 
@@ -113,6 +105,9 @@ class _Solver:
     def _features(self, q: Array) -> NDArray[np.complex128]:
         linkage = self._linkage
         return np.asarray(linkage.features(linkage.unknowns(q)[None], linkage.locked_values(q))[0])
+
+
+_METHODS = {"auto": partial(_Solver, families=True), "monodromy": partial(_Solver, families=False)}
 
 
 def _check_rods(mechanism: Mechanism) -> None:

@@ -172,8 +172,7 @@ class Monodromy:
         """Apply Newton's method from random starts, until it finds nothing new; return how many are new."""
         linkage, before, silent = self._linkage, len(found), 0
         while silent < _SILENT and not (self._enough(found) or self._spent()):
-            guesses = linkage.random(self._rng, _STARTS)
-            guessed, loose = linkage.solve_from(guesses, linkage.fixed(self._locked))
+            guessed, loose = linkage.random_solutions(self._rng, _STARTS, linkage.fixed(self._locked))
             self._hits, self._loose = self._hits + len(guessed), self._loose + loose
             silent = 0 if found.add(guessed) else silent + 1
             self._full = len(found) > _MOST

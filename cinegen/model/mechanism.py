@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -23,6 +23,8 @@ from cinegen.model.shapes import collision_shapes, shapes
 from raff2urdf import closure
 
 Array = NDArray[np.float64]
+
+_Result = TypeVar("_Result")
 
 _MOST_MASKS = 64  # sets of locked joints whose columns are kept
 
@@ -87,6 +89,7 @@ class Mechanism:
     source: MechanismSource
     _scratch: threading.local = field(init=False, default_factory=threading.local)
     _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
+    _derived: dict[Callable[[Mechanism], Any], Any] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         self.q_home.flags.writeable = False
@@ -152,6 +155,13 @@ class Mechanism:
     def own_system(self) -> ClosedLoops:
         """Return the loops as equations, with scratch data of the caller's own."""
         return ClosedLoops(self.model, self.loops, self.length)
+
+    def derived(self, compute: Callable[[Mechanism], _Result]) -> _Result:
+        """Return what a function computes from this mechanism; it is computed once and kept with the mechanism."""
+        if compute not in self._derived:
+            self._derived.setdefault(compute, compute(self))
+        result: _Result = self._derived[compute]
+        return result
 
     @cached_property
     def visual(self) -> pin.GeometryModel:

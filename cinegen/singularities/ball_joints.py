@@ -8,7 +8,6 @@ nothing else; here they are replaced by L's own columns: rotations about the wor
 
 from __future__ import annotations
 
-import weakref
 from typing import NamedTuple
 
 import numpy as np
@@ -36,23 +35,20 @@ class CountedJacobians(NamedTuple):
     joints: Array
 
 
-_KNOWN: weakref.WeakKeyDictionary[Mechanism, tuple[tuple[str, ...], ...]] = weakref.WeakKeyDictionary()
-
-
 def balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
     """Return the joints, by threes, that are written for a ball joint each."""
-    if mechanism not in _KNOWN:
-        try:
-            linkage = Linkage(mechanism)
-        except ModesError:
-            _KNOWN[mechanism] = ()
-        else:
-            # a joint of the tree is fixed in the body that it moves; a cut one in another's
-            centres = [centre for centre in linkage.bodies.centres if len(centre.joints) == 3]
-            threes = [sorted(joint.carrier - 1 for joint in centre.joints) for centre in centres]
-            names = linkage.joint_names
-            _KNOWN[mechanism] = tuple(tuple(names[k] for k in ks) for ks in threes if len(set(ks)) == 3 and ks[0] >= 0)
-    return _KNOWN[mechanism]
+    return mechanism.derived(_balls)
+
+
+def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
+    try:
+        linkage = Linkage(mechanism)
+    except ModesError:
+        return ()
+    # a joint of the tree is fixed in the body that it moves; a cut one in another's
+    threes = [sorted(j.carrier - 1 for j in centre.joints) for centre in linkage.bodies.centres]
+    names = linkage.joint_names
+    return tuple(tuple(names[k] for k in ks) for ks in threes if len(ks) == len(set(ks)) == 3 and ks[0] >= 0)
 
 
 def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:

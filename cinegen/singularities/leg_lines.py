@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import weakref
 from typing import NamedTuple
 
 import numpy as np
@@ -23,9 +22,6 @@ class LegEnd(NamedTuple):
     local: Array
 
 
-_KNOWN: weakref.WeakKeyDictionary[Mechanism, tuple[tuple[LegEnd, LegEnd], ...]] = weakref.WeakKeyDictionary()
-
-
 def leg_lines(mechanism: Mechanism, q: Array) -> tuple[PlueckerLine, ...]:
     """Return the lines along the legs that support the platform, in the order of their actuated joints; world, m.
 
@@ -36,14 +32,10 @@ def leg_lines(mechanism: Mechanism, q: Array) -> tuple[PlueckerLine, ...]:
     Returns:
         none if the mechanism belongs to neither family.
     """
-    if mechanism not in _KNOWN:
-        _KNOWN[mechanism] = _legs(mechanism)
-    if not _KNOWN[mechanism]:
-        return ()
+    legs = mechanism.derived(_legs)
     mechanism.system.evaluate(mechanism.checked(q))
     placements = mechanism.system.data.oMi
-    ends = ((placements[end.joint].act(end.local) for end in pair) for pair in _KNOWN[mechanism])
-    return tuple(PlueckerLine.through(*pair) for pair in ends)
+    return tuple(PlueckerLine.through(*(placements[end.joint].act(end.local) for end in leg)) for leg in legs)
 
 
 def _legs(mechanism: Mechanism) -> tuple[tuple[LegEnd, LegEnd], ...]:
