@@ -16,6 +16,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.assembly._kernels import COLUMN, IS_PRISMATIC, PARENT
@@ -44,23 +45,19 @@ class CutJoint(NamedTuple):
 
 
 class Feature(NamedTuple):
-    """A point or a direction of a body, in its axes, dimensionless."""
-
-    body: int
-    is_direction: bool
-    local: Array
-
-
-class Candidate(NamedTuple):
-    """A feature that may distinguish modes.
+    """A point or a direction that may distinguish modes.
 
     Attributes:
-        feature: the point or direction.
+        body: it is fixed in.
+        is_direction: whether it is a direction.
+        local: (3,) in the body's axes, dimensionless.
         at: (3,) the same at home, in the base.
         fixed: whether it is on the base too, so that it distinguishes nothing.
     """
 
-    feature: Feature
+    body: int
+    is_direction: bool
+    local: Array
     at: Array
     fixed: bool
 
@@ -118,7 +115,7 @@ class LinkageBodies:
         axes: (n, 3) of the joints, each in its body.
         unknowns: number of passive joints.
         cuts: the joints that close loops.
-        placements: (n + 1, 3, 4) of base and bodies at home, dimensionless.
+        placements: (n + 1) of base and bodies at home, dimensionless.
         end: the body whose whole placement counts.
 
     Attributes:
@@ -129,7 +126,7 @@ class LinkageBodies:
     """
 
     def __init__(
-        self, joints: Table, axes: Array, unknowns: int, cuts: Sequence[CutJoint], placements: Array, end: int
+        self, joints: Table, axes: Array, unknowns: int, cuts: Sequence[CutJoint], placements: list[pin.SE3], end: int
     ) -> None:
         self.placements, self._end = placements, end
         self.body = np.arange(len(joints) + 1)
@@ -155,18 +152,8 @@ class LinkageBodies:
     ) -> None:
         first, second = (int(self.body[member]) for member in members)
         if first != second:
-            at, along = self.point(carrier, point), self.placements[carrier, :, :3] @ axis
+            at, along = self.placements[carrier].act(point), self.placements[carrier].rotation @ axis
             self.joints.append(LinkageJoint(kind, (first, second), members, locked, carrier, axis, at, along))
-
-    def point(self, carrier: int, local: Array) -> Array:
-        """Return a point (3,) of a body at home, in the base."""
-        placement = self.placements[carrier]
-        return np.asarray(placement[:, :3] @ local + placement[:, 3])
-
-    def local(self, carrier: int, at: Array) -> Array:
-        """Return a point (3,) at home in a body's axes."""
-        placement = self.placements[carrier]
-        return np.asarray(placement[:, :3].T @ (at - placement[:, 3]))
 
     @cached_property
     def group_of(self) -> dict[int, int]:
@@ -226,42 +213,24 @@ class LinkageBodies:
 
     @cached_property
     def features(self) -> list[Feature]:
-        """Points and directions that determine the placements of all groups, as few as possible.
-
-        Any other vector of a group whose placement is determined is a polynomial in these (a third vector is their
-        product), so that it can't differ where they don't.
-        """
-        known: set[int] = set()  # candidates, by id
-        chosen: list[Candidate] = []
-        for group in sorted(self._candidates, key=lambda g: (-len(self._candidates[g]), g)):
-            candidates = self._candidates[group]
-            while (best := _next([c for c in candidates if c.fixed or id(c) in known], candidates)) is not None:
-                known.add(id(best))
-                chosen.append(best)
-            if _determine([c for c in candidates if c.fixed or id(c) in known]):
-                known |= {id(candidate) for candidate in candidates}
-        return [candidate.feature for candidate in chosen]
-
-    @cached_property
-    def _candidates(self) -> dict[int, list[Candidate]]:
-        """The candidates of each group but the base's: those of its joints, which it shares with other groups."""
-        base, found = int(self.group[0]), defaultdict[int, list[Candidate]](list)
+        """Points and directions that determine the placements of all groups: of each group but the base those of its
+        joints, which it shares with other groups."""
+        base, found = int(self.group[0]), defaultdict[int, list[Feature]](list)
         directions = [j for j in self.passive if j.kind is LoopKind.PRISMATIC]
-        for groups, candidates in (*map(self._of_centre, self.centres), *map(self._of_direction, directions)):
+        for groups, features in (*map(self._of_centre, self.centres), *map(self._of_direction, directions)):
             for group in groups - {base}:
-                found[group] += candidates
+                found[group] += features
         end = int(self.group[self._end])
-        for group, candidates in found.items():
-            if all(candidate.feature.is_direction for candidate in candidates):
-                member = int(np.flatnonzero(self.group == group)[0])
-                candidates.append(Candidate(Feature(member, False, np.zeros(3)), self.placements[member, :, 3], False))
         rods = {group for group in found if self._is_rod(group)}
-        for group, candidates in found.items():
-            if not _determine(candidates) and (group not in rods or (group == end and len(rods) == len(found))):
-                member = self._end if group == end else int(np.flatnonzero(self.group == group)[0])
-                rotation = self.placements[member, :, :3]
-                candidates += [Candidate(Feature(member, True, axis), rotation @ axis, False) for axis in np.eye(3)]
-        return dict(found)
+        for group, features in found.items():
+            member = self._end if group == end else int(np.flatnonzero(self.group == group)[0])
+            placement = self.placements[member]
+            if all(feature.is_direction for feature in features):
+                features.append(Feature(member, False, np.zeros(3), placement.translation, False))
+            if not _determine(features) and (group not in rods or (group == end and len(rods) == len(found))):
+                features += [Feature(member, True, axis, placement.rotation @ axis, False) for axis in np.eye(3)]
+        distinct = {id(feature): feature for features in found.values() for feature in features}
+        return [feature for feature in distinct.values() if not feature.fixed]
 
     def _is_rod(self, group: int) -> bool:
         """Return whether a group has two centres, of more than one DoF each, and nothing else: its rotation about the
@@ -270,47 +239,26 @@ class LinkageBodies:
         centres = [c for c in self.centres if c.dof > 1 and any(joint in on for joint in c.joints)]
         return len(centres) == 2 and all(any(joint in c.joints for c in centres) for joint in on)
 
-    def _of_centre(self, centre: JointCentre) -> tuple[set[int], list[Candidate]]:
-        """Return the groups that a centre connects, and its candidates."""
+    def _of_centre(self, centre: JointCentre) -> tuple[set[int], list[Feature]]:
+        """Return the groups that a centre connects, and its features."""
         sides = {side for joint in centre.joints for side in joint.sides} - self.crosses
         groups, joint = {self.group_of[side] for side in sides}, centre.joints[0]
-        fixed, local = int(self.group[0]) in groups, self.local(joint.carrier, centre.at)
-        candidates = [Candidate(Feature(joint.carrier, False, local), centre.at, fixed)]
-        return groups, candidates + (self._of_direction(joint)[1] if centre.dof == 1 else [])
+        local, fixed = self.placements[joint.carrier].actInv(centre.at), int(self.group[0]) in groups
+        features = [Feature(joint.carrier, False, local, centre.at, fixed)]
+        return groups, features + (self._of_direction(joint)[1] if centre.dof == 1 else [])
 
-    def _of_direction(self, joint: LinkageJoint) -> tuple[set[int], list[Candidate]]:
+    def _of_direction(self, joint: LinkageJoint) -> tuple[set[int], list[Feature]]:
         groups = {self.group_of[side] for side in joint.sides}
         fixed = int(self.group[0]) in groups
-        return groups, [Candidate(Feature(joint.carrier, True, joint.axis), joint.along, fixed)]
+        return groups, [Feature(joint.carrier, True, joint.axis, joint.along, fixed)]
 
 
-def _spread(candidates: list[Candidate]) -> tuple[bool, Array]:
-    """Return whether candidates include a point, and the two largest singular values, at most 1, of all directions and
-    of the differences between points."""
-    points = [c.at for c in candidates if not c.feature.is_direction]
-    rows = [c.at for c in candidates if c.feature.is_direction] + [point - points[0] for point in points[1:]]
+def _determine(features: list[Feature]) -> bool:
+    """Return whether a body's placement follows from these: a point, and two directions or differences of points."""
+    points = [feature.at for feature in features if not feature.is_direction]
+    rows = [feature.at for feature in features if feature.is_direction] + [point - points[0] for point in points[1:]]
     values = np.linalg.svd(np.array([*rows, np.zeros(3), np.zeros(3)]), compute_uv=False)
-    return bool(points), np.asarray(np.minimum(values[:2], 1.0))
-
-
-def _determine(candidates: list[Candidate]) -> bool:
-    """Return whether a body's placement follows from those of its candidates."""
-    has_point, values = _spread(candidates)
-    return has_point and bool(values[1] > _INDEPENDENT)
-
-
-def _next(known: list[Candidate], candidates: list[Candidate]) -> Candidate | None:
-    """Return the candidate that adds most to what is known; None if nothing is left to determine."""
-    if _determine(known):
-        return None
-
-    def score(chosen: list[Candidate]) -> float:
-        has_point, values = _spread(chosen)
-        return has_point + float(values.sum())
-
-    left = [candidate for candidate in candidates if all(candidate is not other for other in known)]
-    best = max(left, key=lambda candidate: score([*known, candidate]), default=None)
-    return best if best is not None and score([*known, best]) > score(known) + _SAME else None
+    return bool(points) and bool(values[1] > _INDEPENDENT)
 
 
 def _intersection(first: LinkageJoint, second: LinkageJoint) -> Array | None:

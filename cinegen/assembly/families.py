@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.assembly._kernels import COLUMN, IS_PRISMATIC, PARENT
+from cinegen.assembly._kernels import COLUMN, PARENT
 from cinegen.assembly.bodies import JointCentre, LinkageBodies, LinkageJoint
 from cinegen.assembly.linkage import Linkage
 from raff2urdf.document import LoopKind
@@ -122,48 +122,43 @@ class RigidGroups:
         sides = {g for g, centres in self.centres.items() if centre in centres} - {group}
         return sides.pop() if len(sides) == 1 else group
 
-    def placements(self, group: int, locked: Array) -> dict[int, Array]:
-        """Return the placements (4, 4) of a group's bodies, as the linkage numbers them, in the frame of the first, for
-        values (locked,) of the locked joints."""
+    def placements(self, group: int, locked: Array) -> dict[int, pin.SE3]:
+        """Return the placements of a group's bodies, as the linkage numbers them, in the frame of the first, for values
+        (locked,) of the locked joints; dimensionless."""
+        linkage, mechanism = self._linkage, self._linkage.mechanism
+        q = linkage.configuration(linkage.unknowns(mechanism.q_home), locked)
+        pin.forwardKinematics(mechanism.model, mechanism.system.data, q)
         first, *left = np.flatnonzero(self._bodies.group == group).tolist()
-        found = {first: np.eye(4)}
+        found = {first: pin.SE3.Identity()}
         while left:
-            for a, b in [(a, b) for a in found for b in left]:
-                step = self._step(a, b, locked)
-                if step is not None and b in left:
-                    found[b] = found[a] @ step
-                    left.remove(b)
+            steps = ((a, b, self._step(a, b)) for a in found for b in left)
+            a, b, step = next(found_step for found_step in steps if found_step[2] is not None)
+            found[b] = found[a] * step
+            left.remove(b)
         return found
 
-    def _step(self, a: int, b: int, locked: Array) -> Array | None:
-        """Return the placement (4, 4) of a body in the frame of another that it is rigidly connected to, or by one
-        locked joint; None if neither is so."""
-        bodies, tables, unknowns = self._bodies, self._linkage.tables, len(self._linkage.passive)
+    def _step(self, a: int, b: int) -> pin.SE3 | None:
+        """Return the placement of a body in the frame of another that it is rigidly connected to, or by one locked
+        joint, where joints were placed last; None if neither is so."""
+        bodies, linkage, joints = self._bodies, self._linkage, self._linkage.tables.joints
         if bodies.body[a] == bodies.body[b]:  # a rigid cut
-            return np.asarray(np.linalg.inv(_full(bodies.placements[a])) @ _full(bodies.placements[b]), dtype=float)
+            return bodies.placements[a].actInv(bodies.placements[b])
         for parent, child in ((a, b), (b, a)):
-            joint = tables.joints[child - 1]
-            if child and joint[PARENT] == parent and joint[COLUMN] > unknowns:
-                constants, value = tables.constants[child - 1], float(locked[joint[COLUMN] - unknowns - 1])
-                moved = np.eye(4)
-                if joint[IS_PRISMATIC]:
-                    moved[:3, 3] = value * constants[12:15]
-                else:
-                    moved[:3, :3] = pin.exp3(value * constants[12:15])
-                step = _full(np.c_[constants[:9].reshape(3, 3), constants[9:12]]) @ moved
-                return np.asarray(step if child == b else np.linalg.inv(step), dtype=float)
+            if child and joints[child - 1, PARENT] == parent and joints[child - 1, COLUMN] > len(linkage.passive):
+                step = linkage.mechanism.system.data.liMi[child + linkage.root]
+                step = pin.SE3(step.rotation, step.translation / linkage.mechanism.length)
+                return step if child == b else step.inverse()
         return None
 
-    def point(self, centre: JointCentre, placements: dict[int, Array]) -> Array:
+    def point(self, centre: JointCentre, placements: dict[int, pin.SE3]) -> Array:
         """Return where a centre (3,) is in the frame of a group's first body, for the group's placements."""
         member = next(m for joint in centre.joints for m in joint.members if m in placements)
-        return np.asarray((placements[member] @ np.append(self._bodies.local(member, centre.at), 1.0))[:3])
+        return np.asarray(placements[member].act(self._bodies.placements[member].actInv(centre.at)))
 
-    def direction(self, joint: LinkageJoint, placements: dict[int, Array]) -> Array:
+    def direction(self, joint: LinkageJoint, placements: dict[int, pin.SE3]) -> Array:
         """Return a joint's axis (3,) in the frame of the first body of a group that it is on."""
         member = next(m for m in joint.members if m in placements)
-        local = self._bodies.placements[member][:, :3].T @ joint.along
-        return np.asarray(placements[member][:3, :3] @ local)
+        return np.asarray(placements[member].rotation @ self._bodies.placements[member].rotation.T @ joint.along)
 
     def rods(self) -> list[Rod]:
         """Return the groups with two centres, except the base."""
@@ -185,10 +180,6 @@ class RigidGroups:
             above = {int(k) for m in members for k in np.flatnonzero(tables.above[m])}
             moved = {k for k in above if tables.joints[k, COLUMN] > len(linkage.passive)}
         return tuple(linkage.joint_names[k] for k in sorted(moved))
-
-
-def _full(placement: Array) -> Array:
-    return np.vstack([placement, [0.0, 0.0, 0.0, 1.0]])
 
 
 def recognise(linkage: Linkage) -> Family | None:

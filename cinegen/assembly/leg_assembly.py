@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.assembly import _kernels as kernel
@@ -140,7 +141,7 @@ def is_out_of_reach(groups: RigidGroups, rod: Rod, platform: int, placement: Arr
     own = groups.placements(rod.body, locked)
     sides = (
         (groups.base, groups.placements(groups.base, locked)),
-        (platform, {m: placement @ there for m, there in groups.placements(platform, locked).items()}),
+        (platform, {m: pin.SE3(placement) * there for m, there in groups.placements(platform, locked).items()}),
     )
     inner = [groups.point(end, own) for end in rod.ends]
     outer = [groups.point(end, there) for end, (_, there) in zip(rod.ends, sides, strict=True)]

@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numba import complex128, float64, int64, typeof
 from numpy.typing import NDArray
 from scipy.linalg import qr
@@ -165,7 +166,7 @@ class Linkage:
         mechanism = self.mechanism
         mechanism.system.evaluate(q)
         found = [mechanism.system.data.oMi[j] for j in (self.root, *self._joints)]
-        placements = np.array([np.c_[at.rotation, at.translation / mechanism.length] for at in found])
+        placements = [pin.SE3(at.rotation, at.translation / mechanism.length) for at in found]
         return LinkageBodies(self._joint_table, self._axes, len(self.passive), self.cuts, placements, self.end)
 
     def _prepare(self) -> None:

@@ -53,5 +53,5 @@ def _legs(mechanism: Mechanism) -> tuple[tuple[LegEnd, LegEnd], ...]:
 def _end(linkage: Linkage, rod: Rod, side: int) -> LegEnd:
     centre = rod.ends[side]
     carrier = centre.joints[0].carrier
-    local = linkage.bodies.local(carrier, centre.at) * linkage.mechanism.length
+    local = linkage.bodies.placements[carrier].actInv(centre.at) * linkage.mechanism.length
     return LegEnd(carrier + linkage.root, local)
