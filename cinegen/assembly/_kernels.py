@@ -185,28 +185,15 @@ def _rate(body: Complex, prismatic: bool, at: Complex, direction: bool) -> Vecto
 
 
 @compiled
-def _add_vector(
-    joints: Table, above: Table, bodies: Complex, at: Complex, direction: bool, sign: float, row: int, matrix: Complex
-) -> None:
-    """Add the derivatives of a vector, times a sign, to three rows from `row` on; `above` are the joints that move its
-    body."""
+def _add(tables: LinkageTables, scratch: LinkageScratch, v: int, weight: Vector, row: int, stride: int) -> None:
+    """Add the derivatives of an attached vector's components, times weights, to rows `row`, `row` + `stride`, ..."""
+    joints, above = tables.joints, tables.above[tables.vectors[v, BODY]]
     for k in range(len(joints)):
         if above[k]:
-            rate = _rate(bodies[k + 1], joints[k, IS_PRISMATIC] == 1, at, direction)
+            prismatic, direction = joints[k, IS_PRISMATIC] == 1, tables.vectors[v, IS_DIRECTION] == 1
+            rate, column = _rate(scratch.bodies[k + 1], prismatic, scratch.vectors[v], direction), joints[k, COLUMN]
             for i in range(3):
-                matrix[joints[k, COLUMN], row + i] += sign * rate[i]
-
-
-@compiled
-def _add_product(
-    joints: Table, above: Table, bodies: Complex, at: Complex, direction: bool, weight: Vector, row: int,
-    matrix: Complex,
-) -> None:  # fmt: skip
-    """Add the derivatives of a vector's scalar product with a constant weight to a row."""
-    for k in range(len(joints)):
-        if above[k]:
-            rate = _rate(bodies[k + 1], joints[k, IS_PRISMATIC] == 1, at, direction)
-            matrix[joints[k, COLUMN], row] += weight[0] * rate[0] + weight[1] * rate[1] + weight[2] * rate[2]
+                scratch.matrix[column, row + i * stride] += weight[i] * rate[i]
 
 
 @compiled
@@ -214,27 +201,24 @@ def _equations(tables: LinkageTables, x: Complex, algebraic: bool, scratch: Link
     """Write the residual of all loops and of the slice, and its derivatives, at x and at the line and the slice in
     scratch."""
     _place(tables, x, algebraic, scratch)
-    joints, above, vectors = tables.joints, tables.above, tables.vectors
-    bodies, at, matrix, residual, cut = scratch.bodies, scratch.vectors, scratch.matrix, scratch.residual, scratch.slice
+    joints, at, matrix, residual, cut = tables.joints, scratch.vectors, scratch.matrix, scratch.residual, scratch.slice
     row, last = 0, len(x) - 1
     matrix[:] = 0.0
     for d in range(len(tables.differences)):
-        for side in range(2):
-            v, sign = tables.differences[d, side], 1.0 - 2.0 * side
-            for i in range(3):
-                residual[row + i] = at[v, i] if side == 0 else residual[row + i] - at[v, i]
-            direction = vectors[v, IS_DIRECTION] == 1
-            _add_vector(joints, above[vectors[v, BODY]], bodies, at[v], direction, sign, row, matrix)
+        one, two = tables.differences[d, 0], tables.differences[d, 1]
+        for i in range(3):
+            residual[row + i] = at[one, i] - at[two, i]
+        _add(tables, scratch, one, (1.0 + 0.0j, 1.0 + 0.0j, 1.0 + 0.0j), row, 1)
+        _add(tables, scratch, two, (-1.0 + 0.0j, -1.0 + 0.0j, -1.0 + 0.0j), row, 1)
         row += 3
     for p in range(len(tables.products)):
         axis, one, two = tables.products[p, 0], tables.products[p, 1], tables.products[p, 2]
         normal = (at[axis, 0], at[axis, 1], at[axis, 2])
         gap = (at[one, 0] - at[two, 0], at[one, 1] - at[two, 1], at[one, 2] - at[two, 2])
         residual[row] = normal[0] * gap[0] + normal[1] * gap[1] + normal[2] * gap[2]
-        _add_product(joints, above[vectors[axis, BODY]], bodies, at[axis], True, gap, row, matrix)
-        _add_product(joints, above[vectors[one, BODY]], bodies, at[one], False, normal, row, matrix)
-        normal = (-normal[0], -normal[1], -normal[2])
-        _add_product(joints, above[vectors[two, BODY]], bodies, at[two], False, normal, row, matrix)
+        _add(tables, scratch, axis, gap, row, 0)
+        _add(tables, scratch, one, normal, row, 0)
+        _add(tables, scratch, two, (-normal[0], -normal[1], -normal[2]), row, 0)
         row += 1
     count = 3 * tables.features
     residual[row] = cut[count] * x[last] - cut[count + 1]
@@ -242,8 +226,7 @@ def _equations(tables: LinkageTables, x: Complex, algebraic: bool, scratch: Link
         weight = (cut[3 * f], cut[3 * f + 1], cut[3 * f + 2])
         if weight[0] != 0.0 or weight[1] != 0.0:
             residual[row] += weight[0] * at[f, 0] + weight[1] * at[f, 1] + weight[2] * at[f, 2]
-            direction = vectors[f, IS_DIRECTION] == 1
-            _add_product(joints, above[vectors[f, BODY]], bodies, at[f], direction, weight, row, matrix)
+            _add(tables, scratch, f, weight, row, 0)
     for k in range(len(joints)):  # derivatives by locked joints become those by A + B t, and contribute to that by t
         column = joints[k, COLUMN]
         locked = column - last - 1
