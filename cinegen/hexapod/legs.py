@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from cinegen.errors import CinegenError
 
@@ -135,14 +136,9 @@ def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> A
 
 
 def _moved(placements: Array, motion: Array) -> Array:
-    """Return placements (n, 4, 4) after motions (n, 6): a shift, then a rotation vector (Rodrigues' formula)."""
-    rotation = motion[:, 3:]
-    angle = np.linalg.norm(rotation, axis=1)[:, None, None]
-    cross = np.zeros((len(rotation), 3, 3))
-    cross[:, [2, 0, 1], [1, 2, 0]], cross[:, [1, 2, 0], [2, 0, 1]] = rotation, -rotation
-    rotated = np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(0.5 * angle / np.pi) ** 2 * cross @ cross
+    """Return placements (n, 4, 4) after motions (n, 6): a shift, then a rotation vector."""
     found = placements.copy()
-    found[:, :3, :3] = rotated @ placements[:, :3, :3]
+    found[:, :3, :3] = Rotation.from_rotvec(motion[:, 3:]).as_matrix() @ placements[:, :3, :3]
     found[:, :3, 3] += motion[:, :3]
     return found
 

@@ -50,23 +50,23 @@ class ExtendedJacobian:
         owners = dict.fromkeys(owner for owner, _ in self.rows)
         return f"<ExtendedJacobian {self.shape[0]} x {self.shape[1]}: {', '.join(owners)}"[:99] + ">"
 
+    @property
+    def _rows(self) -> list[list[str]]:
+        """The labels and the numbers of each row, as texts."""
+        labelled = zip(self.rows, self.matrix, strict=True)
+        return [
+            [" ".join(row), *("." if value == 0.0 else f"{value:.4g}" for value in values)] for row, values in labelled
+        ]
+
     def _repr_html_(self) -> str:
-        rows = (
-            [f"{owner} {component}", *map(_cell, row)]
-            for (owner, component), row in zip(self.rows, self.matrix, strict=True)
-        )
-        return table("extended Jacobian (m, rad)", ("", *self.columns), rows)
+        return table("extended Jacobian (m, rad)", ("", *self.columns), self._rows)
 
     def __str__(self) -> str:
-        wide = max([len(f"{owner} {component}") for owner, component in self.rows], default=0)
-        columns = [max(len(name), 9) for name in self.columns]
-        head = " " * wide + "".join(f"  {name:>{w}}" for name, w in zip(self.columns, columns, strict=True))
-        lines = [head]
-        for (owner, component), row in zip(self.rows, self.matrix, strict=True):
-            cells = "".join(f"  {_cell(value):>{w}}" for value, w in zip(row, columns, strict=True))
-            lines.append(f"{f'{owner} {component}':<{wide}}{cells}")
-        return "\n".join(lines)
-
-
-def _cell(value: float) -> str:
-    return "." if value == 0.0 else f"{value:.4g}"
+        rows = [["", *self.columns], *self._rows]
+        widths = [max(len(row[0]) for row in rows), *(max(len(name), 9) for name in self.columns)]
+        return "\n".join(
+            "  ".join(
+                [f"{row[0]:<{widths[0]}}", *(f"{cell:>{w}}" for cell, w in zip(row[1:], widths[1:], strict=True))]
+            )
+            for row in rows
+        )

@@ -266,14 +266,8 @@ def _length(model: pin.Model, nodes: Sequence[str], q: Array) -> float:
 
 def _loop(entry: Mapping[str, Any]) -> LoopConstraint:
     first, second = entry["first"], entry["second"]
-    return LoopConstraint(
-        name=entry["name"],
-        kind=loop_kind(entry["kind"]),
-        first=first["node"],
-        second=second["node"],
-        first_placement=pin.SE3(np.array(first["placement"])),
-        second_placement=pin.SE3(np.array(second["placement"])),
-    )
+    placements = (pin.SE3(np.array(end["placement"])) for end in (first, second))
+    return LoopConstraint(entry["name"], loop_kind(entry["kind"]), first["node"], second["node"], *placements)
 
 
 def _home(system: ClosedLoops, written: Array, limits: Limits, name: str) -> Array:

@@ -113,10 +113,9 @@ class Mechanism:
 
     def _repr_html_(self) -> str:
         rows = []
-        for name, limits in self.limits.items():
+        for name, (lower, upper, velocity, _) in self.limits.items():
             kind = "prismatic" if self.is_prismatic(name) else "revolute"
-            home = self.q_home[self.q_index(name)]
-            numbers = (f"{value:.4g}" for value in (home, limits.lower, limits.upper, limits.velocity))
+            numbers = (f"{value:.4g}" for value in (self.q_home[self.q_index(name)], lower, upper, velocity))
             rows.append([name, kind, *numbers, "yes" if name in self.actuated else ""])
         headings = ("joint", "type", "home (rad, m)", "lower", "upper", "velocity (rad/s, m/s)", "actuated")
         joints = table(f"{self.name}: {self._summary}", headings, rows)

@@ -32,22 +32,20 @@ def stick_figure(model: pin.Model) -> pin.GeometryModel:
         carrier = bodies.get(j)
         if carrier is None:  # nothing is named there, so nothing can be shown
             continue
-        for i, point in enumerate(_apart(points, radius)):
-            _add(
-                figure,
-                f"bar {j} {i}",
-                j,
-                carrier,
-                coal.Cylinder(radius, float(np.linalg.norm(point))),
-                _along(point),
-                _BAR,
-            )
+        solids = [
+            (f"bar {j} {i}", coal.Cylinder(radius, float(np.linalg.norm(point))), _along(point, point / 2.0), _BAR)
+            for i, point in enumerate(_apart(points, radius))
+        ]
         joint = model.joints[j]
         if j and joint.nv == 1 and not translations(joint):
             drum = coal.Cylinder(1.5 * radius, 4.0 * radius)
-            _add(figure, f"joint {j}", j, carrier, drum, _about(axis(joint)), _JOINT)
+            solids.append((f"joint {j}", drum, _along(axis(joint), np.zeros(3)), _JOINT))
         elif j:
-            _add(figure, f"joint {j}", j, carrier, coal.Sphere(1.5 * radius), pin.SE3.Identity(), _JOINT)
+            solids.append((f"joint {j}", coal.Sphere(1.5 * radius), pin.SE3.Identity(), _JOINT))
+        for name, shape, placement, colour in solids:
+            solid = pin.GeometryObject(name, j, carrier, placement, shape)
+            solid.meshColor = np.array(colour)
+            figure.addGeometryObject(solid)
     return figure
 
 
@@ -64,24 +62,6 @@ def _apart(points: list[Array], radius: float) -> list[Array]:
     return found
 
 
-def _about(axis: Array) -> pin.SE3:
-    return pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix(), np.zeros(3))
-
-
-def _along(point: Array) -> pin.SE3:
-    turned = _about(point / np.linalg.norm(point))
-    return pin.SE3(turned.rotation, point / 2.0)
-
-
-def _add(
-    figure: pin.GeometryModel,
-    name: str,
-    joint: int,
-    frame: int,
-    shape: coal.CollisionGeometry,
-    placement: pin.SE3,
-    colour: tuple[float, float, float, float],
-) -> None:
-    solid = pin.GeometryObject(name, joint, frame, placement, shape)
-    solid.meshColor = np.array(colour)
-    figure.addGeometryObject(solid)
+def _along(direction: Array, centre: Array) -> pin.SE3:
+    """Return the placement of a cylinder along a direction, with its centre at a point."""
+    return pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).matrix(), centre)

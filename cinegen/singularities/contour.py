@@ -9,8 +9,9 @@ known between neighbours only, and an edge may be crossed twice.)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -139,23 +140,20 @@ class SingularityGrid:
         """
         reached: Bools = np.asarray(np.isfinite(self.q).all(axis=2))
         nothing: Bools = ~reached if outside is None else np.asarray(outside & ~reached)
-        within = [(kind, rows, _Matrices(rows, self.q)) for kind, rows in self._rows.items()]
+        within = [(kind, rows, _matrices(rows, self.q)) for kind, rows in self._rows.items()]
         points: dict[tuple[SingularityType, bool], dict[Edge, list[SingularPoint]]] = {}
         edges = list(self._edges())
         for number, (one, other) in enumerate(edges):
             if report is not None and number % 64 == 0:
                 report(number / len(edges))
-            found: Iterator[tuple[SingularityType, bool, SingularPoint]]
+            found: Iterable[tuple[SingularityType, bool, SingularPoint]] = ()
             if reached[one] and reached[other]:
-                if linked is not None and not linked(self.q[one], self.q[other]):
-                    continue
-                found = self._between(one, other, within)
+                if linked is None or linked(self.q[one], self.q[other]):
+                    found = self._between(one, other, within)
             elif reached[one] and nothing[other]:
                 found = self._to_the_border(one, other, stopped)
             elif reached[other] and nothing[one]:
                 found = self._to_the_border(other, one, stopped)
-            else:
-                continue
             for kind, border, point in found:
                 points.setdefault((kind, border), {}).setdefault((one, other), []).append(point)
         curves = [
@@ -182,20 +180,19 @@ class SingularityGrid:
         return values
 
     def _edges(self) -> Iterator[Edge]:
-        for i, k in np.ndindex(len(self.u), len(self.v)):
-            if i + 1 < len(self.u):
-                yield (i, k), (i + 1, k)
-            if k + 1 < len(self.v):
-                yield (i, k), (i, k + 1)
+        for node in np.ndindex(len(self.u), len(self.v)):
+            yield from ((node, other) for other in self.near(*node) if other > node)
 
     def _between(
-        self, one: Node, other: Node, within: list[tuple[SingularityType, Rows, _Matrices]]
+        self, one: Node, other: Node, within: list[tuple[SingularityType, Rows, Callable[[Node], tuple[Array, float]]]]
     ) -> Iterator[tuple[SingularityType, bool, SingularPoint]]:
         """Return the singularities between two points."""
-        for kind, rows, matrices in within:
-            if not matrices.may_cross(one, other):
+        for kind, rows, at in within:
+            (a, first), (b, second) = at(one), at(other)
+            if first + second > np.linalg.norm(b - a):  # see `crossing.may_cross`
                 continue
-            start, end = (self._nudged(node) if matrices.is_singular(node) else self.q[node] for node in (one, other))
+            singular = first <= _ZERO * np.linalg.norm(a), second <= _ZERO * np.linalg.norm(b)
+            start, end = (self._nudged(n) if is_ else self.q[n] for n, is_ in zip((one, other), singular, strict=True))
             for crossing in crossings(rows, self._path(one, other, start=start, end=end)):
                 point = SingularPoint(*self.place(one, other, crossing.x), crossing.q)
                 if self._is_singular(rows, point):
@@ -267,28 +264,15 @@ class SingularityGrid:
         return SingularityType.NONE
 
 
-class _Matrices:
-    """The matrices of all points of a grid, each computed once, when it is first needed."""
+def _matrices(rows: Rows, q: Array) -> Callable[[Node], tuple[Array, float]]:
+    """Return a function of a grid point that returns its matrix, and the smallest singular value; computed once."""
 
-    def __init__(self, rows: Rows, q: Array) -> None:
-        self._rows, self._q = rows, q
-        self._known: dict[Node, tuple[Array, float]] = {}
+    @cache
+    def at(node: Node) -> tuple[Array, float]:
+        matrix = rows.of(q[node])
+        return matrix, float(rows.sigma(matrix[None])[0])
 
-    def may_cross(self, one: Node, other: Node) -> bool:
-        """Return what `crossing.may_cross` does, which computes both again."""
-        (a, first), (b, second) = self._at(one), self._at(other)
-        return bool(first + second <= np.linalg.norm(b - a))
-
-    def is_singular(self, node: Node) -> bool:
-        """Return whether the point itself is singular, within rounding."""
-        matrix, sigma = self._at(node)
-        return bool(sigma <= _ZERO * np.linalg.norm(matrix))
-
-    def _at(self, node: Node) -> tuple[Array, float]:
-        if node not in self._known:
-            matrix = self._rows.of(self._q[node])
-            self._known[node] = matrix, float(self._rows.sigma(matrix[None])[0])
-        return self._known[node]
+    return at
 
 
 def _chains(found: dict[Edge, list[SingularPoint]], rows: int, columns: int) -> list[list[SingularPoint]]:

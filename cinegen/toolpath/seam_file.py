@@ -51,10 +51,9 @@ def open_seam(url: str) -> Seam:
     name, _, query = url.removeprefix("seam:").partition("?")
     if not name:
         raise SensorError(f"'{url}': write seam:FILE.csv, a file of points and normals")
-    options = _options(url, query)
     points, normals, lines = read_points(name)
     try:
-        return Seam(points, normals, **options, url=f"seam:{name}")
+        return Seam(points, normals, **_options(query), url=f"seam:{name}")
     except PointError as error:
         raise SensorError(f"{name}:{lines[error.index]}: {error.message}") from None
     except SensorError as error:
@@ -73,12 +72,8 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
         raise SensorError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
     except UnicodeDecodeError:
         raise SensorError(f"{path}: is not UTF-8 text") from None
-    where: list[int] = []  # of the columns
-    width = 0
-    rows: list[list[float]] = []
-    lines: list[int] = []
-    for number, line in enumerate(text.splitlines(), 1):
-        line = line.partition("#")[0]
+    where, width, rows, lines = list[int](), 0, list[list[float]](), list[int]()  # where: positions of the columns
+    for number, line in enumerate((line.partition("#")[0] for line in text.splitlines()), 1):
         if not line.strip():
             continue
         try:
@@ -119,22 +114,18 @@ def _number(text: str, name: str) -> float:
     return value
 
 
-def _options(url: str, query: str) -> dict[str, Any]:
+def _options(query: str) -> dict[str, Any]:
     """Return the options of a URL, in SI."""
     found: dict[str, Any] = {}
-    for text in filter(None, query.split("&")):
-        name, _, value = text.partition("=")
+    for name, _, value in (text.partition("=") for text in query.split("&") if text):
         if name in found:
-            raise SensorError(f"'{url}': {name} is given twice")
-        if name == "again":
-            if value not in AGAIN:
-                raise SensorError(f"'{url}': unknown value '{value}' of again{did_you_mean(value, AGAIN)}")
-            found[name] = value
-        elif name in OPTIONS:
-            try:
-                found[name] = OPTIONS[name] * _number(value, name)
-            except SensorError as error:
-                raise SensorError(f"'{url}': {error}") from None
+            raise SensorError(f"{name} is given twice")
+        if name in OPTIONS:
+            found[name] = OPTIONS[name] * _number(value, name)
+        elif name != "again":
+            raise SensorError(f"unknown option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
+        elif value not in AGAIN:
+            raise SensorError(f"unknown value '{value}' of again{did_you_mean(value, AGAIN)}")
         else:
-            raise SensorError(f"'{url}': unknown option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
+            found[name] = value
     return found
