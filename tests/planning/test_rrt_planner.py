@@ -18,7 +18,24 @@ import cinegen
 from cinegen.collision import PlanningError, clearance_of, load_scene, scene_of
 from cinegen.collision.clearance import Clearance
 from cinegen.planning import PlanStatus, plan, rrt_connect
-from cinegen.planning.rrt_planner import SamplingSpace, clear_motion
+from cinegen.planning.rrt_planner import SamplingSpace, _room, clear_motion
+
+
+def test_the_room_about_a_scene_grows_with_its_largest_extent_in_all_directions():
+    """By the same margin on each side, beyond the obstacles, the start and the goal. Boxes are 0.1 wide."""
+    margins = []
+    for x, y in ((13.0, 0.0), (3.0, -19.0), (-27.0, 3.0)):
+        box = {"kind": "box", "size": [0.1, 0.1], "point": [x, y]}
+        scene = scene_of({"mobile": {"radius": 0.1}, "goal": {"point": [1.0, 1.0]}, "obstacle": [box]})
+        low, high = _room(scene, clearance_of(scene))
+        corners = np.array([[0.0, 0.0], [1.0, 1.0], [x - 0.05, y - 0.05], [x + 0.05, y + 0.05]])
+        extents = np.ptp(corners, axis=0)
+        assert corners.min(axis=0) - low == pytest.approx(high - corners.max(axis=0))
+        assert np.ptp(corners.min(axis=0) - low) < 1e-9
+        margins.append((extents.max(), (corners.min(axis=0) - low)[0]))
+    (a, one), (b, two), (c, three) = margins
+    assert (two - one) / (b - a) == pytest.approx((three - two) / (c - b), rel=1e-6)
+    assert (two - one) / (b - a) > 0.0
 
 
 def along(scene, path, step):

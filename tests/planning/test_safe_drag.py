@@ -103,6 +103,25 @@ def test_it_goes_round_a_pole_where_a_damper_alone_is_held():
     assert clearance.least(step.q) >= SAFETY
 
 
+def test_tasks_are_suspended_after_a_tenth_of_a_second_at_rest_and_not_while_it_moves():
+    """Straight into the middle of a wall: the approach takes longer than that, and is not interrupted."""
+    wall = {"name": "wall", "kind": "box", "point": [0.5, 0.0], "size": [0.1, 0.6]}
+    solver, _ = hand(
+        scene_of(
+            {"mobile": {"radius": 0.05}, "safety": SAFETY, "start": {"point": [0.0, 0.0]},
+             "goal": {"point": [2.0, 0.0]}, "obstacle": [wall]}
+        )
+    )  # fmt: skip
+    moved(solver.add_task("mobile", translation=2, rotation=0, axes="world"), [1.0, 0.0, 0.0])
+    moving = resting = 0
+    while (step := solver.step()).status is not Status.DETOUR:
+        slow = float(np.abs(step.v / solver.mechanism.scale).max()) < 2e-3
+        moving, resting = moving + (not slow), resting + slow
+        assert resting <= 101
+    assert moving > 110
+    assert resting == pytest.approx(100, abs=1)  # ticks of 1 ms
+
+
 def test_a_pull_that_makes_no_sense_beside_one_that_is_held_off():
     """Neither raises, nor moves what it must not."""
     solver, clearance = hand(scene("arm7", pole(0.45, 0.0)))

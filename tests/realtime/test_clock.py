@@ -584,6 +584,26 @@ def test_a_robot_moves_in_a_process_of_its_own(robot):
     assert clock.state["number"] >= state["number"]  # the last one stays
 
 
+def test_a_process_ignores_the_interrupt_that_its_parent_gets_too(robot):
+    """Ctrl-C reaches all processes of a terminal; the parent decides what ends."""
+    with Clock(0.002).spawn(follower, robot("planar_3r"), 0.002) as clock:
+        while clock.state is None:
+            time.sleep(0.01)
+        os.kill(clock.state["process"], signal.SIGINT)
+        number, deadline = clock.state["number"], time.monotonic() + 30.0
+        while clock.state["number"] < number + 50:
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+        assert clock.running
+
+
+def test_a_clock_shows_its_period_in_ms_and_whether_it_runs():
+    clock = Clock(0.002)
+    assert repr(clock) == "<Clock of 2 ms, stopped>"
+    with clock.start(lambda tick: None):
+        assert repr(clock) == "<Clock of 2 ms, running>"
+
+
 class UnsendableError(Exception):
     def __init__(self, first, second):
         super().__init__(first)
