@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import cinegen
 from cinegen.singularities import SingularityType, leg_lines, singularity
-from cinegen.singularities.ball_joints import counted
+from cinegen.singularities.ball_joints import balls, counted
 from cinegen.singularities.grassmann import GrassmannClass
 from cinegen.singularities.pluecker import PlueckerLine
 from cinegen.singularities.slice import Coordinates
@@ -244,7 +244,10 @@ def test_a_ball_joint_in_gimbal_lock_is_no_singularity(robot, name):
 def test_a_ball_counted_as_one_joint_moves_what_its_three_joints_move(robot, name):
     mechanism = robot(name)
     q = mechanism.random_closed(1, 3)[0]
-    for end in mechanism.nodes:  # some are carried by no ball
+    crosses = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
+    for end in mechanism.nodes:  # some are carried by no ball; what is between a ball's three joints is no body
+        if mechanism.model.frames[mechanism.frame_id(end)].parentJoint in crosses:
+            continue
         matrices = counted(mechanism, q, end)
         back = np.linalg.inv(matrices.joints)
         placement = mechanism.placement(q, end)
@@ -261,6 +264,19 @@ def test_a_stretched_arm_is_singular_of_type_1(robot):
     assert found.second.size == 0
     assert found.uncontrolled_dof is None
     assert found.as_dict()["kind"] == "type 1"
+    assert found.message.partition("; ")[2] == (
+        "tool loses, or nearly, a translation along (1, 0, 0); the structure supports a force through (0, 0, 0) m "
+        "along (1, 0, 0) without its actuated joints"
+    )
+
+
+@pytest.mark.parametrize("name", ["planar_3r", *CLOSED])
+def test_a_regular_configuration_loses_and_supports_nothing(robot, name):
+    mechanism = robot(name)
+    found = singularity(mechanism, mechanism.q_home)
+    assert found.near is SingularityType.NONE
+    for words in ("loses", "without its actuated joints", "locked", "can't support"):
+        assert words not in found.message
 
 
 def test_open_loops_are_told(robot):
