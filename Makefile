@@ -17,7 +17,7 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test coverage mutations check javascript kernels studies bench generated clean lock FORCE
+.PHONY: help demo test coverage mutations check bounds javascript kernels studies bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
@@ -47,6 +47,20 @@ check: .venv/test-installed ## run the linters of the Python code only
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
+
+# Kernels do not check indices; here they do, and IndexError is raised. Numba keeps both kinds under one name: hence a
+# cache of its own. `python -m cinegen.assembly` calls each kernel of assembly modes once.
+BOUNDED := tests/loops tests/ik/test_kernel.py tests/ik/test_weights.py tests/robots/test_evaluate.py \
+	tests/model/test_close.py tests/model/test_forward.py tests/collision/test_clearance.py \
+	tests/planning/test_vortex_kernel.py tests/planning/test_potential_fields.py
+bounds: export NUMBA_BOUNDSCHECK := 1
+bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
+bounds: .venv/test-installed ## run the tests of the kernels with bounds checking (2 minutes of CPU)
+	@$(BIN)/python -m cinegen.ik
+	@$(BIN)/python -m cinegen.assembly
+	@$(BIN)/python -m cinegen.planning
+	$(BIN)/pytest -n $(WORKERS) $(BOUNDED)
+	$(BIN)/pytest -n 0 tests/jit/test_bounds.py
 
 javascript: ## lint, type-check and test the page's JavaScript, where node and npm are there
 	@.ci/javascript

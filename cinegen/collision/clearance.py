@@ -23,7 +23,7 @@ from cinegen.collision.obstacle import Obstacle
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import collision_pairs
 from cinegen.jit.compiled import prepare
-from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults, JointFrames
+from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults, JointKinematics
 from cinegen.joints import supporting_columns
 from cinegen.model import Mechanism
 
@@ -90,7 +90,7 @@ class Clearance:
         self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
         self.groups = _groups(self.pairs, self.links, self.obstacles)
         self.results = DistanceResults(self._geometry.createData())
-        self._frames = JointFrames(self._data)
+        self._kinematics = JointKinematics(self._data)
         ends, radii = _capsule_ends(self.bodies)
         most = len(found) + 2 * int((radii[self.pairs] >= 0.0).sum())  # rows, if all pairs are near
         memory = self.memory = ClearanceMemory(
@@ -101,9 +101,8 @@ class Clearance:
         memory.ball[:] = np.reshape([[*body.centre, body.radius] for body in self.bodies], (-1, 4))
         memory.moved_by[:] = [supporting_columns(model, joint) for joint in range(model.njoints)]
         memory.point_at("results", self.results.table)
-        memory.point_at("frames", self._frames.frames)
-        if model.nv:
-            memory.point_at("screws", self._data.J.reshape(6, model.nv).T)  # one column has one dimension
+        memory.point_at("frames", self._kinematics.frames)
+        memory.point_at("screws", self._kinematics.screws)
         self.joints, self.moved_by = memory.joint, memory.moved_by
         self._approach, self._sweep = prepare_clearance()
         self._at: Array | None = None
@@ -128,7 +127,7 @@ class Clearance:
             pin.computeDistances(self._geometry, self.results.shapes)
             self.results.read()
             self.memory.point_at("results", self.results.table)
-        self._frames.read()
+        self._kinematics.read()
         self._at = q.copy()
 
     def distances(self, q: Array) -> Array:

@@ -1,11 +1,11 @@
 """Memory that other libraries own, read where it is: this module alone knows how it is laid out.
 
-Documented access is used where there is any: Pinocchio's matrices are numpy arrays over its own memory, and their
-addresses are asked for once. What is not documented is checked before it is relied on, with this build of Pinocchio and
-Coal; where it is otherwise, numbers are copied instead.
+Documented access is used where there is any: Pinocchio's matrices are numpy arrays over its own memory. Every layout is
+checked before it is relied on, with this build of Pinocchio and Coal; where it is otherwise, numbers are copied
+instead.
 
     target of a task    an SE3 that has just been copied lies at a fixed distance from its Python object: `address_of`
-    joint placements    `data.oMi` is contiguous: `JointFrames`
+    joint placements    `data.oMi` is contiguous: `JointKinematics`
     distances           `GeometryData.distanceResults` is contiguous: `DistanceResults`
 """
 
@@ -71,33 +71,43 @@ SE3_DISTANCE = _distance()
 # --- Pinocchio's data -------------------------------------------------------------------------------------------------
 
 
-class JointFrames:
-    """Frames of all joints where Pinocchio's data has them.
+class JointKinematics:
+    """Frames and screws of all joints where Pinocchio's data has them.
 
     Args:
         data: of a model.
 
     Attributes:
         frames: (joints, 4, 3); up to date after `read`.
-        is_in_place: whether these are Pinocchio's own memory.
+        screws: (nv, 6) the columns of `data.J`; up to date after `read`.
+        frames_in_place: whether the frames are Pinocchio's own memory.
+        screws_in_place: whether the screws are.
     """
 
     def __init__(self, data: pin.Data) -> None:
-        self._placements, count = data.oMi, len(data.oMi)
+        self._data, self._placements, count = data, data.oMi, len(data.oMi)
         begin = address(self._placements[0].rotation)
-        self.is_in_place = all(
+        self.frames_in_place = all(
             address(placement.rotation) == begin + 96 * j
             and address(placement.translation) == begin + 96 * j + 72
             and placement.rotation.strides == (8, 24)
             for j, placement in enumerate(self._placements)
         )
-        self.frames = numbers_at(begin, (count, 4, 3)) if self.is_in_place else np.zeros((count, 4, 3))
-        self._data = data  # keeps the memory
+        self.frames = numbers_at(begin, (count, 4, 3)) if self.frames_in_place else np.zeros((count, 4, 3))
+        screws, again = self._read_screws(), self._read_screws()  # a copy would be another one each time
+        self.screws_in_place = address(screws) == address(again) and screws.flags.c_contiguous
+        self.screws = screws if self.screws_in_place else np.array(screws, order="C")
+
+    def _read_screws(self) -> Array:
+        jacobian = np.asarray(self._data.J)
+        return jacobian.reshape(6, jacobian.size // 6).T  # one column has one dimension
 
     def read(self) -> None:
         """Take over what Pinocchio has computed."""
-        if not self.is_in_place:
+        if not self.frames_in_place:
             self.frames[:] = [frame_of(placement) for placement in self._placements]
+        if not self.screws_in_place:
+            self.screws[:] = self._read_screws()
 
 
 def numbers_at(begin: int, shape: tuple[int, ...]) -> Array:

@@ -104,6 +104,21 @@ def test_distances_that_are_read_in_place_are_what_accessors_say():
             assert (normal == said.normal).all()
 
 
+def test_results_are_only_believed_where_their_numbers_are(monkeypatch):
+    """Evenly spaced, as expected, but 8 bytes off: the numbers decide."""
+    obstacles, rng = around("arm7", 1), np.random.default_rng(1)
+    usual, start = among("arm7", obstacles), within_limits("arm7", rng)
+    usual.distances(start)  # each search begins where the last one ended
+    monkeypatch.setattr(foreign, "NORMAL", 2)
+    clearance = among("arm7", obstacles)
+    clearance.distances(start)
+    monkeypatch.undo()
+    assert not clearance.results.is_in_place
+    for _ in range(5):
+        q = within_limits("arm7", rng)
+        assert (clearance.distances(q) == usual.distances(q)).all()
+
+
 def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     obstacles, rng = around("arm7", 1), np.random.default_rng(1)
     usual = among("arm7", obstacles)
@@ -114,9 +129,11 @@ def test_where_coal_keeps_results_elsewhere_they_are_copied(monkeypatch):
     clearance.distances(within_limits("arm7", rng))
     monkeypatch.undo()
     assert usual.results.is_in_place
-    assert usual._frames.is_in_place
+    assert usual._kinematics.frames_in_place
+    assert usual._kinematics.screws_in_place
     assert not clearance.results.is_in_place
-    assert not clearance._frames.is_in_place
+    assert not clearance._kinematics.frames_in_place
+    assert not clearance._kinematics.screws_in_place
     for _ in range(5):
         q, to = within_limits("arm7", rng), within_limits("arm7", rng)
         assert (clearance.distances(q) == usual.distances(q)).all()

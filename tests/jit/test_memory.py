@@ -223,44 +223,53 @@ def test_an_index_out_of_bounds_is_found(tmp_path):
 
 def test_this_build_of_pinocchio_is_read_in_place():
     assert foreign.SE3_DISTANCE is not None
-    model = pin.buildSampleModelHumanoidRandom()
-    assert foreign.JointFrames(model.createData()).is_in_place
+    kinematics = foreign.JointKinematics(pin.buildSampleModelHumanoidRandom().createData())
+    assert kinematics.frames_in_place
+    assert kinematics.screws_in_place
 
 
-@pytest.mark.parametrize("in_place", [True, False])
-def test_targets_are_followed_in_place_or_copied(robot, in_place, monkeypatch):
-    if not in_place:
-        for module in ("cinegen.ik.task", "cinegen.ik.solver"):
-            monkeypatch.setattr(f"{module}.SE3_DISTANCE", None)
-    arm = robot("arm7")
+def follow_targets(arm) -> np.ndarray:
+    """The records of ticks that follow a target, changed in place and replaced in turn."""
     solver = cinegen.Solver(arm, 0.01)
-    task = solver.add_task("tool")
+    task, records = solver.add_task("tool"), []
     for i in range(40):
         if i % 2:
             task.target.translation[2] -= 1e-3  # in place
         else:
             task.target = task.target * pin.SE3(pin.exp3(np.array([0.0, 0.0, 1e-2])), np.zeros(3))
-        solver.step()
+        records.append(solver.step()._record)
         wanted, there = task.target, arm.placement(solver.q, "tool")
         assert np.linalg.norm(wanted.translation - there.translation) < 1e-4
         assert wanted.rotation == pytest.approx(there.rotation, abs=1e-3)
+    return np.array(records)
 
 
-def test_frames_are_copied_where_they_can_not_be_read_in_place(monkeypatch):
+def test_targets_that_are_copied_are_followed_as_those_in_place(robot, monkeypatch):
+    in_place = follow_targets(robot("arm7"))
+    for module in ("cinegen.ik.task", "cinegen.ik.solver"):
+        monkeypatch.setattr(f"{module}.SE3_DISTANCE", None)
+    assert np.array_equal(follow_targets(robot("arm7")), in_place)
+
+
+def test_frames_and_screws_are_copied_where_they_can_not_be_read_in_place(monkeypatch):
     model = pin.buildSampleModelHumanoidRandom()
     data, shift = model.createData(), iter(range(10**6))
     monkeypatch.setattr(foreign, "address", lambda values, of=foreign.address: of(values) + 8 * next(shift))
-    copied = foreign.JointFrames(data)
+    copied = foreign.JointKinematics(data)
     monkeypatch.undo()
-    usual = foreign.JointFrames(data)
-    assert usual.is_in_place
-    assert not copied.is_in_place
+    usual = foreign.JointKinematics(data)
+    assert usual.frames_in_place
+    assert usual.screws_in_place
+    assert not copied.frames_in_place
+    assert not copied.screws_in_place
     for seed in range(3):
         pin.seed(seed)
         pin.computeJointJacobians(model, data, pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq)))
         usual.read()
         copied.read()
         assert np.array_equal(usual.frames, copied.frames)
+        assert np.array_equal(usual.screws, copied.screws)
+        assert np.array_equal(usual.screws, data.J.T)
 
 
 def test_the_distance_of_a_copy_is_only_believed_if_its_numbers_are_there(monkeypatch):
