@@ -73,7 +73,7 @@ class Library:
             stdout=subprocess.PIPE,
             stderr=self.log,
             text=True,
-            env=alone(),
+            env=alone() | ({"PYTHONPATH": str(HERE.parent)} if name == "cinegen" else {}),  # this folder's cinegen
         )
         self.version = str(self._answer()["version"])
         self.ask(repeat=solves)
