@@ -45,7 +45,7 @@ def axes_of(task: FrameTask, mechanism: Mechanism, system: ClosedLoops) -> Array
 
 
 def equations(
-    mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[tuple[FrameTask, Array]]
+    mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[tuple[FrameTask, Array]], weighted: bool = True
 ) -> tuple[Array, Array]:
     """Return the remaining errors of tasks that follow poses, capped and weighted, and their Jacobian; dimensionless.
 
@@ -53,13 +53,14 @@ def equations(
         mechanism: mechanism that is moved.
         system: its loops, whose `evaluate` has left Pinocchio's Jacobians at the configuration in question.
         tasks: valid tasks, each with its axes in the world (3, 3).
+        weighted: use the weights of tasks and of their rows; all are 1 otherwise.
 
     Returns:
         errors (rows,) and Jacobian (rows, nv).
     """
     model, data, length = mechanism.model, system.data, system.length
     errors, rows = [np.zeros(0)], [np.zeros((0, model.nv))]
-    heaviest = max((task.weight for task, _ in tasks), default=1.0)  # only the proportions of weights matter
+    heaviest = max((task.memory.weight for task, _ in tasks), default=1.0)  # only the proportions of weights matter
     for task, axes in tasks:
         placement = pin.updateFramePlacement(model, data, task.frame) * task.offset
         jacobian = np.zeros((6, model.nv))
@@ -67,10 +68,12 @@ def equations(
             of_node = pin.getFrameJacobian(model, data, task.frame, pin.ReferenceFrame.LOCAL).reshape(6, -1)
             jacobian[:] = task.offset.toActionMatrixInverse() @ of_node
         error, row = task.equations(placement, jacobian * system.scale, axes)
-        linear, angular = error[: task.translation] / length, error[task.translation :]
-        weight = task.weight / heaviest
-        errors += [weight * _capped(linear), weight * _capped(angular)]
-        rows.append(weight * units(task, length)[:, None] * row)
+        weight, of_row = task.memory.weight / heaviest, task.memory.row_weight[: task.rows]
+        if not weighted:
+            weight, of_row = 1.0, np.ones(task.rows)
+        linear, angular = np.split(of_row * error, [task.translation])
+        errors += [weight * _capped(linear / length), weight * _capped(angular)]
+        rows.append((weight * of_row * units(task, length))[:, None] * row)
     return np.concatenate(errors), np.vstack(rows)
 
 
@@ -93,7 +96,7 @@ def task_rank(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[FrameTa
         _, loops = system.evaluate(q)
         motions, _ = free_motions(loops[:, moving], mechanism.loop_rank)
         with_axes = [(task, axes_of(task, mechanism, system)) for task in tasks]
-        highest = max(highest, rank(equations(mechanism, system, with_axes)[1][:, moving] @ motions))
+        highest = max(highest, rank(equations(mechanism, system, with_axes, weighted=False)[1][:, moving] @ motions))
     return highest
 
 

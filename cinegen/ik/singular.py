@@ -136,12 +136,12 @@ def _ever(
 
 def _twists(mechanism: Mechanism, system: ClosedLoops, tasks: Sequence[tuple[FrameTask, Array]], along: Array) -> Array:
     """Return the shortest twists (tasks, 6) of the tasks' frames, in world axes, whose rows are `along` (rows,)."""
-    heaviest = max(task.weight for task, _ in tasks)
+    heaviest = max(task.memory.weight for task, _ in tasks)
     twists, row = np.zeros((len(tasks), 6)), 0
     for twist, (task, axes) in zip(twists, tasks, strict=True):
         placement = pin.updateFramePlacement(mechanism.model, system.data, task.frame) * task.offset
         seen = task.equations(placement, np.eye(6), axes)[1]  # (rows, 6) of the node's twist in its own axes
-        part = along[row : row + task.rows] / units(task, mechanism.length) * (heaviest / task.weight)
+        part = along[row : row + task.rows] / units(task, mechanism.length) * (heaviest / task.row_weights)
         own = np.linalg.pinv(seen) @ part
         twist[:3], twist[3:] = placement.rotation @ own[:3], placement.rotation @ own[3:]
         row += task.rows

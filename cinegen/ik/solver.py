@@ -215,6 +215,7 @@ class Solver:
         weight: float = 1.0,
         axes: str = "target",
         offset: pin.SE3 | ArrayLike | None = None,
+        weights: ArrayLike | None = None,
     ) -> FrameTask:
         """Add a task: a frame on a node follows a target pose. Set `task.target` or `task.twist` to move it.
 
@@ -227,17 +228,22 @@ class Solver:
             axes: frame whose axes the rows are expressed in: "target", "world" or the name of a node.
             offset: point (3,) or pose on the node, in the node's frame (m), that follows the target; the node's own
                 frame unless given.
+            weights: (6,) weights of the translations along, then the rotations about, x, y and z of `axes`, in place of
+                `translation` and `rotation`; an axis of weight 0 is not constrained. See `FrameTask.weights`.
 
         Raises:
             UnknownNameError: no such node.
-            CinegenError: translation or rotation is not 0 to 3, weight is not positive and finite, target is no SE3, or
-                offset is neither an SE3 nor three finite numbers.
+            CinegenError: translation or rotation is not 0 to 3, weight is not positive and finite, weights are not six
+                finite numbers of at least 0 or given besides translation or rotation, target is no SE3, or offset is
+                neither an SE3 nor three finite numbers.
         """
         frame = self.mechanism.frame_id(node)
         if translation not in range(4) or rotation not in range(4):
             raise CinegenError(f"a task constrains 0 to 3 translations and rotations, not {translation} and {rotation}")
         if not 0.0 < weight < np.inf:
             raise CinegenError(f"a task's weight must be positive and finite, not {weight}")
+        if weights is not None and (translation, rotation) != (3, 3):
+            raise CinegenError("weights say which axes a task constrains: leave out translation and rotation")
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
         frame_on_node = _offset(offset)
@@ -245,7 +251,9 @@ class Solver:
             target = self.mechanism.placement(self._q, node) * frame_on_node
         if not isinstance(target, pin.SE3):
             raise CinegenError(f"a task's target is a pinocchio.SE3, not {type(target).__name__}")
-        task = FrameTask(node, target, translation, rotation, weight, axes, frame, frame_on_node)
+        task = FrameTask(node, target, translation, rotation, weight, axes, frame, frame_on_node, weights)
+        if not task.memory.is_valid:
+            raise CinegenError(f"a task's weights are six finite numbers of at least 0, not {weights!r:.80}")
         task.changed, task.measure = self._mark_changed, self._error_of
         self._tasks.append(task)
         self._changed = True
@@ -338,7 +346,7 @@ class Solver:
         tasks = [task for task in self._tasks if task.is_valid()]
         fixed = self._memory.fixed
         offsets = [(task.frame, task.axes, *task.offset.homogeneous.ravel().tolist()) for task in tasks]
-        key = (fixed, *((place, task.translation, task.rotation) for place, task in zip(offsets, tasks, strict=True)))
+        key = (fixed, *((place, *(task.weights > 0.0).tolist()) for place, task in zip(offsets, tasks, strict=True)))
         if key not in self._ranks:
             self._ranks[key] = task_rank(self.mechanism, self.mechanism.system, tasks, slice(fixed, None))
         self._memory.task_rank, self._memory.is_warm = self._ranks[key], 0

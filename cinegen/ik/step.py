@@ -109,10 +109,10 @@ class Step:
         layout, record, tasks = self._layout, self._record, []
         kept, aims, axes = (layout.get(record, f"record_{name}") for name in ("tasks", "aims", "axes"))
         for i, (node, _, offset) in enumerate(layout.tasks):
-            translation, rotation, weight, is_active = kept[i]
+            weight, is_active, weights = kept[i, 0], kept[i, 1], kept[i, 2:]
             if is_active:
                 aim, frame = pin.SE3(aims[i, :3].T, aims[i, 3]), layout.mechanism.frame_id(node)
-                task = FrameTask(node, aim, int(translation), int(rotation), weight, frame=frame, offset=offset)
+                task = FrameTask(node, aim, weight=weight, frame=frame, offset=offset, weights=weights)
                 tasks.append((task, axes[i].T))
         return tasks
 
@@ -156,7 +156,7 @@ class Step:
         if found is None or len(wanted) == len(layout.tasks):
             return found
         twists = np.zeros((len(layout.tasks), 6))
-        twists[layout.get(self._record, "record_tasks")[:, 3] != 0.0] = found.twists
+        twists[layout.get(self._record, "record_tasks")[:, 1] != 0.0] = found.twists
         return replace(found, twists=twists)
 
     @property

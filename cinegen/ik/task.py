@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.ik._kernels.memory import TaskMemory
@@ -17,6 +17,10 @@ from raff2urdf.residual import log, log_derivative, swing
 
 Array = NDArray[np.float64]
 
+_TRANSLATIONS = ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
+_ROTATIONS = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (1.0, 1.0, 0.0), (1.0, 1.0, 1.0))
+"""Weights of the axes for a number of constrained translations or rotations."""
+
 _TARGET = TaskMemory.fields["target"].slot
 
 
@@ -24,7 +28,7 @@ class FrameTask:
     """A frame on a node follows a target; made by `Solver.add_task`.
 
     All but `node`, `offset` and `axes` may be set at any time between two ticks. A value that can't be followed (a
-    target that is no SE3 or not finite, a weight of 0) is kept, and the task is left out until it is corrected: the
+    target that is no SE3 or not finite, a `weight` of 0) is kept, and the task is left out until it is corrected: the
     status of each tick reports it.
 
     Attributes:
@@ -45,6 +49,7 @@ class FrameTask:
         axes: str = "target",
         frame: int = 0,
         offset: pin.SE3 | None = None,
+        weights: ArrayLike | None = None,
     ) -> None:
         self.node, self.axes, self.frame = node, axes, frame
         self.offset = pin.SE3.Identity() if offset is None else offset.copy()
@@ -56,7 +61,11 @@ class FrameTask:
         self._target = pin.SE3.Identity()
         self._special = False  # follows a twist, or has an invalid value
         self.target = target
+        self._weight, self._largest, self._weights = 1.0, 1.0, np.zeros(6)
+        self._axes: tuple[list[int], list[int]] = ([], [])  # constrained translations and rotations
         self.translation, self.rotation, self.weight = translation, rotation, weight
+        if weights is not None:
+            self.weights = weights
 
     def __repr__(self) -> str:
         follows = "twist" if self.twist is not None else "pose"
@@ -118,43 +127,98 @@ class FrameTask:
 
     @property
     def translation(self) -> int:
-        """Number of constrained translations: 3 all; 2 along x and y of the axes; 1 along x; 0 none."""
+        """Number of constrained translations: 3 all; 2 along x and y of the axes; 1 along x; 0 none.
+
+        Setting it sets their `weights` to 1.
+        """
         return int(self._wrong.get("translation", self.memory.translation))
 
     @translation.setter
     def translation(self, count: int) -> None:
-        self._set("translation", count, _is_count)
-        self.changed()
+        self._constrain("translation", count, slice(0, 3), _TRANSLATIONS)
 
     @property
     def rotation(self) -> int:
-        """Number of constrained rotations: 3 all; 2 the direction of the z axis; 1 the rotation about it; 0 none."""
+        """Number of constrained rotations: 3 all; 2 the direction of the z axis; 1 the rotation about it; 0 none.
+
+        Setting it sets their `weights` to 1.
+        """
         return int(self._wrong.get("rotation", self.memory.rotation))
 
     @rotation.setter
     def rotation(self, count: int) -> None:
-        self._set("rotation", count, _is_count)
-        self.changed()
+        self._constrain("rotation", count, slice(3, 6), _ROTATIONS)
+
+    @property
+    def weights(self) -> Array:
+        """(6,) weights of the translations along, then the rotations about, x, y and z of the axes; a copy.
+
+        They multiply `weight`. An axis whose weight is 0 is not constrained. Two constrained rotations determine the
+        direction of the third axis, as `rotation` = 2 does that of z.
+        """
+        return np.array(self._wrong.get("weights", self._weights))
+
+    @weights.setter
+    def weights(self, weights: ArrayLike) -> None:
+        try:
+            given = np.asarray(weights, dtype=float)
+            good = given.shape == (6,) and bool(((given >= 0.0) & (given < np.inf)).all())
+        except (TypeError, ValueError):
+            good = False
+        if not good:
+            self._refuse("weights", weights)
+            return
+        self._weights[:] = given
+        for name in ("weights", "translation", "rotation"):
+            self._accept(name)
+        self._write_rows()
 
     @property
     def weight(self) -> float:
         """Weight of the task where several tasks can't all be met; only proportions matter."""
-        return float(self._wrong.get("weight", self.memory.weight))
+        return float(self._wrong.get("weight", self._weight))
 
     @weight.setter
     def weight(self, weight: float) -> None:
-        self._set("weight", weight, _is_weight)
-
-    def _set(self, name: str, value: Any, is_valid: Callable[[Any], bool]) -> None:
         try:
-            good = is_valid(value)
+            heaviest = weight * self._largest
+            good = 0.0 < heaviest < np.inf
         except (TypeError, ValueError):
             good = False
         if good:
-            setattr(self.memory, name, value)
-            self._accept(name)
+            self._weight, self.memory.weight = weight, heaviest
+            self._accept("weight")
         else:
-            self._refuse(name, value)
+            self._refuse("weight", weight)
+
+    def _constrain(self, name: str, count: Any, axes: slice, patterns: Sequence[Sequence[float]]) -> None:
+        """Constrain so many axes, each with a weight of 1."""
+        try:
+            good = count in range(4)
+        except (TypeError, ValueError):
+            good = False
+        if good:
+            self._weights[axes] = patterns[int(count)]
+            self._accept(name)
+            self._write_rows()
+        else:
+            self._refuse(name, count)
+
+    def _write_rows(self) -> None:
+        """Write the constrained axes into the task's memory."""
+        memory, weights, before = self.memory, self._weights, self._axes
+        self._largest = float(weights.max()) or 1.0
+        linear, angular = np.flatnonzero(weights[:3]), np.flatnonzero(weights[3:])
+        if len(angular) == 2 and angular[1] - angular[0] == 2:
+            angular = angular[::-1]  # with the free axis they are right-handed: z, x, y
+        rows = np.concatenate([linear, 3 + angular])
+        memory.translation, memory.rotation = len(linear), len(angular)
+        memory.row_axis[: len(rows)], memory.row_weight[: len(rows)] = rows, weights[rows] / self._largest
+        memory.is_even = int(len(set(weights[3:])) == 1)
+        self._axes = linear.tolist(), angular.tolist()
+        if self._axes != before:
+            self.changed()
+        self.weight = self._wrong.get("weight", self._weight)
 
     def _refuse(self, name: str, value: Any) -> None:
         self._wrong[name] = value
@@ -169,7 +233,12 @@ class FrameTask:
     @property
     def rows(self) -> int:
         """Number of equations."""
-        return self.translation + self.rotation
+        return int(self.memory.translation + self.memory.rotation)
+
+    @property
+    def row_weights(self) -> Array:
+        """(rows,) weight of each equation: `weight` times that of its axis."""
+        return self.memory.weight * self.memory.row_weight[: self.rows]
 
     def is_valid(self) -> bool:
         """Return whether the target and all other values can be followed."""
@@ -178,19 +247,30 @@ class FrameTask:
     # --- the equations, in plain form ------------------------------------------------------------------------------
 
     def errors(self, placement: pin.SE3, axes: Array | None = None) -> tuple[Array, Array]:
-        """Return the remaining error, (translation,) in m and (rotation,) in rad, in the task's axes.
+        """Return the remaining error, (translation,) in m and (rotation,) in rad, along the constrained axes.
 
         Args:
             placement: pose of the frame that follows, in the world.
             axes: (3, 3) the task's axes in the world; the target's unless given.
         """
         axes = self.target.rotation if axes is None else axes
-        offset = np.clip(self.target.translation, -FURTHEST, FURTHEST) - placement.translation
-        linear = axes.T @ offset
-        if self.rotation == 2:
-            return linear[: self.translation], -swing(self._relative(placement, axes)[:, 2])[0]
-        angular = log(self._relative(placement, axes).T) if self.rotation else np.zeros(3)
-        return linear[: self.translation], angular[3 - self.rotation :]
+        linear, angular = self._axes
+        offset = axes.T @ (np.clip(self.target.translation, -FURTHEST, FURTHEST) - placement.translation)
+        if not angular:
+            return offset[linear], np.zeros(0)
+        relative = self._relative(placement, axes)
+        if len(angular) == 2:
+            return offset[linear], -self._swing(relative)[0]
+        return offset[linear], log(relative.T)[angular]
+
+    def _swing(self, relative: Array) -> tuple[Array, Array]:
+        """Return the swing (2,) of the axis whose rotation is free, and its derivative (2, 3) by that axis."""
+        x, y = self._axes[1]
+        triad = [x, y, 3 - x - y]
+        found, by = swing(relative[triad, 3 - x - y])
+        derivative = np.zeros((2, 3))
+        derivative[:, triad] = by
+        return found, derivative
 
     def equations(self, placement: pin.SE3, jacobian: Array, axes: Array | None = None) -> tuple[Array, Array]:
         """Return the remaining error and its Jacobian.
@@ -204,19 +284,20 @@ class FrameTask:
 
         Returns:
             error (rows,), m and rad, and J (rows, nv). To first order a joint step s with J s = error makes the error
-            0, and error^T J is the exact gradient of half the squared error.
+            0, and error^T W^2 J is the exact gradient of half the squared error, weighted by W = diag(row_weights).
         """
         axes = self.target.rotation if axes is None else axes
         linear = axes.T @ placement.rotation @ jacobian[:3]
         angular = (self.target.rotation.T @ axes).T @ jacobian[3:]  # in the axes as the node carries them
-        if self.rotation == 2:
-            relative = self._relative(placement, axes)
-            angular = swing(relative[:, 2])[1] @ relative @ angular
-        elif self.rotation == 1:
-            angular = log_derivative(log(self._relative(placement, axes).T)) @ angular
-        errors = self.errors(placement, axes)
-        rows = np.vstack([linear[: self.translation], angular[len(angular) - self.rotation :]])
-        return np.concatenate(errors), rows
+        constrained, about = self._axes
+        relative = self._relative(placement, axes)
+        if len(about) == 2:
+            angular = self._swing(relative)[1] @ relative @ angular
+        elif len(about) == 3 and self.memory.is_even:
+            pass  # log's derivative times log is log: the gradient is exact with the angular velocity itself
+        else:
+            angular = (log_derivative(log(relative.T)) @ angular)[about]
+        return np.concatenate(self.errors(placement, axes)), np.vstack([linear[constrained], angular])
 
     def _relative(self, placement: pin.SE3, axes: Array) -> Array:
         """Return the axes as the node carries them, relative to where they should be, (3, 3)."""
@@ -229,11 +310,3 @@ def _nothing() -> None:
 
 def _no_solver(task: FrameTask) -> tuple[float, float]:
     raise CinegenError(f"the task of '{task.node}' belongs to no solver: add it with solver.add_task")
-
-
-def _is_count(value: Any) -> bool:
-    return value in range(4)
-
-
-def _is_weight(value: Any) -> bool:
-    return bool(0.0 < value < np.inf)

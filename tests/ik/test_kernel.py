@@ -88,7 +88,8 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
 
 
 def all_kinds_of_tasks(mechanism: cinegen.Mechanism, solver: Solver, rng: np.random.Generator) -> None:
-    """0 to 3 translations by 0 to 3 rotations, in the axes of the target, the world, and a node; near and far."""
+    """0 to 3 translations by 0 to 3 rotations, or weights; in the axes of the target, the world, and a node; near and
+    far."""
     for axes in ("target", "world", mechanism.nodes[len(mechanism.nodes) // 2]):
         for translation in range(4):
             for rotation in range(4):
@@ -96,6 +97,8 @@ def all_kinds_of_tasks(mechanism: cinegen.Mechanism, solver: Solver, rng: np.ran
                 there = mechanism.placement(solver.q, node)
                 target = near(mechanism, there, rng, float(rng.choice([1e-9, 1e-3, 0.1, 3.0])))
                 solver.add_task(node, target, translation, rotation, float(rng.uniform(0.1, 10.0)), axes)
+                weights = rng.uniform(0.01, 3.0, 6) * (rng.random(6) < 0.7)
+                solver.add_task(node, target, weights=weights, weight=float(rng.uniform(0.1, 10.0)), axes=axes)
 
 
 def kernels_equations(solver: Solver) -> tuple[np.ndarray, np.ndarray]:
@@ -205,7 +208,10 @@ def test_the_step_of_a_tick_is_that_of_the_plain_statement(name, which):
             node = mechanism.nodes[-1] if rng.random() < 0.7 else str(rng.choice(mechanism.nodes[1:]))
             target = near(mechanism, mechanism.placement(q, node), rng, float(rng.choice([1e-3, 1e-2, 0.3])))
             kind = [(3, 3), (3, 0), (2, 1), (1, 2), (0, 3)][rng.integers(5)]
-            solver.add_task(node, target, *kind, float(rng.uniform(0.3, 3.0)))
+            if rng.random() < 0.7:
+                solver.add_task(node, target, *kind, float(rng.uniform(0.3, 3.0)))
+            else:
+                solver.add_task(node, target, weights=rng.uniform(0.3, 1.0, 6) * (rng.random(6) < 0.8))
         seen.append(steps_agree(solver, rng, float(rng.choice([1e-3, 0.03, 100.0]))))
     assert seen.count("not compared") < 10
     assert "bent" in seen

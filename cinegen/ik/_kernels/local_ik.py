@@ -83,8 +83,9 @@ def _keep_system(memory: LocalIKMemory) -> None:
     p = memory.active_rows
     for i in range(p):
         memory.right[i] = memory.error[i]
+        weight = max(memory.row_weights[i], 1e-300)  # all is to be exact: weights do not matter
         for j in range(memory.n):
-            memory.system[i, j] = memory.task_jacobian[i, j]
+            memory.system[i, j] = memory.task_jacobian[i, j] / weight
     for i in range(memory.rows):
         memory.right[p + i] = -memory.residual[i]
         for j in range(memory.n):

@@ -19,9 +19,12 @@ class TaskMemory(Memory):
     n: int = parameter(0)
     is_valid: int = parameter(1)
     joint: int = parameter(0)  # that carries the node
-    translation: int = parameter(3)  # constrained translations
-    rotation: int = parameter(3)
-    weight: float = parameter(1.0)
+    translation: int = parameter(3)  # rows of translations: they come first
+    rotation: int = parameter(3)  # rows of rotations; if 2, they are those of a swing
+    weight: float = parameter(1.0)  # of its heaviest row
+    is_even: int = parameter(1)  # all rotations have the same weight
+    row_axis: Table = array(6, dtype=int)  # of each row: translation along 0 to 2, rotation about 3 to 5
+    row_weight: Array = array(6)  # of each row, as a part of `weight`
     axes_of: int = parameter(OF_TARGET)
     axes_joint: int = parameter(0)  # that carries the node whose axes are used
     is_twist: int = parameter(0)
@@ -38,6 +41,8 @@ class TaskMemory(Memory):
     world_axes: Array = array(3, 3)
     distance: float = state(0.0)  # what is left, m
     angle: float = state(0.0)  # rad
+    linear: float = state(0.0)  # the same, rows weighted by `row_weight`; lengths
+    angular: float = state(0.0)  # rad
     is_followed: int = state(0)  # a twist was, in the last tick
 
 
@@ -51,7 +56,7 @@ class TasksMemory(LoopMemory):
     task_rows: int = parameter(0)  # of all tasks, valid or not
     task_handles: Table = array("tasks", dtype=int)
     dt: float = parameter(1.0)
-    gain: float = parameter(1.0)  # part of an error that a tick makes good
+    gain: float = parameter(1.0)  # part of an error that a tick corrects
     lower: Array = array("n")  # position limits, m and rad
     upper: Array = array("n")
 
@@ -60,6 +65,7 @@ class TasksMemory(LoopMemory):
     signature: int = state(-1)  # bits of the tasks that were active when their rank was asked for
     error: Array = array("task_rows")  # what is left
     wanted: Array = array("task_rows")  # of it in this tick: capped and weighted
+    row_weights: Array = array("task_rows")  # as parts of the heaviest row's
     trial_error: Array = array("task_rows")
     task_jacobian: Array = array("task_rows", "n")  # weighted
 
@@ -226,6 +232,6 @@ class SolverMemory(TasksMemory):
     record_errors: Array = array("tasks", 2, block="record")
     record_aims: Array = array("tasks", 4, 3, block="record")
     record_axes: Array = array("tasks", 3, 3, block="record")
-    record_tasks: Array = array("tasks", 4, block="record")  # translation, rotation, weight, whether it was active
+    record_tasks: Array = array("tasks", 8, block="record")  # weight, whether it was active, weights of the six axes
     record_sigma: Array = array("lesser", block="record")
     record_stopped: Array = array("nv", block="record")

@@ -118,7 +118,7 @@ def _can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active != 0:
-            can = can and task.distance / memory.length <= ERROR_CAP and task.angle <= ERROR_CAP
+            can = can and task.linear <= ERROR_CAP and task.angular <= ERROR_CAP
     return can
 
 
@@ -129,7 +129,7 @@ def _ticks_left(memory: SolverMemory) -> float:
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
         if task.is_active != 0:
-            most = max(most, task.distance / memory.length / ERROR_CAP, task.angle / ERROR_CAP)
+            most = max(most, task.linear / ERROR_CAP, task.angular / ERROR_CAP)
     return float(most / memory.gain)
 
 

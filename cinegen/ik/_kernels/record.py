@@ -101,7 +101,11 @@ def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
                 memory.record_aims[i, c, k] = task.aim[c, k]
             for c in range(3):
                 memory.record_axes[i, c, k] = task.world_axes[c, k]
-        kept[0], kept[1], kept[2], kept[3] = task.translation, task.rotation, task.weight, task.is_active
+        kept[0], kept[1] = task.weight, task.is_active
+        for a in range(6):
+            kept[2 + a] = 0.0
+        for k in range(task.translation + task.rotation):
+            kept[2 + task.row_axis[k]] = task.row_weight[k]
         if task.is_active == 0:
             errors[0] = errors[1] = math.nan
             continue

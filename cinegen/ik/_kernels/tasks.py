@@ -58,14 +58,17 @@ def aim_tasks(memory: TasksMemory) -> bool:
                     still = still and task.aim[c, k] == target[c, k]
                     task.aim[c, k] = target[c, k]
         _find_error(memory, task, error[row:])
-        weight = task.weight / memory.heaviest
-        _find_rows(memory, task, weight, memory.task_jacobian[row:])
+        for k in range(task.translation + task.rotation):
+            memory.row_weights[row + k] = task.weight / memory.heaviest * task.row_weight[k]
+        _find_rows(memory, task, memory.row_weights[row:], memory.task_jacobian[row:])
         measure(task, error[row:], memory.length)
         gain = 1.0 if task.is_twist != 0 else memory.gain
-        linear = gain * weight * min(1.0, ERROR_CAP / max(task.distance / memory.length, 1e-300))
-        angular = gain * weight * min(1.0, ERROR_CAP / max(task.angle, 1e-300))
+        linear = gain * min(1.0, ERROR_CAP / max(task.linear, 1e-300))
+        angular = gain * min(1.0, ERROR_CAP / max(task.angular, 1e-300))
         for k in range(task.translation + task.rotation):
-            wanted[row + k] = error[row + k] * (linear if k < task.translation else angular)
+            wanted[row + k] = (
+                memory.row_weights[row + k] * error[row + k] * (linear if k < task.translation else angular)
+            )
         row += task.translation + task.rotation
     memory.active_rows = row
     return still
@@ -80,9 +83,8 @@ def tasks_left(memory: TasksMemory) -> float:
         task = task_at(memory.task_handles[i])
         if task.is_active != 0:
             weight = task.weight / memory.heaviest
-            linear, angular = task.distance / memory.length, task.angle
-            a, b = min(linear, ERROR_CAP), min(angular, ERROR_CAP)
-            total += weight * weight * (a * (linear - 0.5 * a) + b * (angular - 0.5 * b))
+            a, b = min(task.linear, ERROR_CAP), min(task.angular, ERROR_CAP)
+            total += weight * weight * (a * (task.linear - 0.5 * a) + b * (task.angular - 0.5 * b))
     return total
 
 
@@ -102,18 +104,22 @@ def try_tasks(memory: TasksMemory) -> float:
 
 @compiled
 def measure(task: TaskMemory, error: Array, length: float) -> None:
-    """Set `distance` (m) and `angle` (rad) of a dimensionless error, without squares that overflow."""
-    largest, total = 0.0, 0.0
+    """Set `distance` (m) and `angle` (rad) of a dimensionless error, and the same weighted, without squares that
+    overflow."""
+    largest, total, weighted = 0.0, 0.0, 0.0
     for k in range(task.translation):
         largest = max(largest, abs(error[k]))
     if largest > 0.0:
         for k in range(task.translation):
-            total += (error[k] / largest) * (error[k] / largest)
-    task.distance = largest * math.sqrt(total) * length
-    total = 0.0
+            part = error[k] / largest
+            total += part * part
+            weighted += part * part * task.row_weight[k] * task.row_weight[k]
+    task.distance, task.linear = largest * math.sqrt(total) * length, largest * math.sqrt(weighted)
+    total, weighted = 0.0, 0.0
     for k in range(task.translation, task.translation + task.rotation):
         total += error[k] * error[k]
-    task.angle = math.sqrt(total)
+        weighted += error[k] * error[k] * task.row_weight[k] * task.row_weight[k]
+    task.angle, task.angular = math.sqrt(total), math.sqrt(weighted)
 
 
 # --- one task -------------------------------------------------------------------------------------------------------
@@ -149,7 +155,8 @@ def _advance(memory: TasksMemory, task: TaskMemory) -> None:
     for i in range(3):
         aim[3, i] = frame[3, i] + dt * (axes[0, i] * twist[0] + axes[1, i] * twist[1] + axes[2, i] * twist[2])
         for k in range(task.translation):  # only of what is constrained
-            aim[3, i] += axes[k, i] * dot(axes[k], off)
+            axis = axes[task.row_axis[k]]
+            aim[3, i] += axis[i] * dot(axis, off)
         if task.is_followed == 0 or task.rotation < 3:
             for c in range(3):
                 aim[c, i] = frame[c, i]
@@ -168,7 +175,7 @@ def _find_error(memory: TasksMemory, task: TaskMemory, error: Array) -> None:
     for i in range(3):
         off[i] = min(max(aim[3, i], -FURTHEST), FURTHEST) - frame[3, i]
     for i in range(linear):
-        error[i] = dot(axes[i], off) / memory.length
+        error[i] = dot(axes[task.row_axis[i]], off) / memory.length
     if angular == 0:
         return
     for k in range(3):  # what would have the axes' directions if the node were at its target
@@ -176,43 +183,49 @@ def _find_error(memory: TasksMemory, task: TaskMemory, error: Array) -> None:
             off[i] = dot(aim[i], axes[k])
         combine(off, frame, carried[k])
     if angular == 2:
-        z = carried[2]
-        se3.swing(dot(axes[0], z), dot(axes[1], z), dot(axes[2], z), turn, by)
+        x, y = task.row_axis[linear] - 3, task.row_axis[linear + 1] - 3
+        z = carried[3 - x - y]
+        se3.swing(dot(axes[x], z), dot(axes[y], z), dot(axes[3 - x - y], z), turn, by)
         error[linear], error[linear + 1] = -turn[0], -turn[1]
         return
     se3.relative(carried, axes, seen)
     se3.log(seen, turn)
     for i in range(angular):
-        error[linear + i] = turn[3 - angular + i]
+        error[linear + i] = turn[task.row_axis[linear + i] - 3]
 
 
 @compiled
-def _find_rows(memory: TasksMemory, task: TaskMemory, weight: float, rows: Array) -> None:
+def _find_rows(memory: TasksMemory, task: TaskMemory, weights: Array, rows: Array) -> None:
     """Compute how the joints take a task's error away, as `FrameTask.equations`; right after `_find_error`."""
     p, axes, w, screws, scale = memory.ends[0, 3], task.world_axes, memory.vectors, memory.screws, memory.scale
     carried, seen, by, turn = w[1:4], w[4:7], w[7:10], w[10]
     linear, angular = task.translation, task.rotation
-    if angular == 1:
-        se3.log_derivative(turn, by)
-        combine(by[2], carried, seen[0])
-    for i in range(angular):
-        if angular == 2:
-            combine(by[i], axes, seen[i])
-        elif angular == 3:  # the derivative of log times log itself is log: the node's own angular velocity will do
+    if angular == 2:
+        x, y = task.row_axis[linear] - 3, task.row_axis[linear + 1] - 3
+        for i in range(2):
+            for j in range(3):
+                seen[i, j] = by[i, 0] * axes[x, j] + by[i, 1] * axes[y, j] + by[i, 2] * axes[3 - x - y, j]
+    elif angular == 3 and task.is_even != 0:  # log's derivative times log is log: the node's angular velocity will do
+        for i in range(3):
             for j in range(3):
                 seen[i, j] = carried[i, j]
+    elif angular > 0:
+        se3.log_derivative(turn, by)
+        for i in range(angular):
+            combine(by[task.row_axis[linear + i] - 3], carried, seen[i])
     for k in range(memory.n):
         if task.moved_by[k] == 0.0:
             for i in range(linear + angular):
                 rows[i, k] = 0.0
             continue
-        s = weight * scale[k]
+        s = scale[k]
         velocity, omega = screws[k], screws[k, 3:6]
         if linear > 0:
             x = velocity[0] + omega[1] * p[2] - omega[2] * p[1]
             y = velocity[1] + omega[2] * p[0] - omega[0] * p[2]
             z = velocity[2] + omega[0] * p[1] - omega[1] * p[0]
             for i in range(linear):
-                rows[i, k] = s / memory.length * (axes[i, 0] * x + axes[i, 1] * y + axes[i, 2] * z)
+                axis = axes[task.row_axis[i]]
+                rows[i, k] = weights[i] * s / memory.length * (axis[0] * x + axis[1] * y + axis[2] * z)
         for i in range(angular):
-            rows[linear + i, k] = s * dot(seen[i], omega)
+            rows[linear + i, k] = weights[linear + i] * s * dot(seen[i], omega)

@@ -14,7 +14,7 @@ from cinegen.ik._kernels.decomposition import (
     to_joints,
 )
 from cinegen.ik._kernels.limits import must_go_back
-from cinegen.ik._kernels.memory import SVD_UNLOCKED, SolverMemory, task_at
+from cinegen.ik._kernels.memory import SVD_UNLOCKED, SolverMemory
 from cinegen.ik._kernels.record import finish
 from cinegen.ik._kernels.tasks import try_tasks
 from cinegen.ik.thresholds import (
@@ -149,14 +149,9 @@ def guard(memory: SolverMemory) -> int:
 def _find_lack(memory: SolverMemory) -> float:
     """Set `trial_error` to what the tasks still lack of what this tick should win; return the largest part of it that
     can be helped."""
-    row, lack = 0, memory.trial_error
-    for i in range(memory.tasks):
-        task = task_at(memory.task_handles[i])
-        if task.is_active != 0:
-            weight = task.weight / memory.heaviest
-            for _ in range(task.translation + task.rotation):
-                lack[row] = weight * (lack[row] - memory.error[row]) + memory.wanted[row]
-                row += 1
+    lack = memory.trial_error
+    for i in range(memory.active_rows):
+        lack[i] = memory.row_weights[i] * (lack[i] - memory.error[i]) + memory.wanted[i]
     return reach_of(memory, lack)
 
 

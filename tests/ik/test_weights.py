@@ -1,0 +1,157 @@
+"""Weights of a task's axes: 0 frees an axis, others say what counts more where not all can be met."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen.errors import CinegenError
+from cinegen.ik import FrameTask, Status
+
+DT = 0.01
+PATTERNS = [np.array(pattern) for pattern in itertools.product((0.0, 1.0), repeat=6)]
+
+
+def moved(pose: pin.SE3, twist: np.ndarray) -> pin.SE3:
+    return pin.SE3(pose.rotation @ pin.exp3(twist[3:]), pose.translation + pose.rotation @ twist[:3])
+
+
+@pytest.mark.parametrize(
+    ("weights", "translation", "rotation"),
+    [
+        ((1, 1, 1, 1, 1, 1), 3, 3),
+        ((1, 1, 0, 1, 1, 0), 2, 2),
+        ((1, 0, 0, 0, 0, 1), 1, 1),
+        ((0, 0, 0, 1, 1, 1), 0, 3),
+    ],
+)
+def test_the_counts_are_a_shorthand(robot, weights, translation, rotation):
+    """The same ticks, bit by bit."""
+    records = []
+    for options in ({"weights": weights}, {"translation": translation, "rotation": rotation}):
+        solver = cinegen.Solver(robot("arm7"), DT)
+        task = solver.add_task("tool", **options)
+        assert (task.translation, task.rotation, task.rows) == (translation, rotation, translation + rotation)
+        assert task.weights.tolist() == list(weights)
+        task.target = moved(task.target, np.array([0.02, -0.03, 0.01, 0.1, -0.2, 0.3]))
+        records.append([solver.step()._record for _ in range(20)])
+    assert np.array_equal(*records)
+
+
+@pytest.mark.parametrize("pattern", PATTERNS[1:], ids=lambda pattern: "".join(f"{int(w)}" for w in pattern))
+def test_an_axis_of_weight_0_is_free_and_the_others_are_exact(robot, pattern):
+    rng = np.random.default_rng(int("".join(f"{int(w)}" for w in pattern), 2))
+    arm = robot("arm7")
+    solver = cinegen.Solver(arm, DT)
+    task = solver.add_task("tool", weights=pattern * rng.uniform(0.3, 1.0, 6))
+    start = task.target.copy()
+    target = task.target = moved(start, np.array([0.03, 0.05, -0.04, 0.3, -0.2, 0.25]))
+    for _ in range(80):
+        step = solver.step()
+    assert step.status is Status.FOLLOWING
+    assert max(task.error) <= 1e-9
+    there = arm.placement(step.q, "tool")
+    off = target.rotation.T @ (target.translation - there.translation)
+    assert off[pattern[:3] > 0.0] == pytest.approx(0.0, abs=1e-9)
+    turned = pin.log3(target.rotation.T @ there.rotation)
+    if (pattern[3:] > 0.0).sum() == 2:  # the free axis has its direction, and may rotate about itself
+        free = int(np.argmin(pattern[3:]))
+        assert there.rotation[:, free] == pytest.approx(target.rotation[:, free], abs=1e-9)
+    else:
+        assert turned[pattern[3:] > 0.0] == pytest.approx(0.0, abs=1e-9)
+    if not pattern[3:].any():  # nothing moves what no row asks for, but for what the other rows need
+        assert np.abs(turned).max() > 1e-3
+
+
+def test_rows_are_the_derivative_of_the_error():
+    rng = np.random.default_rng(0)
+    for pattern in PATTERNS:
+        task = FrameTask("node", pin.SE3.Random(), weights=pattern * rng.uniform(0.1, 10.0, 6))
+        near = moved(task.target, rng.normal(0.0, 0.5, 6))
+        axes = pin.SE3.Random().rotation
+        error, rows = task.equations(near, np.eye(6), axes)
+        assert error.shape == (task.rows,) == task.row_weights.shape
+        exact = np.zeros((task.rows, 6))
+        for i, e in enumerate(1e-6 * np.eye(6)):
+            ahead, behind = (task.equations(moved(near, s * e), np.eye(6), axes)[0] for s in (1.0, -1.0))
+            exact[:, i] = (behind - ahead) / 2e-6
+        weighted = task.row_weights**2 * error
+        assert weighted @ rows == pytest.approx(weighted @ exact, abs=1e-6)
+        if pattern[3:].sum() < 3:
+            assert rows == pytest.approx(exact, abs=1e-6)
+
+
+def test_where_not_all_can_be_met_the_heavier_axis_is_nearer(robot):
+    """A target beyond the reach of a planar arm, off to one side: weights trade x for y."""
+    arm, left = robot("planar_3r"), []
+    for weights in ((1.0, 1.0, 0, 0, 0, 0), (10.0, 1.0, 0, 0, 0, 0), (1.0, 10.0, 0, 0, 0, 0)):
+        solver = cinegen.Solver(arm, DT)
+        far = 3.0 * arm.length
+        solver.add_task("tool", pin.SE3(np.eye(3), np.array([far, 0.6 * far, 0.0])), weights=weights)
+        for _ in range(3000):
+            step = solver.step()
+        there = arm.placement(step.q, "tool").translation
+        left.append(np.abs(np.array([far, 0.6 * far]) - there[:2]))
+    even, heavy_x, heavy_y = left
+    assert heavy_x[0] < even[0] < heavy_y[0]
+    assert heavy_x[1] > even[1] > heavy_y[1]
+
+
+def test_weights_may_be_set_between_ticks(robot):
+    solver = cinegen.Solver(robot("arm7"), DT)
+    task = solver.add_task("tool")
+    start = task.target.copy()
+    task.target = moved(start, np.array([0.03, 0.0, 0.0, 0.2, 0.0, 0.0]))
+    task.weights = (1, 1, 1, 0, 0, 0)
+    for _ in range(30):
+        first = solver.step()
+    assert max(task.error) <= 1e-9
+    task.weights = (1, 1, 1, 0.1, 1, 1)
+    assert first.errors[0][0] <= 1e-9  # a step keeps what it was made for
+    assert first.errors[0][1] == 0.0
+    for _ in range(60):
+        step = solver.step()
+    assert max(task.error) <= 1e-9
+    assert pin.log6(task.target.actInv(solver.mechanism.placement(step.q, "tool"))).vector == pytest.approx(0, abs=1e-9)
+    task.translation = 2
+    assert task.weights.tolist() == [1, 1, 0, 0.1, 1, 1]
+    assert step.lost_dof is not None
+
+
+def test_weights_that_can_not_be_used(robot):
+    solver = cinegen.Solver(robot("arm7"), DT)
+    for wrong in ((1, 1, 1), (1, 1, 1, -1, 1, 1), (1, 1, 1, np.nan, 1, 1), "heavy", np.ones((6, 1)), np.inf):
+        with pytest.raises(CinegenError, match="six finite numbers of at least 0, not"):
+            solver.add_task("tool", weights=wrong)
+    with pytest.raises(CinegenError, match="leave out translation and rotation"):
+        solver.add_task("tool", translation=2, weights=np.ones(6))
+    assert not solver.tasks
+    task = solver.add_task("tool", weights=(1, 2, 3, 4, 5, 6))
+    for wrong in ((1, 1, 1), None, np.full(6, np.nan)):
+        task.weights = wrong
+        assert solver.step().status is Status.BAD_TARGET
+    task.weights = np.zeros(6)
+    assert task.rows == 0
+    assert solver.step().status is Status.FOLLOWING
+    task.weights = np.full(6, 1e300)
+    task.weight = 1e300  # their product overflows
+    assert solver.step().status is Status.BAD_TARGET
+    task.weights = np.full(6, 1e-300)
+    assert solver.step().status is Status.FOLLOWING
+
+
+def test_only_proportions_matter(robot):
+    """Weights of two tasks, six rows each: all times 1000 is the same."""
+    found = []
+    for factor in (1.0, 1000.0):
+        solver = cinegen.Solver(robot("arm7"), DT)
+        weights = np.array([1.0, 0.5, 0.25, 0.5, 1.0, 0.125]) * factor
+        for node, off in (("tool", 0.1), ("link4", -0.1)):
+            task = solver.add_task(node, weights=weights)
+            task.target = moved(task.target, np.full(6, off))
+        found.append([solver.step().q for _ in range(50)])
+    assert np.allclose(*found, rtol=0.0, atol=1e-12)
