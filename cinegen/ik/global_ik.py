@@ -196,10 +196,7 @@ class _GlobalIK:
     def _result(
         self, found: bool, q: Array, closure: float, starts: int, iterations: int, saturated: tuple[str, ...]
     ) -> IKResult:
-        tasks = tuple(  # copies: the solver's tasks change with the next call
-            FrameTask(task.node, task.target, task.translation, task.rotation, 1.0, task.axes, offset=task.offset)
-            for task in self._local.tasks
-        )
+        tasks = tuple(task.copy() for task in self._local.tasks)  # the solver's change with the next call
         return IKResult(found, q, closure, starts, iterations, saturated, self._mechanism, tasks)
 
 
@@ -207,7 +204,7 @@ def _weights(task: FrameTask, length: float) -> tuple[float, Array]:
     """Return the weights of a task's position (1/m) and of its three axes in the distance between placements."""
     angular = np.full(3, 0.5 * (task.rotation / 3.0))
     if task.rotation == 2:
-        angular = np.array([0.0, 0.0, 0.5])
+        angular = np.where(task.weights[3:] > 0.0, 0.0, 0.5)
     return task.translation / 3.0 / length, angular
 
 
@@ -223,7 +220,7 @@ _kept = _Kept()
 
 def _global_ik(mechanism: Mechanism, tasks: tuple[FrameTask, ...], limits: bool, seed: int) -> _GlobalIK:
     frames = [
-        (task.node, task.translation, task.rotation, task.axes, task.weight, *task.offset.homogeneous.ravel().tolist())
+        (task.node, task.axes, task.weight, *task.weights.tolist(), *task.offset.homogeneous.ravel().tolist())
         for task in tasks
     ]
     key = (id(mechanism), limits, seed, *frames)

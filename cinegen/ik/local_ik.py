@@ -38,13 +38,7 @@ class LocalIK:
     def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True) -> None:
         self._solve = prepare(solve, LocalIKMemory)
         self.mechanism = mechanism
-        self.tasks = tuple(
-            FrameTask(
-                task.node, task.target, task.translation, task.rotation, task.weight, task.axes,
-                mechanism.frame_id(task.node), task.offset,
-            )
-            for task in tasks
-        )  # fmt: skip
+        self.tasks = tuple(task.copy(mechanism.frame_id(task.node)) for task in tasks)
         fixed = 6 if mechanism.floating and all(task.node != mechanism.nodes[0] for task in tasks) else 0
         self._memory = memory = LocalIKMemory()
         set_up(memory, mechanism, fixed)

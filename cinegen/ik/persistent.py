@@ -9,7 +9,6 @@ from cinegen.ik.global_ik import inverse_kinematics
 from cinegen.ik.objectives import Objective, Posture
 from cinegen.ik.solver import Array, Solver
 from cinegen.ik.step import Status, Step
-from cinegen.ik.task import FrameTask
 
 _STARTS = 24  # of the search, once for each set of targets
 _TICKS = 2  # at rest before the search
@@ -72,11 +71,8 @@ class PersistentSolver(Solver):
         tasks = [task for task in self._tasks if task.is_valid()]
         if not tasks or any(task.twist is not None for task in tasks):
             return
-        wanted = [
-            FrameTask(p.node, p.target, p.translation, p.rotation, p.weight, p.axes, offset=p.offset) for p in tasks
-        ]
         try:
-            result = inverse_kinematics(self.mechanism, wanted, starts=_STARTS)
+            result = inverse_kinematics(self.mechanism, [task.copy() for task in tasks], starts=_STARTS)
         except CinegenError:
             return
         if result:

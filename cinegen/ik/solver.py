@@ -375,7 +375,7 @@ class Solver:
         if task.memory.is_followed:  # a twist
             return pin.Motion.Zero()
         (before, was_active), (now, is_active) = (
-            (self._layout.get(record, "record_aims")[i], self._layout.get(record, "record_tasks")[i, 3])
+            (self._layout.get(record, "record_aims")[i], self._layout.get(record, "record_tasks")[i, 1])
             for record in (earlier, latest)
         )
         if not (was_active and is_active) or (before == now).all():
@@ -396,15 +396,9 @@ class Solver:
             for own in self.tasks:
                 self.remove_task(own)
             for task in tasks:
-                self.add_task(
-                    task.node,
-                    translation=task.translation,
-                    rotation=task.rotation,
-                    axes=task.axes,
-                    offset=task.offset,
-                )
+                self.add_task(task.node, weights=task.weights, axes=task.axes, offset=task.offset)
         for own, task in zip(self._tasks, tasks, strict=True):
-            own.weight, own.target = task.weight, task.target
+            own.weights, own.weight, own.target = task.weights, task.weight, task.target
             if task.twist is not None:
                 own.twist = task.twist
 
@@ -643,7 +637,7 @@ def _checked(bounds: Bounds, nv: int) -> Bounds:
 
 def _kind(task: FrameTask) -> tuple[object, ...]:
     """Return all that can't be changed without another row of equations."""
-    return task.node, task.axes, task.translation, task.rotation, task.offset
+    return task.node, task.axes, (task.weights > 0.0).tolist(), task.offset
 
 
 def _nothing() -> None:

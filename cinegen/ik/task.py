@@ -67,6 +67,21 @@ class FrameTask:
         if weights is not None:
             self.weights = weights
 
+    def copy(self, frame: int | None = None) -> FrameTask:
+        """Return a task of no solver with the same values; it follows a pose.
+
+        Args:
+            frame: Pinocchio's index of the node's frame; unchanged unless given.
+        """
+        frame = self.frame if frame is None else frame
+        copied = FrameTask(
+            self.node, self._target, weight=self._weight, axes=self.axes, frame=frame, offset=self.offset,
+            weights=self._weights,
+        )  # fmt: skip
+        for name, value in self._wrong.items():
+            setattr(copied, name, value)
+        return copied
+
     def __repr__(self) -> str:
         follows = "twist" if self.twist is not None else "pose"
         return f"<FrameTask of {self.node}: {follows}, {self.translation} translations, {self.rotation} rotations>"

@@ -11,6 +11,7 @@ import pytest
 import cinegen
 from cinegen.errors import CinegenError
 from cinegen.ik import FrameTask, Status
+from cinegen.ik.local_ik import LocalIK
 
 DT = 0.01
 PATTERNS = [np.array(pattern) for pattern in itertools.product((0.0, 1.0), repeat=6)]
@@ -155,3 +156,36 @@ def test_only_proportions_matter(robot):
             task.target = moved(task.target, np.full(6, off))
         found.append([solver.step().q for _ in range(50)])
     assert np.allclose(*found, rtol=0.0, atol=1e-12)
+
+
+def test_inverse_kinematics_leaves_an_axis_of_weight_0_free(robot):
+    arm, rng = robot("arm7"), np.random.default_rng(2)
+    for weights in ((1, 1, 1, 0, 1, 1), (0, 1, 1, 1, 0, 1), (1, 1, 0, 0, 0, 0.01)):
+        pose = arm.placement(arm.random_closed(1, seed=3)[0], "tool")
+        task = FrameTask("tool", moved(pose, 0.1 * rng.normal(size=6)), weights=weights)
+        result = cinegen.inverse_kinematics(arm, [task])
+        assert result
+        linear, angular = task.errors(arm.placement(result.q, "tool"))
+        assert np.concatenate([linear, angular]) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_weights_do_not_slow_local_inverse_kinematics(robot):
+    """All tasks are to be met: a light one is met in as many iterations."""
+    delta, iterations = robot("delta4"), []
+    target = moved(delta.placement(delta.q_home, "platform"), np.array([0.02, 0.03, -0.05, 0, 0, 0]))
+    for weights in (np.ones(6), np.array([1.0, 0.01, 1.0, 0.0, 0.0, 0.0])):
+        local = LocalIK(delta, (FrameTask("platform", target, weights=weights * (1, 1, 1, 0, 0, 0)),))
+        assert local.solve(delta.q_home, 1e-10)
+        iterations.append(local.iterations)
+    assert iterations[0] == iterations[1]
+
+
+def test_a_solver_that_takes_over_another_ones_state_takes_its_weights(robot):
+    solver, other = (cinegen.Solver(robot("arm7"), DT) for _ in range(2))
+    task = solver.add_task("tool", weights=(1, 0.2, 1, 0, 1, 0.5))
+    task.target = moved(task.target, np.full(6, 0.1))
+    solver.step()
+    task.weights = (0.5, 0.2, 1, 0, 1, 0.5)
+    other.copy_state(solver)
+    for _ in range(10):
+        assert np.array_equal(other.step().q, solver.step().q)
