@@ -1,20 +1,20 @@
-"""One step of cinegen beside one step of placo, pink and mink: same robots, targets, rate, gain and limits.
+"""Compare a step of cinegen with one of placo, pink and mink: same robots, targets, rate, gain and limits.
 
     make bench
     python benchmarks/compare.py [--scenes panda delta ...] [--peers placo ...] [--rounds 30] [--steps 100] [--qp daqp]
 
 Every library is a process of its own, with one thread (peers/worker.py); peers run in .venv-bench, which `make bench`
-makes. The libraries take turns, a few steps each, many rounds, so that a slow moment of the machine meets them all.
+makes. The libraries take turns, a few steps each, many rounds, so that a slow moment of the machine affects all.
 
-A step is what a user writes: set the target, update the kinematics, solve, move on. What is printed:
+A step is what a user writes: set the target, update the kinematics, solve, integrate. Printed are:
 
     solves     for one target. Peers close loops only to first order: one solve leaves them open by micrometres. So
                they appear twice in scenes with loops: with one solve, and with as many as close them to 1e-11 (m, rad).
                cinegen always closes its loops within its one step.
     us, 99 %   median of all steps, and what 99 of 100 steps stay below
     ratio      median over all rounds of cinegen's median to this one's in the same round: below 1 cinegen is faster
-    errors     from the target of the same step, after it (by one yardstick for all: Pinocchio, from the joints'
-               values); the orientation only where it is held
+    errors     from the target of the same step, after it (computed by Pinocchio from the joint values of each); of the
+               orientation only if it is constrained
     open       the largest loop residual, m or rad
     limits     whether all joints' values and speeds stayed within theirs
 """
@@ -49,7 +49,7 @@ Array = NDArray[np.float64]
 
 
 class FailedError(Exception):
-    """A library can't do this scene."""
+    """A library can't run this scene."""
 
 
 class Library:
@@ -84,13 +84,13 @@ class Library:
         if not line:
             self.process.wait()
             self.log.seek(0)
-            said = self.log.read().decode(errors="replace").strip().splitlines() or ["it ended"]
-            raise FailedError(f"{self.name}: {' '.join(said[-2:])}")
+            report = self.log.read().decode(errors="replace").strip().splitlines() or ["it ended"]
+            raise FailedError(f"{self.name}: {' '.join(report[-2:])}")
         answer: dict[str, Any] = json.loads(line)
         return answer
 
     def ask(self, **command: Any) -> dict[str, Any]:
-        """One command, see peers/worker.py."""
+        """Send a command, see peers/worker.py; return the answer."""
         assert self.process.stdin is not None
         try:
             self.process.stdin.write(json.dumps(command) + "\n")
@@ -100,13 +100,13 @@ class Library:
         return self._answer()
 
     def round(self, steps: int) -> None:
-        """The next steps, timed and remembered."""
+        """Run the next steps; keep times and configurations."""
         answer = self.ask(steps=steps, warm=WARM)
         self.rounds.append(answer["ns"])
         self.qs += answer["q"]
 
     def close(self) -> None:
-        """Ends the process."""
+        """End the process."""
         if self.process.stdin is not None:
             self.process.stdin.close()
         self.process.wait()
@@ -114,7 +114,7 @@ class Library:
 
 
 class Yardstick:
-    """Judges joints' values, whoever found them."""
+    """Judges the joint values of all libraries by the same computation."""
 
     def __init__(self, scene: Path) -> None:
         self.scene = json.loads(scene.read_text())
@@ -133,7 +133,7 @@ class Yardstick:
         return q
 
     def errors(self, qs: Sequence[Sequence[float]]) -> tuple[Array, Array]:
-        """Metres and radians from the targets, step by step from the first target on."""
+        """Return distances (m) and angles (rad) from the targets, step by step."""
         metres, radians = np.zeros(len(qs)), np.zeros(len(qs))
         for k, values in enumerate(qs):
             target = self.targets[k % len(self.targets)]
@@ -143,13 +143,13 @@ class Yardstick:
         return metres, radians
 
     def open(self, qs: Sequence[Sequence[float]]) -> float:
-        """The largest loop residual, m or rad."""
+        """Return the largest loop residual, m or rad."""
         if not self.mechanism.loops:
             return 0.0
         return max(float(np.abs(self.mechanism.loop_residual(self._whole(values))).max()) for values in qs)
 
     def kept(self, qs: Sequence[Sequence[float]]) -> bool:
-        """Whether values and speeds stayed within their limits."""
+        """Return whether values and speeds stayed within their limits."""
         values = np.array(qs)
         speeds = np.abs(np.diff(np.vstack([self.home, values]), axis=0)) / self.scene["dt"]
         within = ((values >= self.low - 1e-9) & (values <= self.high + 1e-9)).all()
@@ -161,13 +161,13 @@ def bench_python() -> Path:
 
 
 def alone() -> dict[str, str]:
-    """The environment of a library: one thread, and nobody else's packages."""
+    """Return the environment of a library: one thread, only its own packages."""
     one = {f"{name}_NUM_THREADS": "1" for name in ("OMP", "OPENBLAS", "MKL", "BLIS", "NUMBA", "VECLIB")}
     return {name: value for name, value in os.environ.items() if name != "PYTHONPATH"} | one
 
 
 def contenders(names: Sequence[str], scene: Path, yardstick: Yardstick) -> list[Library]:
-    """cinegen, and every peer with one solve for each target and, where there are loops, with as many as it needs."""
+    """Return cinegen, and every peer with one solve per target and, with loops, with as many as it needs."""
     libraries = [Library("cinegen", scene)]
     for name in names:
         try:
@@ -183,8 +183,8 @@ def contenders(names: Sequence[str], scene: Path, yardstick: Yardstick) -> list[
 
 
 def _solves(library: Library, yardstick: Yardstick) -> int:
-    """How often it must solve for every target so that its loops close to `CLOSED` all along the path, or the most
-    that is tried."""
+    """Return the number of solves per target that close the loops to `CLOSED` along the whole path, at most
+    `MOST_SOLVES`."""
     for solves in range(1, MOST_SOLVES + 1):
         library.ask(home=True, repeat=solves)
         if yardstick.open(library.ask(steps=len(yardstick.targets))["q"]) <= CLOSED:
@@ -195,15 +195,16 @@ def _solves(library: Library, yardstick: Yardstick) -> int:
 
 def compare(name: str, scene: Path, peers: Sequence[str], rounds: int, steps: int) -> None:
     yardstick = Yardstick(scene)
-    said = yardstick.scene
-    held = "pose" if said["rotation"] else "place"
+    content = yardstick.scene
+    constrained = "pose" if content["rotation"] else "position"
     print(
-        f"\n{name}: {len(said['joints'])} joints, {len(said['loops'])} loops, {held} of {said['node']}, "
-        f"{len(said['targets'])} targets at {1.0 / said['dt']:.0f} Hz, gain {said['gain']:g}, limits on"
+        f"\n{name}: {len(content['joints'])} joints, {len(content['loops'])} loops, "
+        f"{constrained} of {content['node']}, {len(content['targets'])} targets "
+        f"at {1.0 / content['dt']:.0f} Hz, gain {content['gain']:g}, limits on"
     )
     libraries = contenders(peers, scene, yardstick)
     for turn in range(rounds):
-        first = turn % len(libraries)  # nobody is always first
+        first = turn % len(libraries)  # none is always first
         for library in libraries[first:] + libraries[:first]:
             library.round(steps)
     print(
@@ -216,9 +217,9 @@ def compare(name: str, scene: Path, peers: Sequence[str], rounds: int, steps: in
         theirs = [median(spent) for spent in library.rounds]
         every = np.concatenate(library.rounds) * 1e-3
         metres, radians = yardstick.errors(library.qs)
-        cells = [metres.max(), _rms(metres)] + [radians.max(), _rms(radians)] * bool(said["rotation"])
+        cells = [metres.max(), _rms(metres)] + [radians.max(), _rms(radians)] * bool(content["rotation"])
         text = "".join(f"{cell:10.1e}" for cell in cells) + f"{'-':>10}" * (4 - len(cells))
-        opening = f"{yardstick.open(library.qs):10.1e}" if said["loops"] else f"{'-':>10}"
+        opening = f"{yardstick.open(library.qs):10.1e}" if content["loops"] else f"{'-':>10}"
         ratio = median(a / b for a, b in zip(ours, theirs, strict=True))
         print(
             f"  {library.version:<30}{library.solves:>6}{np.median(every):9.1f}{np.percentile(every, 99):9.1f}"

@@ -1,4 +1,4 @@
-"""`python -m cinegen.ik` compiles all kernels, so that nobody has to wait for that later."""
+"""`python -m cinegen.ik` compiles the kernels of `cinegen.ik` and `cinegen.loops` in advance."""
 
 from numba import types
 

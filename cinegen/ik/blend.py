@@ -72,7 +72,7 @@ class Blend:
 
     @property
     def removes(self) -> bool:
-        """Whether the task is to be removed at the end."""
+        """True if the task is removed at the end."""
         return self._removes
 
 

@@ -243,7 +243,7 @@ class Solver:
         if not 0.0 < weight < np.inf:
             raise CinegenError(f"a task's weight must be positive and finite, not {weight}")
         if weights is not None and (translation, rotation) != (3, 3):
-            raise CinegenError("weights say which axes a task constrains: leave out translation and rotation")
+            raise CinegenError("weights select the constrained axes: leave out translation and rotation")
         if axes not in ("target", "world"):
             self.mechanism.frame_id(axes)
         frame_on_node = _offset(offset)
@@ -437,7 +437,7 @@ class Solver:
 
     @property
     def keeps_linearisation(self) -> bool:
-        """Whether each tick keeps its `linearisation`; False by default. It may be set at any time."""
+        """True if each tick keeps its `linearisation`; False by default. It may be set at any time."""
         return self._keeps_linearisation
 
     @keeps_linearisation.setter

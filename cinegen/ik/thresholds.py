@@ -1,4 +1,4 @@
-"""What a tick asks for and reports, as numbers; and the thresholds of all its decisions."""
+"""Requests, statuses and phases of a tick as numbers, and its thresholds."""
 
 DONE, RANK_NEEDED, CLEARANCE_NEEDED, PROPOSED = range(4)
 """Requests of a tick."""
@@ -10,39 +10,39 @@ BEGIN, GUARD = 0, 1
 """Phases of a tick: besides PROPOSED, it begins, or waits for the clearance of its trial."""
 
 NEAR = 0.05
-"""A singular value (dimensionless) below this is near a singularity: damping sets in, smoothly."""
+"""Dimensionless singular value below which motion is damped, smoothly."""
 
 RESTING = 6.25e-4
-"""NEAR^2 / 4: what is added to a squared singular value of 0, at least.
+"""NEAR^2 / 4: least damping of a squared singular value of 0.
 
-Much less, and a robot at its limits would swing through all its redundancy to win next to nothing.
+With much less, a robot at its limits would make large null-space motions for a negligible gain.
 """
 
 STEP_CAP = 0.1
-"""rad or lengths in a tick: what the linearisation is good for, even without a velocity limit."""
+"""Largest step of a joint in a tick, rad or lengths, even without a velocity limit: range of the linearisation."""
 
 ERROR_CAP = 0.2
-"""rad or lengths: what a tick tries to make good at most; a far target is approached."""
+"""Largest error that a tick corrects, rad or lengths; a distant target is approached at a limited rate."""
 
 ARMIJO = 0.1
-"""Part of what a step promises to first order that it must win; the best step wins half of it."""
+"""Fraction of the first-order reduction that a step must reach; the best step reaches half of it."""
 
 NEAR_TYPE_2 = 1e-3
 """A singular value of the loops below this is near a type 2 singularity."""
 
 ARRIVED = 1e-6
-"""rad or lengths: a task this near to its target has reached it."""
+"""A task this near to its target has reached it, rad or lengths."""
 
 REST = 1e-7
-"""rad or lengths in a tick that makes good all it can (times its gain else): slower than this nothing moves."""
+"""Joints that move less in a tick are at rest, rad or lengths (times the tick's gain)."""
 
-FULL = 1.0 - 1e-9  # part of a velocity limit that is used: rounding never goes beyond it
-NOISE = 1e-26  # of `distance`: rounding where a target is reached
-TRIES = 10  # times a step that tears is tried shorter
-SECONDARY_TRIES = 4  # times before that, the secondary step is tried shorter; then not at all
-IDLE_SECONDARY = 1e-12  # rad or lengths in a tick: a secondary step shorter than this is left out
+FULL = 1.0 - 1e-9  # usable fraction of a velocity limit: rounding never exceeds it
+NOISE = 1e-26  # of the cost of the tasks: rounding at a reached target
+TRIES = 10  # number of times that a step is shortened
+SECONDARY_TRIES = 4  # number of times that the secondary step is shortened before; then it is left out
+IDLE_SECONDARY = 1e-12  # rad or lengths in a tick: a shorter secondary step is left out
 SCALE_GROWS = 1.25  # from tick to tick, up to 1
 LEAST_SCALE = 1e-3
-SPARE_SPEED = 0.9  # of a speed limit is for redundancy: what closing the loops adds needs the rest
-CORRECTIONS = 12  # evaluations that closing one trial may take
+SPARE_SPEED = 0.9  # fraction of a velocity limit for redundancy: closing the loops needs the remainder
+CORRECTIONS = 12  # largest number of corrections of one trial
 EXACT = 1e-11  # rad or lengths: tasks are corrected with the loops to this

@@ -1,4 +1,4 @@
-"""How kernels are compiled, and kept on disk."""
+"""Compile kernels, and cache their machine code on disk."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _HELPERS: list[Any] = []
 
 
 def compiled(function: Function) -> Function:
-    """Compiles at the first call, for other kernels to call; runs without Python's lock and allocates nothing.
+    """Compile a function at its first call, for other kernels to call; it runs without the GIL and allocates nothing.
 
     A division by zero gives infinity, as numpy's does: no kernel raises. Multiplication and addition may be fused.
     """
@@ -55,8 +55,8 @@ def compiled(function: Function) -> Function:
 
 
 def _as_declared(function: Callable[..., Any], arguments: Sequence[types.Type]) -> tuple[types.Type, ...]:
-    """Return the types of a call's arguments with memories as what the function's annotations say: it is compiled once
-    for what it needs of them, and not again for each memory that has more."""
+    """Return the types of a call's arguments, memories replaced by the declarations in the function's annotations: it
+    is compiled once for these, and not again for each subclass."""
     declared = get_type_hints(function)
     names = function.__code__.co_varnames
     return tuple(
@@ -65,7 +65,7 @@ def _as_declared(function: Callable[..., Any], arguments: Sequence[types.Type]) 
 
 
 def entry(function: Function) -> Function:
-    """As `compiled`, for Python to call: compiled once for all processes, what comes of it is kept on disk."""
+    """Compile a function as `compiled` does, for Python to call; its machine code is cached on disk."""
     try:
         dispatcher = njit(cache=True, **_OPTIONS)(function)
     except RuntimeError:  # nowhere to write
@@ -78,7 +78,7 @@ def entry(function: Function) -> Function:
             return compile_entry(signature)
 
     dispatcher.compile = compile_with_helpers
-    # What is kept is inlined from other files too: it is out of date when any of them has changed.
+    # Functions of other files are inlined: the cached code is out of date when any of these files has changed.
     kept = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     if kept is not None and hasattr(kept, "_source_stamp"):
         kept._source_stamp = _stamp(Path(function.__code__.co_filename))
@@ -86,7 +86,7 @@ def entry(function: Function) -> Function:
 
 
 def together() -> AbstractContextManager[None]:
-    """Return a context in which entries are prepared that share helpers: these are then compiled only once.
+    """Return a context in which several entries are prepared; the helpers that they share are compiled only once.
 
     No kernel may be called in it.
     """
@@ -94,7 +94,7 @@ def together() -> AbstractContextManager[None]:
 
 
 def _stamp(own: Path) -> str:
-    """Return a digest of a kernel's own file and of all that it may have inlined: what these files import, and jit."""
+    """Return a digest of a kernel's file and of all files it may inline: those that it imports, and all of jit."""
     here, root = Path(__file__).parent, Path(__file__).parents[2]
     taken, left = set(here.glob("*.py")), [own]
     while left:
@@ -113,8 +113,7 @@ def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory])
     """Compile an `entry` for arguments of these types, or load it from disk.
 
     Returns:
-        the machine code as a function. It takes a memory's `handle`, and spares the time in which numba looks at the
-        types of arguments.
+        the machine code as a function that takes a memory's `handle`. It skips numba's dispatch on argument types.
     """
     kernel: Any = function
     signature = tuple(getattr(argument, "numba_type", argument) for argument in arguments)
@@ -126,7 +125,7 @@ def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory])
 
 
 def _is_kept(function: Any) -> bool:
-    """Whether a compiled function's result lies on disk already; True where that can't be known."""
+    """Return whether a function's machine code is cached on disk; True if that can't be known."""
     kept = getattr(getattr(function, "_cache", None), "_cache_file", None)
     try:
         return kept is None or bool(kept._load_index())

@@ -1,8 +1,8 @@
-"""Factors of small dense matrices: Householder's with rows in the order of what they add, Cholesky's and Gauss's.
+"""Factorisations of small dense matrices: Householder QR with pivoting, Cholesky, and Gaussian elimination.
 
-A matrix J^T P = H_1 ... H_r [L^T; 0] is factored with the rows of J in the order of what they add (column pivoting;
-G. H. Golub and C. F. Van Loan, "Matrix computations", section 5.4.2), as many as its generic rank r. The last n - r
-columns of H_1 ... H_r span its null space: for the Jacobian of loops, the motions that keep them closed.
+The QR factorisation J^T P = H_1 ... H_r [L^T; 0] pivots the rows of J (G. H. Golub and C. F. Van Loan, "Matrix
+computations", section 5.4.2) and takes as many as its generic rank r. The last n - r columns of H_1 ... H_r span its
+null space: for the Jacobian of loops, the motions that keep them closed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import math
 
 from cinegen.jit.compiled import Array, Table, compiled
 
-_ZERO = 1e-13  # a row adds nothing if less than this part of the longest is left of it
+_ZERO = 1e-13  # pivots below this fraction of the first are zero
 
 
 @compiled
@@ -19,15 +19,15 @@ def factor(f: Array, rank: int, order: Table, left: Array, tau: Array, h: Array)
     """Factor f (rows, n) in place.
 
     Args:
-        f: the matrix; becomes L, row after row, in its first columns.
-        rank: rows to be taken at most.
-        order: (rows,) becomes which row stands where.
-        left: (rows,) becomes the square of what is left of each row that was not taken.
+        f: the matrix; becomes L, in its first columns.
+        rank: largest number of pivots.
+        order: (rows,) becomes the permutation of the rows.
+        left: (rows,) becomes the squared remainder of each row without a pivot.
         tau: (rank,) and
-        h: (rank, n) become the reflections 1 - tau h h^T. Rows that add nothing have tau 0 and a 0 on the diagonal.
+        h: (rank, n) become the reflections 1 - tau h h^T. Where a pivot is zero, tau and the diagonal are 0.
 
     Returns:
-        the shortest of what the rows added, as a part of the longest: 0 where the rank is not reached.
+        the smallest pivot as a fraction of the first; 0 if the rank is not reached.
     """
     rows, n = f.shape
     for i in range(rows):
@@ -82,7 +82,7 @@ def factor(f: Array, rank: int, order: Table, left: Array, tau: Array, h: Array)
 
 @compiled
 def reflect(x: Array, rank: int, tau: Array, h: Array) -> None:
-    """x (n,) becomes H_1 ... H_r x."""
+    """Multiply x (n,) by H_1 ... H_r, in place."""
     n = x.shape[0]
     for t in range(rank - 1, -1, -1):
         if tau[t] != 0.0:
@@ -96,7 +96,7 @@ def reflect(x: Array, rank: int, tau: Array, h: Array) -> None:
 
 @compiled
 def null_space(rank: int, tau: Array, h: Array, out: Array) -> None:
-    """out (n - rank, n) = orthonormal rows that every factored row is orthogonal to."""
+    """Write an orthonormal basis of the null space, the rows of out (n - rank, n)."""
     count, n = out.shape
     for i in range(count):
         for k in range(n):
@@ -107,8 +107,7 @@ def null_space(rank: int, tau: Array, h: Array, out: Array) -> None:
 
 @compiled
 def shortest_solution(f: Array, rank: int, order: Table, tau: Array, h: Array, right: Array, out: Array) -> None:
-    """out (n,) = the shortest x with J x = right (rows,) on the rows that were taken; those that add nothing are left
-    out."""
+    """Write the shortest x (n,) with J x = right (rows,) on the rows with a nonzero pivot."""
     for i in range(rank):
         if tau[i] == 0.0:
             out[i] = 0.0
@@ -126,7 +125,7 @@ def shortest_solution(f: Array, rank: int, order: Table, tau: Array, h: Array, r
 def damped_solution(
     f: Array, rank: int, order: Table, tau: Array, h: Array, right: Array, damping: float, normal: Array, out: Array
 ) -> None:
-    """out (n,) = the least of |J x - right|^2 + damping |x|^2 over all rows: (L^T L + damping) y = L^T right, x = Q y.
+    """Write the minimiser of |J x - right|^2 + damping |x|^2 over all rows: (L^T L + damping) y = L^T right, x = Q y.
 
     Args:
         f, rank, order, tau, h: the factors; rows behind the rank are (rows, rank), too.
@@ -154,7 +153,7 @@ def damped_solution(
 
 @compiled
 def cholesky(a: Array, n: int, x: Array) -> None:
-    """x (n,) becomes a^-1 x for a positive definite a (n, n), whose lower half is given and lost."""
+    """Solve a x = b in place: x (n,) is b; a (n, n) is positive definite, its lower half is given and overwritten."""
     for i in range(n):
         for k in range(i):
             s = a[i, k]
@@ -179,7 +178,7 @@ def cholesky(a: Array, n: int, x: Array) -> None:
 
 @compiled
 def eliminate(a: Array, n: int, width: int) -> float:
-    """Gauss's elimination of the first n columns of a (n, width), the largest of a column first.
+    """Eliminate the first n columns of a (n, width), with partial pivoting.
 
     Returns:
         the sign of their determinant: 1, -1, or 0.

@@ -1,10 +1,9 @@
-"""Memory that other libraries own, read where it is: this module alone knows how it is laid out.
+"""Memory of other libraries, read in place: only this module depends on its layout.
 
 Documented access is used where there is any: Pinocchio's matrices are numpy arrays over its own memory. Every layout is
-checked before it is relied on, with this build of Pinocchio and Coal; where it is otherwise, numbers are copied
-instead.
+checked before it is used, with the installed builds of Pinocchio and Coal; if the check fails, numbers are copied.
 
-    target of a task    an SE3 that has just been copied lies at a fixed distance from its Python object: `address_of`
+    target of a task    the numbers of a copied SE3 are at a fixed distance from its Python object: `SE3_DISTANCE`
     joint placements    `data.oMi` is contiguous: `JointKinematics`
     distances           `GeometryData.distanceResults` is contiguous: `DistanceResults`
 """
@@ -51,8 +50,8 @@ def frame_at(_typing: Any, _address: Any) -> Any:
 
 
 def _distance() -> int | None:
-    """Return how far the numbers of a copied SE3 are from its Python object; None unless it is the same for every copy,
-    and its 12 numbers are those of a frame."""
+    """Return the distance in bytes of a copied SE3's numbers from its Python object; None unless it is the same for
+    every copy, and the 12 numbers there are those of the frame."""
     given = pin.SE3.Random()
     copies = [given.copy() for _ in range(8)]
     distances = {address(copied.rotation) - id(copied) for copied in copies}
@@ -65,14 +64,14 @@ def _distance() -> int | None:
 
 
 SE3_DISTANCE = _distance()
-"""Bytes from the Python object that `SE3.copy` returns to its frame; None where that is unknown."""
+"""Bytes from the Python object that `SE3.copy` returns to its frame; None if unknown."""
 
 
 # --- Pinocchio's data -------------------------------------------------------------------------------------------------
 
 
 class JointKinematics:
-    """Frames and screws of all joints where Pinocchio's data has them.
+    """Frames and screws of all joints, in place in Pinocchio's data or copied.
 
     Args:
         data: of a model.
@@ -80,8 +79,8 @@ class JointKinematics:
     Attributes:
         frames: (joints, 4, 3); up to date after `read`.
         screws: (nv, 6) the columns of `data.J`; up to date after `read`.
-        frames_in_place: whether the frames are Pinocchio's own memory.
-        screws_in_place: whether the screws are.
+        frames_in_place: the frames are Pinocchio's own memory.
+        screws_in_place: the screws are.
     """
 
     def __init__(self, data: pin.Data) -> None:
@@ -103,7 +102,7 @@ class JointKinematics:
         return jacobian.reshape(6, jacobian.size // 6).T  # one column has one dimension
 
     def read(self) -> None:
-        """Take over what Pinocchio has computed."""
+        """Copy what Pinocchio has computed, if it can't be read in place."""
         if not self.frames_in_place:
             self.frames[:] = [frame_of(placement) for placement in self._placements]
         if not self.screws_in_place:
@@ -118,7 +117,7 @@ def numbers_at(begin: int, shape: tuple[int, ...]) -> Array:
 # --- Coal's results ---------------------------------------------------------------------------------------------------
 
 DISTANCE, NORMAL, FIRST_POINT, SECOND_POINT, RESULT_WIDTH = 0, 1, 4, 7, 20
-"""Where Coal keeps what it found of a pair, counted in doubles from its distance; and from one pair to the next."""
+"""Offsets of a pair's result in Coal's memory, in doubles from its distance; and the offset of the next pair."""
 
 
 class DistanceResults:
@@ -130,7 +129,7 @@ class DistanceResults:
     Attributes:
         shapes: as given.
         table: (pairs, RESULT_WIDTH); up to date after `read`.
-        is_in_place: whether that is Coal's own memory: once the first results were found to be where they should be.
+        is_in_place: it is Coal's own memory; checked with the first results.
     """
 
     def __init__(self, shapes: pin.GeometryData) -> None:
@@ -139,7 +138,7 @@ class DistanceResults:
         self.table = np.zeros((len(self._results), RESULT_WIDTH))
 
     def read(self) -> None:
-        """Take over what Coal has found."""
+        """Copy what Coal has computed, if it can't be read in place."""
         if self.is_in_place:
             return
         for row, result in zip(self.table, self._results, strict=True):
@@ -151,7 +150,7 @@ class DistanceResults:
             self._look()
 
     def _look(self) -> None:
-        """Read in place from now on, if all results are there as they were copied."""
+        """Read in place from now on, if memory has the numbers that were copied."""
         begin = [address(result.normal) - 8 * NORMAL for result in self._results]
         if begin == list(range(begin[0], begin[0] + 8 * RESULT_WIDTH * len(begin), 8 * RESULT_WIDTH)):
             found, used = numbers_at(begin[0], self.table.shape), SECOND_POINT + 3

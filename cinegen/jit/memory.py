@@ -15,8 +15,8 @@
     prepare(fall, Balls)(balls.handle)
 
 In Python a `Memory` owns one aligned block that holds all arrays, and has them as numpy arrays. In a kernel the same
-names are the same arrays, of the same shapes. A kernel takes one argument instead of many: to pass thirty arrays takes
-longer than most kernels do.
+names are the same arrays, of the same shapes. A kernel takes one argument instead of many: passing thirty arrays takes
+longer than most kernels run.
 
 A kernel sees a table of 8-byte words: a number for each parameter and state, an address for each array. Addresses and
 parameters are marked as invariant, so that LLVM reads them once and not again after each number that is written.
@@ -56,16 +56,16 @@ AnyMemory = TypeVar("AnyMemory", bound="Memory")
 
 @dataclass(slots=True)
 class Field:
-    """What is declared under a name.
+    """Declaration of one field of a memory.
 
     Attributes:
-        dtype: of the number, or of the numbers of the array.
-        shape: of an array: numbers, or names of parameters; None for a single number.
-        default: what a number is at first.
-        is_invariant: whether no kernel writes the number.
-        is_foreign: whether the array's memory belongs to somebody else.
-        block: of arrays that follow each other without gaps, or "".
-        slot: where in the table.
+        dtype: type of the number, or of the array's elements.
+        shape: shape of an array: numbers, or names of parameters; None for a single number.
+        default: initial value of a number.
+        is_invariant: no kernel writes the number.
+        is_foreign: the memory of the array belongs to another library.
+        block: name of a group of arrays that are contiguous, or "".
+        slot: index in the table.
     """
 
     dtype: np.dtype[Any]
@@ -78,7 +78,7 @@ class Field:
 
     @property
     def is_own(self) -> bool:
-        """Whether it is an array that the memory allocates."""
+        """True for an array that the memory allocates."""
         return self.shape is not None and not self.is_foreign
 
     def __get__(self, memory: Memory | None, owner: type) -> Any:
@@ -89,12 +89,12 @@ class Field:
 
 
 def parameter(default: float) -> Any:
-    """Declare a number, int or float as its default, that Python sets and kernels read. Shapes may name it."""
+    """Declare a number that Python sets and kernels read; int or float like its default. Shapes may name it."""
     return Field(np.dtype(type(default)), default=default, is_invariant=True)
 
 
 def state(default: float) -> Any:
-    """Declare a number, int or float as its default, that kernels write, too."""
+    """Declare a number that kernels write, too; int or float like its default."""
     return Field(np.dtype(type(default)), default=default)
 
 
@@ -104,25 +104,25 @@ def array(*shape: int | str, dtype: type = float, block: str = "") -> Any:
     Args:
         shape: dimensions.
         dtype: float, int or complex.
-        block: arrays of one block, all of float, lie in one piece of memory: see `Memory.block`.
+        block: arrays of one block, all of float, are contiguous: see `Memory.block`.
     """
     return Field(np.dtype(dtype), shape, block=block)
 
 
 def foreign(*shape: int | str, dtype: type = float) -> Any:
-    """Declare an array whose memory belongs to others: see `Memory.point_at`."""
+    """Declare an array whose memory belongs to another library: see `Memory.point_at`."""
     return Field(np.dtype(dtype), shape, is_foreign=True)
 
 
 class Memory:
-    """Base of all declarations of memory. A subclass of a declaration adds fields; kernels for the one take the other.
+    """Base of all declarations of memory. A subclass of a declaration adds fields; kernels for the base accept it.
 
     Args:
-        sizes: the parameters that shapes name.
+        sizes: values of the parameters that shapes name.
 
     Attributes:
-        handle: what a compiled kernel is called with.
-        words: the table that kernels see.
+        handle: argument of compiled kernels.
+        words: table that kernels read.
     """
 
     fields: ClassVar[dict[str, Field]] = {}
@@ -152,8 +152,8 @@ class Memory:
         self._allocate({name for name, field in self.fields.items() if field.is_own})
 
     def resize(self, **sizes: int) -> None:
-        """Set parameters that shapes name. An array whose shape changes begins as zeros, and so do the others of its
-        block; all others stay as they are."""
+        """Set parameters that shapes name. Arrays whose shape changes, and others of their blocks, become zeros; the
+        rest keep their values."""
         needed: set[str] = set()
         for name, size in sizes.items():
             if getattr(self, name) != size:
@@ -164,7 +164,7 @@ class Memory:
             self._allocate(needed | {name for name, field in self.fields.items() if field.block in blocks})
 
     def _allocate(self, names: set[str]) -> None:
-        """Allocate some arrays in one piece, aligned; those of a block follow each other."""
+        """Allocate some arrays in one aligned piece; those of a block are contiguous."""
         fields = sorted((self.fields[name].block, self.fields[name].slot, name) for name in names)
         starts, end, last = [], 0, ""
         for block, _, name in fields:
@@ -181,7 +181,7 @@ class Memory:
             self.words[slot] = address + first + start
 
     def block(self, name: str) -> tuple[NDArray[np.float64], dict[str, tuple[slice, tuple[int, ...]]]]:
-        """Return all numbers of a block as one array, and for each field of it where it is there, and its shape."""
+        """Return a block as one array, and the slice and the shape of each of its fields."""
         where, end = {}, 0
         for key, field in self.fields.items():
             if field.block == name:
@@ -194,14 +194,14 @@ class Memory:
         ), where
 
     def shape(self, name: str) -> tuple[int, ...]:
-        """Return the shape of an array as the parameters are now."""
+        """Return the present shape of an array."""
         return tuple(
             size if isinstance(size, int) else int(self.words[self.fields[size].slot])
             for size in self.fields[name].shape or ()
         )
 
     def point_at(self, name: str, values: NDArray[Any]) -> None:
-        """Let a foreign array be the memory of `values`, C-contiguous."""
+        """Point a foreign array at the memory of `values`, which must be C-contiguous."""
         field = self.fields[name]
         if values.shape != self.shape(name) or values.dtype != field.dtype or not values.flags.c_contiguous:
             raise ValueError(f"{name} is {self.shape(name)} of {field.dtype}, not {values.shape} of {values.dtype}")
@@ -213,7 +213,7 @@ class Memory:
 
 
 def view(declaration: type[AnyMemory]) -> Callable[[int], AnyMemory]:
-    """Return a function for kernels: from a handle to the memory that it is of."""
+    """Return a function for kernels that converts a handle to its memory."""
 
     @intrinsic  # type: ignore[untyped-decorator]
     def memory_of(_typing: Any, _handle: Any) -> Any:

@@ -1,7 +1,7 @@
 """Rotations and frames: `raff2urdf.residual`'s log, swing and their derivatives, compiled.
 
 A frame is (4, 3): its three axes, then its origin, in the order in which Pinocchio and Eigen keep a placement. The
-axes alone, (3, 3), are the transpose of the rotation matrix. Results go into arrays of the caller's.
+axes alone, (3, 3), are the transpose of the rotation matrix. Results are written to arrays of the caller.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def log(r: Array, out: Array) -> None:
 def turn(axes: Array, v: Array, s: float, c: float) -> None:
     """Rotate axes (3, 3) about a vector (3,) along them, by s = sin(t) / |v|, c = (1 - cos(t)) / |v|^2 (Rodrigues).
 
-    About a vector in the world, what rounding does to the axes' lengths would grow from joint to joint.
+    With a vector in the world, rounding errors of the axes' lengths would grow from joint to joint.
     """
     x, y, z = v[0], v[1], v[2]
     rest = 1.0 - c * dot(v, v)

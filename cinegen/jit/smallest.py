@@ -1,11 +1,10 @@
-"""The smallest singular value alone, of a matrix whose columns are independent.
+"""The smallest singular value of a matrix with independent columns.
 
-By Householder's reflections from both sides A becomes bidiagonal (G. H. Golub and C. F. Van Loan, "Matrix
-computations", section 5.4). The squares of B's singular values are the zeros of det(B^T B - s), which all are real:
-from 0 Laguerre's method goes up to the smallest, three times as many digits right with each step, and never beyond
-(B. N. Parlett, "Laguerre's method applied to the matrix eigenvalue problem", 1964). The determinant is a product of
-pivots, which the differential stationary qd transformation gives without loss by subtraction (B. N. Parlett, "The new
-qd algorithms", 1995).
+Householder reflections from both sides make A bidiagonal (G. H. Golub and C. F. Van Loan, "Matrix computations",
+section 5.4). The squared singular values of B are the zeros of det(B^T B - s), all real. Laguerre's method converges
+from 0 to the smallest monotonically and cubically (B. N. Parlett, "Laguerre's method applied to the matrix eigenvalue
+problem", 1964). The determinant is a product of pivots, which the differential stationary qd transformation computes
+without cancellation (B. N. Parlett, "The new qd algorithms", 1995).
 """
 
 from __future__ import annotations
@@ -15,12 +14,15 @@ import math
 from cinegen.jit.compiled import Array, compiled
 
 _MOST = 60  # iterations; 3 to 6 are usual
-_SAME = 1e-13  # change of the square, as a part of it, in the last one
+_SAME = 1e-13  # relative change of the square at which iterations end
 
 
 @compiled
 def smallest_singular_value(a: Array, rows: int, n: int, x: Array, y: Array) -> float:
-    """Of a (rows, n), rows >= n, which is lost; x and y (n,) are scratch. 0 where columns are dependent."""
+    """Return the smallest singular value of a (rows, n), rows >= n, which is overwritten; 0 if columns are dependent.
+
+    x and y (n,) are scratch.
+    """
     if not _bidiagonalise(a, rows, n, x, y):
         return 0.0
     for k in range(n):
@@ -31,8 +33,8 @@ def smallest_singular_value(a: Array, rows: int, n: int, x: Array, y: Array) -> 
 
 @compiled
 def _bidiagonalise(a: Array, rows: int, n: int, d: Array, e: Array) -> bool:
-    """Of a (rows, n), which is lost: diagonal d (n,) and what is right of it, e (n,), whose last is 0; False where
-    columns are dependent."""
+    """Compute the bidiagonal form of a (rows, n), which is overwritten: diagonal d (n,), superdiagonal e (n,), whose
+    last number is 0. Return False if columns are dependent."""
     largest = 0.0
     for k in range(n):
         s = 0.0
@@ -45,7 +47,7 @@ def _bidiagonalise(a: Array, rows: int, n: int, d: Array, e: Array) -> bool:
         d[k] = -length if a[k, k] > 0.0 else length
         a[k, k] -= d[k]
         tau = 1.0 / (length * abs(a[k, k]))
-        for j in range(k + 1, n):  # what e will hold further on serves meanwhile
+        for j in range(k + 1, n):  # the rest of e is scratch meanwhile
             e[j] = 0.0
         for i in range(k, rows):
             part = a[i, k]
@@ -79,14 +81,14 @@ def _bidiagonalise(a: Array, rows: int, n: int, d: Array, e: Array) -> bool:
 
 @compiled
 def _smallest_zero(q: Array, e: Array, n: int) -> float:
-    """Of det(B^T B - s), where B has the squares q (n,) on its diagonal and e (n,) right of it."""
+    """Return the smallest zero of det(B^T B - s); B has the squares q (n,) on its diagonal and e (n,) beside it."""
     s = 0.0
     for _ in range(_MOST):
         first, second = 0.0, 0.0  # sums of 1 / (zero - s) and of their squares
-        t, dt, ddt = -s, -1.0, 0.0  # what a pivot is more than q, and its derivatives
+        t, dt, ddt = -s, -1.0, 0.0  # difference of a pivot from q, and its derivatives
         for k in range(n):
             pivot = q[k] + t
-            if not pivot > 0.0:  # s is the zero, but for rounding
+            if not pivot > 0.0:  # s is the zero, up to rounding
                 return s
             inverse = 1.0 / pivot
             u, v = dt * inverse, ddt * inverse

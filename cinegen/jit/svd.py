@@ -1,9 +1,9 @@
-"""Singular values by one-sided Jacobi rotations, begun from those of the matrix before.
+"""Singular values by one-sided Jacobi rotations, starting from the singular vectors of an earlier matrix.
 
-Between two ticks a Jacobian hardly changes, so the singular vectors of the last one nearly diagonalise this one: a
-sweep or two of rotations do the rest (A. A. Maciejewski and C. A. Klein, "The singular value decomposition:
+Between two ticks a Jacobian changes little, so the singular vectors of the last one nearly diagonalise it: one or two
+sweeps of rotations complete the decomposition (A. A. Maciejewski and C. A. Klein, "The singular value decomposition:
 computation and applications to robotics", International Journal of Robotics Research 8, 1989). The rotations are
-Hestenes's; where they begin makes no difference to what they find, but for rounding.
+Hestenes's; the start affects the result only by rounding.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ import math
 from cinegen.jit.compiled import Array, compiled
 
 _ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
-_LAST = 1e-6  # a sweep whose rotations are all smaller leaves the square of that, and is the last
-_LAST_OF_VALUES = 1e-4  # values alone are known to the square of what is left
-_NOTHING = 1e-15  # rows shorter than this part of the longest are zeros
-_WARM_SWEEPS = 6  # after so many from a guess, it is begun again from nothing
+_LAST = 1e-6  # largest rotation in the last sweep: the square of it remains
+_LAST_OF_VALUES = 1e-4  # if only values are computed: their errors are quadratic in the rotations
+_NOTHING = 1e-15  # rows shorter than this fraction of the longest are zero
+_WARM_SWEEPS = 6  # from a guess, before a cold start
 COLD_SWEEPS = 30
 
 
 @compiled
 def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: Array, sweeps: int) -> int:
-    """Turns the first n rows of b (., width) until they are orthogonal, and those of u (., vectors) with them.
+    """Rotate the first n rows of b (., width) until they are orthogonal, and those of u (., vectors) with them.
 
     Args:
         b: u m, for some matrix m (n, width); becomes the product of the new u with m.
         u: orthogonal.
         n: rows.
         width: columns.
-        vectors: columns of u: n, or 0 if nobody wants it.
+        vectors: columns of u: n, or 0 if u is not needed.
         square: (n,) becomes the squared length of each row of b.
-        sweeps: at most so many.
+        sweeps: largest number of sweeps.
 
     Returns:
-        sweeps that were needed; -1 where they were too few.
+        number of sweeps; -1 if they were too few.
     """
     last = _LAST if vectors > 0 else _LAST_OF_VALUES
     for sweep in range(sweeps):
@@ -43,7 +43,7 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: 
             s = 0.0
             for k in range(width):
                 s += b[i, k] * b[i, k]
-            if not s < math.inf:  # no number, or too large: nothing can be said, and no guess for later comes of it
+            if not s < math.inf:  # NaN or overflow: no result, and no guess for later
                 return -1
             square[i] = s
             longest = max(longest, s)
@@ -102,7 +102,7 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: 
 
 @compiled
 def decompose(m: Array, n: int, width: int, u: Array, b: Array, square: Array, warm: bool) -> int:
-    """Singular values of m: b = u m has orthogonal rows, the longest first; their squared lengths are in `square`.
+    """Compute the singular values of m: b = u m has orthogonal rows, the longest first, of squared lengths `square`.
 
     With s_i the length of row i, u_i is a left singular vector (a row of u) and b_i / s_i the right one.
 
@@ -110,13 +110,13 @@ def decompose(m: Array, n: int, width: int, u: Array, b: Array, square: Array, w
         m: (n, width).
         n: rows.
         width: columns.
-        u: (n, n), orthogonal; where it begins if `warm`.
+        u: (n, n), orthogonal; the start if `warm`.
         b: (n, width), result.
         square: (n,), result.
-        warm: whether u is a guess.
+        warm: u is a guess.
 
     Returns:
-        sweeps that were needed, in all.
+        number of sweeps.
     """
     used = 0
     if warm:
@@ -148,7 +148,7 @@ def decompose(m: Array, n: int, width: int, u: Array, b: Array, square: Array, w
 
 @compiled
 def straighten(u: Array, n: int) -> None:
-    """Takes from u (n, n) what rounding has added to an orthogonal matrix: Gram and Schmidt, row after row."""
+    """Orthonormalise u (n, n), orthogonal up to rounding, by Gram-Schmidt."""
     for i in range(n):
         for j in range(i):
             dot = 0.0

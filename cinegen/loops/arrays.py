@@ -28,13 +28,13 @@ AnyMemory = TypeVar("AnyMemory", bound=LoopMemory)
 
 
 def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) -> AnyMemory:
-    """Fill the memory of a mechanism's kernels with what does not change.
+    """Fill the memory of a mechanism's kernels with its joints and loops.
 
     Args:
-        memory: any that has what loops need.
+        memory: memory to fill.
         system: the mechanism's loops.
-        rank: of their Jacobian, generic.
-        fixed: 6 where a base that could move stays where it is, else 0.
+        rank: generic rank of their Jacobian.
+        fixed: 6 if a floating base is fixed, else 0.
     """
     model = system.model
     memory.resize(
@@ -77,7 +77,7 @@ def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> b
 
 
 def actuate(memory: LoopMemory, columns: Sequence[int]) -> None:
-    """Name the joints that are led to `goal`, by their columns in the model's Jacobian; they are locked."""
+    """Declare the joints that follow `goal`, by their columns in the model's Jacobian; they are locked."""
     memory.resize(actuated=len(columns))
     memory.actuated_dof[:] = np.array(columns, dtype=int) - memory.fixed
     memory.locked[memory.actuated_dof] = 1.0

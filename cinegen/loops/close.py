@@ -16,25 +16,25 @@ Array = NDArray[np.float64]
 
 
 class Closer:
-    """Takes the steps of `raff2urdf.closure.close`, compiled. Not for two threads at once: it keeps scratch data.
+    """Closes loops by the steps of `raff2urdf.closure.close`, compiled. For one thread at a time.
 
     Args:
         system: the loops.
-        rank: of their Jacobian, generic.
+        rank: generic rank of their Jacobian.
     """
 
     def __init__(self, system: ClosedLoops, rank: int) -> None:
         self._close = prepare(close_from_trial, LoopMemory)
         self._memory = set_up(LoopMemory(), system, rank)
-        self._idle = ~self._memory.loop_signs.any(axis=0)  # joints in no loop: they stay bit by bit
+        self._idle = ~self._memory.loop_signs.any(axis=0)  # joints in no loop: they do not change at all
         self._locked: Array | None = None
 
     def close(self, q: Array, locked: Array) -> Closing:
-        """Return the best configuration that Gauss-Newton steps reach from q (nq,), and its gap.
+        """Return the best configuration that Gauss-Newton steps from q (nq,) reach, and its gap.
 
         Args:
-            q: where to begin; the gap is NaN where a number is not finite.
-            locked: (nv,) 1 for degrees of freedom that stay, else 0; not to be changed.
+            q: start; the gap is NaN if a number is not finite.
+            locked: (nv,) 1 for degrees of freedom that are locked, else 0; must not be modified later.
         """
         memory = self._memory
         if locked is not self._locked:

@@ -21,28 +21,29 @@ from cinegen.tolerances import CLOSED, CLOSURE
 Array = NDArray[np.float64]
 
 _TOLERANCE = 1e-13  # rad or lengths: loops are closed to this, or to rounding
-_STRIDE = 0.1  # rad or lengths: a longer motion of a joint is divided into steps, to stay on the branch
-_ASTRAY = 0.25  # part of a step that closing the loops may add
-_FURTHEST = 1000.0  # rad or lengths: a joint that should move further at once is an error
+_STRIDE = 0.1  # rad or lengths: longest step of a joint, to stay on the branch
+_CORRECTION = 0.25  # largest correction of the loops, as a fraction of the step
+_FURTHEST = 1000.0  # rad or lengths: longest motion of a joint in one call
 
 
 class ForwardKinematics:
     """Forward kinematics on one branch: the mechanism stays in its assembly mode.
 
-    The actuated joints move straight to their values, in steps, and the loops are closed after each step. A step is
-    accepted only if closing the loops added little to its prediction; else half of it is tried. So a jump of any length
-    ends where a slow motion would. `Mechanism.close` instead returns a closed configuration near the given one, which
-    after a jump may be on another branch.
+    The actuated joints move along a straight line to their values, in steps, and the loops are closed after each step.
+    A step is accepted only if closing the loops corrects its prediction little; otherwise half of it is tried. So a
+    motion of any length ends where a slow one would. `Mechanism.close` instead returns a closed configuration near the
+    given one, which after a long motion may be on another branch.
 
-    For one thread at a time; the mechanism may serve others meanwhile. Joint limits are not considered.
+    For one thread at a time; the mechanism may be shared. Joint limits are not considered.
 
     Args:
-        mechanism: the mechanism.
-        q: (nq,) where to begin, closed (`cinegen.tolerances.CLOSURE`); home unless given. A free base stays there.
+        mechanism: mechanism to move.
+        q: (nq,) initial configuration, closed (`cinegen.tolerances.CLOSURE`); home unless given. A floating base is
+            fixed there.
 
     Raises:
-        ConfigurationError: q is no configuration.
-        CinegenError: q leaves loops open, or an actuated joint is more than one number.
+        ConfigurationError: q has a wrong shape or is not finite.
+        CinegenError: q leaves loops open, or an actuated joint has more than one variable.
     """
 
     def __init__(self, mechanism: Mechanism, q: ArrayLike | None = None) -> None:
@@ -51,16 +52,18 @@ class ForwardKinematics:
         names = mechanism.actuated
         for name in names:
             if self._model.joints[self._model.getJointId(name)].nq != 1:
-                raise CinegenError(f"joint '{name}' of {mechanism.name} is more than one number: it can't be actuated")
-        self._places = [mechanism.q_index(name) for name in names]
+                raise CinegenError(
+                    f"joint '{name}' of {mechanism.name} has more than one variable: it can't be actuated"
+                )
+        self._q_indices = [mechanism.q_index(name) for name in names]
         columns = [mechanism.v_index(name) for name in names]
-        self._motors = {
+        self._actuated = {
             name: (i, float(mechanism.scale[column]))
             for i, (name, column) in enumerate(zip(names, columns, strict=True))
         }
         self._memory = memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
         actuate(memory, columns)
-        memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _ASTRAY
+        memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
         self._goal = memory.goal
         if mechanism.loops:
             self._follow_goal = prepare(follow, LoopMemory)
@@ -71,11 +74,11 @@ class ForwardKinematics:
 
     @property
     def q(self) -> Array:
-        """(nq,) the present configuration. Setting it moves the mechanism there at once, and to that branch.
+        """(nq,) present configuration, a copy. Setting it moves the mechanism there at once, and to that branch.
 
         Raises:
-            ConfigurationError: it is no configuration.
-            CinegenError: it leaves loops open.
+            ConfigurationError: set to an array of wrong shape, or one that is not finite.
+            CinegenError: set to a configuration with open loops.
         """
         return self._q.copy()
 
@@ -85,56 +88,58 @@ class ForwardKinematics:
         gap = self.mechanism.closure(full)
         if gap > CLOSURE:
             raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {gap:.2g}: call close(q) first")
-        self._stand(full.copy())
+        self._set(full.copy())
 
-    def _stand(self, q: Array) -> None:
+    def _set(self, q: Array) -> None:
         self._q = q
-        self._goal[:] = q[self._places]
+        self._goal[:] = q[self._q_indices]
         self._memory.q[:] = q
         self._memory.factored_at, self._memory.alike = NOWHERE, 0
 
     def move(self, values: Mapping[str, float]) -> Array:
-        """Move actuated joints; those that are not named stay. If that fails, nothing moves.
+        """Move actuated joints; the others keep their values. If that fails, nothing moves.
 
         Args:
             values: joint name -> value, rad or m.
 
         Returns:
-            (nq,) the positions of all joints: those named have exactly their values, and loops are closed to 1e-12.
+            (nq,) configuration: the named joints have exactly their values, and loops are closed to 1e-12.
 
         Raises:
             UnknownNameError: no such joint.
             ConfigurationError: a value is not a finite number, or too far away.
             CinegenError: a joint is not actuated.
-            ClosureError: the loops can't be closed along that motion on this branch; says where it ended.
+            ClosureError: the loops can't be closed along that motion on this branch; reports where it ended.
         """
-        goal, motors = self._goal, self._motors
+        goal, actuated = self._goal, self._actuated
         try:
             for name, value in values.items():
-                motor, scale = motors[name]
+                index, scale = actuated[name]
                 if type(value) is not float:
                     value = _number(name, value)
-                if not abs(value - goal[motor]) <= _FURTHEST * scale:
-                    raise ConfigurationError(_too_far(name, value, float(goal[motor])))
-                goal[motor] = value
+                if not abs(value - goal[index]) <= _FURTHEST * scale:
+                    raise ConfigurationError(_too_far(name, value, float(goal[index])))
+                goal[index] = value
         except (KeyError, CinegenError) as error:
-            goal[:] = self._q[self._places]
+            goal[:] = self._q[self._q_indices]
             raise (self._not_actuated(name) if isinstance(error, KeyError) else error) from None
         if not self.mechanism.loops:
             self._q = self._q.copy()
-            self._q[self._places] = goal
+            self._q[self._q_indices] = goal
         elif self._model.nv > 0:
             self._follow()
         return self._q.copy()
 
     def _follow(self) -> None:
-        """Leads the actuated joints to their goal."""
+        """Move the actuated joints to their goal."""
         memory = self._memory
         if self._follow_goal(memory.handle) and memory.closure <= CLOSED:
             self._q = memory.q.copy()
             return
-        reached = ", ".join(f"{name} {memory.q[i]:.5g}" for name, i in zip(self._motors, self._places, strict=True))
-        self._stand(self._q)
+        reached = ", ".join(
+            f"{name} {memory.q[i]:.5g}" for name, i in zip(self._actuated, self._q_indices, strict=True)
+        )
+        self._set(self._q)
         raise ClosureError(
             f"the actuated joints of {self.mechanism.name} can't reach these values on this branch: "
             f"the motion ends at {reached}"

@@ -1,1 +1,1 @@
-"""Compiled: what is near, how far a motion reaches, and how links turn around obstacles."""
+"""Kernels of distances: near pairs and their Jacobians, and bounds along a motion."""

@@ -1,4 +1,4 @@
-"""Memory of the kernels that see what is near."""
+"""Memory of the kernels of distances."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ class ClearanceMemory(Memory):
     pairs: int = parameter(0)
     most: int = parameter(0)  # rows, if all pairs are near
 
-    pair: Table = array("pairs", 2, dtype=int)  # numbers of bodies
-    joint: Table = array("bodies", dtype=int)  # that a body moves with
-    ends: Array = array("bodies", 2, 3)  # centres of a capsule's ends, seen from its joint
+    pair: Table = array("pairs", 2, dtype=int)  # indices of bodies
+    joint: Table = array("bodies", dtype=int)  # joint that a body moves with
+    ends: Array = array("bodies", 2, 3)  # centres of a capsule's ends, relative to its joint
     radius: Array = array("bodies")  # of capsules, m; below 0 for others
-    ball: Array = array("bodies", 4)  # centre, seen from the joint, and radius of a ball that holds a body
-    moved_by: Array = array("joints", "nv")  # 1 where a column moves a joint
+    ball: Array = array("bodies", 4)  # centre, relative to the joint, and radius of a bounding sphere
+    moved_by: Array = array("joints", "nv")  # 1 for columns that move a joint
 
     results: Array = foreign("pairs", RESULT_WIDTH)  # Coal's
     frames: Array = foreign("joints", 4, 3)  # of the joints, Pinocchio's
     screws: Array = foreign("nv", 6)  # Jacobian of all joints, Pinocchio's
 
-    # what is near
+    # near pairs
     which: Table = array("most", dtype=int)  # the pair of each row; rows of a pair follow each other
     room: Array = array("most")  # distance of each row, m
-    rows: Array = array("most", "nv")  # by how much each column shortens it
+    rows: Array = array("most", "nv")  # rate at which each column shortens it
 
-    # all along a motion
+    # along a motion
     motion: Array = array("nv")  # rad and m
     before: Array = array("pairs")  # distances, m
-    bounds: Array = array("pairs")  # of how much a motion can shorten them, m
+    bounds: Array = array("pairs")  # of the change along the motion, m
 
     vectors: Array = array(3, 3)  # scratch

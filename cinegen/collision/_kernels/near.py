@@ -1,4 +1,4 @@
-"""Pairs of bodies that are near each other, and how joints bring them nearer."""
+"""Pairs of bodies that are near each other, and the Jacobians of their distances."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cinegen.jit.se3 import combine
 
 @compiled
 def speed_along(screw: Array, normal: Array, at: Array) -> float:
-    """How fast a screw (6,) moves what is at a point (3,) along a normal (3,)."""
+    """Return the speed along a normal (3,) of the point (3,) that a screw (6,) moves."""
     x = screw[0] + screw[4] * at[2] - screw[5] * at[1]
     y = screw[1] + screw[5] * at[0] - screw[3] * at[2]
     z = screw[2] + screw[3] * at[1] - screw[4] * at[0]
@@ -19,7 +19,7 @@ def speed_along(screw: Array, normal: Array, at: Array) -> float:
 
 @compiled
 def in_world(frame: Array, point: Array, found: Array) -> None:
-    """A point (3,) of a joint's frame, in the world."""
+    """Write the position in the world of a point (3,) in a joint's frame."""
     combine(point, frame, found)
     for i in range(3):
         found[i] += frame[3, i]
@@ -29,8 +29,8 @@ def in_world(frame: Array, point: Array, found: Array) -> None:
 def _write_row(
     memory: ClearanceMemory, row: int, pair: int, distance: float, normal: Array, one: Array, other: Array
 ) -> None:
-    """Write a distance, and how fast each column leads a point of a pair's first body towards the second, and one of
-    the second the other way."""
+    """Write a distance, and the rate at which each column shortens it: a point of the first body moves towards the
+    second, one of the second towards the first."""
     first, second = memory.joint[memory.pair[pair, 0]], memory.joint[memory.pair[pair, 1]]
     memory.which[row], memory.room[row] = pair, distance
     for j in range(memory.nv):
@@ -43,17 +43,17 @@ def _write_row(
 
 @entry
 def approach(memory: ClearanceMemory, within: float) -> int:
-    """Compute how each column of the Jacobian shortens the distances that are short.
+    """Compute the rates at which each column of the Jacobian shortens the distances below a bound.
 
     A pair adds a row for its nearest points, and one for each other end of a capsule, by how far that is from the plane
-    that parts the two: the nearest point of a link along a wall leaps from one end to the other, its ends do not.
+    that separates the two: the nearest point of a link along a wall jumps from one end to the other, its ends do not.
 
     Args:
         memory: `which`, `room` and `rows` are the results.
-        within: m: what is further apart is not near.
+        within: the bound, m.
 
     Returns:
-        how many rows there are.
+        number of rows.
     """
     count, centre = 0, memory.vectors[0]
     for p in range(memory.pairs):

@@ -1,4 +1,4 @@
-"""How far a motion can bring two bodies nearer: a bound that holds all along it."""
+"""Bounds of the change of distances along a motion."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from cinegen.jit.foreign import DISTANCE
 
 @compiled
 def _swept(memory: ClearanceMemory, joint: int, seen_from: int, centre: Array, radius: float) -> float:
-    """Of all points of a ball, the longest path during `motion`, seen from what another joint carries.
+    """Return a bound of the path of any point of a sphere during `motion`, relative to the body of another joint.
 
-    From the last joint to the first: a joint swings what those behind it have moved by `way` at most, so it moves
-    nothing faster than its own column moves the ball's farthest point, and that `way` further out.
+    Joints are added from the last to the first. Those behind a joint have moved a point by `way` at most, so the joint
+    moves no point faster than it moves the farthest point of the sphere, enlarged by `way`.
 
     Args:
-        memory: `screws` are those where the motion begins.
-        joint: that carries the ball.
-        seen_from: the other one: what moves both moves them as one.
-        centre: (3,) of the ball, in the world.
+        memory: `screws` are those at the start of the motion.
+        joint: joint that carries the sphere.
+        seen_from: the other joint: columns that move both do not count.
+        centre: (3,) centre of the sphere, in the world.
         radius: its radius, m.
     """
     way, moved_by, motion = 0.0, memory.moved_by, memory.motion
     for k in range(memory.nv):
-        j = memory.nv - 1 - k  # a column stands behind those that carry its joint
+        j = memory.nv - 1 - k  # columns are behind those that carry their joint
         if moved_by[joint, j] == 0.0 or moved_by[seen_from, j] != 0.0 or motion[j] == 0.0:
             continue
         screw = memory.screws[j]
@@ -41,7 +41,7 @@ def _swept(memory: ClearanceMemory, joint: int, seen_from: int, centre: Array, r
 
 @entry
 def sweep(memory: ClearanceMemory) -> None:
-    """Compute for each pair its distance now, `before`, and by how much `motion` from here can shorten it, `bounds`."""
+    """Compute for each pair its present distance, `before`, and a bound of its change along `motion`, `bounds`."""
     centre = memory.vectors[0]
     for p in range(memory.pairs):
         memory.before[p] = memory.results[p, DISTANCE]
@@ -49,7 +49,7 @@ def sweep(memory: ClearanceMemory) -> None:
         for side in range(2):
             body, other = memory.pair[p, side], memory.pair[p, 1 - side]
             joint, radius = memory.joint[body], memory.ball[body, 3]
-            if joint == 0 or radius == math.inf:  # what is fixed; a half-space that moves is refused elsewhere
+            if joint == 0 or radius == math.inf:  # fixed; moving half-spaces are refused elsewhere
                 continue
             in_world(memory.frames[joint], memory.ball[body, 0:3], centre)
             memory.bounds[p] += _swept(memory, joint, memory.joint[other], centre, radius)

@@ -1,5 +1,5 @@
-"""The tick's arithmetic, compiled: small functions over arrays that exist already, without Python, allocation or lock.
+"""Kernels of a tick, of local inverse kinematics and of batches. They allocate nothing and run without the GIL.
 
-The same mathematics stands in plain numpy in `tests/ik/reference_tick.py`, `cinegen.ik.task` and `raff2urdf.residual`;
-the tests hold one against the other on every robot.
+The plain forms are `tests/ik/reference_tick.py`, `cinegen.ik.task` and `raff2urdf.residual`; the tests compare the two
+on every robot.
 """

@@ -1,4 +1,4 @@
-"""A node at many configurations, one after the other: each is closed with its actuated joints locked, and measured."""
+"""Evaluate a node at many configurations: close each with the actuated joints locked, and compute its results."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from cinegen.loops._kernels.kinematics import evaluate
 from cinegen.loops._kernels.memory import NOWHERE
 from cinegen.loops._kernels.residual import evaluate_loops
 
-_GIMBAL = 1e-4  # volume that a ball joint's axes span: below, they lie in a plane
+_GIMBAL = 1e-4  # below this volume, the axes of a spherical joint are in a plane
 
 
 @entry
 def measure_all(memory: BatchMemory) -> None:
-    """Measure all configurations: those that are given as they are, or from q, closed, on, those to which the values of
-    the actuated joints lead. Nothing is written of what can't be closed."""
+    """Evaluate all configurations: the given ones as they are, or from q, closed, those to which the values of the
+    actuated joints lead. Results of configurations that can't be closed are not written."""
     memory.evaluations = 0
     if memory.is_given != 0:
         for i in range(memory.count):
@@ -41,7 +41,7 @@ def measure_all(memory: BatchMemory) -> None:
         if go_on(memory):
             if i + 1 < memory.count:
                 is_begun = True
-                _begin(memory, i + 1)  # from the factors of the loops that will be lost
+                _begin(memory, i + 1)  # before the factors of the loops are overwritten
             _measure(memory, i)
         else:  # back to where the path to it began
             for a in range(memory.nq):
@@ -59,7 +59,7 @@ def _begin(memory: BatchMemory, i: int) -> None:
     set_out(memory)
 
 
-# --- what is measured -----------------------------------------------------------------------------------------------
+# --- results --------------------------------------------------------------------------------------------------------
 
 
 @compiled
@@ -110,7 +110,7 @@ def _find_node(memory: BatchMemory) -> None:
 
 @compiled
 def _find_null_space(memory: BatchMemory) -> bool:
-    """Compute the motions (mobility, n) that the loops leave; result as of `_count_balls`."""
+    """Compute the null space (mobility, n) of the loops; return as `_count_balls`."""
     right = True
     for j in range(memory.n):
         memory.locked[j] = 0.0
@@ -130,10 +130,11 @@ def _find_null_space(memory: BatchMemory) -> bool:
 
 @compiled
 def _count_balls(memory: BatchMemory) -> bool:
-    """Let ball joints that are written as three revolute joints count as balls: their columns in the loops, and in the
-    node's rows, become those of rotations about the world's axes.
+    """Treat three revolute joints that model a spherical joint as one: their columns in the loops, and in the node's
+    rows, become those of rotations about the world's axes.
 
-    They are linear in the axes, L a1, L a2, L a3 with the same L, which is wanted. False where these lie in a plane.
+    They are linear in the axes, L a1, L a2, L a3 with the same L, which is computed. Return False if these are in a
+    plane.
     """
     right, inverse = True, memory.vectors
     for b in range(memory.balls):
@@ -157,7 +158,7 @@ def _count_balls(memory: BatchMemory) -> bool:
 
 @compiled
 def _find_passive_sigma(memory: BatchMemory) -> float:
-    """The smallest singular value of the passive joints' columns in the loops, whose rows are up to date."""
+    """Return the smallest singular value of the passive joints' columns in the loops, whose rows are up to date."""
     a = memory.passive_columns
     for j in range(memory.passive):
         for i in range(memory.rows):
@@ -168,8 +169,8 @@ def _find_passive_sigma(memory: BatchMemory) -> float:
 @compiled
 def _find_jacobian(memory: BatchMemory, jacobian: Array) -> None:
     """Write (6, actuated) the node's velocity, m/s and rad/s, by the actuated joints' velocities: with loops its motion
-    by the null space, times the inverse of what the null space does to the actuated joints. NaN where these do not
-    determine it."""
+    in the null space, times the inverse of the actuated joints' rows of the null space. NaN if these do not determine
+    it."""
     k, count, a, dof = memory.mobility, memory.actuated, memory.system, memory.actuated_dof
     if memory.loops > 0 and count == k:
         for i in range(k):
@@ -194,10 +195,10 @@ def _find_jacobian(memory: BatchMemory, jacobian: Array) -> None:
 
 @compiled
 def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Array) -> None:
-    """Write the singular values of those rows (6, width) that count, largest first; or only the smallest, as the last.
+    """Write the singular values of the selected rows (6, width), largest first; or only the smallest, as the last.
 
-    Vectors are factored before, the longest first, B = L Q with L triangular: Jacobi's rotations have less to do with
-    L^T (Z. Drmac and K. Veselic, "New fast and accurate Jacobi SVD algorithm", 2008).
+    A pivoted factorisation B = L Q precedes, since Jacobi rotations converge faster on L^T (Z. Drmac and K. Veselic,
+    "New fast and accurate Jacobi SVD algorithm", 2008).
     """
     size = memory.translation + memory.rotation
     free = 0  # columns that count
@@ -245,8 +246,7 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
 
 @compiled
 def _factor(b: Array, upper: Array, n: int, width: int) -> None:
-    """b (n, width) = L Q, rows in another order: Gram and Schmidt, the longest that is left first; `upper` becomes L^T.
-    b is lost."""
+    """Factor b (n, width) = L Q with pivoted rows, by Gram-Schmidt; `upper` becomes L^T. b is overwritten."""
     for i in range(n):
         for j in range(n):
             upper[i, j] = 0.0

@@ -1,8 +1,8 @@
 """The nearest point of a polyhedron, by the dual active set method.
 
 D. Goldfarb and A. Idnani, "A numerically stable dual method for solving strictly convex quadratic programs",
-Mathematical Programming 27, 1983, for the metric 1: begin at the wanted point, and take in the bound that is violated
-most until none is; a bound that no longer holds anything is let go on the way.
+Mathematical Programming 27, 1983, with the identity metric: start at the wanted point, and add the most violated bound
+until none is violated; bounds with vanishing multipliers are removed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.jit.compiled import Array, compiled
 
 TOUCH = 1e-12  # a step that ends this little beyond a bound ends on it
-_DEPENDENT = 1e-10  # part of a normal that must be left for it to be independent of those that are active already
+_DEPENDENT = 1e-10  # smallest remainder of a normal, as a fraction, that is independent of the active ones
 
 
 @compiled
@@ -32,7 +32,7 @@ def keeps_bounds(memory: SolverMemory, step: Array, low: Array, high: Array) -> 
 
 @compiled
 def reduce_barriers(memory: SolverMemory, k: int) -> None:
-    """Below the n rows of `normals` (n + barriers, k), what joints do, write what barriers see of that."""
+    """Write the rows of the barriers into `normals` (n + barriers, k), below the n rows of the joints."""
     g = memory.normals
     for b in range(memory.barriers):
         for i in range(k):
@@ -51,7 +51,7 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
             triangle of their coefficients in it.
         low: (bounds,).
         high: (bounds,).
-        held: (bounds,) becomes -1 or 1 where the lower or the upper bound holds x back, else 0.
+        held: (bounds,) becomes -1 or 1 where the lower or the upper bound is active, else 0.
         k: dimensions.
 
     Returns:
@@ -87,7 +87,7 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
         new = 0.0  # its multiplier
         is_active = False
         for _ in range(k + 2):
-            # the new normal: what of it lies along those that are active, and what across
+            # components of the new normal along the active ones and orthogonal to them
             length = 0.0
             for i in range(k):
                 across[i] = -side * g[which, i]
@@ -153,7 +153,7 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
 
 @compiled
 def _span(memory: SolverMemory, first: int, count: int, k: int) -> None:
-    """Compute the basis again, from normal `first` on: Gram and Schmidt, twice."""
+    """Compute the basis again, from normal `first` on, by Gram-Schmidt, twice."""
     normals, basis, triangle = memory.active_normals[0], memory.active_normals[1], memory.active_normals[2]
     for a in range(first, count):
         for i in range(k):
@@ -179,7 +179,7 @@ def _span(memory: SolverMemory, first: int, count: int, k: int) -> None:
 
 @compiled
 def _again(memory: SolverMemory, low: Array, high: Array, held: Array, active: int, k: int) -> None:
-    """Compute the same point once more, from the bounds that are active: to rounding."""
+    """Compute the same point again from the active bounds, exact up to rounding."""
     x, g, basis, triangle = memory.wanted_point, memory.normals, memory.active_normals[1], memory.active_normals[2]
     wanted, weights, owner = memory.active[0], memory.active[1], memory.active[5]
     if active == 0:

@@ -10,12 +10,12 @@ from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import factor, null_space
 from cinegen.jit.svd import decompose, straighten
 
-_LOST = 1e-12  # a singular value below this part of the largest says nothing of its direction
+_LOST = 1e-12  # directions of singular values below this fraction of the largest are undetermined
 
 
 @compiled
 def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
-    """y (mobility,) = the part of x (n,) that the loops leave."""
+    """Write the coordinates y (mobility,) of a joint step x (n,) in the null space of the loops."""
     for i in range(memory.mobility):
         if memory.rank == 0:
             y[i] = x[i]
@@ -27,7 +27,7 @@ def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
 
 @compiled
 def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
-    """x (n,) = the joint step that a step y (mobility,) in the null space is."""
+    """Write the joint step x (n,) of a step y (mobility,) in the null space."""
     for k in range(memory.n):
         x[k] = 0.0 if memory.rank > 0 else y[k]
     if memory.rank > 0:
@@ -38,14 +38,14 @@ def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
 
 @compiled
 def damping(square: float, error: float, threshold: float) -> float:
-    """What is added to a squared singular value, as in `tests/ik/reference_tick.py`."""
+    """Return the damping that is added to a squared singular value, as in `tests/ik/reference_tick.py`."""
     ratio = square / (threshold * threshold)
     return (1.0 - ratio) * (1.0 - ratio) * (0.25 * threshold * threshold + error) if ratio < 1.0 else 0.0
 
 
 @compiled
 def _reduce(memory: SolverMemory, transposed: bool) -> None:
-    """Compute `reduced`: the tasks' rows on the null space, (rows, mobility), or transposed."""
+    """Compute `reduced`: the tasks' rows in the null space, (rows, mobility), or transposed."""
     a, jacobian, free = memory.reduced, memory.task_jacobian, memory.null_space
     for i in range(memory.active_rows):
         for j in range(memory.mobility):
@@ -63,7 +63,7 @@ def _reduce(memory: SolverMemory, transposed: bool) -> None:
 
 @compiled
 def find_singular_values(memory: SolverMemory) -> None:
-    """Decompose the tasks' rows on the null space: `squares` of the singular values, largest first.
+    """Decompose the tasks' rows in the null space: `squares` of the singular values, largest first.
 
     Where there are no more rows than columns, rows are made orthogonal: right_i = s_i w_i, left_i = u_i. Else columns
     are: right_i = s_i u_i, and left holds the w_i.
@@ -82,14 +82,14 @@ def find_singular_values(memory: SolverMemory) -> None:
 
 @compiled
 def find_basis(memory: SolverMemory, error: Array) -> bool:
-    """Solve for `free_step` as `solve_damped` where no singular value is below the threshold, at a third of the cost;
-    else return False.
+    """Compute `free_step` as `solve_damped` does, at a third of the cost, if no singular value is below the threshold;
+    otherwise return False.
 
     The rows become orthonormal, A = T Q with T triangular (Gram and Schmidt); the smallest singular value is at least
     1 / |T^-1|, in Frobenius's norm. `reduced` becomes Q, `triangle` T and its inverse.
 
     Args:
-        memory: whose rows are independent.
+        memory: memory with independent rows.
         error: (rows,).
     """
     a, lower, inverse, y = memory.reduced, memory.triangle[0], memory.triangle[1], memory.free_step
@@ -133,7 +133,7 @@ def find_basis(memory: SolverMemory, error: Array) -> bool:
 
 @compiled
 def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
-    """Add to y (mobility,) the shortest step that takes an error (rows,) away, undamped."""
+    """Add to y (mobility,) the shortest step that removes an error (rows,), undamped."""
     p, k = memory.active_rows, memory.mobility
     if memory.found_by == BASIS:
         for i in range(p):
@@ -151,7 +151,8 @@ def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
 
 @compiled
 def _along(memory: SolverMemory, i: int, error: Array) -> float:
-    """The part of an error (rows,) along the i-th left singular vector; times its value where rows are more."""
+    """Return the component of an error (rows,) along the i-th left singular vector; times its singular value if there
+    are more rows than columns."""
     s = 0.0
     for j in range(memory.active_rows):
         s += (memory.left[i, j] if memory.active_rows <= memory.mobility else memory.right[i, j]) * error[j]
@@ -160,7 +161,7 @@ def _along(memory: SolverMemory, i: int, error: Array) -> float:
 
 @compiled
 def reach_of(memory: SolverMemory, error: Array) -> float:
-    """The largest component of an error (rows,) that motions in the null space can do something about."""
+    """Return the largest component of an error (rows,) that motions in the null space can correct."""
     p, k, largest = memory.active_rows, memory.mobility, 0.0
     if memory.found_by == BASIS:
         for j in range(p):
@@ -174,7 +175,7 @@ def reach_of(memory: SolverMemory, error: Array) -> float:
 
 @compiled
 def solve_damped(memory: SolverMemory) -> None:
-    """Set `free_step` to the least of |A y - wanted|^2 + damping, bounds apart."""
+    """Set `free_step` to the minimiser of |A y - wanted|^2 + damping, without bounds."""
     p, k, y = memory.active_rows, memory.mobility, memory.free_step
     error = _norm(memory.wanted, p)
     for j in range(k):
@@ -200,7 +201,7 @@ def find_axes(memory: SolverMemory) -> int:
     """Set `axes` to all right singular vectors w_i, and `size` to the roots of s_i^2 + damping_i.
 
     Returns:
-        the first of them that no task asks for.
+        the index of the first that no task uses.
     """
     if memory.found_by != SVD:
         find_singular_values(memory)
@@ -235,7 +236,7 @@ def find_axes(memory: SolverMemory) -> int:
 
 @compiled
 def leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
-    """Take from y (mobility,) what moves a task."""
+    """Remove from y (mobility,) all motion of the tasks."""
     p, k = memory.active_rows, memory.mobility
     for i in range(min(memory.task_rank, p, k)):
         s, length = 0.0, 1.0
@@ -252,7 +253,7 @@ def leave_tasks_alone(memory: SolverMemory, y: Array) -> None:
 
 @compiled
 def _direction(memory: SolverMemory, i: int, j: int) -> float:
-    """A component of the i-th of the directions that span the tasks."""
+    """Return a component of the i-th direction of those that span the tasks."""
     if memory.found_by != SVD:
         return float(memory.reduced[i, j])
     return float(memory.right[i, j] if memory.active_rows <= memory.mobility else memory.left[i, j])
@@ -260,7 +261,7 @@ def _direction(memory: SolverMemory, i: int, j: int) -> float:
 
 @compiled
 def predict_gain(memory: SolverMemory) -> None:
-    """Set `promised`: how much less of the tasks' distance `attempted` should leave, to first order."""
+    """Set `promised`, the reduction of the cost of the tasks that `attempted` predicts to first order."""
     total = 0.0
     for i in range(memory.active_rows):
         s = 0.0

@@ -1,7 +1,7 @@
-"""Out of a singularity in which nothing can be won to first order: a stretched arm that is pulled straight inwards.
+"""Escape from singularities where the error has no gradient: an outstretched arm whose target moves straight inwards.
 
-There the joints' motion along a lost direction has no part in the error's gradient, and all in its curvature. So at
-rest one small step is tried in each tick along these directions, one after the other, and taken if it wins.
+There a motion along a singular direction changes the error to second order only. So at rest, one small step per tick is
+tried along each of these directions in turn, and accepted if it reduces the error.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.jit.compiled import compiled
 
 _NUDGE = 0.02  # rad or lengths of the step
-_WINS = 0.01  # of what curvature might give at the best: then it was worth it
+_WINS = 0.01  # required reduction, as a fraction of the largest possible second-order term
 
 
 @compiled
 def nudge(memory: SolverMemory) -> float:
-    """Set `step` to the next one to be tried; return how much of the error's size it has to win, or 0 if there is none
+    """Set `step` to the next one to try; return the reduction of the error that it requires, or 0 if there is none
     within the bounds."""
     first, step, threshold = find_axes(memory), memory.step, memory.damping_threshold
     while first > 0 and memory.squares[first - 1] < threshold * threshold:

@@ -13,17 +13,17 @@ from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
 from cinegen.jit.compiled import compiled
 
-_EASED = 6  # times that barriers ask less back of a step than they did, where they contradict each other
+_EASED = 6  # number of times that barriers are relaxed if they contradict each other
 
 
 @compiled
 def keep_limits(memory: SolverMemory, ticks_left: float) -> None:
-    """Bend and shorten `step` so that positions, velocities and accelerations stay within their limits; the secondary
-    step is added as far as it keeps them.
+    """Project and scale `step` so that positions, velocities and accelerations stay within their limits; the secondary
+    step is added as far as it respects them.
 
     Args:
         memory: `free_step` is the same step in the null space.
-        ticks_left: the path to the targets, in such steps, if the robot is to stop there; else infinite.
+        ticks_left: number of such steps to the targets, if the robot is to stop there; else infinite.
     """
     n, step, report, longest = memory.n, memory.step, memory.report, memory.longest_step
     excess, limiting = 0.0, -1
@@ -70,7 +70,7 @@ def must_go_back(memory: SolverMemory) -> bool:
 
 @compiled
 def _bound_positions(memory: SolverMemory) -> None:
-    """Set the bounds that limits of position give: no step leads further beyond."""
+    """Set the bounds of the position limits: no step leads further beyond them."""
     for j in range(memory.n):
         at, scale = memory.q_index[j], memory.scale[j]
         memory.floor[j], memory.ceiling[j] = -math.inf, math.inf
@@ -81,7 +81,7 @@ def _bound_positions(memory: SolverMemory) -> None:
 
 @compiled
 def _bound_speeds(memory: SolverMemory) -> None:
-    """Narrow the bounds to what limits of velocity allow."""
+    """Narrow the bounds to the velocity limits."""
     for j in range(memory.n):
         memory.floor[j] = max(memory.floor[j], -FULL * memory.longest_step[j])
         memory.ceiling[j] = min(memory.ceiling[j], FULL * memory.longest_step[j])
@@ -89,7 +89,7 @@ def _bound_speeds(memory: SolverMemory) -> None:
 
 @compiled
 def _bound_by_speed(memory: SolverMemory) -> None:
-    """Where the mechanism has to go back, it need not go faster than its joints can: then it could not go at all."""
+    """Relax barriers that push the mechanism back to what velocity limits allow: otherwise no step would exist."""
     for b in range(memory.barriers):
         at = memory.n + b
         if not memory.ceiling[at] < 0.0:
@@ -174,7 +174,7 @@ def _bend(memory: SolverMemory) -> None:
 
 @compiled
 def _is_at_position_limit(memory: SolverMemory, j: int) -> bool:
-    """Whether a joint that its bound holds back is at a position limit after the step, or beyond it before."""
+    """Return whether a joint with an active bound is at a position limit after the step, or was beyond it before."""
     if memory.q_index[j] < 0:
         return False
     here, scale = memory.q[memory.q_index[j]], memory.scale[j]
@@ -216,7 +216,7 @@ def _bound_accelerations(memory: SolverMemory) -> None:
 
 @compiled
 def _stopping(room: float, limit: float) -> float:
-    """The longest step s that leaves room to stop: s + (s - a) + (s - 2 a) + ... as long as these are above 0."""
+    """Return the longest step s after which a joint can stop: s + (s - a) + (s - 2 a) + ..., terms above 0 only."""
     if room == math.inf:
         return math.inf
     more = np.floor(0.5 * (math.sqrt(1.0 + 8.0 * room / limit) - 1.0))  # steps after this one: a float, however many

@@ -1,9 +1,9 @@
-"""Local inverse kinematics: one start, iterated until it is there or leads nowhere.
+"""Local inverse kinematics: iterations from one start, until they converge or stall.
 
-Loops and tasks are one system of equations r(q) = 0 here (the extended Jacobian), and joint limits a box. Levenberg's
-and Marquardt's step, d = J^T (J J^T + mu |r|^2 1)^-1 r, has a damping that vanishes with the residual: convergence is
-quadratic at the end, also where rows depend on each other (N. Yamashita and M. Fukushima, "On the rate of convergence
-of the Levenberg-Marquardt method", 2001). A joint that is on a limit and is driven against it is left out of J.
+Loops and tasks are one system of equations r(q) = 0 here (the extended Jacobian), and joint limits a box. The damping
+of the Levenberg-Marquardt step d = J^T (J J^T + mu |r|^2 1)^-1 r vanishes with the residual: convergence is quadratic
+at the end, also if rows are dependent (N. Yamashita and M. Fukushima, "On the rate of convergence of the
+Levenberg-Marquardt method", 2001). A joint that is driven against its limit is left out of J.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from cinegen.loops._kernels.residual import evaluate_loops
 _LONGEST = 0.8  # rad or lengths of one joint in an iteration
 _SOFT = 0.03  # the first mu
 _SMALLEST, _LARGEST = 1e-6, 1e7  # of mu
-_FLOOR = 1e-13  # of the damping, as a part of J J^T's trace: rows may depend on each other
-_SLOW = 0.95  # part of the squared residual that is left after an iteration without progress
+_FLOOR = 1e-13  # least damping, as a fraction of J J^T's trace: rows may be dependent
+_SLOW = 0.95  # an iteration that leaves more of the squared residual makes no progress
 _PATIENCE = 5  # of these in a row
 _ROUNDING = 1e-12  # rad or lengths
 
@@ -94,7 +94,7 @@ def _keep_system(memory: LocalIKMemory) -> None:
 
 @compiled
 def _step(memory: LocalIKMemory) -> bool:
-    """Move `trial` one step away from q. Return False where every joint that would help is on a limit."""
+    """Move `trial` one step away from q. Return False if limits block every joint that would help."""
     n, size = memory.n, memory.active_rows + memory.rows
     jacobian, right, normal, z, free = memory.system, memory.right, memory.normal, memory.solution, memory.free
     d, trial = memory.correction, memory.trial
@@ -146,7 +146,7 @@ def _step(memory: LocalIKMemory) -> bool:
 
 @compiled
 def _is_blocked(memory: LocalIKMemory, j: int, direction: float) -> bool:
-    """Whether a joint is on a limit that it would go beyond."""
+    """Return whether a joint is at a limit and would move beyond it."""
     i = memory.q_index[j]
     if i < 0:
         return False
@@ -157,7 +157,7 @@ def _is_blocked(memory: LocalIKMemory, j: int, direction: float) -> bool:
 
 @entry
 def nearest_start(features: Array, goal: Array, used: Array) -> int:
-    """Index of the row of features (count, width) that is nearest to goal (width,) and not used yet; -1 if none is."""
+    """Return the index of the unused row of features (count, width) nearest to goal (width,); -1 if there is none."""
     best, nearest = -1, math.inf
     for i in range(features.shape[0]):
         if used[i] == 0.0:

@@ -1,4 +1,4 @@
-"""Memory of the kernels that move a mechanism after tasks; see `cinegen.loops._kernels.memory`."""
+"""Memory of the kernels that solve tasks; see `cinegen.loops._kernels.memory`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cinegen.jit.memory import Memory, array, foreign, parameter, state, view
 from cinegen.loops._kernels.memory import LoopMemory
 
 OF_TARGET, OF_WORLD, OF_NODE = range(3)
-"""Whose axes a task's rows are in."""
+"""Frame whose axes a task's rows are expressed in."""
 
 
 class TaskMemory(Memory):
@@ -18,7 +18,7 @@ class TaskMemory(Memory):
 
     n: int = parameter(0)
     is_valid: int = parameter(1)
-    joint: int = parameter(0)  # that carries the node
+    joint: int = parameter(0)  # joint that carries the node
     translation: int = parameter(3)  # rows of translations: they come first
     rotation: int = parameter(3)  # rows of rotations; if 2, they are those of a swing
     weight: float = parameter(1.0)  # of its heaviest row
@@ -26,24 +26,24 @@ class TaskMemory(Memory):
     row_axis: Table = array(6, dtype=int)  # of each row: translation along 0 to 2, rotation about 3 to 5
     row_weight: Array = array(6)  # of each row, as a part of `weight`
     axes_of: int = parameter(OF_TARGET)
-    axes_joint: int = parameter(0)  # that carries the node whose axes are used
+    axes_joint: int = parameter(0)  # joint that carries the node whose axes are used
     is_twist: int = parameter(0)
     target: int = parameter(0)  # address of a frame (4, 3)
-    own_target: Array = array(4, 3)  # for it to point at, where no other memory can be read
-    offset: Array = array(4, 3)  # the frame that follows, seen from the joint
-    axes: Array = array(3, 3)  # of that node, seen from the joint
+    own_target: Array = array(4, 3)  # used if the target's own memory can't be read
+    offset: Array = array(4, 3)  # frame that follows, relative to the joint
+    axes: Array = array(3, 3)  # of that node, relative to the joint
     twist: Array = array(6)
     moved_by: Array = array("n")  # 1 for DoF that move the node, else 0
 
     # in the present tick
     is_active: int = state(0)
-    aim: Array = array(4, 3)  # where it leads in this tick
+    aim: Array = array(4, 3)  # target of this tick
     world_axes: Array = array(3, 3)
-    distance: float = state(0.0)  # what is left, m
+    distance: float = state(0.0)  # remaining distance, m
     angle: float = state(0.0)  # rad
     linear: float = state(0.0)  # the same, rows weighted by `row_weight`; lengths
     angular: float = state(0.0)  # rad
-    is_followed: int = state(0)  # a twist was, in the last tick
+    is_followed: int = state(0)  # a twist was followed in the last tick
 
 
 task_at = view(TaskMemory)
@@ -56,16 +56,16 @@ class TasksMemory(LoopMemory):
     task_rows: int = parameter(0)  # of all tasks, valid or not
     task_handles: Table = array("tasks", dtype=int)
     dt: float = parameter(1.0)
-    gain: float = parameter(1.0)  # part of an error that a tick corrects
+    gain: float = parameter(1.0)  # fraction of an error that a tick corrects
     lower: Array = array("n")  # position limits, m and rad
     upper: Array = array("n")
 
-    active_rows: int = state(0)  # of the tasks that are valid in this tick: they come first below
+    active_rows: int = state(0)  # of the tasks that are valid in this tick
     heaviest: float = state(1.0)  # weight of the active tasks
-    signature: int = state(-1)  # bits of the tasks that were active when their rank was asked for
-    error: Array = array("task_rows")  # what is left
-    wanted: Array = array("task_rows")  # of it in this tick: capped and weighted
-    row_weights: Array = array("task_rows")  # as parts of the heaviest row's
+    signature: int = state(-1)  # bits of the tasks that were active when their rank was requested
+    error: Array = array("task_rows")  # remaining errors
+    wanted: Array = array("task_rows")  # to be corrected in this tick: capped and weighted
+    row_weights: Array = array("task_rows")  # as fractions of the heaviest row's
     trial_error: Array = array("task_rows")
     task_jacobian: Array = array("task_rows", "n")  # weighted
 
@@ -86,7 +86,7 @@ class LocalIKMemory(TasksMemory):
     right: Array = array("equations")
     normal: Array = array("equations", "equations")
     solution: Array = array("equations")
-    free: Array = array("n")  # 1 for joints that no limit blocks
+    free: Array = array("n")  # 1 for joints that no limit restricts
 
 
 class BatchMemory(LoopMemory):
@@ -95,21 +95,21 @@ class BatchMemory(LoopMemory):
     mobility: int = parameter(0)
     wide: int = parameter(6)  # the larger of n and 6
     joint: int = parameter(0)  # that carries the node
-    translation: int = parameter(3)  # translations that count for its singular values, in its own axes
+    translation: int = parameter(3)  # translations that its singular values include, in its own axes
     rotation: int = parameter(3)
-    passive: int = parameter(0)  # passive joints, if their smallest singular value is wanted, else 0
-    balls: int = parameter(0)  # ball joints that are written as three joints each
-    node_offset: Array = array(4, 3)  # the node, seen from the joint
+    passive: int = parameter(0)  # passive joints, if their smallest singular value is computed, else 0
+    balls: int = parameter(0)  # spherical joints that are modelled as three revolute joints each
+    node_offset: Array = array(4, 3)  # the node, relative to the joint
     moved_by: Array = array("n")  # 1 for DoF that move it, else 0
     passive_dof: Table = array("passive", dtype=int)
     ball_dof: Table = array("balls", 3, dtype=int)
 
-    # what is to be done
+    # input
     count: int = parameter(0)
     is_given: int = parameter(0)  # configurations are given, not values of the actuated joints
-    is_whole: int = parameter(0)  # all is wanted, and not only the smallest singular value
+    is_whole: int = parameter(0)  # all results are computed, and not only the smallest singular value
     width: int = parameter(0)  # singular values
-    whole: int = parameter(0)  # count if all is wanted, else 0
+    whole: int = parameter(0)  # count if all results are computed, else 0
     given: Array = foreign("count", "nq")
     values: Array = foreign("count", "actuated")
     anchor: Array = array("nq")  # the last configuration that could be closed
@@ -138,14 +138,14 @@ class BatchMemory(LoopMemory):
 
 
 SVD, BASIS, SVD_UNLOCKED = range(3)
-"""What a step was found by: singular values, an orthonormal basis of rows, singular values without locked joints."""
+"""Method of a step: singular values, an orthonormal basis of rows, singular values without locked joints."""
 
 (
     STATUS, CLOSURE, SPEED_SCALE, TASK_RANK, LIMITING_DOF, EVALUATIONS, SWEEPS, ERRORS_KNOWN, SIGMA_KNOWN,
     FAILED_OBJECTIVES, ACTIVE_BARRIERS, REPORT_SIZE,
 ) = range(12)  # fmt: skip
 """The report of a tick."""
-MOST_FLAGS = 52  # objectives or barriers that are told apart: bits of a double
+MOST_FLAGS = 52  # distinguishable objectives or barriers: bits of a double
 
 
 class SolverMemory(TasksMemory):
@@ -161,13 +161,13 @@ class SolverMemory(TasksMemory):
     # set by Python
     task_rank: int = parameter(0)  # generic, of the active tasks
     damping_threshold: float = parameter(NEAR)
-    second_derivative: float = parameter(math.inf)  # bound of that of any placement by the joints, lengths per rad^2
+    second_derivative: float = parameter(math.inf)  # bound of that of any placement by the joints, lengths/rad^2
     has_acceleration_limits: int = parameter(0)
     tasks_are_suspended: int = parameter(0)
     barriers: int = parameter(0)  # rows in this tick
-    is_guarded: int = parameter(0)  # barriers are asked before a trial is accepted
+    is_guarded: int = parameter(0)  # barriers are evaluated before a trial is accepted
     is_watched: int = parameter(0)  # a tick pauses when its step is proposed
-    clear_part: float = state(1.0)  # part of the step to the trial that barriers allow
+    clear_part: float = state(1.0)  # fraction of the step to the trial that barriers allow
     longest_step: Array = array("n")
     longest_change: Array = array("n")  # of the step, from tick to tick
     barrier_rows: Array = array("barrier_capacity", "n")
@@ -180,21 +180,21 @@ class SolverMemory(TasksMemory):
     phase: int = state(0)
     ticks: int = state(0)
     is_at_q: int = state(0)  # frames are evaluated there
-    tries: int = state(0)  # how often the step was shortened
-    closes: int = state(0)  # some part of the step could be closed
+    tries: int = state(0)  # number of times the step was shortened
+    closes: int = state(0)  # loops could be closed after some fraction of the step
     is_refined: int = state(0)  # tasks are corrected together with the loops
     is_nudged: int = state(0)  # the step leads out of a singularity
     found_by: int = state(SVD)
-    is_warm: int = state(0)  # the last singular vectors are a guess for the next
+    is_warm: int = state(0)  # the last singular vectors are a start for the next
     sweeps: int = state(0)
-    task_distance: float = state(0.0)  # of the tasks, where the tick began
-    promised: float = state(0.0)  # how much less of it the step should leave
-    lack: float = state(0.0)  # what the refined tasks lacked last
-    secondary_scale: float = state(1.0)  # part of the null-space velocity that is trusted
+    task_distance: float = state(0.0)  # cost of the tasks at the beginning of the tick
+    promised: float = state(0.0)  # predicted reduction
+    lack: float = state(0.0)  # last remaining error of the refined tasks
+    secondary_scale: float = state(1.0)  # step scale of the null-space velocity
 
     # directions of the tasks
     null_space: Array = array("mobility", "n")
-    reduced: Array = array("lesser", "larger")  # the tasks' rows on the null space of the loops
+    reduced: Array = array("lesser", "larger")  # the tasks' rows in the null space of the loops
     left: Array = array("lesser", "lesser")
     right: Array = array("lesser", "larger")
     squares: Array = array("lesser")
@@ -206,18 +206,18 @@ class SolverMemory(TasksMemory):
     # steps, dimensionless
     step: Array = array("n")
     attempted: Array = array("n")
-    moved: Array = array("n")  # what it led to
-    last: Array = array("n")  # what was moved in the last tick
-    drift: Array = array("n")  # what of it was not attempted, but closed the loops
-    braking: Array = array("n")  # the step that slows down as much as accelerations allow
+    moved: Array = array("n")  # motion that it led to
+    last: Array = array("n")  # motion of the last tick
+    drift: Array = array("n")  # its part that closed the loops
+    braking: Array = array("n")  # step with the largest deceleration
     secondary_free: Array = array("mobility")
-    secondary: Array = array("n")  # what of the null-space velocity is taken
+    secondary: Array = array("n")  # accepted part of the null-space velocity
     fresh: Array = array("n")  # scratch
 
     # bounds, of joints and then of barriers
     floor: Array = array("bounds")
     ceiling: Array = array("bounds")
-    stopped: Array = array("bounds")  # -1 or 1 where the lower or upper one holds the step back
+    stopped: Array = array("bounds")  # -1 or 1 where the lower or upper one is active
     room: Array = array(3, "bounds")
     normals: Array = array("bounds", "mobility")
     wanted_point: Array = array("mobility")
@@ -232,6 +232,6 @@ class SolverMemory(TasksMemory):
     record_errors: Array = array("tasks", 2, block="record")
     record_aims: Array = array("tasks", 4, 3, block="record")
     record_axes: Array = array("tasks", 3, 3, block="record")
-    record_tasks: Array = array("tasks", 8, block="record")  # weight, whether it was active, weights of the six axes
+    record_tasks: Array = array("tasks", 8, block="record")  # weight, 1 if active, weights of the six axes
     record_sigma: Array = array("lesser", block="record")
     record_stopped: Array = array("nv", block="record")

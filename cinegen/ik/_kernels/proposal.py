@@ -1,4 +1,4 @@
-"""The step that a tick sets out to make."""
+"""The step that a tick attempts."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from cinegen.loops._kernels.residual import evaluate_loops
 
 @compiled
 def propose(memory: SolverMemory) -> bool:
-    """Compute the step from q, where the joints' frames are evaluated; return False where there is none."""
+    """Compute the step from q, where the joints' frames are evaluated; return False if there is none."""
     n, step, wanted = memory.n, memory.step, memory.wanted
     _begin(memory)
     still = aim_tasks(memory)
@@ -42,7 +42,7 @@ def propose(memory: SolverMemory) -> bool:
         memory.factored_at = AT_Q
         null_space(memory.rank, memory.tau, memory.reflectors, memory.null_space)
     p = memory.active_rows
-    if memory.task_distance <= NOISE:  # all are there: no step of rounding
+    if memory.task_distance <= NOISE:  # all are reached: no step of rounding errors
         for i in range(p):
             wanted[i] = 0.0
     if not (p == min(memory.task_rank, p, memory.mobility) and find_basis(memory, wanted)):
@@ -63,7 +63,7 @@ def propose(memory: SolverMemory) -> bool:
         return False
     memory.factors_gap = largest
     scale = memory.report[SPEED_SCALE]
-    if still and memory.is_nudged == 0 and _turns_back(memory) and not must_go_back(memory):  # no zigzag
+    if still and memory.is_nudged == 0 and _turns_back(memory) and not must_go_back(memory):  # no oscillation
         scale *= 0.5
         for j in range(n):
             step[j] = memory.braking[j] + 0.5 * (step[j] - memory.braking[j])
@@ -74,7 +74,7 @@ def propose(memory: SolverMemory) -> bool:
     if memory.is_nudged != 0:
         memory.promised = to_win * math.sqrt(2.0 * memory.task_distance)
     memory.is_refined = 1 if _can_be_refined(memory, had_secondary) else 0
-    if memory.is_refined != 0 and scale < 1.0:  # then less of them is wanted of this tick
+    if memory.is_refined != 0 and scale < 1.0:  # this tick corrects less of them
         for i in range(p):
             wanted[i] *= scale
     return True
@@ -103,8 +103,8 @@ def _largest(step: Array) -> float:
 
 @compiled
 def _can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
-    """Whether tasks can be made exact together with the loops, or beside a secondary step: nothing bends or damps
-    them."""
+    """Return whether tasks can be corrected together with the loops, or with a secondary step: no limit restricts them
+    and no damping acts."""
     scaled = memory.rank == 0 or memory.report[SPEED_SCALE] != 1.0
     if (scaled and not had_secondary) or memory.active_rows == 0 or memory.is_nudged != 0:
         return False
@@ -124,7 +124,7 @@ def _can_be_refined(memory: SolverMemory, had_secondary: bool) -> bool:
 
 @compiled
 def _ticks_left(memory: SolverMemory) -> float:
-    """How many of the step that makes the capped errors good lead to the targets; at least 1."""
+    """Return the number of ticks to the targets at the capped rate; at least 1."""
     most = 1.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
@@ -135,8 +135,8 @@ def _ticks_left(memory: SolverMemory) -> float:
 
 @compiled
 def is_sure(memory: SolverMemory) -> bool:
-    """Return whether the trial can be accepted without looking: no loop, limit or singularity has a part in it, and the
-    step is so small that its error of second order is far less than what it wins."""
+    """Return whether the trial can be accepted without evaluation: no loop, limit or singularity is involved, and the
+    second-order error of the step is far less than the reduction of the error."""
     if memory.found_by == SVD or memory.loops > 0 or memory.active_rows == 0 or memory.is_guarded != 0:
         return False
     total, largest = 0.0, 0.0
@@ -151,7 +151,7 @@ def is_sure(memory: SolverMemory) -> bool:
         task = task_at(memory.task_handles[i])
         if task.is_twist != 0 or task.is_active == 0:
             return False
-    # |e| >= promised / |J s|, and what bends away is at most the second derivative * total^2 / 2, in each of the tasks
+    # |e| >= promised / |J s|, and each task's second-order error is at most the second derivative * total^2 / 2
     bent = 0.5 * memory.second_derivative * total * total
     small = memory.tasks * bent * bent < 0.01 * memory.gain * memory.promised
     return bool(small and largest >= 10.0 * REST * memory.gain)
@@ -159,7 +159,7 @@ def is_sure(memory: SolverMemory) -> bool:
 
 @compiled
 def _turns_back(memory: SolverMemory) -> bool:
-    """Whether the step leads back where the last one came from, within 60 degrees."""
+    """Return whether the step is opposite to the last one, within 60 degrees."""
     along, here, there = 0.0, 0.0, 0.0
     for j in range(memory.n):
         along += memory.step[j] * memory.last[j]

@@ -1,4 +1,4 @@
-"""The end of a tick: the trial is accepted or not, and the record is written."""
+"""End of a tick: accept the trial or not, and write the record."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from cinegen.jit.compiled import compiled
 
 @compiled
 def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
-    """Accept the trial, for sure or after it was judged, or stay; write the record."""
+    """Accept or reject the trial, and write the record; `is_sure` if it was accepted without evaluation."""
     report = memory.report
     fastest = _accept(memory, accepted)
     if is_sure:
@@ -72,7 +72,7 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
 
 @compiled
 def _accept(memory: SolverMemory, accepted: bool) -> float:
-    """Make the trial q, or stay; return the fastest motion of a joint, dimensionless."""
+    """Set q to the trial if it is accepted; return the largest motion of a joint, dimensionless."""
     fastest = 0.0
     for j in range(memory.n):
         if not accepted:
@@ -109,7 +109,7 @@ def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
         if task.is_active == 0:
             errors[0] = errors[1] = math.nan
             continue
-        if not accepted:  # what is left is what was left before
+        if not accepted:  # the errors are those at the beginning
             measure(task, memory.error[row:], memory.length)
         row += task.translation + task.rotation
         active += 1
@@ -122,7 +122,7 @@ def _record_tasks(memory: SolverMemory, accepted: bool) -> tuple[float, int]:
 
 @compiled
 def _record_singular_values(memory: SolverMemory) -> float:
-    """Record the singular values, where they are known; return the smallest."""
+    """Record the singular values if they are known; return the smallest."""
     smallest = math.inf
     memory.report[m.SIGMA_KNOWN] = 1.0 if memory.found_by == SVD else 0.0
     if memory.found_by == SVD:

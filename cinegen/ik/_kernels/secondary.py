@@ -1,6 +1,6 @@
-"""Redundancy: a secondary velocity in the null space that loops and tasks leave, as far as all bounds allow.
+"""Redundancy: a secondary velocity in the null space of loops and tasks, as far as all bounds allow.
 
-Lexicographic, as tasks are inside of loops: it moves no task, and gives way where it would (L. Sentis and O. Khatib,
+Lexicographic, as tasks are below loops: it moves no task (L. Sentis and O. Khatib,
 "Synthesis of whole-body behaviors through hierarchical control of behavioral primitives", 2005; with bounds, O. Kanoun,
 F. Lamiraux and P.-B. Wieber, "Kinematic control of redundant manipulators: generalizing the task-priority framework to
 inequality task", 2011).
@@ -18,8 +18,8 @@ from cinegen.jit.compiled import compiled
 @compiled
 def project_secondary(memory: SolverMemory) -> bool:
     """Project the wanted secondary step so that it neither opens a loop nor moves a task: `secondary_free`, and
-    `secondary` as joints. Return False where next to nothing is left. Of a step that turns back half is taken, so that
-    it does not tremble."""
+    `secondary` as joints. Return False if it is negligible. If it reverses, half of it is used, so that it does not
+    oscillate."""
     free, fresh, secondary = memory.secondary_free, memory.fresh, memory.secondary
     to_free(memory, memory.secondary_wanted, free)
     leave_tasks_alone(memory, free)
@@ -41,14 +41,14 @@ def project_secondary(memory: SolverMemory) -> bool:
 
 @compiled
 def add_secondary(memory: SolverMemory, whole: bool) -> bool:
-    """Add to `step` what of the secondary step keeps all bounds, and keep it in `secondary`.
+    """Add to `step` the part of the secondary step that keeps all bounds; it becomes `secondary`.
 
     Args:
-        memory: whose step is that of the tasks.
-        whole: whether the step must stay whole: where it breaks a bound, the motions that are left have to mend that.
+        memory: its step is that of the tasks.
+        whole: the step must not change; if it violates a bound, the null-space motion has to compensate.
 
     Returns:
-        False where they can't, with moderate speed; then nothing is added.
+        False if it can't at moderate speed; then nothing is added.
     """
     n, step, secondary, room = memory.n, memory.step, memory.secondary, memory.room
     for j in range(n):
@@ -76,7 +76,7 @@ def add_secondary(memory: SolverMemory, whole: bool) -> bool:
 
 @compiled
 def _bound_secondary(memory: SolverMemory) -> bool:
-    """Set `secondary` to what is nearest to it within `room`. Return False where there is nothing, or only what goes
+    """Set `secondary` to the nearest motion within `room`. Return False if there is none, or only one that is much
     faster than it and the last tick."""
     first, axes, room, x, g = find_axes(memory), memory.axes, memory.room, memory.wanted_point, memory.normals
     width = memory.mobility - first

@@ -1,4 +1,4 @@
-"""Tasks: where they lead in a tick, their rows, and what is left of them. `FrameTask.equations`, compiled."""
+"""Errors and rows of the tasks in a tick: `FrameTask.equations`, compiled."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.foreign import frame_at
 from cinegen.jit.se3 import combine, compose, dot
 
-FURTHEST = 1e100  # m: a target beyond is aimed at from here all the same, and no square overflows
+FURTHEST = 1e100  # m: targets are clipped to this, so that no square overflows
 
 
 @compiled
 def read_tasks(memory: TasksMemory) -> bool:
-    """Read which tasks are valid. Return False where their rank is not known."""
+    """Read which tasks are valid. Return False if their rank is not known."""
     signature = 0
     memory.heaviest = 0.0
     for i in range(memory.tasks):
@@ -39,7 +39,7 @@ def read_tasks(memory: TasksMemory) -> bool:
 
 @compiled
 def aim_tasks(memory: TasksMemory) -> bool:
-    """Compute where each task leads in this tick, its rows, and what is left of it. Return whether no aim has moved."""
+    """Compute the target of each task in this tick, its error and rows. Return whether no target has moved."""
     row, still = 0, True
     error, wanted, frame = memory.error, memory.wanted, memory.ends[0]
     for i in range(memory.tasks):
@@ -76,8 +76,8 @@ def aim_tasks(memory: TasksMemory) -> bool:
 
 @compiled
 def tasks_left(memory: TasksMemory) -> float:
-    """How far all tasks are from where they lead, as one number that the capped errors are the gradient of: half the
-    square up to the cap, linear beyond (Huber). By the distances that stand in the tasks."""
+    """Return the cost whose gradient the capped errors are: half the squared error up to the cap, linear beyond
+    (Huber), from the distances in the tasks."""
     total = 0.0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
@@ -90,7 +90,7 @@ def tasks_left(memory: TasksMemory) -> float:
 
 @compiled
 def try_tasks(memory: TasksMemory) -> float:
-    """As `tasks_left`, at the joints' frames as they are now; errors go to `trial_error`."""
+    """Return `tasks_left` at the present frames of the joints; errors are written to `trial_error`."""
     row = 0
     for i in range(memory.tasks):
         task = task_at(memory.task_handles[i])
@@ -123,8 +123,8 @@ def measure(task: TaskMemory, error: Array, length: float) -> None:
 
 
 # --- one task -------------------------------------------------------------------------------------------------------
-# Its frame stands in ends[0]. Vectors 1 to 3 are the axes as the node carries them, 7 to 9 the derivative of its
-# rotation, 10 the rotation vector: they are left for the rows.
+# Its frame is ends[0]. Vectors 1 to 3 are the axes as the node carries them, 7 to 9 the derivative of its rotation, 10
+# the rotation vector: rows use them.
 
 
 @compiled
@@ -144,8 +144,8 @@ def _find_axes(memory: TasksMemory, task: TaskMemory, target: Array) -> None:
 
 @compiled
 def _advance(memory: TasksMemory, task: TaskMemory) -> None:
-    """Advance a twist's aim: from where it led in the last tick if the node is there, else from where the node is. So
-    nothing drifts while the twist is followed, and nothing winds up while it is not."""
+    """Advance the target of a twist: from that of the last tick if it was reached, else from the pose of the node. So
+    there is no drift while the twist is followed, and no windup while it is not."""
     frame, aim, axes, twist, dt = memory.ends[0], task.aim, task.world_axes, task.twist, memory.dt
     off, turn = memory.vectors[0], memory.vectors[1]
     for i in range(3):
@@ -154,7 +154,7 @@ def _advance(memory: TasksMemory, task: TaskMemory) -> None:
         turn[i] = min(max(turn[i], -FURTHEST), FURTHEST)  # so that no square overflows
     for i in range(3):
         aim[3, i] = frame[3, i] + dt * (axes[0, i] * twist[0] + axes[1, i] * twist[1] + axes[2, i] * twist[2])
-        for k in range(task.translation):  # only of what is constrained
+        for k in range(task.translation):  # constrained axes only
             axis = axes[task.row_axis[k]]
             aim[3, i] += axis[i] * dot(axis, off)
         if task.is_followed == 0 or task.rotation < 3:
@@ -168,7 +168,7 @@ def _advance(memory: TasksMemory, task: TaskMemory) -> None:
 
 @compiled
 def _find_error(memory: TasksMemory, task: TaskMemory, error: Array) -> None:
-    """Compute what a task has left to do, as `FrameTask.errors`; dimensionless, translations first."""
+    """Compute the error of a task, as `FrameTask.errors`; dimensionless, translations first."""
     frame, aim, axes, w = memory.ends[0], task.aim, task.world_axes, memory.vectors
     off, carried, seen, by, turn = w[0], w[1:4], w[4:7], w[7:10], w[10]
     linear, angular = task.translation, task.rotation
@@ -178,7 +178,7 @@ def _find_error(memory: TasksMemory, task: TaskMemory, error: Array) -> None:
         error[i] = dot(axes[task.row_axis[i]], off) / memory.length
     if angular == 0:
         return
-    for k in range(3):  # what would have the axes' directions if the node were at its target
+    for k in range(3):  # these have the directions of the axes if the node is at its target
         for i in range(3):
             off[i] = dot(aim[i], axes[k])
         combine(off, frame, carried[k])
@@ -196,7 +196,7 @@ def _find_error(memory: TasksMemory, task: TaskMemory, error: Array) -> None:
 
 @compiled
 def _find_rows(memory: TasksMemory, task: TaskMemory, weights: Array, rows: Array) -> None:
-    """Compute how the joints take a task's error away, as `FrameTask.equations`; right after `_find_error`."""
+    """Compute the rows of a task, as `FrameTask.equations`; directly after `_find_error`."""
     p, axes, w, screws, scale = memory.ends[0, 3], task.world_axes, memory.vectors, memory.screws, memory.scale
     carried, seen, by, turn = w[1:4], w[4:7], w[7:10], w[10]
     linear, angular = task.translation, task.rotation

@@ -1,4 +1,4 @@
-"""One tick of the resolved-rate solver. What it does is described in docs/how-it-works.md, "One tick"."""
+"""One tick of the resolved-rate solver; see docs/how-it-works.md, "One tick"."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from cinegen.loops._kernels.kinematics import evaluate
 
 @entry
 def tick(memory: SolverMemory) -> int:
-    """Begin a tick, or go on with one.
+    """Begin or continue a tick.
 
     Returns:
         DONE, or what is needed before the next call: RANK_NEEDED, `task_rank` of the tasks in `signature`;
-        CLEARANCE_NEEDED, `clear_part` of the path to `trial`; PROPOSED, nothing: whoever watches may look at the step.
+        CLEARANCE_NEEDED, `clear_part` of the path to `trial`; PROPOSED, nothing: the step may be inspected.
     """
     if memory.phase == BEGIN:
         if not read_tasks(memory):

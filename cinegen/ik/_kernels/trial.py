@@ -1,4 +1,4 @@
-"""Trying a step: what it leads to is corrected until loops are closed, judged, and shortened where it is no good."""
+"""Try a step: close the loops after it, judge it, and shorten it if it is rejected."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ _AGAIN = -1  # another trial is to be judged
 
 @compiled
 def set_out(memory: SolverMemory) -> None:
-    """Move `trial` from q by what is attempted of the step."""
+    """Move `trial` from q by the attempted step."""
     memory.corrections = 0
     for i in range(memory.nq):
         memory.trial[i] = memory.q[i]
@@ -54,7 +54,7 @@ def set_out(memory: SolverMemory) -> None:
 
 @compiled
 def _move(memory: SolverMemory) -> None:
-    """Move the trial by `delta`. Joints beyond limits are put on them and locked: then loops are factored anew."""
+    """Move the trial by `delta`. Joints beyond limits are set to them and locked; loops are then factored again."""
     q, candidate, moved = memory.q, memory.candidate, memory.moved
     integrate(memory, memory.trial, memory.delta, candidate)
     for j in range(memory.n):
@@ -62,7 +62,7 @@ def _move(memory: SolverMemory) -> None:
         if i < 0:
             continue
         bottom, top = min(memory.lower[j], q[i]), max(memory.upper[j], q[i])
-        touch = TOUCH * memory.scale[j]  # what ends this near to a limit ends on it, however it was rounded
+        touch = TOUCH * memory.scale[j]  # rounding may not matter: a joint this near to its limit is on it
         if candidate[i] >= top - touch or candidate[i] <= bottom + touch:
             candidate[i] = top if candidate[i] >= top - touch else bottom
             if memory.locked[j] == 0.0:
@@ -77,7 +77,7 @@ def _move(memory: SolverMemory) -> None:
 
 @compiled
 def try_step(memory: SolverMemory) -> int:
-    """Try the step, shorter and shorter, until one is good: DONE, or CLEARANCE_NEEDED."""
+    """Try the step, shortened until it is accepted; return DONE or CLEARANCE_NEEDED."""
     request = _AGAIN
     while request == _AGAIN:
         evaluate(memory, memory.trial)
@@ -96,7 +96,7 @@ def _judge(memory: SolverMemory) -> int:
     loose, inexact = looped and not gap <= CLOSED, refined and lack > EXACT
     if loose or inexact:
         first = memory.corrections == 0
-        # what does not shrink by half is rounding
+        # a residual that does not halve is rounding
         goes_on = loose and (first or gap <= 0.5 * memory.gap or gap > CLOSURE)
         goes_on = goes_on or (inexact and (first or lack <= 0.5 * memory.lack))
         if goes_on and memory.corrections < CORRECTIONS and gap < 1.0:
@@ -106,7 +106,7 @@ def _judge(memory: SolverMemory) -> int:
             return _AGAIN
         if looped and not gap <= CLOSURE:
             return _shorten(memory, 0.5)
-    seconds = memory.has_secondary != 0 and memory.tries < SECONDARY_TRIES  # something of it is in this trial
+    seconds = memory.has_secondary != 0 and memory.tries < SECONDARY_TRIES  # this trial includes some of it
     if refined and seconds and not lack <= 10.0 * EXACT:
         return _shorten(memory, 0.5)
     memory.gap = gap
@@ -121,13 +121,13 @@ def _judge(memory: SolverMemory) -> int:
         return _shorten(memory, 0.5)
     memory.closes = 1
     won, promised, noise = memory.task_distance - distance, memory.promised, NOISE
-    if refined and seconds:  # what is exact enough is no loss
+    if refined and seconds:  # errors that are small enough do not count
         noise += 10.0 * EXACT * (10.0 * EXACT + math.sqrt(2.0 * memory.task_distance))
     last_try = memory.tries == _most_tries(memory) - 1
-    forced = memory.has_acceleration_limits != 0 and (promised <= 0.0 or last_try)  # it can't stop at once
-    forced = forced or (promised <= 0.0 and must_go_back(memory))  # that costs the tasks something
+    forced = memory.has_acceleration_limits != 0 and (promised <= 0.0 or last_try)  # it can't stop immediately
+    forced = forced or (promised <= 0.0 and must_go_back(memory))  # at a cost for the tasks
     if memory.active_rows > 0 and not forced and won < ARMIJO * promised - noise:
-        return _shorten(memory, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # where a parabola is lowest
+        return _shorten(memory, min(max(0.5 * promised / (promised - won), 0.1), 0.7))  # minimum of a parabola
     if memory.is_guarded != 0:
         memory.phase = GUARD
         return CLEARANCE_NEEDED
@@ -137,7 +137,7 @@ def _judge(memory: SolverMemory) -> int:
 
 @compiled
 def guard(memory: SolverMemory) -> int:
-    """Judge a trial that is good, now that barriers have said how much of the path to it is clear."""
+    """Judge an accepted trial by the fraction of the path to it that barriers report as clear."""
     if memory.clear_part >= 1.0:
         finish(memory, True, False)
         return DONE
@@ -147,8 +147,8 @@ def guard(memory: SolverMemory) -> int:
 
 @compiled
 def _find_lack(memory: SolverMemory) -> float:
-    """Set `trial_error` to what the tasks still lack of what this tick should win; return the largest part of it that
-    can be helped."""
+    """Set `trial_error` to the errors that remain of those to be corrected in this tick; return the largest component
+    that can be corrected."""
     lack = memory.trial_error
     for i in range(memory.active_rows):
         lack[i] = memory.row_weights[i] * (lack[i] - memory.error[i]) + memory.wanted[i]
@@ -157,7 +157,7 @@ def _find_lack(memory: SolverMemory) -> float:
 
 @compiled
 def _correct(memory: SolverMemory) -> None:
-    """Take one Newton step on the loops, and on the tasks inside of what they leave."""
+    """Take one Newton step on the loops, and on the tasks in their null space."""
     correction, is_locked = memory.correction, False
     for j in range(memory.n):
         correction[j] = 0.0
@@ -184,7 +184,7 @@ def _correct(memory: SolverMemory) -> None:
 
 @compiled
 def _leave_out_locked(memory: SolverMemory) -> bool:
-    """Decompose the tasks again, without the joints that are locked; return False where too little is left of them."""
+    """Decompose the tasks again without locked joints; return False if they are singular then."""
     if memory.rank > 0 and memory.is_singular != 0:
         return False
     for i in range(memory.active_rows):
@@ -211,8 +211,7 @@ def _most_tries(memory: SolverMemory) -> int:
 
 @compiled
 def _is_spare(memory: SolverMemory, part: float) -> bool:
-    """Whether barriers allow what is left of the step without so much of the secondary step: that may be what keeps
-    them."""
+    """Return whether barriers allow the step without a fraction of the secondary step, which may be what keeps them."""
     spare = True
     for b in range(memory.barriers):
         s = 0.0
@@ -224,7 +223,7 @@ def _is_spare(memory: SolverMemory, part: float) -> bool:
 
 @compiled
 def _shorten(memory: SolverMemory, part: float) -> int:
-    """Try again with less of the step; give up after ten times. The secondary step gives way first."""
+    """Shorten the step, the secondary step first; give up after `TRIES` times."""
     has_secondary, accelerated = memory.has_secondary != 0, memory.has_acceleration_limits != 0
     attempted, secondary, braking = memory.attempted, memory.secondary, memory.braking
     memory.tries += 1

@@ -1,6 +1,5 @@
-"""The arithmetic of loops, compiled: small functions over arrays that exist, without Python, allocation or lock.
+"""Kernels of joints and loops: kinematics, residuals, closing loops, following actuated joints.
 
-Pinocchio computes placements and Jacobians, in Python's hands; all else that closing loops takes is here, and what a
-tick adds to that is in `cinegen.ik._kernels`. The same mathematics stands in plain numpy in `raff2urdf.residual` and
-`raff2urdf.closure`; the tests hold one against the other on every robot.
+They allocate nothing and run without the GIL. `cinegen.ik._kernels` adds the tasks. The plain forms are Pinocchio,
+`raff2urdf.residual` and `raff2urdf.closure`; the tests compare the two on every robot.
 """

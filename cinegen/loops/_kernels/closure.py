@@ -1,10 +1,10 @@
-"""Closing all loops by Gauss-Newton steps, as `raff2urdf.closure.close`: the same steps, but for rounding.
+"""Close all loops by Gauss-Newton steps: the steps of `raff2urdf.closure.close`, up to rounding.
 
-Its damped step on the singular value decomposition is (J^T J + mu 1) d = -J^T c on the rows that count. With J's rows
-in the order of what they add, J = L Q^T by Householder reflections, that is d = Q y with (L^T L + mu 1) y = -L^T c: no
-iteration is needed. That holds where the rank is clear; where it is not, singular vectors are used here, too.
+Its damped step (J^T J + mu 1) d = -J^T c uses the singular value decomposition. With the pivoted factorisation
+J = L Q^T, the same step is d = Q y with (L^T L + mu 1) y = -L^T c, without iterations, where the rank is clear. Where
+it is not, singular vectors are used here, too.
 
-Factors are used again as long as they are good enough: old ones shrink a gap by about the gap where they were made.
+Factors are reused while they are good enough: they reduce a gap by about the gap at which they were computed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cinegen.loops.thresholds import CLOSED, HEALTHY, NEGLIGIBLE, NOTHING_ADDED,
 
 @entry
 def close_from_trial(memory: LoopMemory) -> None:
-    """`close` as `raff2urdf.closure.close` does it; `gap` is NaN where a number of `trial` is not finite."""
+    """Close the loops as `raff2urdf.closure.close` does; `gap` is NaN if a number of `trial` is not finite."""
     memory.factored_at = NOWHERE
     memory.gap = math.nan
     for i in range(memory.nq):
@@ -36,12 +36,12 @@ def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
     """Close the loops from `trial`, which becomes the best configuration found; locked joints stay.
 
     Levenberg's and Marquardt's damping, mu c^T c, keeps the convergence quadratic where rows are dependent
-    (N. Yamashita and M. Fukushima, 2001); mu grows where a step does not bring the ends nearer.
+    (N. Yamashita and M. Fukushima, 2001); mu grows if a step does not reduce the residual.
 
     Args:
-        memory: `gap` becomes what is left.
-        tolerance: rad or characteristic lengths: that is enough. Below `CLOSED`, what shrinks no more is rounding.
-        most: corrections, of which `corrections` become the number.
+        memory: `gap` becomes the remaining gap.
+        tolerance: rad or characteristic lengths. Below `CLOSED`, iterations also end when the gap stops shrinking.
+        most: largest number of corrections; `corrections` becomes their number.
         exact: see `factor_loops`.
     """
     trial, candidate = memory.trial, memory.candidate
@@ -71,7 +71,7 @@ def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
 
 @compiled
 def squared_residual(memory: LoopMemory) -> float:
-    """c^T c of the residual c."""
+    """Return c^T c of the residual c."""
     squared = 0.0
     for i in range(memory.rows):
         squared += memory.residual[i] * memory.residual[i]
@@ -80,7 +80,7 @@ def squared_residual(memory: LoopMemory) -> float:
 
 @compiled
 def correct(memory: LoopMemory, damping: float, tolerance: float, exact: bool) -> None:
-    """Set `step` to the correction of the present residual."""
+    """Set `correction` to the step that removes the present residual."""
     if exact or memory.factored_at == NOWHERE or memory.gap * memory.factors_gap > tolerance:
         evaluate_loops(memory, True)
         factor_loops(memory, exact)
@@ -90,7 +90,7 @@ def correct(memory: LoopMemory, damping: float, tolerance: float, exact: bool) -
 
 @compiled
 def cut_correction(memory: LoopMemory) -> None:
-    """Set `delta` to `step`, cut back to the longest that makes sense, without what is locked."""
+    """Set `delta` to `correction`, limited to `STEP_CAP`, without locked joints."""
     step, delta, longest = memory.correction, memory.delta, 0.0
     for k in range(memory.n):
         if memory.locked[k] != 0.0:
@@ -104,11 +104,11 @@ def cut_correction(memory: LoopMemory) -> None:
 
 @compiled
 def factor_loops(memory: LoopMemory, exact: bool) -> None:
-    """Factor `jacobian` without the columns that are locked.
+    """Factor `jacobian` without the columns of locked joints.
 
     Args:
-        memory: whose `factors` these become, or where the rank is not clear the singular vectors.
-        exact: whether rows that are independent only because the loops stand open count, too.
+        memory: `factors` become the factors, or the singular vectors if the rank is not clear.
+        exact: count rows, too, that are independent only because loops are open.
     """
     f, tau, h, order = memory.factors, memory.tau, memory.reflectors, memory.row_order
     rows, n, free = memory.rows, memory.n, 0
@@ -150,8 +150,7 @@ def _copy_unlocked(memory: LoopMemory) -> None:
 
 @compiled
 def loop_correction(memory: LoopMemory, damping: float, out: Array) -> None:
-    """out (n,) = the shortest step that takes the residual away: Newton's, or with damping Levenberg's and
-    Marquardt's."""
+    """Write the shortest step (n,) that removes the residual: Newton's, or Levenberg and Marquardt's if damped."""
     f, tau, h, order, rank = memory.factors, memory.tau, memory.reflectors, memory.row_order, memory.factored_rank
     right = memory.minus_residual
     for i in range(memory.rows):

@@ -1,12 +1,11 @@
-"""Following the actuated joints on one branch: they go straight to their goal, and all loops follow.
+"""Follow the actuated joints on one branch: they move along a straight line to their goal, loops stay closed.
 
-Each step sets out along the path that all joints take to first order, closes the loops again with the actuated joints
-locked, and counts only if that added little to the step: else it would lead into another assembly mode, and half of it
-is tried (predictor and corrector; E. L. Allgower and K. Georg, "Introduction to numerical continuation methods",
-2003).
+Each step is predicted along the tangent of the path and corrected with the actuated joints locked. It is accepted only
+if the correction is small: a large one would lead into another assembly mode, and half of the step is tried
+(predictor-corrector; E. L. Allgower and K. Georg, "Introduction to numerical continuation methods", 2003).
 
-Where the actuated joints go on by as much as before, as they do along the lines of a grid, the second-order terms of
-the steps before foretell that of this one: but for some h^4 of a step h.
+If the actuated joints move by as much as before, as along the lines of a grid, the second-order terms of the last two
+steps are extrapolated to this one, which leaves an error of order h^4 for a step h.
 """
 
 from __future__ import annotations
@@ -23,27 +22,27 @@ from cinegen.loops.thresholds import CLOSURE
 
 _MOST_HALVED = 6
 _MOST = 12  # corrections of a step
-_FAR = 1e6  # rad or lengths: no joint goes there
-_ALIKE = 1e-6  # part of a step by which the actuated joints may differ from the one before
+_FAR = 1e6  # rad or lengths: a longer tangent has diverged
+_ALIKE = 1e-6  # relative difference of two steps of the actuated joints that count as equal
 
 
 @entry
 def follow(memory: LoopMemory) -> bool:
-    """Lead the actuated joints from `q`, closed, to `goal`; `q` becomes where they get. Return whether it is there."""
+    """Move the actuated joints from `q`, closed, towards `goal`; `q` becomes the end. Return whether it is the goal."""
     set_out(memory)
     return go_on(memory)
 
 
 @compiled
 def set_out(memory: LoopMemory) -> None:
-    """Begin the path from q to the goal."""
+    """Start the path from q to the goal."""
     memory.halvings = 0
     _find_tangent(memory)
 
 
 @compiled
 def go_on(memory: LoopMemory) -> bool:
-    """Follow the path that was begun. Return whether its end was reached; then frames are evaluated there."""
+    """Follow the path. Return whether its end was reached; then frames are evaluated there."""
     while memory.halvings <= _MOST_HALVED and _step(memory):
         close(memory, memory.tolerance, _MOST, False)
         if _is_near(memory) and (memory.corrections == 0 or _side(memory) * memory.side >= 0.0):
@@ -51,7 +50,7 @@ def go_on(memory: LoopMemory) -> bool:
                 memory.q[i] = memory.trial[i]
             memory.closure = memory.gap
             if memory.corrections == 0:
-                memory.factored_at = NOWHERE  # the factors are not of here
+                memory.factored_at = NOWHERE  # the factors are those of another configuration
             if memory.part == 1.0:
                 _keep_curvature(memory)
                 return True
@@ -67,11 +66,11 @@ def go_on(memory: LoopMemory) -> bool:
 
 @compiled
 def _find_tangent(memory: LoopMemory) -> None:
-    """Compute `tangent`, the path to the goal to first order: what the actuated joints do to the loops, the others make
-    good."""
+    """Compute `tangent`, the path to the goal to first order: the passive joints compensate the motion of the actuated
+    ones in the loops."""
     n, rows, jacobian, tangent, wanted = memory.n, memory.rows, memory.jacobian, memory.tangent, memory.residual
     is_new = memory.factored_at == NOWHERE
-    if is_new:  # else near by, which will do
+    if is_new:  # otherwise they are of a configuration near by, which suffices
         evaluate(memory, memory.q)
         memory.gap = evaluate_loops(memory, True)
         factor_loops(memory, False)
@@ -97,18 +96,18 @@ def _find_tangent(memory: LoopMemory) -> None:
 
 @compiled
 def _step(memory: LoopMemory) -> bool:
-    """Move `trial` from q along the tangent, all the way or a stride; False where that makes no sense."""
+    """Move `trial` from q along the tangent, to the goal or by the longest stride; return False if it has diverged."""
     n, q, trial, tangent, delta = memory.n, memory.q, memory.trial, memory.tangent, memory.delta
     furthest = 0.0
     for k in range(n):
-        if not abs(tangent[k]) <= furthest:  # so that NaN is far
+        if not abs(tangent[k]) <= furthest:  # NaN counts as far
             furthest = abs(tangent[k])
     if not furthest < _FAR:
         return False
     part = min(1.0, memory.longest_stride * 0.5**memory.halvings / max(furthest, 1e-300))
     memory.part = part
     if part == 1.0:
-        _foretell_curvature(memory)
+        _extrapolate_curvature(memory)
     for k in range(n):
         delta[k] = memory.scale[k] * (part * tangent[k] + (memory.curvature[k] if part == 1.0 else 0.0))
     integrate(memory, q, delta, trial)
@@ -121,24 +120,24 @@ def _step(memory: LoopMemory) -> bool:
 
 @compiled
 def _is_near(memory: LoopMemory) -> bool:
-    """Whether `trial` is closed, and not much further than was foreseen: else it is another branch."""
+    """Return whether `trial` is closed and near the prediction: otherwise it is on another branch."""
     if not memory.gap <= CLOSURE:
         return False
     added, size = 0.0, 0.0
     difference(memory, memory.q, memory.trial, memory.delta)
     for k in range(memory.n):
-        foreseen = memory.part * memory.tangent[k]
-        size = max(size, abs(foreseen))
-        added = max(added, abs(memory.delta[k] / memory.scale[k] - foreseen))
+        predicted = memory.part * memory.tangent[k]
+        size = max(size, abs(predicted))
+        added = max(added, abs(memory.delta[k] / memory.scale[k] - predicted))
     return bool(added <= memory.most_added * size + CLOSURE)
 
 
 @compiled
 def _side(memory: LoopMemory) -> float:
-    """The sign of the determinant of the loops' Jacobian J by the joints that follow; where rows are more than joints,
-    of det(J_q^T J). 0 where the actuated joints do not determine all others.
+    """Return the sign of the determinant of the loops' Jacobian J by the passive joints, or of det(J_q^T J) if there
+    are more rows than joints. 0 if the actuated joints do not determine the others.
 
-    Between two branches it is 0, so that they lie on different sides, near as they may come to each other.
+    The determinant is 0 between two branches, so its sign separates them.
     """
     n, rows, locked, jacobian = memory.n, memory.rows, memory.locked, memory.jacobian
     free = 0
@@ -170,8 +169,8 @@ def _side(memory: LoopMemory) -> float:
 
 
 @compiled
-def _foretell_curvature(memory: LoopMemory) -> None:
-    """Extrapolate `curvature` from the whole steps before, if the actuated joints did there what they do now."""
+def _extrapolate_curvature(memory: LoopMemory) -> None:
+    """Extrapolate `curvature` from the last whole steps, if the actuated joints moved by as much in them."""
     change, size = 0.0, 0.0
     for a in range(memory.actuated):
         now = memory.tangent[memory.actuated_dof[a]]
@@ -189,7 +188,7 @@ def _foretell_curvature(memory: LoopMemory) -> None:
 
 @compiled
 def _keep_curvature(memory: LoopMemory) -> None:
-    """Keep what the loops made of a whole step, for the next."""
+    """Keep the second-order term of a whole step for the next."""
     for k in range(memory.n):  # `delta` is the step: see `_is_near`
         memory.curvature_2[k] = memory.curvature_1[k]
         memory.curvature_1[k] = memory.delta[k] / memory.scale[k] - memory.tangent[k]

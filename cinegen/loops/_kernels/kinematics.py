@@ -1,4 +1,4 @@
-"""Frames and screws of all joints, and how joints move by a step: what Pinocchio computes, for kernels to call."""
+"""Frames and screws of all joints, and steps of configurations, as Pinocchio computes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from cinegen.jit.se3 import combine, compose, cross, dot, log, log_derivative, s
 from cinegen.loops._kernels.memory import LoopMemory
 
 EVALUATE, INTEGRATE, DIFFERENCE = range(3)
-"""What Python computes for a model with joints of other kinds: see `cinegen.loops.pinocchio_joints`."""
+"""Operations of the callback for models with other joints: see `cinegen.loops.pinocchio_joints`."""
 
 FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER = range(5)
 """Kinds of joints. A quaternion is (x, y, z, w), as in Pinocchio; a free flyer's q is its position, then that."""
@@ -60,7 +60,7 @@ def _evaluate_free(frame: Array, floats: bool, q: Array, vectors: Array) -> None
 
 @compiled
 def _free_screws(frame: Array, floats: bool, screws: Array) -> None:
-    """Screws of a spherical joint, or of a free flyer, about and along its own axes."""
+    """Write the screws of a spherical joint, or of a free flyer, about and along its own axes."""
     first = 0
     if floats:
         first = 3
@@ -75,7 +75,7 @@ def _free_screws(frame: Array, floats: bool, screws: Array) -> None:
 
 @compiled
 def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
-    """out (nq,) = where a step delta (n,), m and rad, leads from q (nq,)."""
+    """Write the configuration (nq,) that a step delta (n,), m and rad, reaches from q (nq,)."""
     if memory.callback_address != 0:
         call_python(memory.callback_address, INTEGRATE, q, delta, out)
         return
@@ -91,13 +91,15 @@ def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
         if kind == FREE_FLYER:
             _float(q[at:], delta[dof:], out[at:], memory.vectors)
             at, dof = at + 3, dof + 3
-        if delta[dof] != 0.0 or delta[dof + 1] != 0.0 or delta[dof + 2] != 0.0:  # else it stays, bit by bit
+        if (
+            delta[dof] != 0.0 or delta[dof + 1] != 0.0 or delta[dof + 2] != 0.0
+        ):  # otherwise it is unchanged, bit for bit
             _multiply(q[at:], delta[dof:], out[at:], kind == FREE_FLYER)
 
 
 @compiled
 def _multiply(q: Array, v: Array, out: Array, nearer: bool) -> None:
-    """out = the quaternion q times exp(v); of it and its negative the nearer one, if that is asked for."""
+    """Write the quaternion q times exp(v); with `nearer`, the nearer one of it and its negative."""
     s, c = sinc(0.25 * dot(v, v))
     w, s = 1.0 - 0.25 * dot(v, v) * c, 0.5 * s
     if w < 0.0 and nearer:
@@ -115,7 +117,7 @@ def _multiply(q: Array, v: Array, out: Array, nearer: bool) -> None:
 
 @compiled
 def _float(q: Array, delta: Array, out: Array, vectors: Array) -> None:
-    """out (3,) = the position of a free flyer, moved by a twist (6,) in its own axes: the exponential of SE(3)."""
+    """Write the position (3,) of a free flyer after a twist (6,) in its own axes: the exponential of SE(3)."""
     frame, moved, v = vectors[0:3], vectors[4], delta[3:]
     _axes_of(q[3:], frame)
     square = dot(v, v)
@@ -132,7 +134,7 @@ def _float(q: Array, delta: Array, out: Array, vectors: Array) -> None:
 
 @compiled
 def _axes_of(q: Array, axes: Array) -> None:
-    """axes (3, 3) of a quaternion."""
+    """Write the axes (3, 3) of a quaternion."""
     for k in range(3):
         for i in range(3):
             axes[k, i] = 1.0 if i == k else 0.0
@@ -142,7 +144,7 @@ def _axes_of(q: Array, axes: Array) -> None:
 
 @compiled
 def difference(memory: LoopMemory, q: Array, to: Array, out: Array) -> None:
-    """out (n,) = the step, m and rad, that leads from q to another configuration (nq,)."""
+    """Write the step (n,), m and rad, from q to another configuration (nq,)."""
     if memory.callback_address != 0:
         call_python(memory.callback_address, DIFFERENCE, q, to, out)
         return

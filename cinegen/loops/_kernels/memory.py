@@ -14,12 +14,12 @@ from cinegen.jit.memory import Memory, array, parameter, state
 
 
 class LoopMemory(Memory):
-    """A mechanism: its joints, its loops, and what closing them takes."""
+    """A mechanism: its joints and loops, and the data for closing them."""
 
     # sizes
     nq: int = parameter(0)
     n: int = parameter(0)  # DoF that may move
-    fixed: int = parameter(0)  # DoF of a base that stays where it is: they come first in v, and are left out of n
+    fixed: int = parameter(0)  # DoF of a fixed base: they come first in v, and do not count in n
     joints: int = parameter(0)
     loops: int = parameter(0)
     rows: int = parameter(0)  # of all loops
@@ -33,24 +33,24 @@ class LoopMemory(Memory):
     joint_kind: Table = array("joints", dtype=int)
     joint_parent: Table = array("joints", dtype=int)
     joint_q: Table = array("joints", dtype=int)  # its first number in q
-    joint_dof: Table = array("joints", dtype=int)  # its first DoF; below 0 if it stays where it is
+    joint_dof: Table = array("joints", dtype=int)  # its first DoF; below 0 if it is fixed
     joint_axis: Array = array("joints", 3)
-    joint_offset: Array = array("joints", 4, 3)  # its frame at zero, seen from its parent
-    scale: Array = array("n")  # m or rad that one dimensionless step is
-    q_index: Table = array("n", dtype=int)  # where a DoF is in q; -1 where it is not one number of q
+    joint_offset: Array = array("joints", 4, 3)  # its frame at zero, relative to its parent
+    scale: Array = array("n")  # size of one dimensionless step, m or rad
+    q_index: Table = array("n", dtype=int)  # index of a DoF in q; -1 if it is not one number of q
 
-    # where the mechanism is
+    # configurations
     q: Array = array("nq")  # closed
     trial: Array = array("nq")  # may become q
     candidate: Array = array("nq")  # may become the trial
-    frames: Array = array("joints", 4, 3)  # of all joints in the world, where they were evaluated last
+    frames: Array = array("joints", 4, 3)  # of all joints in the world, at the last evaluation
     screws: Array = array("n", 6)  # of all DoF: velocity of the point at the world's origin, then angular velocity
     evaluations: int = state(0)
 
     # loops: the joints that were cut
     loop_kind: Table = array("loops", dtype=int)
-    loop_joints: Table = array("loops", 2, dtype=int)  # that carry its ends
-    loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, seen from these joints
+    loop_joints: Table = array("loops", 2, dtype=int)  # the joints that carry its ends
+    loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, relative to these joints
     loop_row: Table = array("loops", dtype=int)  # its first row
     loop_signs: Array = array("loops", "n")  # 1 for a DoF that moves the second end, -1 the first, 0 both or none
     residual: Array = array("rows")
@@ -58,7 +58,7 @@ class LoopMemory(Memory):
     jacobian: Array = array("rows", "n")
 
     # their factors
-    locked: Array = array("n")  # not 0 for DoF that stay while loops are closed
+    locked: Array = array("n")  # not 0 for DoF that do not move while loops are closed
     factors: Array = array("rows", "n")
     row_order: Table = array("rows", dtype=int)
     row_left: Array = array("rows")
@@ -67,10 +67,10 @@ class LoopMemory(Memory):
     left_vectors: Array = array("rows", "rows")
     right_vectors: Array = array("rows", "n")
     squared_sigma: Array = array("rows")
-    is_singular: int = state(0)  # whether the factors are singular vectors
+    is_singular: int = state(0)  # the factors are singular vectors
     factored_rank: int = state(0)
-    factored_at: int = state(0)  # where the loops are factored: see below
-    factors_gap: float = state(math.inf)  # how far the loops stood open there
+    factored_at: int = state(0)  # configuration at which the loops are factored: see below
+    factors_gap: float = state(math.inf)  # largest residual there
     sigma: float = state(1.0)  # the smallest singular value of the loops, or 1 where it is not small
 
     # closing them
@@ -85,12 +85,12 @@ class LoopMemory(Memory):
     goal: Array = array("actuated")  # m and rad
     tolerance: float = parameter(0.0)  # loops are closed to this
     longest_stride: float = parameter(0.0)
-    most_added: float = parameter(0.0)  # part of a step that closing the loops may add
+    most_added: float = parameter(0.0)  # largest correction, as a fraction of the step
     halvings: int = state(0)
-    part: float = state(0.0)  # of the remaining path, that the present step is
+    part: float = state(0.0)  # present step, as a fraction of the remaining path
     tangent: Array = array("n")  # the remaining path, to first order
-    alike: int = state(0)  # whole steps before this one by as much as this one, up to 2
-    actuated_step: Array = array("actuated")  # the last whole one
+    alike: int = state(0)  # number of preceding equal whole steps, up to 2
+    actuated_step: Array = array("actuated")  # in the last whole step
     curvature: Array = array("n")  # second-order term of this step, and of the two before
     curvature_1: Array = array("n")
     curvature_2: Array = array("n")
@@ -104,4 +104,4 @@ class LoopMemory(Memory):
 
 
 NOWHERE, AT_Q, AT_TRIAL = range(3)
-"""Where the loops are factored: nowhere that is of use, at q or near it, at the trial."""
+"""Configuration at which the loops are factored: none, q or near it, the trial."""

@@ -13,12 +13,12 @@ RIGID, PRISMATIC, REVOLUTE, BALL = range(4)
 
 @compiled
 def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
-    """Compute `residual`, and `jacobian` where it is wanted, at the joints' frames; return the largest residual."""
+    """Compute `residual`, and `jacobian` if requested, from the joints' frames; return the largest residual."""
     for i in range(memory.loops):
         _evaluate_loop(memory, i, with_jacobian)
     largest = 0.0
     for i in range(memory.rows):
-        if not abs(memory.residual[i]) <= largest:  # so that NaN is large
+        if not abs(memory.residual[i]) <= largest:  # NaN counts as large
             largest = abs(memory.residual[i])
     return largest
 
