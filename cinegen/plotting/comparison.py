@@ -9,14 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.heading import printed
-from cinegen.plotting.line import Line
-from cinegen.plotting.plane import Plane, bar
+from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, differing, pretty
-from cinegen.plotting.sheet import LABEL, UNDER, finish, sheet, wrapped
-from cinegen.plotting.stick import INK
-from cinegen.plotting.units import coordinate_text
-from cinegen.workspace.comparison import Comparison, QuantityDifference, compare
+from cinegen.plotting.sheet import BLUE, INK, LABEL, ORANGE, UNDER, finish, sheet, wrapped
+from cinegen.plotting.units import coordinate_text, extent_text
+from cinegen.workspace.comparison import Comparison, compare
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.maps import open_map
 from cinegen.workspace.specification import MapSpecification, specification_of
@@ -28,8 +25,8 @@ if TYPE_CHECKING:
 
 Bools = NDArray[np.bool_]
 
-FIRST, SECOND, BOTH = "#0072b2", "#e69f00", "#b7c3cf"
-"""Colours of the cells that only the first map reaches, only the second (Okabe and Ito's blue and orange), and both."""
+FIRST, SECOND, BOTH = BLUE, ORANGE, "#b7c3cf"
+"""Colours of the cells that only the first map reaches, only the second, and both."""
 
 _PALE = 0.6  # of these colours behind a curve
 _MARGIN = 1.2  # inches, to the left and right of axes
@@ -72,7 +69,7 @@ def _classes(found: Comparison) -> list[tuple[Bools, str, str]]:
 
 def _extents(found: Comparison) -> str:
     """Return the extents, in lines."""
-    texts = [f"{label} {printed(extent)}" for label, extent in found.extents.items()]
+    texts = [f"{label} {extent_text(extent)}" for label, extent in found.extents.items()]
     return "\n".join("; ".join(part) for part in (texts[:2], texts[2:4], texts[4:]))
 
 
@@ -101,14 +98,14 @@ def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size:
     if at:
         text += f" in all; at {', '.join(coordinate_text(spec.mechanism, *one) for one in at.items())}"
     if name is not None:
-        text += f"\n{pretty(name)}, {found.names[1]} minus {found.names[0]}: {_range(found.differences[name])}"
+        difference = found.differences[name]
+        text += f"\n{pretty(name)}, {found.names[1]} minus {found.names[0]}: {difference.text.replace('-', '−')}"
     figure, body = sheet(wide * panels, tall, " and ".join(found.names), text)
     axes = body.add_subplot(1, panels, 1, projection=plane.projection)
     for cells, colour, title in _classes(found):
         plane.fill(axes, cells[middle], colour, title)
     plane.dress(axes)
     if name is not None:
-        difference = found.differences[name]
         values = difference.values[middle]
         look = differing(difference.description, difference.unit, name, values)
         right = body.add_subplot(1, panels, 2, projection=plane.projection, **plane.sharing(axes))
@@ -120,9 +117,3 @@ def _over_two(found: Comparison, spec: MapSpecification, name: str | None, size:
             panel.set_title(wrapped(title, wide - _MARGIN, LABEL), fontsize=LABEL, color=INK)
         bar(body, mesh, right, look, tall)
     return figure
-
-
-def _range(difference: QuantityDifference) -> str:
-    least, median, most = (f"{number:+.3g}".replace("-", "−") for number in difference.range)
-    unit = "" if difference.unit == "1" else f" {difference.unit}"
-    return f"{least} to {most}{unit}, median {median}{unit}"

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.sheet import LABEL, finish, label, sheet
-from cinegen.plotting.stick import INK
+from cinegen.plotting.sheet import BLUE, INK, LABEL, VERMILLION, finish, label, sheet
 from cinegen.plotting.units import coordinate_text, user_scale
 from cinegen.singularities.contour import SingularCurve
 from cinegen.singularities.loci import SingularLoci
@@ -21,8 +20,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-TYPE_1, TYPE_2 = "#0072b2", "#d55e00"
-"""Okabe and Ito's blue and vermillion."""
+TYPE_1, TYPE_2 = BLUE, VERMILLION
+"""Colours of singular curves."""
 
 _STYLES = {
     SingularityType.TYPE_1: (TYPE_1, "type 1: lost DoF"),

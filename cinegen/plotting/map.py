@@ -9,19 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.plotting.heading import given, heading, printed
-from cinegen.plotting.line import Line
 from cinegen.plotting.loci import TYPE_1, paint_curves
-from cinegen.plotting.plane import Plane, bar
+from cinegen.plotting.plane import Line, Plane, bar
 from cinegen.plotting.shades import OUT, Shades, chosen, shades, values_of
-from cinegen.plotting.sheet import UNDER, finish, sheet
+from cinegen.plotting.sheet import INK, UNDER, finish, sheet
 from cinegen.plotting.solid import paint_solid
-from cinegen.plotting.stick import INK
-from cinegen.plotting.units import coordinate_text
+from cinegen.plotting.units import coordinate_text, extent_text
+from cinegen.singularities.slice import POSE
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.extent import extent
 from cinegen.workspace.loci import loci
 from cinegen.workspace.maps import open_map
+from cinegen.workspace.region import SPHERICAL
 from cinegen.workspace.specification import MapSpecification, map_slice, specification_of
 
 if TYPE_CHECKING:
@@ -34,6 +33,7 @@ Array = NDArray[np.float64]
 _SLICES = 6
 _RIGHT, _GAP = 0.5, 0.06  # of the width: for the slices, and between them and the solid
 _HEIGHT = 0.48  # of a picture over one axis, over its width
+_ROTATIONS = {0: "any orientation", 2: "direction of its z given", 3: "orientation given"}
 _LOW = 0.35  # height of a picture over three axes, over its width
 
 
@@ -67,7 +67,7 @@ def draw_map(
     """
     dataset = open_map(of) if isinstance(of, str | Path) else of
     spec = specification_of(dataset)
-    text = f"{'possible' if spec.over_joints else 'reached'}: {printed(extent(dataset))}"
+    text = f"{'possible' if spec.over_joints else 'reached'}: {extent_text(extent(dataset))}"
     axes = spec.region.axes
     if len(axes) > 3:
         dataset, spec = map_slice(dataset, spec, {axis.name: axis.count // 2 for axis in axes[2:]})
@@ -76,7 +76,7 @@ def draw_map(
     dataset = dataset.transpose(*spec.region.names, ...)
     values = values_of(dataset, shown)
     picture = _Picture(dataset, spec, values, shades(dataset, shown, values), curves, robot)
-    first, second = heading(spec, name), given(spec, text)
+    first, second = _heading(spec, name), _given(spec, text)
     figure = (picture.over_one, picture.over_two, picture.over_three)[len(spec.region.axes) - 1](size, first, second)
     finish(figure)
     return figure
@@ -167,3 +167,23 @@ def _layers(reached: NDArray[np.bool_]) -> list[int]:
         layers = np.arange(reached.shape[2])
     numbers = (np.arange(_SLICES) + 0.5) * len(layers) / _SLICES
     return [int(layers[k]) for k in np.unique(numbers.astype(int))]
+
+
+def _heading(spec: MapSpecification, name: str | None = None) -> str:
+    """Return the first title: robot and subject."""
+    robot = name or spec.mechanism.name
+    return f"{robot}: over {', '.join(spec.region.names)}" if spec.over_joints else f"{robot}: reach of {spec.node}"
+
+
+def _given(spec: MapSpecification, text: str) -> str:
+    """Return the fixed coordinates, followed by a text."""
+    region = spec.region
+    parts = [coordinate_text(spec.mechanism, *one) for one in region.at.items()]
+    if any(name in SPHERICAL for name in (*region.names, *region.at)):
+        centre = zip("xyz", region.centre or (0.0,) * 3, strict=True)
+        parts.append(f"seen from {', '.join(coordinate_text(spec.mechanism, *one) for one in centre)}")
+    if not spec.over_joints and not (spec.rotation == 3 and any(name in POSE[3:] for name in region.at)):
+        parts.append(_ROTATIONS[spec.rotation])
+    if not spec.limits:
+        parts.append("joint limits left out")
+    return "; ".join([*parts, text])

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 from cinegen.assembly import AssemblyModes
 from cinegen.errors import CinegenError
 from cinegen.model.motion_plane import motion_plane
+from cinegen.plotting.sheet import FAINT, INK
 from cinegen.plotting.skeleton import Pose, Skeleton
-from cinegen.plotting.stick import ACTUATED, BACK, END, FAINT, FRONT, INK, Pen, paint
+from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
 from cinegen.plotting.units import rounded, value_text
 from cinegen.plotting.view import Projection, views
 

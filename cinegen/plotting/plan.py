@@ -3,32 +3,44 @@ using vortex fields", Advances in Robot Kinematics, Springer 1991; and its clear
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.body import Body
+from cinegen.collision.body import Body, rounded_hull
+from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
-from cinegen.planning.planner import Plan
-from cinegen.plotting.outline import edge, outline
-from cinegen.plotting.plan_layout import PlanLayout
-from cinegen.plotting.sheet import finish, label, sheet
-from cinegen.plotting.stick import FAINT, INK
-from cinegen.plotting.view import Projection
+from cinegen.model.motion_plane import motion_plane
+from cinegen.planning.planner import Plan, refined
+from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILLION, finish, label, sheet
+from cinegen.plotting.view import Projection, along, parallel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-OBSTACLE, PATH, STOP, LINK = "#c9ced4", "#0072b2", "#d55e00", "#56b4e9"
-"""Grey; Okabe and Ito's blue, vermillion and sky blue."""
+OBSTACLE, PATH, STOP, LINK = "#c9ced4", BLUE, VERMILLION, SKY
 MARGIN = "#f1f3f5"
 """Colour of points nearer to an obstacle than the safety distance."""
 
 
+_MOMENTS, _FEWER = 15, 10  # configurations that are drawn, in a plane and in space
+_MARGIN = 0.05  # around everything, relative to its size
+_BEYOND = 0.6  # around the robot, relative to its extent: obstacles are drawn up to there
+_WIDE, _STRIP = 6.6, 1.5  # inches: width of a view, and height of the clearance below
+_TALL = (2.2, 6.2)  # inches: least and largest height of a view
+_SHEET, _LEAST, _MOST = 8.6, 5.0, 10.0  # inches: width of three views, least and largest height
+_TEXTS = 0.7  # inches: labels and legend
+_X, _Y, _Z = np.eye(3)
+
+_THREE_VIEWS = parallel("top", _X, _Y), parallel("front", _X, _Z), parallel("right", _Y, _Z)
+_DIRECTIONS = 180  # of an outline
+_SIDES = 720  # of the prism around a cylinder
+_EDGE_ON = 1e-6  # how far the normal of a half-space may point out of the picture
 _HIGHEST = 12.0  # safety distances: largest clearance that is shown
 
 
@@ -47,7 +59,7 @@ def draw_plan(plan: Plan, margin: bool = True) -> Figure:
     Returns:
         a matplotlib figure whose last axes show the clearance: `draw_plan(plan).savefig("plan.png")`.
     """
-    layout = PlanLayout(plan)
+    layout = _Layout(plan)
     strategy = plan.attempts[-1].strategy if plan.attempts else plan.reason
     figure, body = sheet(*layout.size, f"{plan.scene.name}: {plan.status.value}", strategy)
     maps, strip = layout.panels(body)
@@ -58,10 +70,91 @@ def draw_plan(plan: Plan, margin: bool = True) -> Figure:
     return figure
 
 
+class _Layout:
+    """Configurations that are drawn, and their views.
+
+    Attributes:
+        plan: as given.
+        views: one along the normal of a planar robot's plane; else from the top, the front and the right.
+        robot: bodies of the robot.
+        path: (n, nq) configurations, near each other.
+        trace: (n, 3) positions of the node, m.
+        clearances: (n,) shortest distance at each, m.
+        travel: (n,) length of the joints' path so far, rad and characteristic lengths.
+        moments: indices of the configurations that are drawn, about equidistant.
+        low, high: (3,) corners of the part of the world that is shown, m.
+    """
+
+    def __init__(self, plan: Plan) -> None:
+        scene, mechanism = plan.scene, plan.scene.mechanism
+        self.plan = plan
+        normal = motion_plane(mechanism)
+        self.views: tuple[Projection, ...] = _THREE_VIEWS if normal is None else (along(normal),)
+        clearance = clearance_of(scene)
+        self.robot = clearance.links
+        self.path = refined(mechanism, plan.path)
+        self.trace = np.array([mechanism.placement(q, scene.node).translation for q in self.path])
+        self.clearances = np.array([clearance.least(q) for q in self.path])
+        steps = [np.linalg.norm(mechanism.scaled_difference(a, b)) for a, b in itertools.pairwise(self.path)]
+        self.travel = np.cumsum([0.0, *steps])
+        wanted = np.linspace(0.0, self.travel[-1], _MOMENTS if normal is not None else _FEWER)
+        self.moments = np.unique(np.abs(self.travel[None] - wanted[:, None]).argmin(axis=1))
+        self._data = mechanism.model.createData()
+        self.low, self.high = self._bounds(scene)
+
+    def placements(self, q: Array) -> list[pin.SE3]:
+        """Return the poses of the joints of the robot's bodies at q (nq,)."""
+        pin.forwardKinematics(self.plan.scene.mechanism.model, self._data, q)
+        return [pin.SE3(self._data.oMi[body.joint]) for body in self.robot]
+
+    def _bounds(self, scene: Scene) -> tuple[Array, Array]:
+        """Return the bounds of the robot's motion, and of the obstacles near it."""
+        ends = [np.vstack([scene.goal.translation, self.trace])]
+        for q in self.path[self.moments]:
+            ends += [_box(*one) for one in zip(self.robot, self.placements(q), strict=True)]
+        low, high = np.vstack(ends).min(axis=0), np.vstack(ends).max(axis=0)
+        beyond = _BEYOND * float((high - low).max())
+        bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies if np.isfinite(body.radius)]
+        around = np.vstack([low, high, *(_box(body, pin.SE3.Identity()) for body in bodies)])
+        low = np.minimum(low, np.maximum(around.min(axis=0), low - beyond))
+        high = np.maximum(high, np.minimum(around.max(axis=0), high + beyond))
+        margin = _MARGIN * float((high - low).max()) + scene.safety
+        return low - margin, high + margin
+
+    def limits(self, view: Projection) -> Array:
+        """Return the lower left and the upper right corner (2, 2) of a view, m."""
+        flat = view.project(np.array([self.low, self.high]))[0]
+        return np.sort(flat, axis=0)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Size of the page, inches."""
+        if len(self.views) == 1:
+            return _WIDE, self._tall + _STRIP + _TEXTS
+        x, y, z = self.high - self.low
+        return _SHEET, float(np.clip(_SHEET * (y + z) / (x + y), _LEAST, _MOST)) + _TEXTS
+
+    @property
+    def _tall(self) -> float:
+        across, up = np.ptp(self.limits(self.views[0]), axis=0)
+        return float(np.clip(_WIDE * up / across, *_TALL))
+
+    def panels(self, figure: Any) -> tuple[list[Any], Any]:
+        """Return axes for each view, and for the clearance, below a single view. Of three views the top one is above
+        the front one, and the right one next to that."""
+        if len(self.views) == 1:
+            top, below = figure.subplots(2, 1, height_ratios=[self._tall, _STRIP])
+            return [top], below
+        x, y, z = self.high - self.low
+        (top, strip), (front, right) = figure.subplots(2, 2, width_ratios=[x, y], height_ratios=[y, z])
+        figure.delaxes(strip)  # so that it is the last one
+        return [top, front, right], figure.add_subplot(strip.get_subplotspec())
+
+
 # --- maps --------------------------------------------------------------------------------------------------------
 
 
-def _paint(axes: Any, layout: PlanLayout, view: Projection, margin: bool) -> None:
+def _paint(axes: Any, layout: _Layout, view: Projection, margin: bool) -> None:
     scene, plan, sides = layout.plan.scene, layout.plan, view.axes[:2]
     low, high = layout.limits(view)
     _obstacles(axes, scene, sides, np.array([low, high]), margin)
@@ -158,7 +251,7 @@ def _named(direction: Array) -> str:
 # --- clearance ---------------------------------------------------------------------------------------------------
 
 
-def _clearance(axes: Any, layout: PlanLayout) -> None:
+def _clearance(axes: Any, layout: _Layout) -> None:
     """Draw the shortest distance between any two bodies, over the fraction of the motion."""
     travel, clearances, safety = layout.travel, 1e3 * layout.clearances, 1e3 * layout.plan.scene.safety
     axes.axhline(safety, color=STOP, linewidth=1.2, linestyle="--")
@@ -181,3 +274,50 @@ def _clearance(axes: Any, layout: PlanLayout) -> None:
     axes.set_xlim(0.0, 100.0)
     label(axes, "fraction of the motion (%)", "clearance (mm)")
     axes.spines[["top", "right"]].set_visible(False)
+
+
+# --- outlines ---------------------------------------------------------------------------------------------------
+
+
+def outline(body: Body, placement: pin.SE3, view: Array, margin: float = 0.0) -> Array:
+    """Return the corners (k, 2) of a body's outline, in order, m; one corner for a point.
+
+    A convex body is the hull of some points, grown by a ball. So is its outline: in each direction u of the picture it
+    ends at the point that is outermost, and beyond that by the ball's radius.
+
+    Args:
+        body: not a half-space, see `edge`.
+        placement: pose of its joint in the world.
+        view: (2, 3) unit vectors of the picture in the world: to the right, and up.
+        margin: m: the body is grown by this on all sides.
+    """
+    points, radius = _hull(body, placement)
+    flat = points @ view.T
+    angles = np.arange(_DIRECTIONS) * (2.0 * np.pi / _DIRECTIONS)
+    directions = np.column_stack([np.cos(angles), np.sin(angles)])
+    found = flat[(directions @ flat.T).argmax(axis=1)] + (radius + margin) * directions
+    new = (found != np.roll(found, 1, axis=0)).any(axis=1)
+    return np.asarray(found[new] if new.any() else found[:1])
+
+
+def edge(body: Body, view: Array) -> tuple[Array, float] | None:
+    """Return the normal n (2,) and the offset c, m, of a half-space in the world: in the picture it covers all points p
+    with n.p <= c. None if it is not seen edge-on: it covers the whole picture."""
+    normal = body.placement.rotation @ np.array(body.shape.n)
+    projected = view @ normal
+    if np.linalg.norm(projected) < 1.0 - _EDGE_ON:
+        return None
+    return projected, float(body.shape.d + normal @ body.placement.translation)
+
+
+def _box(body: Body, placement: pin.SE3) -> Array:
+    """Return two opposite corners (2, 3) of a box around a body, m."""
+    points, radius = _hull(body, placement)
+    return np.array([points.min(axis=0) - radius, points.max(axis=0) + radius])
+
+
+def _hull(body: Body, placement: pin.SE3) -> tuple[Array, float]:
+    """Return points (n, 3) in the world, m, whose hull is a body once a ball of the radius has grown it."""
+    points, radius = rounded_hull(body.shape, _SIDES)
+    pose = placement * body.placement
+    return points @ pose.rotation.T + pose.translation, radius

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.plotting.sheet import BLUE, SKY
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.quantities import QUANTITIES
@@ -32,8 +33,8 @@ _FAR = 0.4  # of the largest: if all values are above, colours don't begin at 0
 _DARKEST = 0.12  # of viridis: lines must be visible on it
 _STATUSES = {
     CellStatus.NOT_EVALUATED: "#ffffff",
-    CellStatus.REACHABLE: "#56b4e9",
-    CellStatus.REACHABLE_BY_SEARCH: "#0072b2",
+    CellStatus.REACHABLE: SKY,
+    CellStatus.REACHABLE_BY_SEARCH: BLUE,
     CellStatus.UNREACHABLE_PROVED: OUT,
     CellStatus.UNREACHABLE_NOT_FOUND: "#d3d7dc",
     CellStatus.LOOPS_OPEN: "#d9cbb8",

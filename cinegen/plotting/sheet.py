@@ -1,4 +1,4 @@
-"""The sheet of a picture: titles, legend, labels of axes and of colour bars, none of them cut off."""
+"""The style of all pictures: colours; the sheet with its titles, legend and labels, none of them cut off."""
 
 from __future__ import annotations
 
@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cinegen.plotting.stick import INK
-
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+INK, FAINT = "#2b3036", "#8b929a"
+"""Colours of lines and texts."""
+
+BLUE, SKY, ORANGE, VERMILLION, GREEN = "#0072b2", "#56b4e9", "#e69f00", "#d55e00", "#009e73"
+"""Colours that colour-blind people distinguish (M. Okabe and K. Ito, "Color universal design", 2002)."""
 
 LABEL = 8.33
 """Font size of labels, points."""

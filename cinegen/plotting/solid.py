@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.shades import Shades
-from cinegen.plotting.stick import INK
+from cinegen.plotting.sheet import INK
 from cinegen.plotting.units import user_scale
 from cinegen.workspace.region import SPHERICAL
 from cinegen.workspace.specification import MapSpecification

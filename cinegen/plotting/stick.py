@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from cinegen.plotting.sheet import BLUE, FAINT, INK, ORANGE, SKY, VERMILLION
 from cinegen.plotting.skeleton import Pose
 from cinegen.plotting.view import Projection
 
@@ -18,11 +19,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-INK, FAINT = "#2b3036", "#8b929a"
 BASE, BODY = "#c9ced4", "#dfe3e8"
-FRONT, BACK = "#56b4e9", "#e69f00"
-"""Colours of a plate: the side that is up at home, and its other side (Okabe and Ito's sky blue and orange)."""
-ACTUATED, END = "#0072b2", "#d55e00"
+FRONT, BACK = SKY, ORANGE
+"""Colours of a plate: the side that is up at home, and its other side."""
+ACTUATED, END = BLUE, VERMILLION
 
 _CYLINDER = 0.55  # part of a prismatic joint's length that is drawn thick
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.plotting.modes import DrawingError
-from cinegen.plotting.sheet import LABEL, finish, label, sheet
-from cinegen.plotting.stick import FAINT, INK
+from cinegen.plotting.sheet import BLUE, FAINT, GREEN, INK, LABEL, SKY, VERMILLION, finish, label, sheet
 from cinegen.plotting.units import raised
 from cinegen.workspace.sweep import SweepResult, VariantResult, Variation
 from raff2urdf.writer import number
@@ -19,9 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-
-REACH, WORST, MEAN, SUITABLE = "#0072b2", "#d55e00", "#56b4e9", "#009e73"
-"""Okabe and Ito's blue, vermillion, sky blue and bluish green."""
 
 
 def check_drawable(variations: Sequence[Variation]) -> None:
@@ -67,9 +63,9 @@ def _lines(body: Any, result: SweepResult, varied: list[str]) -> None:
     x = np.array([row.values[varied[0]] for row in rows])
     above, below = body.subplots(2, 1, sharex=True)
     errors = [row.extent.error if row.extent else np.nan for row in rows]
-    above.errorbar(x, _extents(rows), errors, color=REACH, marker="o", markersize=4, capsize=3)
+    above.errorbar(x, _extents(rows), errors, color=BLUE, marker="o", markersize=4, capsize=3)
     above.set_ylim(bottom=0.0)
-    for colour, of in ((WORST, "worst"), (MEAN, "mean")):
+    for colour, of in ((VERMILLION, "worst"), (SKY, "mean")):
         values = [getattr(row.dexterity.conditioning, of) if row.dexterity else np.nan for row in rows]
         below.plot(x, values, color=colour, marker="o", markersize=4, label=of)
     below.set_ylim(0.0, 1.0)
@@ -78,7 +74,7 @@ def _lines(body: Any, result: SweepResult, varied: list[str]) -> None:
     suitable = np.array([row.suitable for row in rows])
     for axes in (above, below):
         for at, marker, colour, text in (
-            (x[~suitable], "x", INK, "fails in the box"), (x[suitable], "o", SUITABLE, "whole box, regular"),
+            (x[~suitable], "x", INK, "fails in the box"), (x[suitable], "o", GREEN, "whole box, regular"),
         ):  # fmt: skip
             if len(at):  # else matplotlib would make room for empty lines
                 axes.plot(at, np.zeros(len(at)), marker=marker, color=colour, label=text, linestyle="none",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -11,8 +13,12 @@ from numpy.typing import NDArray
 
 from cinegen.model import Mechanism
 
+if TYPE_CHECKING:
+    from cinegen.workspace.extent import Extent
+
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-9  # of an extent
 _LONG = ("x", "y", "z", "radius", "way")
 
 
@@ -68,3 +74,9 @@ def pose_numbers(placement: pin.SE3) -> Array:
 def rounded(number: float, digits: int) -> float:
     """Return a rounded number, without negative zero."""
     return round(number, digits) + 0.0
+
+
+def extent_text(extent: Extent) -> str:
+    """Return an extent with its error, unless that is rounding, with typographic powers."""
+    exact = extent.error <= _ROUNDING * extent.value
+    return raised(str(replace(extent, low=extent.value, high=extent.value) if exact else extent))

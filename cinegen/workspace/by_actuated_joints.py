@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 from cinegen.ik.batch import BatchEvaluator, Evaluations
 from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.chunks import back_and_forth, neighbours
+from cinegen.workspace.continuation import flood
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
@@ -68,7 +68,9 @@ class ByActuatedJoints:
         none is, straight from home. Changes `done` and `status`."""
         home = self.spec.mechanism.q_home
 
-        def reaches(start: Array, cell: int) -> bool:
+        def solved(start: Array, cell: int) -> bool:
+            if status[cell] == _REACHABLE:
+                return False
             found = self._batch.follow(values[cell : cell + 1], start)
             now = self._judged(found)[0]
             if now == _REACHABLE or (now, status[cell]) == (_BEYOND_LIMITS, _OPEN):
@@ -77,16 +79,14 @@ class ByActuatedJoints:
                     getattr(done, name)[cell] = getattr(found, name)[0]
             return bool(now == _REACHABLE)
 
-        waiting = deque(np.flatnonzero(status == _REACHABLE).tolist())
-        left = np.flatnonzero(status != _REACHABLE).tolist()
-        for first in (None, *left):
-            if first is not None and status[first] != _REACHABLE and reaches(home, first):
-                waiting.append(first)
-            while waiting:
-                here = waiting.popleft()
-                for cell in near[here].tolist():
-                    if cell >= 0 and status[cell] != _REACHABLE and reaches(done.q[here], cell):
-                        waiting.append(cell)
+        def reach(here: int, cell: int) -> bool:
+            return solved(done.q[here], cell)
+
+        neighbours_of = near.tolist()
+        flood(np.flatnonzero(status == _REACHABLE).tolist(), neighbours_of, reach)
+        for first in np.flatnonzero(status != _REACHABLE).tolist():
+            if solved(home, first):
+                flood([first], neighbours_of, reach)
 
     def _modes(self, values: Array) -> NDArray[np.int32]:
         """Return (n,) the number of assembly modes, as `assembly_modes` counts them, without regard to limits."""

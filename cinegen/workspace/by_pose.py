@@ -21,7 +21,7 @@ from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
 from cinegen.workspace.cells import Cells, CellStatus
 from cinegen.workspace.chunks import neighbours
-from cinegen.workspace.continuation import GOAL, JUMP, Continuation
+from cinegen.workspace.continuation import GOAL, JUMP, Continuation, flood
 from cinegen.workspace.reach_bounds import ReachBounds
 from cinegen.workspace.specification import MapSpecification
 
@@ -67,7 +67,7 @@ class ByPose(Continuation):
         """Evaluate the cells of a chunk."""
         spec, region = self.spec, self.spec.region
         points, rotations = region.poses(spec.home, region.values(chunk))
-        near = neighbours([cells.stop - cells.start for cells in chunk])
+        near = neighbours([cells.stop - cells.start for cells in chunk]).tolist()
         dead_ends: frozenset[int] = frozenset()
         for _ in range(_ROUNDS):
             front = _Wavefront(self, points, rotations, near, dead_ends)
@@ -79,7 +79,12 @@ class ByPose(Continuation):
                 break
             dead_ends |= singular
         solutions = _Solutions(front).count() if "solutions" in spec.quantities else None
-        angle = self._solid_angles(front.q, points) if self._axis is not None else None
+        angle = None
+        if self._axis is not None:
+            directions, pairs = fibonacci_sphere(spec.directions), zip(front.q, points, strict=True)
+            angle = np.array(
+                [self._solid_angle(*pair, directions) if np.isfinite(pair[0][0]) else 0.0 for pair in pairs]
+            )
         return Cells(spec, front.status, done, solutions, angle)
 
     def _evaluated(self, configurations: Array) -> Evaluations:
@@ -140,14 +145,11 @@ class ByPose(Continuation):
 
     # --- directions ----------------------------------------------------------------------------------------------
 
-    def _solid_angles(self, configurations: Array, points: Array) -> Array:
-        """Return the solid angle (n,), sr, of the directions that the node's z axis can have at each point."""
-        directions = fibonacci_sphere(self.spec.directions)
-        pairs = zip(configurations, points, strict=True)
-        return np.array([self._solid_angle(q, point, directions) if np.isfinite(q[0]) else 0.0 for q, point in pairs])
-
     def _solid_angle(self, q: Array, point: Array, directions: Array) -> float:
-        """Try next the direction nearest to a known one: from there, then from other starts."""
+        """Return the solid angle, sr, of the directions (n, 3) that the node's z axis can have at a point (3,).
+
+        The direction nearest to a known one is tried next: from there, then from other starts.
+        """
         local = self._axis
         assert local is not None
         known, axis = [q], self.mechanism.placement(q, self.spec.node).rotation[:, 2]
@@ -169,7 +171,9 @@ class ByPose(Continuation):
 class _Wavefront:
     """Goes through the cells of a chunk."""
 
-    def __init__(self, of: ByPose, points: Array, rotations: Array, near: Ints, dead_ends: Collection[int]) -> None:
+    def __init__(
+        self, of: ByPose, points: Array, rotations: Array, near: list[list[int]], dead_ends: Collection[int]
+    ) -> None:
         self.of, self.near = of, near
         self._points, self._rotations = points, rotations
         self._dead_ends = dead_ends  # cells from which no others are solved
@@ -210,22 +214,21 @@ class _Wavefront:
         if q is None:
             return
         self.q[cell], self.status[cell] = q, _BY_SEARCH
-        waiting = deque([cell] if cell not in self._dead_ends else [])
-        while waiting:
-            here = waiting.popleft()
-            for near in self.near[here].tolist():
-                if near < 0 or self.status[near] not in (_NOT_EVALUATED, _NOT_FOUND):
-                    continue
-                found = self.of.solve(self.target(near), self.q[here])
-                if found is None:
-                    continue
-                if self.of.mechanism.distance(self.q[here], found) > JUMP:
-                    self._other_branch.setdefault(near, found)
-                    continue
-                self.q[near], self.status[near] = found, _REACHABLE
-                self.sources.add(here)
-                if near not in self._dead_ends:
-                    waiting.append(near)
+        if cell not in self._dead_ends:
+            flood([cell], self.near, self._reach)
+
+    def _reach(self, here: int, near: int) -> bool:
+        if self.status[near] not in (_NOT_EVALUATED, _NOT_FOUND):
+            return False
+        found = self.of.solve(self.target(near), self.q[here])
+        if found is None:
+            return False
+        if self.of.mechanism.distance(self.q[here], found) > JUMP:
+            self._other_branch.setdefault(near, found)
+            return False
+        self.q[near], self.status[near] = found, _REACHABLE
+        self.sources.add(here)
+        return near not in self._dead_ends
 
 
 class _Solutions:
@@ -261,7 +264,7 @@ class _Solutions:
             own = self._known[here]
             others = of.apart(own[number], np.delete(own, number, axis=0), self._compared)
             sure = _SURE * others.min(initial=JUMP)
-            for near in front.near[here].tolist():
+            for near in front.near[here]:
                 if near < 0 or not len(self._known[near]):
                     continue
                 if of.apart(own[number], self._known[near], self._compared).min() > sure:

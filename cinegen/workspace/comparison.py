@@ -53,13 +53,16 @@ class QuantityDifference:
         least, median, most = np.quantile(known, (0.0, 0.5, 1.0)) if known.size else (math.nan,) * 3
         return float(least), float(median), float(most)
 
-    def __str__(self) -> str:
-        """Return the range for people."""
+    @property
+    def text(self) -> str:
+        """The range for people."""
         least, median, most = self.range
         if not math.isfinite(median):
             return "there is no cell that both maps reach and where it is finite"
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"second minus first: {least:+.3g} to {most:+.3g}, median {median:+.3g}{unit}"
+        return f"{least:+.3g} to {most:+.3g}, median {median:+.3g}{'' if self.unit == '1' else f' {self.unit}'}"
+
+    def __str__(self) -> str:
+        return f"second minus first: {self.text}"
 
     def __repr__(self) -> str:
         return f"<QuantityDifference {self}>"
@@ -149,7 +152,7 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     one, other = specification_of(first), specification_of(second)
     region = _common(one, other)
     unit = region.unit(one.mechanism)
-    a, b = (_looked_up(dataset, spec.region, region) for dataset, spec in ((first, one), (second, other)))
+    a, b = (_looked_up(dataset, region) for dataset in (first, second))
     in_a, in_b = a["reachable"].values, b["reachable"].values
     (a_low, a_high), (b_low, b_high) = (
         bounds(region, cells["reachable"].values, cells["status"].values == CellStatus.NOT_EVALUATED)
@@ -208,15 +211,11 @@ def _common(one: MapSpecification, other: MapSpecification) -> Region:
     return Region(tuple(axes), first.at, first.orientation, first.centre, first.ends)
 
 
-def _looked_up(dataset: xarray.Dataset, region: Region, common: Region) -> xarray.Dataset:
+def _looked_up(dataset: xarray.Dataset, common: Region) -> xarray.Dataset:
     """Return a map's values on a common grid: in each cell those of the map's cell that its middle is in."""
-    numbers = {}
-    for axis in common.axes:
-        own = region.axes[region.names.index(axis.name)]
-        cells = np.floor((axis.middles() - own.low) / own.width + _SAME).astype(np.intp)
-        numbers[axis.name] = np.clip(cells, 0, own.count - 1)
-    found: xarray.Dataset = dataset.drop_vars("configuration").transpose(*common.names).isel(numbers)
-    return found.load()
+    middles = {axis.name: axis.middles() for axis in common.axes}
+    found: xarray.Dataset = dataset.drop_vars("configuration").transpose(*common.names)
+    return found.sel(middles, method="nearest").load()
 
 
 def _names(first: xarray.Dataset, second: xarray.Dataset) -> tuple[str, str]:

@@ -1,6 +1,10 @@
-"""`Continuation`: configurations at points of a map's region, each continued from one nearby."""
+"""`Continuation`: configurations at points of a map's region, each continued from one nearby; `flood` goes from point
+to neighbouring point."""
 
 from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -18,6 +22,20 @@ JUMP = 0.7
 
 GOAL = 1e-10
 """rad or characteristic lengths: largest remaining error of a solution."""
+
+
+def flood(starts: Iterable[int], neighbours: Sequence[Iterable[int]], reach: Callable[[int, int], bool]) -> None:
+    """Go from points to their neighbours, breadth first, as far as these can be reached.
+
+    Args:
+        starts: numbers of the points to begin at.
+        neighbours: of each point; negative numbers are skipped.
+        reach: called with a point and a neighbour; returns whether to continue from the neighbour.
+    """
+    waiting = deque(starts)
+    while waiting:
+        here = waiting.popleft()
+        waiting += [there for there in neighbours[here] if there >= 0 and reach(here, there)]
 
 
 class Continuation:

@@ -80,7 +80,9 @@ class MapSpecification:
         if self.starts < 0 or self.directions < 1:
             raise MapError(f"starts ({self.starts}) must be 0 or more, and directions ({self.directions}) 1 or more")
         if not self.along:
-            object.__setattr__(self, "along", self._default_direction())
+            axes = (2, 0, 1) if DIRECTED & set(self.quantities) else (2,)
+            default = np.eye(3)[next((k for k in axes if self._moves(k)), 2)]
+            object.__setattr__(self, "along", tuple(default))
         length = math.hypot(*self.along)
         if not (len(self.along) == 3 and 0.0 < length < math.inf):
             raise MapError(f"along {self.along}: give a direction, three numbers")
@@ -110,10 +112,6 @@ class MapSpecification:
                     f"{self.mechanism.name}: {self.node} can't move along {name}: it stays at {value + 0.0:g}. "
                     "Leave it out"
                 )
-
-    def _default_direction(self) -> tuple[float, ...]:
-        axes = (2, 0, 1) if DIRECTED & set(self.quantities) else (2,)
-        return tuple(np.eye(3)[next((k for k in axes if self._moves(k)), 2)])
 
     def _moves(self, k: int) -> bool:
         """Return whether a coordinate of the node's pose can change."""

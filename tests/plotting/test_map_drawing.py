@@ -15,13 +15,13 @@ from matplotlib.colors import BoundaryNorm, LogNorm, to_hex
 from matplotlib.text import Text
 
 from cinegen.plotting.comparison import BOTH, FIRST, SECOND, draw_comparison
-from cinegen.plotting.heading import printed
 from cinegen.plotting.loci import TYPE_1, TYPE_2
 from cinegen.plotting.map import draw_map
 from cinegen.plotting.plane import ROBOT
 from cinegen.plotting.shades import differing
 from cinegen.plotting.sheet import wrapped
 from cinegen.plotting.solid import net
+from cinegen.plotting.units import extent_text
 from cinegen.singularities import SingularityType, singularity
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 from cinegen.workspace.extent import Extent, extent
@@ -298,9 +298,9 @@ def test_ticks_have_as_many_digits_as_tell_them_apart(middle, magnitude):
 
 def test_an_error_that_is_rounding_is_not_written():
     ball = Extent(4.524, 4.524 - 8.9e-16, 4.524 + 8.9e-16, "m^2", 12)
-    assert printed(ball) == "4.524 m²"
-    assert printed(replace(ball, low=4.4)) == "4.52 ± 0.12 m²"
-    assert printed(Extent(0.0, 0.0, 0.5, "m^2", 0)) == "0.00 ± 0.50 m²"
+    assert extent_text(ball) == "4.524 m²"
+    assert extent_text(replace(ball, low=4.4)) == "4.52 ± 0.12 m²"
+    assert extent_text(Extent(0.0, 0.0, 0.5, "m^2", 0)) == "0.00 ± 0.50 m²"
 
 
 # --- other numbers of axes ---------------------------------------------------------------------------------------

@@ -19,8 +19,7 @@ from cinegen.collision.body import Body
 from cinegen.collision.convex_hull import hull
 from cinegen.planning import plan
 from cinegen.plotting import draw_plan
-from cinegen.plotting.outline import edge, outline
-from cinegen.plotting.plan import MARGIN, OBSTACLE
+from cinegen.plotting.plan import MARGIN, OBSTACLE, edge, outline
 
 sizes = st.floats(0.02, 1.0)
 seeds = st.integers(0, 2**32 - 1)

@@ -18,7 +18,7 @@ from cinegen.plotting.sweep import check_drawable, draw_sweep
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map, open_map
 from cinegen.workspace.sweep import Parameter, Variation, WantedBox, sweep, variants
-from cinegen.workspace.sweep.box_analysis import BoxConfigurations, Regularity, dexterity, regularity
+from cinegen.workspace.sweep.box import BoxConfigurations, Regularity, dexterity, regularity
 from cinegen.workspace.sweep.variants import KLEINFINGER
 
 ARM = """RAFF Arm

@@ -1,17 +1,32 @@
-"""`WantedBox`: the part of a region that a task needs; `BoxGrid`: points in it at which a map is judged."""
+"""Dexterity of a mechanism in a wanted box, and its singularities there, also between a map's samples.
+
+From point to neighbouring point the mechanism is continued on one branch (`BoxConfigurations`). The signs of the
+singular values of both types are compared between neighbours (`cinegen.singularities.crossing`): one that has changed
+passed through 0. By Weyl's inequality most neighbours only need a look at how much the matrix has changed. What is
+smaller than a cell and has no neighbours on both sides, as a singular point that a value touches without changing its
+sign, is not seen unless it is one of the points: the smallest values are reported for that.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.ik.batch import BatchEvaluator
+from cinegen.singularities.ball_joints import balls
+from cinegen.singularities.crossing import Rows, crossings, of_node, of_passive_joints, turned
+from cinegen.singularities.singularity import SingularityType
+from cinegen.workspace.cells import Cells, CellStatus
+from cinegen.workspace.continuation import JUMP, Continuation, flood
 from cinegen.workspace.errors import MapError
+from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.region import GridAxis, Region
+from cinegen.workspace.specification import MapSpecification
 from raff2urdf.errors import did_you_mean
 
 Array = NDArray[np.float64]
@@ -19,6 +34,10 @@ Ints = NDArray[np.intp]
 
 _EDGE = 1e-9  # of a cell's width: a box that ends on a border does not touch the next cell
 _WHOLE = 1e-6  # of a cell's width: less is not cut off
+_SAME = 1e-4  # rad or lengths: configurations that are nearer are one
+_STEPS = (1, 4, 16)  # between two points, in as few as suffice
+_REGULAR = 0.1  # singular value: above it, neighbours that are near are on one branch
+_ZERO = 1e-4  # up to which a singular value is 0, at a point or where its sign changes
 
 
 @dataclass(frozen=True)
@@ -107,3 +126,273 @@ def _touched(axis: GridAxis, ends: tuple[float, float]) -> slice:
             f"and {axis.high:g}: make the maps larger"
         )
     return slice(max(0, math.floor(first + _EDGE)), min(axis.count, math.ceil(last - _EDGE)))
+
+
+# --- configurations ---------------------------------------------------------------------------------------------
+
+
+class BoxConfigurations(Continuation):
+    """Configurations at all points of a box, continued from neighbour to neighbour, on one branch where possible.
+
+    Args:
+        spec: specification of the map.
+        grid: the points.
+        configurations: (cells along each axis.., nq) of the cells that the box touches, NaN where they are unreachable.
+
+    Attributes:
+        q: (n, nq) configuration at each point; NaN where none leads to it.
+        parts: number of branches, or of parts of a branch that are not connected in the box.
+        end: the node's motions, singular at type 1.
+        passive: the passive joints, singular at type 2; None where there are none.
+        redundant: whether the mechanism has infinitely many configurations at a point.
+    """
+
+    def __init__(self, spec: MapSpecification, grid: BoxGrid, configurations: Array) -> None:
+        super().__init__(spec)
+        mechanism, self.grid = spec.mechanism, grid
+        self._values = np.concatenate([grid.values, spec.region.values(grid.cells)])  # after the points the cells
+        self._free = np.zeros(mechanism.model.nv, dtype=bool)  # joints for which whole turns make no difference
+        for name in mechanism.joints:
+            limited = spec.limits and np.isfinite(mechanism.limits[name].lower)
+            self._free[mechanism.v_index(name)] = not (mechanism.is_prismatic(name) or limited)
+        self.end = Rows(of_node(mechanism, spec.node, sum(spec.counted)), spec.rank)
+        self.passive = of_passive_joints(mechanism) if mechanism.passive_rank else None
+        self._barrier = self.passive if spec.over_joints else self.end  # branches meet where it is singular
+        self.redundant = not spec.over_joints and spec.dof > spec.rank
+        self._known, self._open = self._from_map(configurations.reshape(-1, configurations.shape[-1]))
+        self.q, self.parts = np.full_like(self._known, np.nan), 0
+        self._continue()
+
+    @property
+    def reached(self) -> NDArray[np.bool_]:
+        """(n,) whether each point is reached."""
+        return np.isfinite(self.q[:, 0])
+
+    def end_at(self, one: int, other: int) -> Array | None:
+        """Return where the configuration of a point leads at a neighbour: to the known one there, unless the mechanism
+        is redundant; None if that is on another branch."""
+        known: Array = self.q[other]
+        if self.mechanism.distance(self.q[one], known) <= JUMP:
+            return known
+        found = self._onward(self.q[one], one, other)
+        if found is None or self.redundant:
+            return found
+        gaps = self.mechanism.scaled_difference(found, known)
+        gaps[self._free] = (gaps[self._free] + np.pi) % (2.0 * np.pi) - np.pi
+        return found if np.abs(gaps).max(initial=0.0) <= _SAME else None
+
+    def between(self, one: int, other: int, end: Array) -> Callable[[float], Array]:
+        """Return the path from a point to a configuration (nq,) at another: q (nq,) by the part of the path, 0 to 1."""
+        q: Array = self.q[one]
+
+        def path(x: float) -> Array:
+            if x in (0.0, 1.0):
+                return end if x else q
+            found = self._at_part(one, other, x, self.mechanism.interpolate(q, end, x))
+            return found if found is not None else q if x < 0.5 else end
+
+        return path
+
+    # --- continuation --------------------------------------------------------------------------------------------
+
+    def _from_map(self, configurations: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Return (n, nq) what the map knows of the points, and (n,) which ones it does not know to be unreachable."""
+        grid = self.grid
+        count = len(grid.values)
+        known, may = np.full((count, configurations.shape[1]), np.nan), np.ones(count, dtype=bool)
+        known[grid.middles] = configurations
+        reached = np.isfinite(configurations[:, 0])
+        may[grid.middles] = reached | grid.cut
+        for cell in np.flatnonzero(reached & grid.cut).tolist():
+            point = int(grid.middles[cell])
+            found = self._onward(configurations[cell], count + cell, point)
+            known[point] = np.nan if found is None else found
+        return known, may
+
+    def _continue(self) -> None:
+        near: list[list[int]] = [[] for _ in self._known]
+        for one, other in self.grid.edges.tolist():
+            near[one].append(other)
+            near[other].append(one)
+        for first in np.flatnonzero(np.isfinite(self._known[:, 0])).tolist():
+            if not np.isfinite(self.q[first, 0]):
+                self.parts += 1
+                self.q[first] = self._known[first]
+                flood([first], near, self._reach)
+
+    def _reach(self, one: int, other: int) -> bool:
+        if not self._open[other] or np.isfinite(self.q[other, 0]):
+            return False
+        q, found = self.q[one], self._known[other]
+        near = np.isfinite(found[0]) and self.mechanism.distance(q, found) <= JUMP and self._same_branch(q, found)
+        found = found if near else self._onward(q, one, other)
+        if found is not None:
+            self.q[other] = found
+        return found is not None
+
+    def _onward(self, q: Array, one: int, other: int) -> Array | None:
+        """Return the configuration (nq,) at a point, continued from q (nq,) at another; None if the branch ends."""
+        for steps in _STEPS:
+            there = q
+            for x in np.linspace(0.0, 1.0, steps + 1)[1:]:
+                found = self._at_part(one, other, float(x), there)
+                if found is None or self.mechanism.distance(there, found) > JUMP or not self._same_branch(there, found):
+                    break
+                there = found
+            else:
+                return there
+        return None
+
+    def _at_part(self, one: int, other: int, x: float, guess: Array) -> Array | None:
+        return self.at((1.0 - x) * self._values[one] + x * self._values[other], guess)
+
+    def _same_branch(self, q: Array, other: Array) -> bool:
+        if self._barrier is None:
+            return True
+        a, b = self._barrier.of(q), self._barrier.of(other)
+        return bool(self._barrier.sigma(np.array([a, b])).min() > _REGULAR) or not turned(self._barrier, a, b)
+
+
+# --- regularity ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Regularity:
+    """Singularities in a box, also between its points.
+
+    Attributes:
+        first: whether there is one of type 1.
+        second: whether there is one of type 2.
+        joined: whether all points are on one branch: from each the mechanism can go to its neighbours in the box.
+    """
+
+    first: bool
+    second: bool
+    joined: bool
+
+    @property
+    def kind(self) -> SingularityType:
+        """Types of the singularities."""
+        if self.first:
+            return SingularityType.BOTH if self.second else SingularityType.TYPE_1
+        return SingularityType.TYPE_2 if self.second else SingularityType.NONE
+
+    def __bool__(self) -> bool:
+        """Return whether there are none, and all points are on one branch."""
+        return self.joined and self.kind is SingularityType.NONE
+
+
+def regularity(box: BoxConfigurations) -> Regularity:
+    """Return whether a mechanism is regular in a box, as far as it is reached."""
+    edges = box.grid.edges
+    edges = edges[box.reached[edges].all(axis=1)]
+    joined, found = box.parts <= 1, {}
+    for kind, rows in ((SingularityType.TYPE_1, box.end), (SingularityType.TYPE_2, box.passive)):
+        found[kind] = False
+        if rows is None:
+            continue
+        for one, other in _candidates(box, rows, edges):
+            crossed, sure = _crossed(box, rows, one, other)
+            joined &= crossed or sure
+            if crossed:
+                found[kind] = True
+                break
+    far = (edge for edge in edges.tolist() if box.mechanism.distance(*box.q[edge]) > JUMP)
+    joined = joined and all(box.end_at(*edge) is not None for edge in far)
+    return Regularity(found[SingularityType.TYPE_1], found[SingularityType.TYPE_2], joined)
+
+
+def _candidates(box: BoxConfigurations, rows: Rows, edges: Ints) -> Iterator[tuple[int, int]]:
+    """Yield neighbours between which the singular value can pass through 0 (`crossing.may_cross`), or of which it is 0
+    at one; layer by layer, so that few matrices are kept."""
+    layers = box.grid.shape[0]
+    layer = len(box.q) // layers
+    nothing = np.zeros_like(rows.of(box.mechanism.q_home))
+    before = np.zeros((0, *nothing.shape)), np.zeros(0)
+    for k in range(layers):
+        points = box.q[k * layer : (k + 1) * layer]
+        matrices = np.array([rows.of(q) if np.isfinite(q[0]) else nothing for q in points])
+        here = matrices, rows.sigma(matrices)
+        matrices, sigma = (np.concatenate(pair) for pair in zip(before, here, strict=True))
+        offset = max(k - 1, 0) * layer
+        one, other = (edges[edges[:, 1] // layer == k] - offset).T
+        change = np.linalg.norm(matrices[one] - matrices[other], axis=(1, 2))
+        least = np.minimum(sigma[one], sigma[other])
+        for edge in np.flatnonzero((sigma[one] + sigma[other] <= change) | (least <= _ZERO)):
+            yield int(one[edge]) + offset, int(other[edge]) + offset
+        before = here
+
+
+def _crossed(box: BoxConfigurations, rows: Rows, one: int, other: int) -> tuple[bool, bool]:
+    """Return whether the singular value passes through 0 between two neighbours, or is 0 there; and, if not, whether
+    that is certain."""
+    if rows.sigma(np.array([rows.of(q) for q in box.q[[one, other]]])).min() <= _ZERO:
+        return True, True
+    end = box.end_at(one, other)
+    if end is None:
+        return False, False
+    found = list(crossings(rows, box.between(one, other, end)))
+    crossed = any(rows.sigma(rows.of(crossing.q)[None])[0] <= _ZERO for crossing in found)
+    return crossed, box.redundant or not found
+
+
+# --- dexterity -------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class WorstAndMean:
+    """A quantity in a box; NaN if nothing of the box is reached.
+
+    Attributes:
+        worst: the minimum, at the middles of cells and on the faces of the box.
+        mean: of the middles, weighted by the sizes of the cells.
+    """
+
+    worst: float
+    mean: float
+
+
+@dataclass(frozen=True)
+class Dexterity:
+    """Dexterity of a mechanism in a box.
+
+    The mean of 1/condition is the global conditioning index of Gosselin and Angeles ("A global performance index for
+    the kinematic optimization of robotic manipulators", ASME J. Mechanical Design 113, 1991).
+
+    Attributes:
+        reached: part of the box that is reached, 0 to 1, by the middles of cells.
+        whole: whether the whole box is reached, its faces too.
+        sigma_1: smallest singular value of type 1, dimensionless.
+        conditioning: 1/condition number of the node's motions by the actuated joints: 1 at best, 0 if singular.
+        sigma_2: minimum of the singular values of type 2; infinite where there are no passive joints.
+    """
+
+    reached: float
+    whole: bool
+    sigma_1: WorstAndMean
+    conditioning: WorstAndMean
+    sigma_2: float
+
+
+def dexterity(box: BoxConfigurations) -> Dexterity:
+    """Return the dexterity of a mechanism in a box, as far as it is reached."""
+    spec, reached, inner = box.spec, box.reached, box.grid.middles
+    sizes = np.zeros(len(box.q))
+    sizes[inner] = box.grid.sizes
+    q = box.q[reached]
+    done = BatchEvaluator(spec.mechanism, spec.node, *spec.counted, balls(spec.mechanism)).at(q)
+    cells = Cells(spec, np.full(len(q), CellStatus.REACHABLE, np.uint8), done)
+    with np.errstate(divide="ignore"):
+        conditioning = np.nan_to_num(1.0 / QUANTITIES["condition"].of(cells).astype(float), nan=0.0)
+    sigma_1 = QUANTITIES["sigma_1"].of(cells).astype(float)
+    sigma_2 = [box.passive.sigma(box.passive.of(one)[None])[0] for one in q] if box.passive is not None else []
+
+    def summary(values: Array) -> WorstAndMean:
+        if not len(values):
+            return WorstAndMean(math.nan, math.nan)
+        return WorstAndMean(float(values.min()), float(np.average(values, weights=sizes[reached])))
+
+    return Dexterity(
+        1.0 if reached[inner].all() else float(sizes[reached].sum() / sizes.sum()),
+        bool(reached.all()), summary(sigma_1), summary(conditioning), float(min(sigma_2, default=math.inf)),
+    )  # fmt: skip

@@ -13,8 +13,7 @@ from typing import Any
 from cinegen.html import table
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.extent import Extent
-from cinegen.workspace.sweep.box import WantedBox
-from cinegen.workspace.sweep.box_analysis import Dexterity, Regularity
+from cinegen.workspace.sweep.box import Dexterity, Regularity, WantedBox
 from raff2urdf.writer import number
 
 

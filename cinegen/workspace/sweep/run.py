@@ -20,8 +20,7 @@ from cinegen.workspace.extent import extent
 from cinegen.workspace.maps import OVER_POSES, Report, make_map
 from cinegen.workspace.region import Region
 from cinegen.workspace.specification import MapSpecification
-from cinegen.workspace.sweep.box import WantedBox
-from cinegen.workspace.sweep.box_analysis import BoxConfigurations, dexterity, regularity
+from cinegen.workspace.sweep.box import BoxConfigurations, WantedBox, dexterity, regularity
 from cinegen.workspace.sweep.result import SweepResult, VariantResult
 from cinegen.workspace.sweep.variants import Variation, variants
 from raff2urdf.document import Document, RaffRobot
