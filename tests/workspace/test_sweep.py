@@ -111,7 +111,7 @@ def test_what_makes_no_variation_is_said(text, words):
         ("link2.limits.low=1..2:2", "link2 has no limits"),
         ("tool.velocity=1..2:2", "tool does not move"),
         ("base.limits.high=1..2:2", "base does not move"),
-        ("link1.limits.low=170..190:2", "link1.limits.low=190: this is no robot: .*empty"),
+        ("link1.limits.low=170..190:2", "link1.limits.low=190: this is no robot: .*above its upper limit"),
         ("link1.velocity=0..90:2", "must be above 0"),
         ("link2.d=1e16..2e16:2", "beyond 1e.12 m"),
     ],
