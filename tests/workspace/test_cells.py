@@ -9,6 +9,7 @@ from cinegen.model.load import build
 from cinegen.singularities import SingularityType
 from cinegen.singularities.crossing import of_node
 from cinegen.workspace import MapError, MapSpecification, make_map
+from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.loci import loci
 
 FLOATING = """<robot name="flying"><link name="world"/><link name="base"/><link name="a"/><link name="tool"/>
@@ -110,3 +111,20 @@ def test_roll_pitch_and_yaw_can_be_given_where_they_change():
 def _angles(arm):
     rng = np.random.default_rng(0)
     return np.array([pin.rpy.matrixToRpy(arm.placement(rng.uniform(-1, 1, 2), arm.end).rotation) for _ in range(9)])
+
+
+def test_curves_need_two_cells_along_both_axes(robot, tmp_path):
+    spec = MapSpecification(robot("planar_3r"), over(("x", 0.1, 0.5, 1), ("y", 0.1, 0.5, 3)), ("sigma_1",))
+    with pytest.raises(MapError, match="two cells or more each; this one has 1 x 3 cells over x, y"):
+        loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec)
+
+
+def test_the_codes_of_stored_maps_stay():
+    """Maps on disk hold these numbers."""
+    codes = [
+        CellStatus.NOT_EVALUATED, CellStatus.REACHABLE, CellStatus.REACHABLE_BY_SEARCH, CellStatus.UNREACHABLE_PROVED,
+        CellStatus.UNREACHABLE_NOT_FOUND, CellStatus.LOOPS_OPEN, CellStatus.BEYOND_LIMITS,
+    ]  # fmt: skip
+    assert [int(code) for code in codes] == list(range(7)) == [int(code) for code in CellStatus]
+    assert [code.reachable for code in codes] == [False, True, True, False, False, False, False]
+    assert len({code.label for code in codes}) == 7
