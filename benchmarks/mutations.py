@@ -481,7 +481,7 @@ class Runner:
         while chosen:
             try:
                 path.write_text(mutant.text, encoding="utf-8")
-                result, by = self.run(chosen, 15.0 + 2.5 * total)
+                result, by = self.run(chosen, 60.0 + 5.0 * total)
             finally:
                 path.write_bytes(original)
                 os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))

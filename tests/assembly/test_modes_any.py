@@ -388,6 +388,7 @@ def test_threads_may_share_a_mechanism_and_it_is_not_kept_alive(root):
 
 def test_a_short_text_and_a_table_show_modes(robot):
     modes = assembly_modes(robot("gough"))
+    assert {modes: 1}[modes] == 1  # a key, as what it holds is not compared
     assert repr(modes) == "<8 assembly modes of hexapod, proved to be all>"
     shown = modes._repr_html_()
     assert shown.count("<tr>") == 1 + len(modes)

@@ -119,6 +119,14 @@ def test_curves_need_two_cells_along_both_axes(robot, tmp_path):
         loci(make_map(spec, tmp_path / "map.zarr", workers=1), spec)
 
 
+def test_a_map_may_do_without_other_starts_and_not_without_directions(robot):
+    region = over(("x", 0.1, 0.5, 2), ("y", 0.1, 0.5, 2))
+    assert MapSpecification(robot("planar_3r"), region, (), starts=0).starts == 0
+    for wrong in ({"starts": -1}, {"directions": 0}):
+        with pytest.raises(MapError):
+            MapSpecification(robot("planar_3r"), region, (), **wrong)
+
+
 def test_the_codes_of_stored_maps_stay():
     """Maps on disk hold these numbers."""
     codes = [
