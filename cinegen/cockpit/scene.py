@@ -17,7 +17,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.cockpit.page import Page
-from cinegen.collision.body import box_corners
+from cinegen.collision.body import bounding_box_corners
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
 
@@ -111,7 +111,11 @@ class RobotScene:
             for part in _extent(mechanism)
         ]
         for obstacle, objects in obstacles:
-            parts += [_corners(one, obstacle.placement * one.placement) for one in objects if obstacle.dof]
+            parts += [
+                bounding_box_corners(one.geometry, obstacle.placement * one.placement)
+                for one in objects
+                if obstacle.dof
+            ]
         points = np.vstack(parts)
         centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
         self._radius = float(np.linalg.norm(points - centre, axis=1).max()) or 1.0
@@ -172,15 +176,7 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
         placement = frames.get(solid.parentFrame)
         if placement is not None and _is_file(solid):
             in_node = mechanism.model.frames[solid.parentFrame].placement.actInv(solid.placement)
-            yield _corners(solid, placement * in_node)
-
-
-def _corners(solid: pin.GeometryObject, placement: pin.SE3) -> Array:
-    """Return the corners (8, 3) of the bounding box of a shape at a pose."""
-    solid.geometry.computeLocalAABB()
-    box = solid.geometry.aabb_local
-    corners = box_corners(np.array(box.min_), np.array(box.max_))
-    return np.asarray(corners @ placement.rotation.T + placement.translation)
+            yield bounding_box_corners(solid.geometry, placement * in_node)
 
 
 def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:

@@ -104,13 +104,22 @@ def rounded_hull(shape: coal.ShapeBase, sides: int) -> tuple[Array, float]:
             ring = np.column_stack([np.cos(angles), np.sin(angles)]) * shape.radius / math.cos(math.pi / sides)
             ends = (np.column_stack([ring, np.full(sides, z * shape.halfLength)]) for z in (-1.0, 1.0))
             return np.vstack([*ends]), swept
-    shape.computeLocalAABB()  # includes the swept radius
-    return box_corners(np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_)), 0.0
+    return bounding_box_corners(shape), 0.0
 
 
 def box_corners(low: Array, high: Array) -> Array:
     """Return the corners (8, 3) of a box with extreme corners (3,)."""
     return np.array(list(product(*zip(low, high, strict=True))))
+
+
+def bounding_box_corners(shape: coal.CollisionGeometry, placement: pin.SE3 | None = None) -> Array:
+    """Return the corners (8, 3) of the box around a shape along its axes, m; in the frame in which it is placed, if
+    that is given."""
+    shape.computeLocalAABB()  # includes the swept radius
+    corners = box_corners(np.array(shape.aabb_local.min_), np.array(shape.aabb_local.max_))
+    if placement is None:
+        return corners
+    return np.asarray(corners @ placement.rotation.T + placement.translation)
 
 
 def geometry_model(

@@ -64,7 +64,7 @@ def bounding_capsule(points: Array) -> BoundingCapsule:
     origin = points.mean(axis=0)
     outer = (points[_outermost(points)] - origin) / size
     principal = np.linalg.eigh(outer.T @ outer)[1].T
-    frames = (*((axis, _across(axis)) for axis in principal), *_half_sphere(_DIRECTIONS))
+    frames = (*((axis, perpendicular(axis)) for axis in principal), *_half_sphere(_DIRECTIONS))
     best, frame = min(frames, key=lambda one: _fitted(outer, one[0], _centre(outer, one[1]), 0.0).volume)
     centre = _centre(outer, frame) @ frame
 
@@ -104,7 +104,7 @@ def _centre(points: Array, frame: Array) -> Array:
     return middle
 
 
-def _across(axis: Array) -> Array:
+def perpendicular(axis: Array) -> Array:
     """Return two unit vectors (3, 2) perpendicular to an axis and to each other."""
     smallest = np.eye(3)[np.argmin(np.abs(axis))]
     first = np.cross(axis, smallest)
@@ -127,4 +127,4 @@ def _half_sphere(count: int) -> tuple[tuple[Array, Array], ...]:
     z = (np.arange(count) + 0.5) / count
     angle = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count)
     vectors = np.column_stack([np.sqrt(1.0 - z * z) * np.cos(angle), np.sqrt(1.0 - z * z) * np.sin(angle), z])
-    return tuple((axis, _across(axis)) for axis in vectors)
+    return tuple((axis, perpendicular(axis)) for axis in vectors)

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.body import Body, Pairs
+from cinegen.collision.body import Body, Pairs, geometry_model
 from cinegen.ik.local_ik import LocalIK
 from cinegen.joints import translations
 from cinegen.model.mechanism import Mechanism
@@ -79,22 +79,16 @@ def _always_touching(
     mechanism: Mechanism, bodies: Sequence[Body], pairs: Pairs, samples: Array
 ) -> set[tuple[int, int]]:
     """Return the pairs that touch in all samples (n, nq). A pair found apart once is not measured again."""
-    left, gap = set(pairs), _TOUCHING * mechanism.length
-    data = mechanism.model.createData()
+    geometry, data = geometry_model(mechanism, bodies, pairs=pairs), mechanism.model.createData()
+    shapes, left = geometry.createData(), set(range(len(pairs)))
     for q in samples:
         if not left:
             break
-        pin.forwardKinematics(mechanism.model, data, q)
-        poses = [data.oMi[body.joint] * body.placement for body in bodies]
-        placed = [coal.Transform3s(pose.rotation, pose.translation) for pose in poses]
-        left = {pair for pair in left if _distance(bodies, placed, *pair) <= gap}
-    return left
-
-
-def _distance(bodies: Sequence[Body], placed: Sequence[coal.Transform3s], i: int, k: int) -> float:
-    """Return the distance of two placed bodies, m; 0 or less where they touch."""
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    return float(coal.distance(bodies[i].shape, placed[i], bodies[k].shape, placed[k], request, result))
+        pin.computeDistances(mechanism.model, data, geometry, shapes, q)
+        for pair in [one for one in left if shapes.distanceResults[one].min_distance > _TOUCHING * mechanism.length]:
+            shapes.deactivateCollisionPair(pair)
+            left.discard(pair)
+    return {pairs[pair] for pair in left}
 
 
 def _rigid(first: Array, second: Array, length: float) -> bool:

@@ -28,6 +28,10 @@ class Blend:
             unless given.
         weight: final weight; unchanged unless given. 0 removes the task.
 
+    Attributes:
+        task: as given.
+        removes: whether the task is removed at the end.
+
     Raises:
         CinegenError: the task follows a twist; or seconds, target or weight is negative or not finite.
     """
@@ -44,7 +48,7 @@ class Blend:
         if target is not None and (task.twist is not None or not task.is_valid()):
             raise CinegenError(f"a blend starts at a pose, but the task of '{task.node}' follows a twist or is invalid")
         self.task, self._seconds, self._elapsed = task, seconds, 0.0
-        self._removes = weight == 0.0
+        self.removes = weight == 0.0
         self._target = None if target is None else (task.target.copy(), target.copy())
         self._weight = None if weight is None else (task.weight, max(weight, _LEAST * task.weight))
         self._set = task.target, task.weight  # as this blend has left them
@@ -56,24 +60,19 @@ class Blend:
         if self._target is not None and not _same(target, self._set[0]):
             self._target = None
         if self._weight is not None and weight != self._set[1]:
-            self._weight, self._removes = None, False
+            self._weight, self.removes = None, False
         self._elapsed += dt
         part = 1.0 if self._elapsed >= self._seconds - 1e-9 * dt else eased(self._elapsed / self._seconds)
         if self._target is not None:
             begin, end = self._target
-            turn = begin.rotation @ pin.exp3(part * pin.log3(begin.rotation.T @ end.rotation))
-            way = begin.translation + part * (end.translation - begin.translation)
-            task.target = pin.SE3(turn, way) if part < 1.0 else end
+            rotation = begin.rotation @ pin.exp3(part * pin.log3(begin.rotation.T @ end.rotation))
+            position = begin.translation + part * (end.translation - begin.translation)
+            task.target = pin.SE3(rotation, position) if part < 1.0 else end
         if self._weight is not None:
             first, last = self._weight
             task.weight = first + part * (last - first)
         self._set = task.target.copy() if self._target is not None else target, task.weight
         return part < 1.0 and (self._target is not None or self._weight is not None)
-
-    @property
-    def removes(self) -> bool:
-        """True if the task is removed at the end."""
-        return self._removes
 
 
 def _same(one: object, other: object) -> bool:

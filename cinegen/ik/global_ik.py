@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
@@ -56,14 +55,7 @@ class IKResult:
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
         """Remaining error of each target: m and rad."""
-        return tuple(self._error(task) for task in self._tasks)
-
-    def _error(self, task: FrameTask) -> tuple[float, float]:
-        axes = task.target.rotation
-        if task.axes != "target":
-            axes = np.eye(3) if task.axes == "world" else self._mechanism.placement(self.q, task.axes).rotation
-        linear, angular = task.errors(self._mechanism.placement(self.q, task.node) * task.offset, axes)
-        return math.hypot(*linear), math.hypot(*angular)
+        return tuple(task.distances(self._mechanism, self.q) for task in self._tasks)
 
     def __bool__(self) -> bool:
         return self.found

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from cinegen.errors import CinegenError
 from cinegen.ik.global_ik import inverse_kinematics
-from cinegen.ik.objectives import Objective, Posture
+from cinegen.ik.objectives import Posture
 from cinegen.ik.solver import Array, Solver
 from cinegen.ik.step import Status, Step
 
@@ -22,7 +20,7 @@ class PersistentSolver(Solver):
 
     Where it comes to rest before targets that do not move, it searches for a configuration that reaches them
     (`inverse_kinematics`). If there is one, it moves there in joint space, loops closed and limits kept, while the
-    tasks are suspended. The status is DETOUR meanwhile.
+    tasks and the objectives are suspended. The status is DETOUR meanwhile.
 
     A tick with a search takes some milliseconds; the first for a set of tasks takes a few tenths of a second if the
     mechanism has loops. Tasks that follow twists are never suspended. The configuration found may be far away: do not
@@ -30,19 +28,8 @@ class PersistentSolver(Solver):
     """
 
     _goal: Array | None = None
-    _own: tuple[Objective, ...] = ()  # suspended objectives
     _resting = 0  # ticks at rest
     _tried: tuple[bytes, ...] = ()  # targets of the last search
-
-    @property
-    def objectives(self) -> tuple[Objective, ...]:
-        """Objectives, see `Solver`; they are suspended with the tasks."""
-        return self._objectives if self._goal is None else self._own
-
-    @objectives.setter
-    def objectives(self, objectives: Iterable[Objective]) -> None:
-        self._resume()
-        Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
 
     def step(self) -> Step:
         """Compute one tick of dt. Never raises: the status reports what happened."""
@@ -72,18 +59,17 @@ class PersistentSolver(Solver):
         if not tasks or any(task.twist is not None for task in tasks):
             return
         try:
-            result = inverse_kinematics(self.mechanism, [task.copy() for task in tasks], starts=_STARTS)
+            result = inverse_kinematics(self.mechanism, tasks, starts=_STARTS)
         except CinegenError:
             return
         if result:
-            self._goal, self._own = result.q, self._objectives
-            self._objectives = (Posture(result.q, rate=_RATE / self.dt),)
+            self._goal, self._detour = result.q, (Posture(result.q, rate=_RATE / self.dt),)
             self._suspend_tasks(True)
 
     def _resume(self) -> None:
         """Resume the tasks."""
         if self._goal is None:
             return
-        self._goal, self._objectives, self._own = None, self._own, ()
+        self._goal, self._detour = None, None
         self._suspend_tasks(False)
         self._resting = 0

@@ -88,6 +88,7 @@ class Solver:
         self._tasks: list[FrameTask] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
+        self._detour: tuple[Objective, ...] | None = None  # objectives that replace them
         self._barriers: tuple[Barrier, ...] = ()
         self._blocked = False  # a barrier failed in this tick
         self.exception_log = ExceptionLog()
@@ -317,12 +318,7 @@ class Solver:
         """Return what the last tick left of a task's error; at the present configuration if there was none since."""
         if self._latest is not None and not self._changed and task in self._tasks:
             return Step(self._latest, self._layout).errors[self._tasks.index(task)]
-        placement = self.mechanism.placement(self._q, task.node) * task.offset
-        axes = None
-        if task.axes != "target":
-            axes = np.eye(3) if task.axes == "world" else self.mechanism.placement(self._q, task.axes).rotation
-        linear, angular = task.errors(placement, axes)
-        return math.hypot(*linear), math.hypot(*angular)
+        return task.distances(self.mechanism, self._q)
 
     def _mark_changed(self) -> None:
         self._changed = True
@@ -418,7 +414,7 @@ class Solver:
             self._write_tasks()
         own, memory, ratio = self._memory, other._memory, self.dt / other.dt
         self.gain = other.gain
-        self._q[:], self._objectives = other._q, other._objectives
+        self._q[:], self._objectives, self._detour = other._q, other._objectives, other._detour
         self.exception_log = other.exception_log  # the same objectives: none of their exceptions is logged twice
         for name in ("closure", "secondary_scale", "damping_threshold", "has_acceleration_limits", "ticks"):
             setattr(own, name, getattr(memory, name))
@@ -554,10 +550,10 @@ class Solver:
         base = self.mechanism.nodes[0]
         return self.mechanism.floating and all(task.node != base for task in self._tasks)
 
-    def _evaluate_objectives(self) -> None:
-        """Add up the objectives' velocities for this tick."""
+    def _evaluate_objectives(self, objectives: tuple[Objective, ...]) -> None:
+        """Add up the velocities of objectives for this tick."""
         state, total, left_out = self.state, np.zeros(self._model.nv), 0
-        for i, objective in enumerate(self._objectives):
+        for i, objective in enumerate(objectives):
             try:
                 velocity = np.asarray(objective.velocity(state), dtype=float)
                 if velocity.shape != total.shape:
@@ -593,8 +589,9 @@ class Solver:
             self._advance_blends()
         if self._changed:
             self._write_tasks()
-        if self._objectives:
-            self._evaluate_objectives()
+        objectives = self._objectives if self._detour is None else self._detour
+        if objectives:
+            self._evaluate_objectives(objectives)
         if self._barriers:
             self._evaluate_barriers()
         if SE3_DISTANCE is None:  # targets may have been changed in place

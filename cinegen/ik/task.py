@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -13,6 +14,7 @@ from cinegen.errors import CinegenError
 from cinegen.ik._kernels.memory import TaskMemory
 from cinegen.ik._kernels.tasks import FURTHEST
 from cinegen.jit.foreign import SE3_DISTANCE, address, frame_of
+from cinegen.model import Mechanism
 from raff2urdf.residual import log, log_derivative, swing
 
 Array = NDArray[np.float64]
@@ -286,6 +288,14 @@ class FrameTask:
         derivative = np.zeros((2, 3))
         derivative[:, triad] = by
         return found, derivative
+
+    def distances(self, mechanism: Mechanism, q: Array) -> tuple[float, float]:
+        """Return the remaining error at q (nq,) in the constrained directions: distance (m) and angle (rad)."""
+        axes = None
+        if self.axes != "target":
+            axes = np.eye(3) if self.axes == "world" else mechanism.placement(q, self.axes).rotation
+        linear, angular = self.errors(mechanism.placement(q, self.node) * self.offset, axes)
+        return math.hypot(*linear), math.hypot(*angular)
 
     def equations(self, placement: pin.SE3, jacobian: Array, axes: Array | None = None) -> tuple[Array, Array]:
         """Return the remaining error and its Jacobian.

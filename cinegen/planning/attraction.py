@@ -66,9 +66,8 @@ class TaskAttraction:
 
     def remaining(self, q: Array) -> float:
         """Return the distance of the node from its goal, rad or characteristic lengths."""
-        mechanism, task = self._solver.mechanism, self._task
-        linear, angular = task.errors(mechanism.placement(q, task.node), np.eye(3))
-        return float(np.hypot(np.linalg.norm(linear) / mechanism.length, np.linalg.norm(angular)))
+        distance, angle = self._task.distances(self._solver.mechanism, q)
+        return math.hypot(distance / self._solver.mechanism.length, angle)
 
 
 class ConfigurationAttraction:

@@ -91,11 +91,9 @@ class Gains:
         return Firas(self._slope(length) * half**2 / (1.0 / half - 1.0 / reach), reach)
 
     def spherical(self, reach: float, length: float) -> Spherical:
-        """Return a spherical potential of offsets (m, 3), m, from the nearest point of a ball. It never ends, and is as
-        strong at half of the range as the others."""
+        """Return a spherical potential. It never ends, and is as strong at half of the range as the others."""
         double = 2.0 * self.exponent
-        strength = self._slope(length) * (0.5 * reach) ** (double + 1.0) / double
-        return Spherical(np.zeros(3), 0.0, strength, self.exponent)
+        return Spherical(self._slope(length) * (0.5 * reach) ** (double + 1.0) / double, self.exponent)
 
     def elliptical(self, box: BoundingBox, reach: float, length: float) -> Elliptical:
         """Return an elliptical potential around a box. It never ends, and is as strong as the others half of the range
@@ -130,22 +128,14 @@ class GoalPotential:
 
     def value(self, q: Array) -> float:
         """Return the potential at q (nq,)."""
-        error = self._units * np.concatenate(self._task.errors(self._placement(q), np.eye(3)))
-        return 0.5 * float(error @ error)
+        distance, angle = self._task.distances(self._mechanism, q)
+        return 0.5 * ((distance / self._mechanism.length) ** 2 + angle**2)
 
     def gradient(self, q: Array) -> Array:
         """Return the gradient (nv,) by rad and characteristic lengths."""
         jacobian = self._mechanism.jacobian(q, self._node)
-        error, rows = self._task.equations(self._placement(q), jacobian, np.eye(3))
+        error, rows = self._task.equations(self._mechanism.placement(q, self._node), jacobian, np.eye(3))
         return np.asarray(-(self._units**2 * error) @ rows * self._mechanism.scale)
-
-    def offset(self, q: Array) -> Array:
-        """Return the offset (3,) from the node to its goal, m; 0 along translations that do not count."""
-        linear, _ = self._task.errors(self._placement(q), np.eye(3))
-        return np.pad(linear, (0, 3 - len(linear)))
-
-    def _placement(self, q: Array) -> pin.SE3:
-        return self._mechanism.placement(q, self._node)
 
 
 class NearestPoints(NamedTuple):
@@ -162,11 +152,6 @@ class NearestPoints(NamedTuple):
     distances: Array
     normals: Array
     points: Array
-
-    @property
-    def offsets(self) -> Array:
-        """(m, 3) offsets from the nearest points of the obstacle; 0 inside it."""
-        return self.distances[:, None].clip(0.0) * self.normals
 
 
 class LinkPoints:
@@ -227,21 +212,14 @@ class NearestRepulsion:
 
     def value(self, q: Array) -> float:
         """Return the potential at q (nq,); infinite at contact."""
-        found = 0.0
-        for near, field in zip(self._links.near(q), self._fields, strict=True):
-            values = field.value(near.distances) if isinstance(field, Firas) else field.value(near.offsets)
-            found += float(values.sum())
-        return found
+        pairs = zip(self._links.near(q), self._fields, strict=True)
+        return float(sum(field.value(near.distances).sum() for near, field in pairs))
 
     def gradient(self, q: Array) -> Array:
         """Return the gradient (nv,) by rad and characteristic lengths; NaN at contact."""
         found = np.zeros_like(self._links.mechanism.scale)
         for near, field in zip(self._links.near(q), self._fields, strict=True):
-            if isinstance(field, Firas):
-                forces = field.gradient(near.distances, near.normals)
-            else:
-                forces = field.gradient(near.offsets)
-            found += self._links.torques(near, forces)
+            found += self._links.torques(near, field.gradient(near.distances, near.normals))
         return found
 
 

@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.collision.body import Body, rounded_hull
-from cinegen.collision.capsule import bounding_capsule
+from cinegen.collision.capsule import bounding_capsule, perpendicular
 from cinegen.collision.obstacle_kinds import HEIGHT
 
 Array = NDArray[np.float64]
@@ -60,7 +60,7 @@ class Enclosure:
         if self._plane is None:
             middle, radius = _bounding_ball(self._points)
             return replace(self._body, placement=pin.SE3(np.eye(3), middle), shape=coal.Sphere(radius + self._radius))
-        axes = _upright(self._plane)
+        axes = np.column_stack([perpendicular(self._plane), self._plane])
         local = self._points @ axes
         middle, radius = _bounding_ball(local[:, :2])
         place = pin.SE3(axes, axes @ np.append(middle, local[:, 2].mean()))
@@ -100,7 +100,7 @@ class Enclosure:
             axes = np.linalg.svd(self._points - self._points.mean(axis=0))[2].T
             yield axes * np.linalg.det(axes)
             return
-        upright = _upright(self._plane)
+        upright = np.column_stack([perpendicular(self._plane), self._plane])
         yield upright
         projected = np.unique(np.round(self._points @ upright[:, :2], 9), axis=0)
         for i in range(len(projected)):
@@ -135,11 +135,3 @@ def _bounding_ball(points: Array) -> tuple[Array, float]:
             best, least = middle, float(away.max())
         middle = middle + (points[int(away.argmax())] - middle) / (i + 1.0)
     return best, least
-
-
-def _upright(normal: Array) -> Array:
-    """Return a rotation (3, 3) whose last column is the normal of a plane."""
-    first = np.eye(3)[int(np.abs(normal).argmin())]
-    first = first - (first @ normal) * normal
-    first /= np.linalg.norm(first)
-    return np.column_stack([first, np.cross(normal, first), normal])

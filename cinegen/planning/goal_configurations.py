@@ -89,7 +89,6 @@ def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> Go
     mechanism, rng = scene.mechanism, np.random.default_rng(seed)
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
     local = LocalIK(mechanism, (task,))
-    local.tasks[0].target = scene.goal
     starts = [scene.start]
     if mechanism.loops:
         starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))

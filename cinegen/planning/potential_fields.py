@@ -99,50 +99,45 @@ class Firas:
         return np.asarray(slope[..., None] * np.asarray(normals, dtype=float))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Spherical:
-    """Spherical potential: U_r1 = k / (|p - p_A| - r)^(2 gamma), which is equation 2 for a point (r = 0).
+    """Spherical potential: U_r1 = k / d^(2 gamma), which is equation 2 for a point.
 
     "Potential (2) can be easily modified for the case of obstacles with center in A and maximum radius r, by letting it
-    go to infinity at a distance r from A": the distance is measured from the ball around the obstacle. Its contours
-    have a higher curvature than those of the attraction, so one such obstacle creates no minimum; but the whole ball is
+    go to infinity at a distance r from A": d is the distance from the ball around the obstacle. Its contours have a
+    higher curvature than those of the attraction, so one such obstacle creates no minimum; but the whole ball is
     forbidden, also around a long rod. The potential has no range: it decreases, and never ends.
 
     Attributes:
-        centre: (3,) p_A, m, centre of the ball around the obstacle.
-        radius: r, m, of the ball; 0 for a point.
         strength: k, J m^(2 gamma).
         exponent: gamma; the larger, the faster the potential decreases.
 
     Raises:
-        FieldError: the centre is not finite, the radius is below 0, or another number is not above 0.
+        FieldError: the strength or the exponent is not a finite number above 0.
     """
 
-    centre: Array
-    radius: float = 0.0
-    strength: float = 1.0
+    strength: float
     exponent: float = 1.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "centre", finite_vector("the centre of a spherical potential", self.centre))
-        if not (np.isfinite(self.radius) and self.radius >= 0.0):
-            raise FieldError(f"the radius of a spherical potential is {self.radius!r}; give 0 or a number above it")
         require_positive("the strength of a spherical potential", self.strength)
         require_positive("the exponent of a spherical potential", self.exponent)
 
-    def value(self, points: ArrayLike) -> Array:
-        """Return the potential (m,), J, at points (m, 3); infinite in the ball."""
-        away = np.linalg.norm(np.asarray(points, dtype=float) - self.centre, axis=-1)
-        value = self.strength / nan_at_contact(away - self.radius) ** (2.0 * self.exponent)
+    def value(self, distances: ArrayLike) -> Array:
+        """Return the potential (m,), J, at distances (m,) from the ball, m; infinite at contact."""
+        value = self.strength / nan_at_contact(distances) ** (2.0 * self.exponent)
         return np.where(np.isnan(value), np.inf, value)
 
-    def gradient(self, points: ArrayLike) -> Array:
-        """Return -2 gamma k / (|p - p_A| - r)^(2 gamma + 1) n (m, 3), N, with n away from A; NaN in the ball."""
-        offset = np.asarray(points, dtype=float) - self.centre
-        away = np.linalg.norm(offset, axis=-1)
-        outside = nan_at_contact(away - self.radius)
-        slope = -2.0 * self.exponent * self.strength / outside ** (2.0 * self.exponent + 1.0)
-        return np.asarray((slope / np.where(away > 0.0, away, np.nan))[..., None] * offset)
+    def gradient(self, distances: ArrayLike, normals: ArrayLike) -> Array:
+        """Return -2 gamma k / d^(2 gamma + 1) n (m, 3), N; NaN at contact.
+
+        Args:
+            distances: (m,) from the ball, m.
+            normals: (m, 3) unit vectors from the nearest point of the ball.
+        """
+        double = 2.0 * self.exponent
+        slope = -double * self.strength / nan_at_contact(distances) ** (double + 1.0)
+        return np.asarray(slope[..., None] * np.asarray(normals, dtype=float))
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.collision.body import box_corners
+from cinegen.collision.body import bounding_box_corners
 from cinegen.collision.clearance import Clearance, clearance_of
 from cinegen.collision.errors import PlanningError
 from cinegen.collision.mesh_check import MeshCheck
@@ -174,9 +174,7 @@ def _room(scene: Scene, clearance: Clearance) -> tuple[Array, Array]:
     here = np.array(scene.mechanism.placement(scene.start, scene.node).translation)
     points = [np.array(scene.goal.translation)[None], here[None]]
     for body in (body for obstacle in scene.obstacles for body in obstacle.bodies if np.isfinite(body.radius)):
-        body.shape.computeLocalAABB()
-        corners = box_corners(np.array(body.shape.aabb_local.min_), np.array(body.shape.aabb_local.max_))
-        points.append(corners @ body.placement.rotation.T + body.placement.translation)
+        points.append(bounding_box_corners(body.shape, body.placement))
     offsets = np.vstack(points) - here
     widest = max((body.radius for body in clearance.bodies if body.joint), default=0.0)
     margin = _MARGIN * float(np.ptp(offsets, axis=0).max()) + 2.0 * (widest + scene.safety)

@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.collision.clearance import Clearance
 from cinegen.ik import FrameTask, LookAhead, Solver, Step
 from cinegen.ik.local_ik import LocalIK
-from cinegen.ik.objectives import Objective, State
-from cinegen.model import Mechanism
+from cinegen.ik.objectives import State
 from cinegen.planning.clearance_barrier import ClearanceBarrier, approach_fraction
 from cinegen.planning.vortices import DetourDirection, Vortices
 from cinegen.tolerances import CLOSURE
@@ -85,7 +84,6 @@ class AvoidingSolver(Solver):
         q: ArrayLike | None = None,
     ) -> None:
         mechanism = clearance.mechanism
-        self._own: tuple[Objective, ...] = ()
         self._still = 0  # ticks at rest
         super().__init__(mechanism, dt, q=q)
         self.clearance = clearance
@@ -96,16 +94,6 @@ class AvoidingSolver(Solver):
         self._unobstructed = LookAhead(mechanism, dt)  # regardless of obstacles
         self._prediction = LookAhead(mechanism, 1.0, _PREDICTION_GAIN)
         self._restart()
-
-    @property
-    def objectives(self) -> tuple[Objective, ...]:
-        """Objectives, see `Solver`; they are suspended with the tasks."""
-        return self._own
-
-    @objectives.setter
-    def objectives(self, objectives: Iterable[Objective]) -> None:
-        Solver.objectives.__set__(self, objectives)  # type: ignore[attr-defined]
-        self._own = self._objectives
 
     def move(self, obstacle: int, placement: pin.SE3) -> None:
         """Move an obstacle. After some distance, strategies that failed are tried again.
@@ -130,7 +118,7 @@ class AvoidingSolver(Solver):
             self._restart()
             self._catch(f"the search for a path around obstacles of {self.mechanism.name}", error)
         step = super().step()
-        self._objectives = self._own
+        self._detour = None
         slow = float(np.abs(step.v / self.mechanism.scale).max(initial=0.0)) < _REST
         self._still = self._still + 1 if slow else 0
         return step
@@ -140,7 +128,7 @@ class AvoidingSolver(Solver):
     def _restart(self) -> None:
         """Begin with the first strategy, for new targets."""
         self._strategies = [_Strategy(None, direction) for direction in _FIRST]
-        self._search: _ConfigurationSearch | None = None
+        self._search: Iterator[list[Array] | None] | None = None
         self._targets: tuple[Array, ...] = ()
         self._quiet = 0
         self._begin_strategy()
@@ -186,9 +174,9 @@ class AvoidingSolver(Solver):
         is_deflected = len(self.vortices.active) > 0
         self._quiet = 0 if is_deflected else self._quiet + 1
         if self._suspended:
-            self._objectives = (_Motion(deflected),)
+            self._detour = (_Motion(deflected),)
         elif is_deflected:
-            self._objectives = (*self._own, _Motion(deflected - motion))
+            self._detour = (*self._objectives, _Motion(deflected - motion))
         if is_deflected or configuration is not None:
             self._check_progress(tasks, configuration)
         elif self._suspended and self._quiet * self.dt >= _QUIET:
@@ -250,9 +238,8 @@ class AvoidingSolver(Solver):
         """Return the sum of all errors of tasks, characteristic lengths and rad."""
         total = 0.0
         for task in tasks:
-            axes = np.eye(3) if task.axes == "world" else None
-            linear, angular = task.errors(self.mechanism.placement(self._q, task.node) * task.offset, axes)
-            total += float(np.linalg.norm(linear)) / self.mechanism.length + float(np.linalg.norm(angular))
+            distance, angle = task.distances(self.mechanism, self._q)
+            total += distance / self.mechanism.length + angle
         return total
 
     # --- other configurations ------------------------------------------------------------------------------------
@@ -260,9 +247,10 @@ class AvoidingSolver(Solver):
     def _search_configurations(self, tasks: Sequence[FrameTask]) -> None:
         """Search from one more start, once for each situation; at the end the configurations found are tried."""
         if self._search is None:
-            self._search = _ConfigurationSearch(self.mechanism, tasks)
-        if self._search.advance(self.clearance, self.barrier.safety):
-            nearest = sorted(self._search.found, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
+            self._search = _configurations(self.clearance, tasks, self.barrier.safety)
+        found = next(self._search, None)
+        if found is not None:
+            nearest = sorted(found, key=lambda q: self.mechanism.distance(self._q, q))[:_CONFIGURATIONS]
             others = _OTHERS if self.vortices.plane is None else _OTHERS[:1]
             self._strategies = [_Strategy(q, direction) for q in nearest for direction in _FIRST]
             self._strategies += [_Strategy(None, direction) for direction in others]
@@ -270,27 +258,20 @@ class AvoidingSolver(Solver):
             self._suspend(bool(self._strategies))
 
 
-class _ConfigurationSearch:
-    """Search for configurations in which all targets are reached with the safety distance kept."""
+def _configurations(clearance: Clearance, tasks: Sequence[FrameTask], safety: float) -> Iterator[list[Array] | None]:
+    """Search for configurations in which all targets are reached and the safety distance is kept.
 
-    def __init__(self, mechanism: Mechanism, tasks: Sequence[FrameTask]) -> None:
-        self._local = LocalIK(mechanism, tuple(tasks))
-        for own, task in zip(self._local.tasks, tasks, strict=True):
-            own.target = task.target.copy()
-        self._rng, self._left = np.random.default_rng(0), _STARTS
-        self.found: list[Array] = []
-
-    def advance(self, clearance: Clearance, safety: float) -> bool:
-        """Search from one more start; return whether that was the last."""
-        if self._left == 0:
-            return False
-        self._left -= 1
-        local = self._local
-        if local.solve(local.random_start(self._rng), 1e-8) and local.closure <= CLOSURE:
+    Yields None after each start, and the configurations found at the end.
+    """
+    local, rng = LocalIK(clearance.mechanism, tuple(tasks)), np.random.default_rng(0)
+    found = []
+    for _ in range(_STARTS):
+        if local.solve(local.random_start(rng), 1e-8) and local.closure <= CLOSURE:
             q = local.best
             if clearance.least(q) >= safety:
-                self.found.append(q)
-        return self._left == 0
+                found.append(q)
+        yield None
+    yield found
 
 
 class _Motion:

@@ -44,6 +44,8 @@ class DrivenObstacle(DrivenRobot):
         dt: period of a tick, s.
     """
 
+    _least_rotation = 3
+
     def __init__(self, name: str, drawn: DrawnObstacle, dt: float) -> None:
         super().__init__(name, Solver(_free_body(name, drawn.dof), dt))
         self.base = drawn.placement.copy()
@@ -78,18 +80,6 @@ class DrivenObstacle(DrivenRobot):
             self.jump_to(pin.SE3ToXYZQUAT(relative))
         elif self.mechanism.mobility:
             self.jump_to(np.array([*relative.translation[:2], pin.log3(relative.rotation)[2]]))
-
-    def add_task(
-        self,
-        id: int,
-        node: str,
-        source: str,
-        label: str,
-        offset: pin.SE3 | None = None,
-        dof: tuple[int, int] = (3, 3),
-    ) -> UserTask:
-        """See `DrivenRobot`: its orientation is always constrained."""
-        return super().add_task(id, node, source, label, offset, (dof[0], 3))
 
     def set_target(self, task: UserTask, target: pin.SE3) -> None:
         """See `DrivenRobot`: an obstacle that moves in a plane stays in it."""

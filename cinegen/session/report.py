@@ -10,7 +10,7 @@ import pinocchio as pin
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from cinegen.ik import EventKind, LookAhead
+from cinegen.ik import EventKind, FrameTask, LookAhead
 from cinegen.ik.equations import free_motions
 from cinegen.ik.singular import NEAR_PASSIVE
 from cinegen.model import Mechanism
@@ -126,7 +126,6 @@ class Reporter:
         self.mechanism = mechanism
         self._look_ahead = LookAhead(mechanism, _DT)
         self._solver = self._look_ahead.solver
-        self._kinds: list[tuple[object, ...]] = []
         self._last: dict[int, tuple[float, pin.SE3]] = {}  # last targets, with their times
 
     def report(self, robot: RobotState, time: float) -> RobotReport:
@@ -175,19 +174,11 @@ class Reporter:
 
     def _set_tasks(self, robot: RobotState) -> None:
         """Give the look-ahead solver the robot's tasks; one for its end if there are none."""
-        kinds: list[tuple[object, ...]] = [
-            (task.node, task.translation, task.rotation, task.offset.homogeneous.tobytes()) for task in robot.tasks
+        tasks = [
+            FrameTask(one.node, one.target, one.translation, one.rotation, one.weight, offset=one.offset)
+            for one in robot.tasks
         ]
-        if not kinds or kinds != self._kinds:
-            for task in self._solver.tasks:
-                self._solver.remove_task(task)
-            for state in robot.tasks:
-                self._solver.add_task(
-                    state.node, translation=state.translation, rotation=state.rotation, offset=state.offset
-                ).weight = state.weight
-            if not kinds:
-                self._solver.add_task(self.mechanism.end)
-            self._kinds = kinds
+        self._solver.copy_tasks(tasks or [FrameTask(self.mechanism.end, pin.SE3.Identity())])
 
     def _velocities(self, robot: RobotState, time: float) -> tuple[pin.Motion, ...]:
         """Return the velocity of each target in the robot's own world."""

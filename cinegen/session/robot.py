@@ -56,6 +56,8 @@ class DrivenRobot:
         step: last step of the solver.
     """
 
+    _least_rotation = 0  # rotations that each task constrains, at least
+
     def __init__(self, name: str, solver: Solver) -> None:
         self.name, self.solver = name, solver
         self.mechanism: Mechanism = solver.mechanism
@@ -99,7 +101,8 @@ class DrivenRobot:
             offset: frame to constrain, in the node's frame (m).
             dof: number of translations and rotations to constrain.
         """
-        task = self.solver.add_task(node, translation=dof[0], rotation=dof[1], offset=offset)
+        rotation = max(dof[1], self._least_rotation)
+        task = self.solver.add_task(node, translation=dof[0], rotation=rotation, offset=offset)
         self.tasks.append(UserTask(id, task, source, label))
         return self.tasks[-1]
 

@@ -46,7 +46,7 @@ class LiteralVortices:
     """
 
     def __init__(self, scene: Scene, clearance: Clearance, reach: float) -> None:
-        mechanism = scene.mechanism
+        mechanism, self._scene = scene.mechanism, scene
         self._goal, self._scale = GoalPotential(scene), mechanism.scale
         self._owner = [i for i, obstacle in enumerate(scene.obstacles) for _ in obstacle.bodies]
         bodies = [body for obstacle in scene.obstacles for body in obstacle.bodies]
@@ -59,7 +59,7 @@ class LiteralVortices:
 
     def velocity(self, state: State) -> Array:
         """Return the joint velocity (nv,), rad/s and m/s."""
-        goal, vortices, active = self._goal.offset(state.q), np.zeros(len(self._scale)), False
+        goal, vortices, active = self._offset(state), np.zeros(len(self._scale)), False
         for near, obstacle in zip(self._links.near(state.q), self._owner, strict=True):
             inside = np.flatnonzero(near.distances < self._reach)
             if not len(inside):
@@ -81,6 +81,11 @@ class LiteralVortices:
         step = GAIN * (vortices - self._goal.gradient(state.q))
         step *= min(1.0, LONGEST / max(float(np.abs(step).max()), 1e-300))
         return np.asarray(step * self._scale / state.dt)
+
+    def _offset(self, state: State) -> Array:
+        """Return the offset (3,) from the node to its goal, m; 0 along translations that do not count."""
+        offset = self._scene.goal.translation - state.mechanism.placement(state.q, self._scene.node).translation
+        return np.where(np.arange(3) < self._scene.translation, offset, 0.0)
 
 
 def scissors(attractions: ArrayLike, vortices: ArrayLike, normals: ArrayLike) -> Array:
