@@ -23,8 +23,8 @@ class PersistentSolver(Solver):
     tasks and the objectives are suspended. The status is DETOUR meanwhile.
 
     A tick with a search takes some milliseconds; the first for a set of tasks takes a few tenths of a second if the
-    mechanism has loops. Tasks that follow twists are never suspended. The configuration found may be far away: do not
-    use this solver for robots among people.
+    mechanism has loops. Tasks that follow twists are never suspended. Setting a target or objectives ends the detour.
+    The configuration found may be far away: do not use this solver for robots among people.
     """
 
     _goal: Array | None = None
@@ -33,7 +33,7 @@ class PersistentSolver(Solver):
 
     def step(self) -> Step:
         """Compute one tick of dt. Never raises: the status reports what happened."""
-        if self._goal is not None and self._targets() != self._tried:
+        if self._goal is not None and (self._detour is None or self._targets() != self._tried):
             self._resume()
         before = self._q.copy()
         step = super().step()

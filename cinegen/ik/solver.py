@@ -88,7 +88,7 @@ class Solver:
         self._tasks: list[FrameTask] = []
         self._blends: list[Blend] = []
         self._objectives: tuple[Objective, ...] = ()
-        self._detour: tuple[Objective, ...] | None = None  # objectives that replace them
+        self._detour: tuple[Objective, ...] | None = None  # objectives that replace them, until they are set
         self._barriers: tuple[Barrier, ...] = ()
         self._blocked = False  # a barrier failed in this tick
         self.exception_log = ExceptionLog()
@@ -477,7 +477,7 @@ class Solver:
                 raise
             except Exception as error:
                 self.exception_log.report(self._source("objective", i, objective), error)
-        self._objectives = given
+        self._objectives, self._detour = given, None
 
     @property
     def state(self) -> State:
