@@ -11,16 +11,17 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator
 
-from raff2urdf.document import Document, JointType, RaffPart, RaffRobot
+from raff2urdf.document import Document, JointType, RaffPart, RaffRobot, RaffSensor
 from raff2urdf.errors import (
     Problem,
     RaffError,
     RaffWarning,
-    SourceLocation,
     defined_twice,
     did_you_mean,
+    duplicates,
     limits_reversed,
 )
+from raff2urdf.writer import number as shown
 
 # XML 1.0 (fifth edition), production [5] Name, without the colon, which belongs to namespaces.
 _START = (
@@ -90,29 +91,24 @@ def _raise(problems: Iterable[Problem]) -> None:
 
 def _file_problems(document: Document) -> Iterator[Problem]:
     problem = document.source.problem
-    seen: dict[str | int, SourceLocation | None] = {}
-    for robot in document.robots:
-        at = robot.locations.get("name")
-        if robot.name in seen:
-            yield problem(defined_twice(f"robot '{robot.name}'", _line(seen[robot.name])), at)
-        elif not is_xml_name(robot.name):
-            yield problem(_bad_name(robot.name, "robot"), at)
-        seen[robot.name] = at
-    for sensor in document.sensors:
-        at = sensor.locations.get("number")
-        if sensor.number in seen:
-            yield problem(defined_twice(f"sensor {sensor.number}", _line(seen[sensor.number])), at)
-        seen[sensor.number] = at
+    for first, robot in duplicates(document.robots, lambda robot: robot.name):
+        yield problem(defined_twice(f"robot '{robot.name}'", _line(first, "name")), robot.locations.get("name"))
+    for robot in {robot.name: robot for robot in reversed(document.robots)}.values():
+        if not is_xml_name(robot.name):
+            yield problem(_bad_name(robot.name, "robot"), robot.locations.get("name"))
+    for other, sensor in duplicates(document.sensors, lambda sensor: sensor.number):
+        message = defined_twice(f"sensor {sensor.number}", _line(other, "number"))
+        yield problem(message, sensor.locations.get("number"))
 
 
 def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
     numbers: dict[int, RaffPart] = {}
     for part in robot.parts:
-        first = numbers.setdefault(part.number, part)
-        if first is not part:
-            message = defined_twice(f"the number {part.number}", _line(first.locations.get("number")))
-            yield problem(message, part.locations.get("number"))
+        numbers.setdefault(part.number, part)
+    for first, part in duplicates(robot.parts, lambda part: part.number):
+        message = defined_twice(f"the number {part.number}", _line(first, "number"))
+        yield problem(message, part.locations.get("number"))
     names: dict[str, RaffPart] = {}
     for part in robot.parts:
         at = part.locations.get("name") or part.locations.get("number")
@@ -186,24 +182,22 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
     for link in robot.links:
         if link.type is JointType.FIXED:
-            for word in ("limits", "velocity"):
-                if getattr(link, word) is not None:
-                    yield problem(
-                        f"link {link.number} is fixed, so '{word}' has no effect: remove it", link.locations.get(word)
-                    )
-            if link.actuated:
-                message = f"link {link.number} is fixed, so 'actuated' has no effect: remove it"
-                yield problem(message, link.locations.get("actuated"))
+            for word in ("limits", "velocity", "actuated"):
+                if getattr(link, word):
+                    message = f"link {link.number} is fixed, so '{word}' has no effect: remove it"
+                    yield problem(message, link.locations.get(word))
         elif link.limits:
             home = link.parameters.theta if link.type is JointType.REVOLUTE else link.parameters.r
             if not link.limits[0] <= home <= link.limits[1]:
-                low, high = link.limits
-                message = f"home {home:.10g} of link {link.number} is outside its limits {low:.10g} to {high:.10g}"
-                yield problem(f"{message}: change either", link.locations.get("limits"))
+                low, high = map(shown, link.limits)
+                message = (
+                    f"home {shown(home)} of link {link.number} is outside its limits {low} to {high}: change either"
+                )
+                yield problem(message, link.locations.get("limits"))
 
 
-def _line(location: SourceLocation | None) -> int | None:
-    return location.line if location else None
+def _line(thing: RaffRobot | RaffPart | RaffSensor, word: str) -> int | None:
+    return thing.locations[word].line if word in thing.locations else None
 
 
 def _bad_name(name: str, keyword: str) -> str:

@@ -14,8 +14,8 @@ from typer import Argument, Option
 
 from raff2urdf.command_line import UsageError, Version, new_app, run_app
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.formats import DENSITY, FORMATS
 from raff2urdf.output import run
+from raff2urdf.writers import DENSITY, FORMATS
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Conversion

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
-from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
+from raff2urdf.document import Document, JointType, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.json_lines import line_of, repeated_key
 from raff2urdf.readers.urdf import LARGEST
@@ -159,11 +159,6 @@ def without_loops(values: Constraints) -> Constraints:
     if "joints" in values:
         kept["joints"] = [{key: joint[key] for key in joint if key != "actuated"} for joint in values["joints"]]
     return {**kept, "loops": []}
-
-
-def loop_kind(entry: Mapping[str, Any]) -> LoopKind:
-    """Return the kind of one entry of `loops`."""
-    return LoopKind[entry["kind"].upper()]
 
 
 def _integer(word: str) -> int | float:

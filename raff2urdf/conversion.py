@@ -18,10 +18,10 @@ from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import write_all
-from raff2urdf.formats import WriteOptions, files
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.reader import parse, read
 from raff2urdf.tree import limits
+from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.urdf import dumps, tree
 
 

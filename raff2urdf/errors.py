@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -70,6 +73,15 @@ def did_you_mean(word: str, known: Sequence[str]) -> str:
         return f": did you mean '{near[0]}'?"
     shown = list(known[:12])
     return f" (known: {', '.join(shown)}{', ...' if len(known) > len(shown) else ''})" if shown else ""
+
+
+def duplicates(things: Iterable[T], name: Callable[[T], object]) -> Iterator[tuple[T, T]]:
+    """Yield each thing whose name an earlier one has, after the first one of that name."""
+    known: dict[object, T] = {}
+    for thing in things:
+        first = known.setdefault(name(thing), thing)
+        if first is not thing:
+            yield first, thing
 
 
 def defined_twice(what: str, line: int | None) -> str:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
+from typing import Any
 
 Path = tuple[str | int, ...]
 """Keys and indices that lead to a value, such as `("loops", 0, "name")`."""
 
-_SPACE = re.compile(r"[ \t\n\r]*")
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 
 
 def line_of(text: str, path: Iterable[str | int]) -> int:
@@ -41,31 +42,21 @@ def repeated_key(text: str) -> tuple[Path, tuple[int, int]] | None:
 def _offsets(text: str) -> dict[Path, list[int]]:
     """Return where each value begins: at several offsets if its key is repeated. Values come before their members."""
     found: dict[Path, list[int]] = {}
-    decoder = json.JSONDecoder(parse_int=float)
-    pending: list[tuple[Path, int]] = [((), _skip(text, 0))]
-    while pending:
-        path, start = pending.pop()
-        found.setdefault(path, []).append(start)
-        if text[start] not in "{[":
-            continue
-        key: str | int = -1
-        at = _skip(text, start + 1)
-        while text[at] not in "]}":
-            if isinstance(key, int) and text[start] == "[":
-                key += 1
-            else:
-                key, at = decoder.raw_decode(text, at)
-                at = _skip(text, _skip(text, at) + 1)
-            pending.append(((*path, key), at))
-            at = _skip(text, decoder.raw_decode(text, at)[1])
-            at = _skip(text, at + 1) if text[at] == "," else at
+    path: list[Any] = []  # the key or index of the next value in each open object or array; None: a key follows
+    for token in _TOKEN.finditer(text):
+        mark = token[0]
+        if mark in "]}":
+            path.pop()
+        elif mark == ",":
+            path[-1] = path[-1] + 1 if isinstance(path[-1], int) else None
+        elif path and path[-1] is None:
+            path[-1] = json.loads(mark)
+        elif mark != ":":
+            found.setdefault(tuple(path), []).append(token.start())
+            if mark in "{[":
+                path.append(None if mark == "{" else 0)
     return found
 
 
 def _line(text: str, offset: int) -> int:
     return text.count("\n", 0, offset) + 1
-
-
-def _skip(text: str, at: int) -> int:
-    space = _SPACE.match(text, at)
-    return at if space is None else space.end()

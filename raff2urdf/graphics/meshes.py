@@ -6,10 +6,15 @@ binary STL for each of its colours, with a material of that colour.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
+import tempfile
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +22,7 @@ import numpy as np
 
 from raff2urdf.document import RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
+from raff2urdf.files import write_all
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
     import yourdfpy
@@ -24,6 +30,7 @@ if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
     from raff2urdf.graphics.surface import Colour, ColouredSurface
 
 SHOWN = (".stl", ".obj", ".dae")  # URDF viewers, Pinocchio and browsers read them
+_READERS = {".nff": "nff", ".dxf": "dxf"}  # modules; the others are read by `scene`
 CONVERTED = (".nff", ".dxf", ".3mf", ".glb", ".gltf", ".off", ".ply")
 
 
@@ -117,8 +124,6 @@ class Graphics:
         for number, surface in enumerate(surfaces, 1):
             content = stl(surface.triangles)
             if self.meshes is None:
-                from raff2urdf.graphics.cache import keep
-
                 file = keep(content, ".stl")
             else:
                 file = self.meshes / f"{stem}.{number}.stl"
@@ -147,7 +152,6 @@ def converted(path: Path) -> list[Drawing]:
         RaffError: it holds no surface, or is wrong.
         Exception: of any type, depending on the reader.
     """
-    from raff2urdf.graphics.cache import keep
     from raff2urdf.graphics.surface import stl
 
     surfaces, _ = _surfaces(path)
@@ -159,18 +163,10 @@ def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
     from raff2urdf.graphics.surface import fewer_colours
 
     kind, omitted = path.suffix.lower(), None
-    if kind == ".nff":
-        from raff2urdf.graphics import nff
-
-        surfaces = nff.read(path)
-    elif kind == ".dxf":
-        from raff2urdf.graphics import dxf
-
-        surfaces, omitted = dxf.read(path)
-    else:
-        from raff2urdf.graphics import scene
-
-        surfaces = scene.read(path)
+    reader = import_module(f"raff2urdf.graphics.{_READERS.get(kind, 'scene')}")  # those of trimesh are slow to import
+    surfaces = reader.read(path)
+    if kind == ".dxf":
+        surfaces, omitted = surfaces
     if not surfaces:
         raise RaffError("holds no surface")
     return fewer_colours(surfaces), omitted
@@ -205,3 +201,57 @@ def _line(text: str) -> str:
     """Return a text on one line, of moderate length."""
     shown = " ".join("".join(c if c.isprintable() else " " for c in text).split())
     return shown if len(shown) <= 200 else shown[:200] + "..."
+
+
+# --- the cache ----------------------------------------------------------------------------------------------------
+
+
+def keep(content: bytes, ending: str) -> Path:
+    """Return a file with the content: the existing one, or a new one.
+
+    It is in `$XDG_CACHE_HOME/raff2urdf`, by default `~/.cache/raff2urdf`; if that can't be written, in a temporary
+    folder that is removed when Python ends.
+
+    Args:
+        content: of the file, whose hash is its name.
+        ending: of its name, such as ".stl".
+
+    Raises:
+        OSError: no folder can be written.
+    """
+    name = hashlib.sha256(content).hexdigest()[:32] + ending
+    reason = OSError("no folder for temporary files")
+    for folder in _folders():
+        path = folder / name
+        try:
+            if not _holds(path, content):
+                write_all({path: content})
+        except OSError as error:
+            reason = error
+        else:
+            return path
+    raise reason
+
+
+def _folders() -> Iterator[Path]:
+    try:
+        configured = os.environ.get("XDG_CACHE_HOME", "")
+        # The XDG base directory specification: a relative one is invalid, to be ignored.
+        home = Path(configured) if os.path.isabs(configured) else Path.home() / ".cache"
+        yield home / "raff2urdf"
+    except RuntimeError:  # there is no home folder
+        pass
+    yield Path(_temporary().name)
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    """Return whether a file exists and is complete: a disk may have been full."""
+    try:
+        return path.stat().st_size == len(content) and path.read_bytes() == content
+    except FileNotFoundError:
+        return False
+
+
+@cache
+def _temporary() -> tempfile.TemporaryDirectory[str]:
+    return tempfile.TemporaryDirectory(prefix="raff2urdf-")

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, defined_twice, did_you_mean, limits_reversed
+from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.placement import from_origin, from_quaternion, inverse
-from raff2urdf.readers.urdf import SIZE, UNLIMITED, direction, limit_value, number, numbers
+from raff2urdf.readers.urdf import SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
 from raff2urdf.readers.urdf_builder import UNBOUNDED, WORLD
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.writers.sdf import NAMESPACE
@@ -99,29 +99,17 @@ class SdfModelReader:
     def _gather(self, poses: SdfPoses, found: SdfModel) -> None:
         for nested in poses.model.iterchildren("model"):
             self._gather(poses.nested(nested), found)
-        for element in poses.model.iterchildren("link", "joint", "frame"):
-            if not element.get("name"):
-                raise self._error(element, f"this {element.tag} has no name: give it one")
-        for link in poses.model.iterchildren("link"):
-            own = poses.prefix + link.get("name")
-            if link.get("name") == WORLD:
+        links, joints, frames = (list(poses.model.iterchildren(tag)) for tag in ("link", "joint", "frame"))
+        for own, link in by_name(links, self.name, poses.prefix).items():
+            if own == WORLD:
                 raise self._error(link, f"a link can't be called '{WORLD}', which is the world itself: rename it")
-            first = found.links.setdefault(own, link)
-            if first is not link:
-                raise self._error(link, defined_twice(f"link '{own}'", first.sourceline))
-            found.placements[own] = poses.of_element(link)
-        for frame in poses.model.iterchildren("frame"):
-            own = poses.prefix + frame.get("name")
-            if own not in found.links:
-                found.frames[own] = poses.link(frame.get("name"), frame)
-                found.placements[own] = poses.of_element(frame)
-        known: dict[str, Any] = {}
-        for joint in poses.model.iterchildren("joint"):
-            own = joint.get("name")
-            first = known.setdefault(own, joint)
-            if first is not joint:
-                raise self._error(joint, defined_twice(f"joint '{own}'", first.sourceline))
-            found.joints.append(self._joint(joint, poses))
+            found.links[poses.prefix + own] = link
+            found.placements[poses.prefix + own] = poses.of_element(link)
+        for own, frame in by_name(frames, self.name, poses.prefix).items():
+            if poses.prefix + own not in found.links:
+                found.frames[poses.prefix + own] = poses.link(own, frame)
+                found.placements[poses.prefix + own] = poses.of_element(frame)
+        found.joints += [self._joint(joint, poses) for joint in by_name(joints, self.name, poses.prefix).values()]
 
     def _joint(self, element: Any, poses: SdfPoses) -> SdfJoint:
         name, kind = poses.prefix + str(element.get("name", "")), str(element.get("type", ""))

@@ -10,7 +10,7 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
-from raff2urdf.errors import RaffError, defined_twice, did_you_mean, limits_reversed
+from raff2urdf.errors import RaffError, defined_twice, did_you_mean, duplicates, limits_reversed
 from raff2urdf.placement import from_origin
 from raff2urdf.readers.xml_file import error_at, parse_xml
 
@@ -234,15 +234,11 @@ def _check_joint(joint: Any, name: str) -> None:
 
 
 def _check_tree(tree: Any, name: str) -> None:
-    known: dict[str, Any] = {}
-    for link in links(tree):
-        _check_name(link, known, name)
+    known = by_name(links(tree), name)
     if not known:
         raise error_at(name, tree, f"the robot '{tree.get('name', '')}' has no link: add one")
-    seen: dict[str, Any] = {}
     joint_of: dict[str, Any] = {}
-    for joint in joints(tree):
-        _check_name(joint, seen, name)
+    for joint in by_name(joints(tree), name).values():
         for word, link in zip(("parent", "child"), ends(joint), strict=True):
             if link not in known:
                 what = f"{_label(joint)} has the {word} '{link}', which is not a link{did_you_mean(link, list(known))}"
@@ -279,10 +275,16 @@ def _check_tree(tree: Any, name: str) -> None:
             )
 
 
-def _check_name(element: Any, seen: dict[str, Any], name: str) -> None:
-    own = element.get("name", "")
-    if not own:
-        raise error_at(name, element, f"this {element.tag} has no name: give it one")
-    first = seen.setdefault(own, element)
-    if first is not element:
-        raise error_at(name, element, defined_twice(f"{element.tag} '{own}'", first.sourceline))
+def by_name(elements: Sequence[Any], name: str, prefix: str = "") -> dict[str, Any]:
+    """Return elements by their names; `prefix` precedes the names in errors.
+
+    Raises:
+        RaffError: an element has no name, or that of another one.
+    """
+    for element in elements:
+        if not element.get("name"):
+            raise error_at(name, element, f"this {element.tag} has no name: give it one")
+    for first, element in duplicates(elements, lambda element: element.get("name")):
+        what = f"{element.tag} '{prefix}{element.get('name')}'"
+        raise error_at(name, element, defined_twice(what, first.sourceline))
+    return {element.get("name"): element for element in elements}

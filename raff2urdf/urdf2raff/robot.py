@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.analysis import loop_kind
 from raff2urdf.check import RESERVED, is_xml_name
-from raff2urdf.constraints import Constraints, loop_kind
+from raff2urdf.constraints import Constraints
 from raff2urdf.document import (
     UNITS_PER_METRE,
     Document,
@@ -296,7 +297,7 @@ class _Import:
 
     def loop(self, entry: Mapping[str, Any]) -> RaffLoop:
         first, second = (self.loop_end(entry[end], entry["name"]) for end in ("first", "second"))
-        return RaffLoop(first, second, loop_kind(entry))
+        return RaffLoop(first, second, loop_kind(entry["kind"]))
 
     def loop_end(self, end: Mapping[str, Any], loop: str) -> int:
         """Return the node of a loop's end: a new frame if it is none of the URDF's links."""

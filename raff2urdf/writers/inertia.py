@@ -22,7 +22,7 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
-from raff2urdf.formats import DENSITY
+from raff2urdf.writers import DENSITY
 from raff2urdf.writers.tree_at_home import shape_of
 
 Array = NDArray[np.float64]

@@ -47,7 +47,7 @@ from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
-    from raff2urdf.formats import WriteOptions
+    from raff2urdf.writers import WriteOptions
 
 Array = NDArray[np.float64]
 

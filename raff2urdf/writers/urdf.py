@@ -35,7 +35,7 @@ from raff2urdf.writers.xml_text import numerals, text_of
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
-    from raff2urdf.formats import WriteOptions
+    from raff2urdf.writers import WriteOptions
 
 _LOOP_TYPES = {"rigid": "link", "prismatic": "prismatic", "revolute": "revolute", "ball": "spherical"}
 """The proposal's name for each kind of loop: the joint that was cut."""

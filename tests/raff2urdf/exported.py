@@ -15,9 +15,9 @@ from raff2urdf import loads
 from raff2urdf.check import check
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.document import Document
-from raff2urdf.formats import WriteOptions, files
 from raff2urdf.reader import parse, read
 from raff2urdf.tree import characteristic_length, placements
+from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.inertia import Inertias, inertias
 from raff2urdf.writers.tree_at_home import TreeAtHome
 

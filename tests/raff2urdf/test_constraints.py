@@ -18,7 +18,7 @@ from mechanisms import KNOWN
 from strategies import EXTREME, UNITS, documents, examples
 
 from raff2urdf import RaffError, constraints, loads
-from raff2urdf.analysis import analyse
+from raff2urdf.analysis import analyse, loop_kind
 from raff2urdf.check import LARGEST
 from raff2urdf.conversion import translate
 from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffRobot
@@ -255,7 +255,7 @@ def test_a_file_reads_as_its_text_does(tmp_path: Path, values: constraints.Const
 
 
 def test_the_kind_of_a_loop_is_raffs(values: constraints.Constraints) -> None:
-    assert [constraints.loop_kind(entry) for entry in values["loops"]] == [LoopKind.BALL]
+    assert [loop_kind(entry["kind"]) for entry in values["loops"]] == [LoopKind.BALL]
 
 
 def test_a_wrong_name_is_told_by_its_line(values: constraints.Constraints) -> None:

@@ -22,8 +22,7 @@ import raff2urdf
 from raff2urdf import RaffError, RaffWarning, loads
 from raff2urdf.conversion import translate
 from raff2urdf.files import write_all
-from raff2urdf.graphics.cache import keep
-from raff2urdf.graphics.meshes import CONVERTED
+from raff2urdf.graphics.meshes import CONVERTED, keep
 
 RED_NFF = "nff\nplate\n4\n0 0 0\n100 0 0\n100 50 0\n0 50 0\n1\n4 0 1 2 3 0xf00\n"
 
