@@ -1,12 +1,14 @@
 """Read robots from other formats, as the text of a URDF and the contents of a constraints file.
 
 Loops of a URDF are in a sidecar file next to it: `<stem>.constraints.json`, or a `robot.yaml`. SDF and MJCF declare
-theirs themselves. A new format is a new module here, and a line in `READERS`.
+theirs themselves. A new format is a new module here, and a line in `READERS`; a new dialect of loops in URDFs is a new
+module, and a name in `LOOP_SOURCES`.
 """
 
 from __future__ import annotations
 
 import warnings
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,11 +61,9 @@ _Found = tuple[str, "Constraints | None", list[str]]
 
 
 def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:
-    from raff2urdf import constraints
     from raff2urdf.errors import RaffError
-    from raff2urdf.readers import declared_loops, robot_yaml, sidecar
-    from raff2urdf.readers.successive import moving
-    from raff2urdf.readers.urdf import links, parse, xacro_hint
+    from raff2urdf.readers import declared_loops, sidecar
+    from raff2urdf.readers.urdf import parse, xacro_hint
 
     name, values, misplaced = str(path), None, None
     declared: list[declared_loops.Declaration] = []
@@ -71,15 +71,11 @@ def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Foun
         text, declared = declared_loops.without_second_parents(text, name)
     tree = parse(text, name)
     declared += declared_loops.find(tree)
-    known = [str(link.get("name")) for link in links(tree)]
-    own, gepetto = sidecar.constraints_of(path), robot_yaml.sidecar_of(path)
-    if own.exists():
-        types = moving(text, name)
-        values = constraints.load(own, (known, list(types)), types)
-    elif gepetto is not None:
-        text, values = robot_yaml.read(gepetto, text, name)
+    found = next(filter(None, (import_module(source).loops_of(path, text) for source in LOOP_SOURCES)), None)
+    if found is not None:
+        text, values = found
     else:
-        misplaced = sidecar.misplaced(path, tree.get("name", ""), known, moving(text, name))
+        misplaced = sidecar.misplaced(path, text)
     if ignore_loops:
         if values is not None:  # its loops are listed themselves
             declared = [declaration for declaration in declared if declaration.dialect != declared_loops.COMMENT]
@@ -91,7 +87,7 @@ def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Foun
     lost = declared_loops.unread(declared, closed)
     certain = [declaration for declaration in lost if declaration.certain]
     if certain:
-        raise RaffError(f"{declared_loops.refusal(certain, name, own.name, closed)}{xacro_hint(tree, name)}")
+        raise RaffError(f"{declared_loops.refusal(certain, path, closed)}{xacro_hint(tree, name)}")
     if lost:
         also = f". Also not read: {declared_loops.listed(lost[1:], 3)}" if lost[1:] else ""
         warnings.warn(f"{name}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=5)
@@ -116,3 +112,9 @@ _OTHER_ROOTS = {
 }
 
 READERS = {"robot": _urdf, "sdf": _sdf, "mujoco": _mjcf}
+
+LOOP_SOURCES = ("raff2urdf.readers.sidecar", "raff2urdf.readers.robot_yaml")
+"""Modules that read the loops of a URDF, the first that finds some; a new dialect is a new module and a name here.
+
+Each has `loops_of(path, text)`, which returns the URDF's text, with joints replaced if the dialect asks for it, and the
+contents of a constraints file; None if the URDF has no loops in this dialect."""

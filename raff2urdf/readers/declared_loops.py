@@ -19,10 +19,12 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
+from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import IGNORE, ends, joints, links, remove
 from raff2urdf.readers.xml_file import parse_xml
 
@@ -83,15 +85,15 @@ def unread(declarations: Sequence[Declaration], loops: int) -> list[Declaration]
     return [one for one in declarations if one.coupling or loops < most or loops == 0]
 
 
-def refusal(lost: Sequence[Declaration], name: str, sidecar: str, loops: int) -> str:
+def refusal(lost: Sequence[Declaration], urdf: Path, loops: int) -> str:
     """Return the error for declarations that are lost: place, cause and remedy.
 
     Args:
         lost: at least one.
-        name: of the URDF.
-        sidecar: name of its constraints file.
+        urdf: path of the URDF.
         loops: how many a sidecar file closes.
     """
+    sidecar = urdf.with_suffix(ENDING).name
     more = f". Also not read: {listed(lost[1:], 3)}" if len(lost) > 1 else ""
     remedy = f"Declare the loops in {sidecar} or robot.yaml next to the URDF, or leave them open"
     if loops:
@@ -100,7 +102,7 @@ def refusal(lost: Sequence[Declaration], name: str, sidecar: str, loops: int) ->
         remedy = f"Restore that file next to the URDF as {sidecar}, or leave the loops open"
     elif all(one.coupling for one in lost):
         remedy = "Couplings are not supported yet: let the joints move independently"
-    return f"{name}:{lost[0].line}: {lost[0].text}{more}. {remedy} with {IGNORE}"
+    return f"{urdf}:{lost[0].line}: {lost[0].text}{more}. {remedy} with {IGNORE}"
 
 
 def listed(declarations: Sequence[Declaration], most: int = 20) -> str:

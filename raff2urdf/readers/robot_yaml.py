@@ -44,20 +44,21 @@ def sidecar_of(path: Path) -> Path | None:
     return shared if shared.is_file() else None
 
 
-def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
-    """Return the URDF with the joints that the file asks for, and the constraints that it declares.
+def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
+    """Return the URDF with the joints that its file asks for, and the constraints there; None without such a file.
 
     Args:
-        path: the YAML file.
-        urdf: the URDF's text.
-        name: of the URDF, in errors.
+        urdf: path of the URDF.
+        text: of the URDF.
 
     Raises:
         RaffError: not a YAML file of this kind; it names a frame or a joint that the URDF lacks; an unknown type; not
             a URDF.
     """
-    lists = _Lists(path)
-    tree = parse(urdf, name)
+    path, name = sidecar_of(urdf), str(urdf)
+    if path is None:
+        return None
+    lists, tree = _Lists(path), parse(text, name)
     _drop_missing_meshes(tree, path.parent, name)
     nodes = root_first(tree)
     children = {joint.get("name"): ends(joint)[1] for joint in joints(tree)}  # what a joint's frame moves with
@@ -90,17 +91,14 @@ def read(path: Path, urdf: str, name: str) -> tuple[str, Constraints]:
             raise lists.error(pair, f"the loop joins '{first}' to itself: name two different frames")
         loop_name = f"{frames[0].value}-{frames[1].value}"
         again = sum(loop["name"].partition("#")[0] == loop_name for loop in loops)
-        loops.append(
-            {
-                "name": f"{loop_name}#{again + 1}" if again else loop_name,
-                "kind": _KINDS[kind.value.lower()],
-                "first": {"node": first, "placement": IDENTITY},
-                "second": {"node": second, "placement": IDENTITY},
-            }
-        )
+        ends_of_loop = {
+            "first": {"node": first, "placement": IDENTITY},
+            "second": {"node": second, "placement": IDENTITY},
+        }
+        own_name = f"{loop_name}#{again + 1}" if again else loop_name
+        loops.append({"name": own_name, "kind": _KINDS[kind.value.lower()], **ends_of_loop})
     entries = [{"name": joint, **({"actuated": joint in actuated} if actuated else {})} for joint in moving]
-    text: str = etree.tostring(tree, encoding="unicode")
-    return text, {"nodes": nodes, "joints": entries, "loops": loops}
+    return etree.tostring(tree, encoding="unicode"), {"nodes": nodes, "joints": entries, "loops": loops}
 
 
 def _drop_missing_meshes(tree: Any, folder: Path, name: str) -> None:

@@ -1,4 +1,4 @@
-"""Find a sidecar file that declares the loops of a URDF but is not read, because of its name or a broken link."""
+"""Read the constraints file of a URDF; find one that is not read, because of its name or a broken link."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
-from raff2urdf.readers.urdf import IGNORE
+from raff2urdf.constraints import Constraints, load
+from raff2urdf.readers.successive import moving
+from raff2urdf.readers.urdf import IGNORE, parse, root_first
 
 ENDING = ".constraints.json"
 _LARGEST = 16_000_000  # bytes of a file that is searched
@@ -36,16 +38,28 @@ def constraints_of(urdf: Path) -> Path:
     return urdf.with_suffix(ENDING)
 
 
-def misplaced(urdf: Path, robot: str, links: Collection[str], moving: Collection[str]) -> Misplaced | None:
+def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
+    """Return the text of a URDF and the contents of its constraints file; None if it has none.
+
+    Raises:
+        RaffError: the file is wrong, or contradicts the URDF.
+    """
+    own = constraints_of(urdf)
+    if not own.exists():
+        return None
+    types = moving(text, str(urdf))
+    return text, load(own, (root_first(parse(text, str(urdf))), list(types)), types)
+
+
+def misplaced(urdf: Path, text: str) -> Misplaced | None:
     """Return the file in the folder of a URDF that should be its sidecar file but is not; None without any.
 
     Args:
         urdf: its path; it has no sidecar file.
-        robot: its name.
-        links: names of its links.
-        moving: names of its joints that move.
+        text: of the URDF.
     """
-    own = constraints_of(urdf)
+    own, tree = constraints_of(urdf), parse(text, str(urdf))
+    robot, names, joints = tree.get("name", ""), root_first(tree), moving(text, str(urdf))
     try:
         there = sorted(os.listdir(urdf.parent))
     except OSError:
@@ -61,9 +75,9 @@ def misplaced(urdf: Path, robot: str, links: Collection[str], moving: Collection
                 why = f"is not read under this name: rename it to {stem}.yaml"
         elif name == "loop_closures.yaml":
             words = re.findall(r"[^\s,:\[\]{}\"']+", _content(path).decode(errors="replace"))
-            if len({*words} & {*links, *moving}) > 1:
+            if len({*words} & {*names, *joints}) > 1:
                 why = f"is of a format that is not read: declare its loops in {own.name} or robot.yaml"
-        elif _is_candidate(name, urdf, there) and _fits(path, robot, links, moving):
+        elif _is_candidate(name, urdf, there) and _fits(path, robot, names, joints):
             why = f"fits this URDF and no other one here: rename it to {own.name}"
         if why:
             return Misplaced(name, why)
@@ -86,14 +100,14 @@ def _is_candidate(name: str, urdf: Path, there: Collection[str]) -> bool:
     return f"{stem}.urdf" not in others and f"{stem}.xml" not in others
 
 
-def _fits(path: Path, robot: str, links: Collection[str], moving: Collection[str]) -> bool:
+def _fits(path: Path, robot: str, links: Collection[str], joints: Collection[str]) -> bool:
     """Return whether a file holds constraints that a URDF can have: its joints, and loops between its links."""
     try:
         values = json.loads(_content(path))
-        joints = {joint["name"] for joint in values["joints"]}
+        listed = {joint["name"] for joint in values["joints"]}
         ends = {loop[end]["node"] for loop in values["loops"] for end in ("first", "second")}
-        same = joints == set(moving) or values["robot"] == robot
-        return bool(ends and same and joints <= set(moving) and ends <= set(links))
+        same = listed == set(joints) or values["robot"] == robot
+        return bool(ends and same and listed <= set(joints) and ends <= set(links))
     except (ValueError, KeyError, TypeError, RecursionError):
         return False
 
