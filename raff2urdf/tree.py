@@ -17,6 +17,9 @@ from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
 from raff2urdf.residual import ROWS, loop_residual
 
+WORLD = "world"
+"""The link that does not move: the root of a URDF whose base is not at the world's origin."""
+
 BASE_JOINT = "joint0"
 """The joint that places the base in the world, if the base is not simply at the world's origin."""
 
@@ -69,12 +72,13 @@ def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | No
     for part in robot.outward:
         parameters = kleinfinger(document, part.parameters)
         if q is not None and part.joint in q:
-            parameters = _moved(part, parameters, q[part.joint])
+            parameters = moved(part, parameters, q[part.joint])
         found[part.number] = found[part.pred] @ transform(parameters)
     return found
 
 
-def _moved(part: RaffPart, parameters: Kleinfinger, value: float) -> Kleinfinger:
+def moved(part: RaffPart, parameters: Kleinfinger, value: float) -> Kleinfinger:
+    """Return the parameters of a part at a value of its joint (rad, m); those of a fixed one do not change."""
     kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
     if kind is JointType.REVOLUTE:
         return parameters._replace(theta=value)
@@ -160,7 +164,7 @@ class Cluster:
         for part in self.parts:
             parameters = self._fixed[part.number]
             if part.number in self._column:
-                parameters = _moved(part, parameters, values[self._column[part.number]])
+                parameters = moved(part, parameters, values[self._column[part.number]])
             local = transform(parameters)
             parent = placed.get(part.pred)
             placed[part.number] = local if parent is None else parent @ local

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -149,25 +149,40 @@ class _Reader:
         if len(line.words) < 3:
             self.wrong("a vertex needs three coordinates", line)
         x, y, z = (self.number(line, i) for i in range(3))
-        colour, i, after_word = None, 3, False
+        colour, _ = self.trailing(line, 3, _NUMBERS, "a vertex has three coordinates: '{}' is one too many")
+        return _Vertex((x, y, z), colour)
+
+    def remainder(
+        self, line: _Line, i: int, numbers: Mapping[str, int], surplus: str
+    ) -> tuple[Colour | None, set[str]]:
+        """Return the colour and the other words of a line from word i on.
+
+        Args:
+            line: of a vertex or a polygon.
+            i: where the remainder begins.
+            numbers: how many numbers follow a word; any may follow an unknown word.
+            surplus: the error for another number.
+        """
+        colour: Colour | None = None
+        words: set[str] = set()
+        after_word = False
         while i < len(line.words):
             word = line.words[i].lower()
             if word.startswith("0x"):
-                colour, i, after_word = self.colour(line, i), i + 1, False
-            elif word in _NUMBERS:
-                following = range(i + 1, i + 1 + _NUMBERS[word])
-                if len(line.words) < following.stop:
-                    self.wrong(f"'{word}' needs {_NUMBERS[word]} numbers", line, i)
-                for k in following:
-                    self.number(line, k)
-                i, after_word = following.stop, False
+                colour, after_word = self.colour(line, i), False
+            elif word in numbers:
+                if len(line.words) <= i + numbers[word]:
+                    self.wrong(f"'{word}' needs {numbers[word]} numbers", line, i)
+                for k in range(numbers[word]):
+                    self.number(line, i + 1 + k)
+                i, after_word = i + numbers[word], False
             elif not _is_number(word):
-                i, after_word = i + 1, True  # a word of another version, which numbers may follow
-            elif after_word:
-                i += 1
-            else:
-                self.wrong(f"a vertex has three coordinates: '{_short(word)}' is one too many", line, i)
-        return _Vertex((x, y, z), colour)
+                words.add(word)
+                after_word = word != "both"
+            elif not after_word:
+                self.wrong(surplus.format(_short(word)), line, i)
+            i += 1
+        return colour, words
 
     def polygon(self, line: _Line, vertices: Sequence[_Vertex]) -> None:
         corners = int(line.words[0]) if _COUNT.fullmatch(line.words[0]) else 0
@@ -184,20 +199,11 @@ class _Reader:
                 most = f"0 to {len(vertices) - 1}" if vertices else "there are none"
                 self.wrong(f"'{_short(line.words[i])}' is not a vertex of this object ({most})", line, i)
             chosen.append(vertices[index])
-        colour, both, after_word = None, False, False
-        for i in range(corners + 1, len(line.words)):
-            word = line.words[i].lower()
-            if word.startswith("0x"):
-                colour, after_word = self.colour(line, i), False
-            elif _is_number(word):
-                if not after_word:  # numbers may follow the name of a texture or material
-                    self.wrong(f"'{_short(word)}' is one too many for a polygon of {corners} corners", line, i)
-            else:
-                both = both or word == "both"
-                after_word = word != "both"
+        surplus = f"'{{}}' is one too many for a polygon of {corners} corners"
+        colour, words = self.trailing(line, corners + 1, {}, surplus)
         if corners > 2:  # else it has no area
             shared = chosen[0].colour if len({vertex.colour for vertex in chosen}) == 1 else None
-            self.polygons.add([vertex.point for vertex in chosen], shared or colour, both)
+            self.polygons.add([vertex.point for vertex in chosen], shared or colour, "both" in words)
 
     def number(self, line: _Line, i: int) -> float:
         word = line.words[i]

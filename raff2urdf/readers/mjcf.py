@@ -24,7 +24,8 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.placement import from_quaternion, translation
 from raff2urdf.readers import urdf_builder as shapes
 from raff2urdf.readers.urdf import LARGEST
-from raff2urdf.readers.urdf_builder import UNBOUNDED, WORLD, UrdfBuilder
+from raff2urdf.readers.urdf_builder import UNBOUNDED, UrdfBuilder
+from raff2urdf.tree import WORLD
 
 Array = NDArray[np.float64]
 

@@ -32,9 +32,9 @@ from raff2urdf.readers.sdf_model import (
     pose,
 )
 from raff2urdf.readers.urdf import numbers
-from raff2urdf.readers.urdf_builder import WORLD, UrdfBuilder
+from raff2urdf.readers.urdf_builder import UrdfBuilder
 from raff2urdf.readers.xml_file import error_at, parse_xml
-from raff2urdf.tree import BASE_JOINT
+from raff2urdf.tree import BASE_JOINT, WORLD
 
 Array = NDArray[np.float64]
 

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.placement import from_origin, from_quaternion, inverse
 from raff2urdf.readers.urdf import SIZE, UNLIMITED, by_name, direction, limit_value, number, numbers
-from raff2urdf.readers.urdf_builder import UNBOUNDED, WORLD
+from raff2urdf.readers.urdf_builder import UNBOUNDED
 from raff2urdf.readers.xml_file import error_at
+from raff2urdf.tree import WORLD
 from raff2urdf.writers.sdf import NAMESPACE
 
 Array = NDArray[np.float64]

@@ -17,8 +17,6 @@ from raff2urdf.writers.urdf import dumps
 
 Array = NDArray[np.float64]
 
-WORLD = "world"
-
 UNBOUNDED = (-math.inf, math.inf)
 
 Shape = tuple[yourdfpy.Geometry, Array]

@@ -24,6 +24,7 @@ from raff2urdf.graphics.names import find
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.readers.urdf import links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
+from raff2urdf.writers.tree_at_home import shape_of
 
 Array = NDArray[np.float64]
 
@@ -193,21 +194,16 @@ class GraphicsExport:
         return len(visuals) == len(drawn) and all(map(self._is_like, visuals, drawn))
 
     def _is_like(self, visual: Any, drawn: Any) -> bool:
-        shape = _shape(visual)
-        kind, own = next((k, v) for k, v in vars(drawn.geometry).items() if v is not None)
-        if shape is None or shape.tag != kind:
+        shape, (kind, sizes, _) = _shape(visual), shape_of(drawn.geometry)
+        words = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"]}[kind]
+        found = [] if shape is None else [value for word in words for value in numbers(shape.get(word, "nan")) or []]
+        if shape is None or shape.tag != kind or len(found) != len(sizes):
             return False
-        words = [word for word in ("size", "radius", "length") if hasattr(own, word)]
-        found = [numbers(shape.get(word, "nan")) or [] for word in words]
-        expected = [np.ravel(getattr(own, word)) for word in words]
-        if any(len(a) != len(b) for a, b in zip(found, expected, strict=True)):
-            return False
-        sizes = np.concatenate(expected)
         size = float(np.abs(sizes).max())
         placed = origin(visual, self.name) - (np.eye(4) if drawn.origin is None else drawn.origin)
         colour = self._colour(visual)
         return bool(
-            np.abs(np.concatenate(found) - sizes).max() <= _NEAR * size
+            np.abs(found - sizes).max() <= _NEAR * size
             and np.abs(placed[:3, :3]).max() <= _NEAR
             and np.abs(placed[:3, 3]).max() <= _NEAR * size
             and colour is not None

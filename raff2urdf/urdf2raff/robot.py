@@ -40,7 +40,7 @@ from raff2urdf.placement import inverse
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import axis, default_value, ends, joints, limits, links, origin, root_first, velocity
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.tree import BASE_JOINT, kleinfinger
+from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger
 from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy
 
 Array = NDArray[np.float64]
@@ -48,8 +48,6 @@ Array = NDArray[np.float64]
 LIMIT_TOLERANCE = 1e-10
 """Largest change of a limit (m or rad) by `tidy`: larger than that of other numbers (`TIDY`), since less depends on
 it."""
-
-_WORLD = "world"
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +157,7 @@ class _Import:
         """Return the joint that only places the robot in the world, or lets it move there; None if there is none."""
         own = self.joints_on.get(self.root, []) if self.root not in loop_ends else []
         kind = own[0].get("type") if len(own) == 1 else ""
-        return own[0] if kind == "floating" or (kind == "fixed" and self.root == _WORLD) else None
+        return own[0] if kind == "floating" or (kind == "fixed" and self.root == WORLD) else None
 
     def axis(self, joint: Any) -> Array | None:
         return None if joint.get("type") == "fixed" else axis(joint, self.name)
@@ -210,7 +208,7 @@ class _Import:
             node: the node's name.
         """
         for link, there in body.links:
-            is_base = number == 0 and link in ("base", _WORLD) and self.is_at(0, there)
+            is_base = number == 0 and link in ("base", WORLD) and self.is_at(0, there)
             if link == same or is_base:
                 self.number_of[link], self.nodes[link] = number, node
                 continue

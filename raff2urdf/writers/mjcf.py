@@ -28,13 +28,12 @@ from raff2urdf.errors import RaffWarning
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.residual import log
-from raff2urdf.tree import BASE_JOINT, characteristic_length
+from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
 from raff2urdf.writers.tree_at_home import (
     FIXED,
     PRISMATIC,
     REVOLUTE,
-    WORLD,
     TreeAtHome,
     axis,
     greatest,

@@ -26,12 +26,11 @@ from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.placement import roll_pitch_yaw, translation
-from raff2urdf.tree import BASE_JOINT
+from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
 from raff2urdf.writers.tree_at_home import (
     FIXED,
     PRISMATIC,
-    WORLD,
     TreeAtHome,
     axis,
     greatest,

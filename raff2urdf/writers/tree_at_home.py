@@ -19,11 +19,9 @@ from numpy.typing import NDArray
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import joint_motion
 from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.tree import WORLD
 
 Array = NDArray[np.float64]
-
-WORLD = "world"
-"""The name that simulators reserve for what does not move; a URDF's root of that name is the same."""
 
 REVOLUTE, PRISMATIC, FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
 

@@ -29,8 +29,8 @@ from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.tree import BASE_JOINT, kleinfinger, limits, velocity
-from raff2urdf.writers.tree_at_home import WORLD, loop_element
+from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
+from raff2urdf.writers.tree_at_home import loop_element
 from raff2urdf.writers.xml_text import numerals, text_of
 
 if TYPE_CHECKING:
@@ -116,19 +116,14 @@ def dumps(model: yourdfpy.Robot) -> str:
 
 def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> yourdfpy.Joint:
     parameters = kleinfinger(document, part.parameters)
-    kind = part.type if isinstance(part, RaffLink) else JointType.FIXED
-    if kind is JointType.REVOLUTE:
-        parameters = parameters._replace(theta=0.0)
-    elif kind is JointType.PRISMATIC:
-        parameters = parameters._replace(r=0.0)
-    parent = robot.nodes[part.pred].node
-    joint = yourdfpy.Joint(part.joint, type="fixed", parent=parent, child=part.node, origin=transform(parameters))
-    if isinstance(part, RaffLink) and kind is not JointType.FIXED:
+    origin, parent = transform(moved(part, parameters, 0.0)), robot.nodes[part.pred].node
+    joint = yourdfpy.Joint(part.joint, type="fixed", parent=parent, child=part.node, origin=origin)
+    if isinstance(part, RaffLink) and part.type is not JointType.FIXED:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
         joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(velocity(document, part), UNLIMITED))
-        joint.type = kind.name.lower()
-        if kind is JointType.REVOLUTE and math.isinf(low):
+        joint.type = part.type.name.lower()
+        if part.type is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"
         else:
             joint.limit.lower, joint.limit.upper = (min(max(x, -UNLIMITED), UNLIMITED) for x in (low, high))
