@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.placement import from_quaternion, translation
-from raff2urdf.readers import urdf_builder as shapes
 from raff2urdf.readers.urdf import LARGEST
-from raff2urdf.readers.urdf_builder import UNBOUNDED, UrdfBuilder
+from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.tree import WORLD
 
 Array = NDArray[np.float64]
@@ -63,7 +62,7 @@ def read(path: Path) -> tuple[str, Constraints]:
     return _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path)).read()
 
 
-def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, shapes.Shape]:
+def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, Shape]:
     """Replace every mesh by a box, and remove everything that is read from other files.
 
     Returns:
@@ -71,7 +70,7 @@ def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, shapes.Shape]:
     """
     files = {mesh.name or Path(mesh.file).stem: mesh for mesh in spec.meshes}
     folder = Path(spec.meshdir or "")
-    found: dict[str, shapes.Shape] = {}
+    found: dict[str, Shape] = {}
     for i, geom in enumerate(spec.geoms):
         if geom.type == mujoco.mjtGeom.mjGEOM_HFIELD:
             spec.delete(geom)
@@ -81,15 +80,15 @@ def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, shapes.Shape]:
         geom.name = geom.name or f"mesh {i}"
         mesh = files.get(geom.meshname)
         if mesh is not None and mesh.file:
-            found[geom.name] = shapes.mesh((folder / mesh.file).as_posix(), mesh.scale)
+            (found[geom.name],) = shapes("mesh", mesh.scale, (folder / mesh.file).as_posix())
         geom.meshname, geom.type, geom.size = "", mujoco.mjtGeom.mjGEOM_BOX, [1e-3, 1e-3, 1e-3]
     soft = {flex.name for flex in spec.flexes}
     joined = [equality for equality in spec.equalities if soft & {equality.name1, equality.name2}]
     for things in (joined, spec.sensors, spec.lights, spec.skins, spec.flexes, spec.meshes, spec.hfields):
         for thing in list(things):
             spec.delete(thing)
-    for material in spec.materials:
-        material.textures = [""] * len(material.textures)
+    for painted in spec.materials:
+        painted.textures = [""] * len(painted.textures)
     for texture in list(spec.textures):
         spec.delete(texture)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-6  # of bodies that had meshes only
@@ -115,7 +114,7 @@ class _Joint(NamedTuple):
 class _Reader:
     """A compiled model."""
 
-    def __init__(self, mujoco: Any, model: Any, robot: str, meshes: dict[str, shapes.Shape], name: str) -> None:
+    def __init__(self, mujoco: Any, model: Any, robot: str, meshes: dict[str, Shape], name: str) -> None:
         self.mujoco, self.model, self.meshes, self.name = mujoco, model, meshes, name
         self.bodies = [WORLD, *self.all_names("BODY", model.nbody, "body")[1:]]
         self.joint_names = self.all_names("JOINT", model.njnt, "joint")
@@ -244,27 +243,28 @@ class _Reader:
         for g in range(int(model.body_geomadr[body]), int(model.body_geomadr[body]) + int(model.body_geomnum[body])):
             if model.geom_group[g] >= _HIDDEN or body == 0:
                 continue
-            material = int(model.geom_matid[g])
-            look = shapes.material(model.mat_rgba[material] if material >= 0 else model.geom_rgba[g])
+            own = int(model.geom_matid[g])
+            look = material(model.mat_rgba[own] if own >= 0 else model.geom_rgba[g])
             placed = _placement(model.geom_pos[g], model.geom_quat[g])
-            for shape, offset in self.shapes(kinds, g):
+            for shape, offset in self.shapes_of(kinds, g):
                 yield yourdfpy.Visual(origin=placed @ offset, geometry=shape, material=look)
 
-    def shapes(self, kinds: Any, geom: int) -> Iterator[shapes.Shape]:
+    def shapes_of(self, kinds: Any, geom: int) -> Iterator[Shape]:
         """Yield the shapes of a geom that URDF has; an ellipsoid becomes the box around it."""
         mesh = self.meshes.get(self.name_of("GEOM", geom, "geom"))
-        a, b, c = (float(x) for x in self.model.geom_size[geom])
-        kind = self.model.geom_type[geom]
+        a, b, c = (2.0 * float(x) for x in self.model.geom_size[geom])
+        sizes = {
+            kinds.mjGEOM_BOX: ("box", [a, b, c]),
+            kinds.mjGEOM_ELLIPSOID: ("box", [a, b, c]),
+            kinds.mjGEOM_SPHERE: ("sphere", [a / 2.0]),
+            kinds.mjGEOM_CYLINDER: ("cylinder", [a / 2.0, b]),
+            kinds.mjGEOM_CAPSULE: ("capsule", [a / 2.0, b]),
+        }
+        kind = int(self.model.geom_type[geom])
         if mesh is not None:
             yield mesh
-        elif kind in (kinds.mjGEOM_BOX, kinds.mjGEOM_ELLIPSOID):
-            yield shapes.box([2.0 * a, 2.0 * b, 2.0 * c])
-        elif kind == kinds.mjGEOM_SPHERE:
-            yield shapes.sphere(a)
-        elif kind == kinds.mjGEOM_CYLINDER:
-            yield shapes.cylinder(a, 2.0 * b)
-        elif kind == kinds.mjGEOM_CAPSULE:
-            yield from shapes.capsule(a, 2.0 * b)
+        elif kind in sizes:
+            yield from shapes(*sizes[kind])
 
 
 def _placement(position: Array, quaternion: Array) -> Array:

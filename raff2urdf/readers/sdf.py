@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffWarning, did_you_mean
 from raff2urdf.placement import inverse, with_z
-from raff2urdf.readers import urdf_builder as shapes
 from raff2urdf.readers.sdf_model import (
     COUPLING,
     LOOP_KINDS,
@@ -32,7 +31,7 @@ from raff2urdf.readers.sdf_model import (
     pose,
 )
 from raff2urdf.readers.urdf import numbers
-from raff2urdf.readers.urdf_builder import UrdfBuilder
+from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
 
@@ -220,31 +219,22 @@ class _SdfToUrdf:
                 yield yourdfpy.Visual(origin=origin, geometry=shape, material=_material(visual))
 
 
-def _geometry(geometry: Any) -> Iterator[shapes.Shape]:
+_SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "mesh": ["scale"]}
+_SIZES["capsule"] = _SIZES["cylinder"]
+
+
+def _geometry(geometry: Any) -> Iterator[Shape]:
     """Yield the shapes of a visual that URDF has."""
-
-    def three(path: str) -> Array:
-        return np.array((numbers(geometry.findtext(path, "1 1 1")) or [1.0, 1.0, 1.0])[:3])
-
-    def one(path: str) -> float:
-        return (numbers(geometry.findtext(path, "1")) or [1.0])[0]
-
-    for shape in () if geometry is None else geometry.iterchildren("box", "cylinder", "capsule", "sphere", "mesh"):
-        if shape.tag == "box":
-            yield shapes.box(three("box/size"))
-        elif shape.tag == "cylinder":
-            yield shapes.cylinder(one("cylinder/radius"), one("cylinder/length"))
-        elif shape.tag == "capsule":
-            yield from shapes.capsule(one("capsule/radius"), one("capsule/length"))
-        elif shape.tag == "sphere":
-            yield shapes.sphere(one("sphere/radius"))
-        else:
-            yield shapes.mesh(geometry.findtext("mesh/uri", "").strip(), three("mesh/scale"))
+    for shape in () if geometry is None else geometry.iterchildren(*_SIZES):
+        count = 3 if shape.tag in ("box", "mesh") else 1
+        written = [numbers(shape.findtext(word, "1 1 1")) or [1.0, 1.0, 1.0] for word in _SIZES[shape.tag]]
+        sizes = [size for found in written for size in found[:count]]
+        yield from shapes(shape.tag, sizes, shape.findtext("uri", "").strip())
 
 
 def _material(visual: Any) -> yourdfpy.Material | None:
     for word in ("diffuse", "ambient"):
         found = numbers(visual.findtext(f"material/{word}", "none"))
         if found is not None and len(found) in (3, 4):
-            return shapes.material([*found, 1.0][:4])
+            return material([*found, 1.0][:4])
     return None

@@ -109,31 +109,25 @@ class UrdfBuilder:
         return dumps(self._robot), values
 
 
-def box(size: ArrayLike) -> Shape:
-    """Return a box of three sizes, m."""
-    return yourdfpy.Geometry(box=yourdfpy.Box(size=np.asarray(size, dtype=float))), np.eye(4)
+def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> Iterator[Shape]:
+    """Yield a shape as URDF has it, at a height along z; a capsule is a cylinder and two spheres there.
 
-
-def sphere(radius: float, height: float = 0.0) -> Shape:
-    """Return a sphere whose centre is at a height along z, m."""
-    return yourdfpy.Geometry(sphere=yourdfpy.Sphere(radius=radius)), translation((0.0, 0.0, height))
-
-
-def cylinder(radius: float, length: float) -> Shape:
-    """Return a cylinder along z, m."""
-    return yourdfpy.Geometry(cylinder=yourdfpy.Cylinder(radius=radius, length=length)), np.eye(4)
-
-
-def capsule(radius: float, length: float) -> Iterator[Shape]:
-    """Yield the cylinder and the two spheres of a capsule along z, m: URDF has no capsules."""
-    yield cylinder(radius, length)
-    for end in (-0.5, 0.5):
-        yield sphere(radius, end * length)
-
-
-def mesh(filename: str, scale: ArrayLike) -> Shape:
-    """Return a mesh by the name of its file."""
-    return yourdfpy.Geometry(mesh=yourdfpy.Mesh(filename=filename, scale=np.asarray(scale, dtype=float))), np.eye(4)
+    Args:
+        kind: box, cylinder, capsule, sphere or mesh.
+        sizes: m: sides (3,) of a box; radius and length of a cylinder or capsule along z; radius of a sphere; scales
+            (3,) of a mesh.
+        file: of a mesh.
+        height: m.
+    """
+    values = np.asarray(sizes, dtype=float)
+    if kind == "capsule":
+        yield from shapes("cylinder", values)
+        for end in (-0.5, 0.5):
+            yield from shapes("sphere", values[:1], height=end * float(values[1]))
+        return
+    make = {"box": yourdfpy.Box, "cylinder": yourdfpy.Cylinder, "sphere": yourdfpy.Sphere, "mesh": yourdfpy.Mesh}[kind]
+    arguments = {"box": (values,), "mesh": (file, values)}.get(kind, values.tolist())
+    yield yourdfpy.Geometry(**{kind: make(*arguments)}), translation((0.0, 0.0, height))
 
 
 def material(rgba: ArrayLike) -> yourdfpy.Material:

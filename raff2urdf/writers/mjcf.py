@@ -30,18 +30,7 @@ from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.residual import log
 from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
-from raff2urdf.writers.tree_at_home import (
-    FIXED,
-    PRISMATIC,
-    REVOLUTE,
-    TreeAtHome,
-    axis,
-    greatest,
-    limits,
-    loop_element,
-    shape_of,
-    unique_name,
-)
+from raff2urdf.writers.tree_at_home import TreeAtHome, loop_element, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
@@ -156,7 +145,7 @@ class _Writer:
             self.inertias.sentence(),
             "Bodies pass through each other unless the source has collision shapes.",
         ]
-        if any(greatest(joint, "velocity") < math.inf for joint in self.tree.order):
+        if any(self.tree.greatest(joint, "velocity") < math.inf for joint in self.tree.order):
             lines.append("MJCF has no velocity limits: they are in custom, as velocity:JOINT (rad/s, m/s).")
         if kinds:
             lines.append("The links that a loop joins are in custom, as LOOP.first and LOOP.second.")
@@ -171,8 +160,8 @@ class _Writer:
 
     def add_custom(self, custom: etree._Element) -> None:
         for joint in self.tree.order:
-            fastest = greatest(joint, "velocity")
-            if joint.type in (*REVOLUTE, *PRISMATIC) and fastest < math.inf:
+            fastest = self.tree.greatest(joint, "velocity")
+            if joint.type not in ("fixed", "floating") and fastest < math.inf:
                 etree.SubElement(custom, "numeric", name=f"velocity:{joint.name}", data=numeral(fastest))
         for loop in self.constraints["loops"]:
             for which in ("first", "second"):
@@ -188,7 +177,7 @@ class _Writer:
             self.element[tree.root] = etree.SubElement(self.ground(world, BASE_JOINT), "body", name=tree.root)
         for joint in tree.order:
             parent = self.element[joint.parent]
-            if joint.parent == WORLD and joint.type in FIXED:
+            if joint.parent == WORLD and joint.type == "fixed":
                 parent = self.ground(parent, joint.name)
             body = etree.SubElement(parent, "body", name=joint.child, **pose(tree.placed(joint)))
             self.element[joint.child] = body
@@ -213,9 +202,10 @@ class _Writer:
     def add_joint(self, body: etree._Element, joint: yourdfpy.Joint) -> None:
         if joint.type == "floating":
             etree.SubElement(body, "freejoint", name=joint.name)
-        elif joint.type in (*REVOLUTE, *PRISMATIC):
-            values = {"axis": numerals(axis(joint)), "ref": numeral(self.tree.value(joint)), **limit("range", joint)}
-            kind = "hinge" if joint.type in REVOLUTE else "slide"
+        elif joint.type != "fixed":
+            values = {"axis": numerals(self.tree.axis(joint)), "ref": numeral(self.tree.value(joint))}
+            values |= limit("range", joint)
+            kind = "slide" if joint.type == "prismatic" else "hinge"
             etree.SubElement(body, "joint", name=joint.name, type=kind, **values)
 
     def add_shapes(self, body: etree._Element, link: yourdfpy.Link) -> None:
@@ -323,7 +313,7 @@ class _Writer:
             joint = joints[entry["name"]]
             stiffness = f"{self.moved_inertia(joint) * (SERVO / self.fall) ** 2:.6g}"
             values = {"joint": joint.name, "kp": stiffness, "dampratio": "1", **limit("ctrlrange", joint)}
-            effort = greatest(joint, "effort")
+            effort = self.tree.greatest(joint, "effort")
             if 0.0 < effort < math.inf:
                 values["forcerange"] = numerals((-effort, effort))
             etree.SubElement(actuator, "position", name=joint.name, **values)
@@ -338,10 +328,10 @@ class _Writer:
                 moved[other.child] = None
         world = self.tree.world
         whole = sum_of(self.inertias.links[name].in_frame(world[name]) for name in moved)
-        if joint.type in PRISMATIC:
+        if joint.type == "prismatic":
             return whole.mass
         placed = world[joint.child]
-        z = placed[:3, :3] @ axis(joint)
+        z = placed[:3, :3] @ self.tree.axis(joint)
         arm = np.cross(z, whole.centre - placed[:3, 3])
         return float(z @ whole.matrix @ z + whole.mass * (arm @ arm))
 
@@ -366,7 +356,7 @@ def quaternion(rotation: Array) -> tuple[float, float, float, float]:
 
 def limit(word: str, joint: yourdfpy.Joint) -> dict[str, str]:
     """Return a joint's limits as an attribute that MuJoCo accepts: finite, and not empty; none without limits."""
-    low, high = limits(joint)
+    low, high = TreeAtHome.limits(joint)
     if math.isinf(low) and math.isinf(high):
         return {}
     low, high = max(low, -UNLIMITED), min(high, UNLIMITED)

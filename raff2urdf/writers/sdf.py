@@ -28,17 +28,7 @@ from numpy.typing import NDArray
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
-from raff2urdf.writers.tree_at_home import (
-    FIXED,
-    PRISMATIC,
-    TreeAtHome,
-    axis,
-    greatest,
-    limits,
-    loop_element,
-    shape_of,
-    unique_name,
-)
+from raff2urdf.writers.tree_at_home import TreeAtHome, loop_element, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
@@ -141,16 +131,14 @@ class _Writer:
         return joint
 
     def add_joint(self, model: etree._Element, joint: yourdfpy.Joint) -> None:
-        fixed = joint.type in FIXED
-        kind = "fixed" if fixed else "prismatic" if joint.type in PRISMATIC else "revolute"
-        element = self.new_joint(model, joint.name, kind, self.tree.carriers[joint.parent][0], joint.child)
-        if fixed:
+        tree, kind = self.tree, self.tree.kind(joint)
+        element = self.new_joint(model, joint.name, kind, tree.carriers[joint.parent][0], joint.child)
+        if kind == "fixed":
             return
-        home = self.tree.value(joint)
-        low, high = limits(joint)
-        limit = add_axis(element, axis(joint), low - home, high - home)
+        home, (low, high) = tree.value(joint), tree.limits(joint)
+        limit = add_axis(element, tree.axis(joint), low - home, high - home)
         for word in ("effort", "velocity"):
-            most = greatest(joint, word)
+            most = tree.greatest(joint, word)
             if 0.0 < most < math.inf:
                 etree.SubElement(limit, word).text = numeral(most)
         actuated = {entry["name"]: entry.get("actuated", True) for entry in self.constraints["joints"]}

@@ -23,8 +23,6 @@ from raff2urdf.tree import WORLD
 
 Array = NDArray[np.float64]
 
-REVOLUTE, PRISMATIC, FIXED = ("revolute", "continuous"), ("prismatic",), ("fixed",)
-
 
 @dataclass(frozen=True)
 class TreeAtHome:
@@ -45,7 +43,7 @@ class TreeAtHome:
         name = f"robot '{self.model.name}'"
         for joint in self.model.joints:
             base = joint.type == "floating" and joint is self.floating
-            if joint.type not in (*REVOLUTE, *PRISMATIC, *FIXED) and not base:
+            if self.kind(joint) not in ("revolute", "prismatic", "fixed") and not base:
                 remedy = "replace it by revolute, continuous, prismatic or fixed ones"
                 raise RaffError(f"{name}: joint '{joint.name}' of the type {joint.type} can't be written: {remedy}")
             if joint.mimic is not None:
@@ -107,9 +105,9 @@ class TreeAtHome:
     def placed(self, joint: yourdfpy.Joint) -> Array:
         """Return the placement (4, 4) of the joint's child on its parent at closed home."""
         origin = np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
-        if joint.type not in (*REVOLUTE, *PRISMATIC):
+        if joint.type in ("fixed", "floating"):
             return origin
-        return np.asarray(origin @ joint_motion(joint.type in PRISMATIC, axis(joint), self.value(joint)))
+        return np.asarray(origin @ joint_motion(joint.type == "prismatic", self.axis(joint), self.value(joint)))
 
     @cached_property
     def world(self) -> Mapping[str, Array]:
@@ -125,7 +123,7 @@ class TreeAtHome:
         found = {self.root: (self.root, np.eye(4))}
         for joint in self.order:
             carrier, placement = found[joint.parent]
-            rigid = joint.type in FIXED and joint.parent != WORLD
+            rigid = joint.type == "fixed" and joint.parent != WORLD
             found[joint.child] = (carrier, placement @ self.placed(joint)) if rigid else (joint.child, np.eye(4))
         return found
 
@@ -145,7 +143,7 @@ class TreeAtHome:
         return [
             (carrier, fixed)
             for carrier, fixed in self.rigid.items()
-            if carrier != self.root and self.joint_of[carrier].type not in FIXED
+            if carrier != self.root and self.joint_of[carrier].type != "fixed"
         ]
 
     def end(self, end: Mapping[str, Any]) -> tuple[str, Array]:
@@ -158,6 +156,35 @@ class TreeAtHome:
             known = did_you_mean(end["node"], list(self.link))
             raise RaffError(f"robot '{self.model.name}': a loop ends at '{end['node']}', which is not a link{known}")
         return end["node"], np.array(end["placement"], dtype=float)
+
+    @staticmethod
+    def kind(joint: yourdfpy.Joint) -> str:
+        """Return the kind of a joint: revolute, prismatic, fixed or floating."""
+        return "revolute" if joint.type == "continuous" else str(joint.type)
+
+    @staticmethod
+    def axis(joint: yourdfpy.Joint) -> Array:
+        """Return the joint's unit axis (3,)."""
+        given = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=float)
+        length = float(np.linalg.norm(given))
+        if not length > 1e-9:
+            raise RaffError(f"joint '{joint.name}' has the axis 0 0 0: give it a direction")
+        return given / length
+
+    @staticmethod
+    def limits(joint: yourdfpy.Joint) -> tuple[float, float]:
+        """Return the lower and upper limit of a joint (rad, m); infinite if the URDF gives none."""
+        given = joint.limit
+        if joint.type == "continuous" or given is None or (given.lower is None and given.upper is None):
+            return -math.inf, math.inf
+        low, high = given.lower or 0.0, given.upper or 0.0
+        return (low if low > -UNLIMITED else -math.inf), (high if high < UNLIMITED else math.inf)
+
+    @staticmethod
+    def greatest(joint: yourdfpy.Joint, word: str) -> float:
+        """Return a joint's limit of `velocity` or `effort`; infinite if the URDF gives none."""
+        value = None if joint.limit is None else getattr(joint.limit, word)
+        return math.inf if value is None or value >= UNLIMITED else float(value)
 
 
 def shape_of(geometry: yourdfpy.Geometry | None) -> tuple[str, Array, str]:
@@ -180,30 +207,6 @@ def shape_of(geometry: yourdfpy.Geometry | None) -> tuple[str, Array, str]:
 
 
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("scale",)}
-
-
-def axis(joint: yourdfpy.Joint) -> Array:
-    """Return the joint's unit axis (3,)."""
-    given = np.array([1.0, 0.0, 0.0]) if joint.axis is None else np.asarray(joint.axis, dtype=float)
-    length = float(np.linalg.norm(given))
-    if not length > 1e-9:
-        raise RaffError(f"joint '{joint.name}' has the axis 0 0 0: give it a direction")
-    return given / length
-
-
-def limits(joint: yourdfpy.Joint) -> tuple[float, float]:
-    """Return the lower and upper limit of a joint (rad, m); infinite if the URDF gives none."""
-    given = joint.limit
-    if joint.type == "continuous" or given is None or (given.lower is None and given.upper is None):
-        return -math.inf, math.inf
-    low, high = given.lower or 0.0, given.upper or 0.0
-    return (low if low > -UNLIMITED else -math.inf), (high if high < UNLIMITED else math.inf)
-
-
-def greatest(joint: yourdfpy.Joint, word: str) -> float:
-    """Return a joint's limit of `velocity` or `effort`; infinite if the URDF gives none."""
-    value = None if joint.limit is None else getattr(joint.limit, word)
-    return math.inf if value is None or value >= UNLIMITED else float(value)
 
 
 def loop_element(elements: Mapping[str, str], loop: Mapping[str, Any], format: str) -> str:
