@@ -152,9 +152,7 @@ class _Reader:
         colour, _ = self.trailing(line, 3, _NUMBERS, "a vertex has three coordinates: '{}' is one too many")
         return _Vertex((x, y, z), colour)
 
-    def remainder(
-        self, line: _Line, i: int, numbers: Mapping[str, int], surplus: str
-    ) -> tuple[Colour | None, set[str]]:
+    def trailing(self, line: _Line, i: int, numbers: Mapping[str, int], surplus: str) -> tuple[Colour | None, set[str]]:
         """Return the colour and the other words of a line from word i on.
 
         Args:
