@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from pkgutil import iter_modules
 
 import typer
 
 from cinegen.cli.options import flag, option
 
-FORMATS = [module.name for module in iter_modules([str(Path(__file__).parents[1] / "mission" / "formats")])]
-"""As `cinegen.mission.FORMATS`, without importing anything."""
+FORMATS = ("csv", "npz", "ros2", "urscript")
+"""Names in `cinegen.mission.FORMATS`, whose import takes longer than help may."""
 
 RECORDING = typer.Argument(..., metavar="FILE.jsonl", help="recording, by `cinegen drive --record`")
 SPEED = option("X", "playback speed, times that of the recording", 1.0)

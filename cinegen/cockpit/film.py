@@ -1,12 +1,11 @@
-"""Films of a session: it runs in real time first, then a browser that nobody sees draws it, picture by picture.
+"""Films of a session: it runs in real time first, then a browser without a window draws it frame by frame.
 
-So a film is smooth on any machine, however slowly that draws. The browser is driven by the package playwright, films
-are made by ffmpeg (from the package imageio-ffmpeg where there is no other): both come with `cinegen[film]`.
+So films are smooth on any machine, however slowly that draws. The browser is driven by the package playwright, films
+are encoded by ffmpeg (of the package imageio-ffmpeg if there is no other): both come with `cinegen[film]`.
 """
 
 from __future__ import annotations
 
-import contextlib
 import math
 import shutil
 import subprocess
@@ -27,7 +26,7 @@ from cinegen.session import KnownNames, Reporter, SessionRunner, SessionState, S
 from raff2urdf.files import write_all
 
 FPS = 30
-"""Pictures a second."""
+"""Frames per second."""
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome", "microsoft-edge")
 _FLAGS = (
@@ -36,12 +35,12 @@ _FLAGS = (
 )  # fmt: skip
 _SHOWN = "(number) => Number(document.documentElement.dataset.frame) >= number"
 _DRAWN = "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
-_PATIENCE = 60_000.0  # ms for the page to come, and for a picture
-_REPORTED = 6  # pictures that one report lasts
+_PATIENCE = 60_000.0  # ms for the page to load, and for a frame
+_REPORTED = 6  # frames per report
 
 
 class FilmError(CinegenError):
-    """A film that can't be made; says what is missing."""
+    """A film can't be made; the message names what is missing."""
 
 
 def film(
@@ -52,31 +51,45 @@ def film(
     aids: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Path:
-    """Films a session.
+    """Film a session.
 
     Args:
-        setup: of the session.
-        path: of the film (.mp4, .webm, .gif ...); a folder for pictures (PNG) if it has no ending.
-        seconds: how long it is.
-        size: in pixels.
-        aids: whether singularities, the path ahead and the like are shown.
-        progress: told the part that is done, 0 to 1.
+        setup: setup of the session.
+        path: path of the film (.mp4, .webm, .gif ...), or without a suffix, of a folder for the frames (PNG).
+        seconds: duration, s.
+        size: width and height, pixels.
+        aids: draw the visual aids.
+        progress: called with the fraction that is done, 0 to 1.
 
     Returns:
-        the film's path, or the folder's.
+        The path.
 
     Raises:
-        FilmError: there is no browser, or no ffmpeg.
-        CinegenError: there can't be such a session.
+        FilmError: there is no browser or no ffmpeg, or the film can't be written.
+        CinegenError: the session can't be constructed.
     """
-    path, tell = Path(path), progress or (lambda part: None)
-    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    path, report = Path(path), progress or (lambda fraction: None)
     try:
-        from playwright.sync_api import sync_playwright
+        import playwright.sync_api  # noqa: F401
     except ImportError:
         raise FilmError("films need the package playwright: pip install 'cinegen[film]'") from None
-    ffmpeg = _ffmpeg() if path.suffix else ""
-    states = list(_played(setup, seconds, tell))
+    if not path.suffix:
+        _draw_frames(setup, path, seconds, size, aids, report)
+        return path
+    ffmpeg = _ffmpeg()
+    with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
+        _draw_frames(setup, Path(folder), seconds, size, aids, report)
+        _write(path, _encoded(Path(folder), path, ffmpeg))
+    return path
+
+
+def _draw_frames(
+    setup: Setup, folder: Path, seconds: float, size: tuple[int, int], aids: bool, report: Callable[[float], None]
+) -> None:
+    """Run a session, and draw its frames into files of a folder: 00001.png and so on."""
+    from playwright.sync_api import sync_playwright
+
+    states = list(_played(setup, seconds, report))
     page = Page(title_of(setup))
     draw(page, setup)
     hub = Hub(KnownNames.of(setup), lambda command: None, lambda client: hello_message(setup, page.title, client))
@@ -84,30 +97,29 @@ def film(
     server.start(7600)
     try:
         with sync_playwright() as playwright:
+            browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
             try:
                 chromium = playwright.chromium.launch(executable_path=browser, args=list(_FLAGS))
             except Exception as error:
                 raise FilmError(f"films need a browser: install chromium ({str(error).splitlines()[0]})") from None
             view: Any = {"width": size[0], "height": size[1]}
-            tab = chromium.new_page(viewport=view, bypass_csp=True)  # what waits in the page is not the page's own
+            tab = chromium.new_page(viewport=view, bypass_csp=True)  # for the functions below
             tab.goto(f"{server.url}?camera=1{'&aids=1' if aids else ''}")
-            with _output(path, ffmpeg) as put:
-                for number, (frame, report) in enumerate(_messages(setup, states, aids), 1):
-                    server.call(hub.show, frame, report)
-                    tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
-                    if number == 1:
-                        tab.wait_for_timeout(500.0)  # meshes are being read
-                        tab.evaluate("cockpit.frame()")
-                    tab.evaluate(_DRAWN)
-                    put(tab.screenshot(timeout=_PATIENCE))
-                    tell(0.2 + 0.8 * number / len(states))
+            for number, (frame, frame_report) in enumerate(_messages(setup, states, aids), 1):
+                server.call(hub.show, frame, frame_report)
+                tab.wait_for_function(_SHOWN, arg=number, timeout=_PATIENCE, polling=5)
+                if number == 1:
+                    tab.wait_for_timeout(500.0)  # meshes are being read
+                    tab.evaluate("cockpit.frame()")
+                tab.evaluate(_DRAWN)
+                _write(folder / f"{number:05d}.png", tab.screenshot(timeout=_PATIENCE))
+                report(0.2 + 0.8 * number / len(states))
     finally:
         server.stop()
-    return path
 
 
-def _played(setup: Setup, seconds: float, tell: Callable[[float], None]) -> Iterator[SessionState]:
-    """The session's states, so many a second, as it runs."""
+def _played(setup: Setup, seconds: float, report: Callable[[float], None]) -> Iterator[SessionState]:
+    """Run a session in real time; yield the state of each frame."""
     with SessionRunner(setup) as runner:
         while runner.state is None:
             time.sleep(0.01)
@@ -118,13 +130,13 @@ def _played(setup: Setup, seconds: float, tell: Callable[[float], None]) -> Iter
             state = runner.state
             if state is not None:
                 yield state
-            tell(0.2 * number / count)
+            report(0.2 * number / count)
 
 
 def _messages(
     setup: Setup, states: list[SessionState], aids: bool
 ) -> Iterator[tuple[StateMessage, ReportMessage | None]]:
-    """Yield the state of each picture, and the report of some."""
+    """Yield the state of each frame, and the report of some."""
     poses = NodePoses(setup.robots)
     reporters = {name: Reporter(one) for name, one in setup.robots.items()}
     for number, state in enumerate(states):
@@ -135,39 +147,17 @@ def _messages(
         yield state_message(state, poses), report
 
 
-@contextlib.contextmanager
-def _output(path: Path, ffmpeg: str) -> Iterator[Callable[[bytes], object]]:
-    """Takes pictures: for a film, or into a folder."""
-    if not ffmpeg:
-        count = iter(range(1, 10**9))
-        yield lambda picture: _write(path / f"{next(count):05d}.png", picture)
-        return
-    with tempfile.TemporaryDirectory(prefix="cinegen-") as folder:
-        made = Path(folder) / path.name
-        with _encoder(made, ffmpeg) as put:
-            yield put
-        _write(path, made.read_bytes())
-
-
-@contextlib.contextmanager
-def _encoder(path: Path, ffmpeg: str) -> Iterator[Callable[[bytes], object]]:
-    """Takes the pictures of a film."""
-    even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # most players want that
-    coded = ["-pix_fmt", "yuv420p", "-crf", "20"] if path.suffix.lower() == ".mp4" else []
-    command = [
-        ffmpeg, "-y", "-loglevel", "error", "-f", "image2pipe", "-framerate", str(FPS), "-c:v", "png", "-i", "-",
-        "-vf", even, *coded, str(path),
-    ]  # fmt: skip
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        into, out = process.stdin, process.stderr
-        if into is None or out is None:
-            raise FilmError(f"{path.name}: ffmpeg can't be talked to")
-        with contextlib.suppress(BrokenPipeError):
-            yield into.write
-            into.close()
-        said = out.read().decode(errors="replace").strip()
-    if process.returncode:
-        raise FilmError(f"{path.name}: ffmpeg can't write it: {said.splitlines()[-1] if said else 'it says nothing'}")
+def _encoded(folder: Path, path: Path, ffmpeg: str) -> bytes:
+    """Return a film in the format of a path, of the frames in a folder."""
+    even = "pad=ceil(iw/2)*2:ceil(ih/2)*2"  # most players need even sizes
+    codec = ["-pix_fmt", "yuv420p", "-crf", "20"] if path.suffix.lower() == ".mp4" else []
+    made = folder / path.name
+    command = [ffmpeg, "-y", "-loglevel", "error", "-framerate", str(FPS), "-i", str(folder / "%05d.png"), "-vf", even]
+    done = subprocess.run([*command, *codec, str(made)], capture_output=True, text=True, errors="replace", check=False)
+    if done.returncode:
+        reason = (done.stderr.strip().splitlines() or ["no reason is given"])[-1]
+        raise FilmError(f"{path.name}: ffmpeg can't write it: {reason}")
+    return made.read_bytes()
 
 
 def _write(path: Path, content: bytes) -> None:
@@ -178,7 +168,7 @@ def _write(path: Path, content: bytes) -> None:
 
 
 def _ffmpeg() -> str:
-    """The program.
+    """Return the path of ffmpeg.
 
     Raises:
         FilmError: there is none.
@@ -190,5 +180,5 @@ def _ffmpeg() -> str:
 
             found = imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
-            raise FilmError("films need ffmpeg: pip install 'cinegen[film]'; or name a folder, for pictures") from None
+            raise FilmError("films need ffmpeg: pip install 'cinegen[film]'; or name a folder for the frames") from None
     return str(found)

@@ -63,13 +63,13 @@ def show(
     port: int = 7000,
     height: int = 600,
 ) -> LivePage:
-    """Shows robots in a live page, in which any part can be taken and moved. Returns at once.
+    """Show robots in a live page, in which any part can be dragged, and return at once.
 
     Args:
-        robots: one, several, several by the names they have in the page, or a whole session.
-        follow: the shape that each one's end follows until it is taken: circle, figure8 or line; none unless given.
-        port: the first to try.
-        height: of the page in a notebook's cell, pixels.
+        robots: one robot, several, several by their names in the page, or the setup of a session.
+        follow: shape of the path that each robot's end follows until it is dragged: circle, figure8 or line.
+        port: first port to try.
+        height: height of the page in a notebook's cell, pixels.
 
     Raises:
         CinegenError: the page can't be served.
@@ -87,7 +87,7 @@ def show(
                     name += "'"
                 named[name] = robot
             robots = named
-        with warnings.catch_warnings():  # of ports: who shows a robot has not asked for its sensors
+        with warnings.catch_warnings():  # of missing ports: no sensor was requested
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange(robots, follow=follow)
     return LivePage(Cockpit(setup, port=port, own_process=False, framed=True), height)
@@ -100,17 +100,17 @@ def show_map(
     port: int = 7000,
     height: int = 600,
 ) -> LivePage:
-    """Shows a map in a live page, beside its robot: a click on a cell brings the robot there. Returns at once.
+    """Show a map with its robot in a live page, and return at once. A click on a cell moves the robot there.
 
     Args:
-        path: of the map, .zarr; it may be growing still.
-        quantity: that the cells are coloured by at first; the map's first unless given.
+        path: path of the map (.zarr), which may be incomplete.
+        quantity: quantity that colours the cells initially; the map's first unless given.
         mechanism: the map's robot as it was loaded, with its meshes; see `cinegen.session.map_setup`.
-        port: the first to try.
-        height: of the page in a notebook's cell, pixels.
+        port: first port to try.
+        height: height of the page in a notebook's cell, pixels.
 
     Raises:
         MapError: there is no map.
-        CinegenError: it has no such quantity, or is of another robot; or the page can't be served.
+        CinegenError: the map has no such quantity, or is of another robot; or the page can't be served.
     """
     return show(map_setup(path, quantity, mechanism), port=port, height=height)

@@ -1,6 +1,6 @@
-"""Serves the page: tornado, on this machine only unless told otherwise.
+"""Serve the page by tornado; unless requested otherwise, to this machine only.
 
-Two sockets: `/scene` sends meshcat's commands, `/session` sends states and takes commands (`cinegen.cockpit.hub`).
+Two websockets: `/scene` sends meshcat's commands, `/session` sends states and receives commands (see `hub.py`).
 """
 
 from __future__ import annotations
@@ -13,11 +13,11 @@ import hashlib
 import hmac
 import html
 import ipaddress
-import mimetypes
 import secrets
 import socket
 import threading
 from collections.abc import Callable
+from functools import partial
 from importlib.resources import files
 from typing import Any
 from urllib.parse import urlsplit
@@ -141,21 +141,19 @@ class Server:
             self._loop = asyncio.get_running_loop()
             self._over = asyncio.Event()
             self.page.wake = self._wake
-            options = {"server": self}
-            routes = [
-                ("/", _Index, options),
-                ("/viewer.js", _Viewer, options),
-                ("/snapshot.html", _Snapshot, options),
-                ("/static/(.*)", _Static, options),
-                ("/map/about.json", _Map, options),
-                ("/map/cells.bin", _MapCells, options),
-                ("/map/cell/([0-9]{1,18})", _MapCell, options),
-                ("/scene", _Scene, options),
-                ("/session", _Session, options),
+            routes: list[Any] = [
+                ("/", _Index),
+                ("/viewer.js", _Viewer),
+                ("/snapshot.html", _Snapshot),
+                (r"/static/([\w./-]+)", _Static, {"path": str(files("cinegen.cockpit").joinpath("static"))}),
+                ("/map/(about.json|cells.bin|cell/[0-9]{1,18})", _Map),
+                ("/scene", _Scene),
+                ("/session", _Session),
             ]
             application = tornado.web.Application(
-                routes, websocket_ping_interval=_PING, websocket_max_message_size=LARGEST, log_function=_no_log
-            )
+                routes, server=self, websocket_ping_interval=_PING, websocket_max_message_size=LARGEST,
+                log_function=_no_log,
+            )  # fmt: skip
             server = tornado.httpserver.HTTPServer(application, max_header_size=1 << 14, max_body_size=1 << 14)
             server.add_sockets(sockets)
             ready.set()
@@ -216,22 +214,26 @@ def _no_log(handler: tornado.web.RequestHandler) -> None:
 
 
 class _Guarded(tornado.web.RequestHandler):
-    """Answers requests to a name of this machine (so that a foreign page can't rebind its own name to it), or requests
-    with the token."""
+    """Base of the handlers. It accepts requests to a name of this machine, so that a foreign page can't rebind its own
+    name to it, or requests with the token."""
 
-    def initialize(self, server: Server) -> None:
-        self.server = server
+    @property
+    def server(self) -> Server:
+        """The server of the page."""
+        server: Server = self.settings["server"]
+        return server
 
     def prepare(self) -> None:
+        """Refuse other requests."""
         if self.server.token is None:
             if not is_local(_hostname(self.request.host)):
                 raise tornado.web.HTTPError(403, reason="Served to this machine only")
-        elif self.is_private and not self._knows():
+        elif self.is_private and not self._has_token():
             raise tornado.web.HTTPError(403, reason="The address needs the token that was printed at the start")
 
-    is_private = True
+    is_private = True  # whether a token is needed, if there is one
 
-    def _knows(self) -> bool:
+    def _has_token(self) -> bool:
         given = self.get_query_argument("token", "")
         return hmac.compare_digest(given.encode(), str(self.server.token).encode())
 
@@ -257,7 +259,7 @@ class _Index(_Guarded):
 class _Viewer(_Guarded):
     """meshcat's viewer."""
 
-    is_private = False  # anybody may have it
+    is_private = False
 
     def get(self) -> None:
         self.set_header("Content-Type", "text/javascript; charset=utf-8")
@@ -273,71 +275,34 @@ class _Snapshot(_Guarded):
         self.write(text)
 
 
-class _Static(_Guarded):
+class _Static(_Guarded, tornado.web.StaticFileHandler):
     """The page's parts."""
 
-    is_private = False  # anybody may have them
+    is_private = False
 
-    def get(self, name: str) -> None:
-        place = files("cinegen.cockpit").joinpath("static")
-        for part in name.split("/"):
-            if part in ("", ".", "..") or "\\" in part:
-                raise tornado.web.HTTPError(404)
-            place = place.joinpath(part)
-        try:
-            found = place.is_file()
-        except OSError:  # a name that is too long for the file system
-            found = False
-        if not found:
-            raise tornado.web.HTTPError(404)
-        kind = mimetypes.guess_type(name)[0] or "text/plain"
-        self.set_header("Content-Type", "text/javascript; charset=utf-8" if name.endswith(".js") else kind)
-        self.write(place.read_bytes())
+    def get_content_type(self) -> str:
+        """Return the type of scripts whatever the system's registry says."""
+        return "text/javascript; charset=utf-8" if self.path.endswith(".js") else super().get_content_type()
 
 
-class _OfMap(_Guarded):
+class _Map(_Guarded):
     """A part of the map, read in another thread."""
 
-    async def found(self, ask: Callable[[ServedMap], bytes | None]) -> bytes:
-        """Return a part of the map.
-
-        Raises:
-            HTTPError: there is no map, or no such part.
-        """
+    async def get(self, name: str) -> None:
         served = self.server.map
         if served is None:
             raise tornado.web.HTTPError(404)
+        read = {"about.json": served.about, "cells.bin": served.block}.get(name)
+        loop = asyncio.get_running_loop()
         try:
-            answer = await asyncio.get_running_loop().run_in_executor(None, ask, served)
+            answer = await loop.run_in_executor(None, read or partial(served.cell, int(name.removeprefix("cell/"))))
         except (CinegenError, OSError, ValueError) as error:  # it was removed
             raise tornado.web.HTTPError(404, reason="The map can't be read any more") from error
         if answer is None:
             raise tornado.web.HTTPError(404)
-        return answer
-
-
-class _Map(_OfMap):
-    """Description of the map."""
-
-    async def get(self) -> None:
-        self.set_header("Content-Type", "application/json; charset=UTF-8")
-        self.write(await self.found(lambda served: served.about()))
-
-
-class _MapCells(_OfMap):
-    """Cells of the map."""
-
-    async def get(self) -> None:
-        self.set_header("Content-Type", "application/octet-stream")
-        self.write(await self.found(lambda served: served.block()))
-
-
-class _MapCell(_OfMap):
-    """Configuration of a cell."""
-
-    async def get(self, number: str) -> None:
-        self.set_header("Content-Type", "application/json; charset=UTF-8")
-        self.write(await self.found(lambda served: served.cell(int(number))))
+        binary = name.endswith(".bin")
+        self.set_header("Content-Type", "application/octet-stream" if binary else "application/json; charset=UTF-8")
+        self.write(answer)
 
 
 class _Socket(tornado.websocket.WebSocketHandler, _Guarded):  # tornado's own check_origin refuses foreign pages

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicHermiteSpline, PchipInterpolator, PPoly
 
 Array = NDArray[np.float64]
 
@@ -24,46 +24,34 @@ class JointCurve:
 
     def __init__(self, times: Array, points: Array) -> None:
         self.times, self.points = times, points
-        self._slopes = np.zeros_like(points)
-        if len(times) > 2:
-            self._slopes[1:-1] = PchipInterpolator(times, points)(times[1:-1], 1)
+        if len(times) == 1:
+            self._curve = PPoly(points[None], [times[0], times[0] + 1.0])
+        else:
+            slopes = np.zeros_like(points)
+            if len(times) > 2:
+                slopes[1:-1] = PchipInterpolator(times, points)(times[1:-1], 1)
+            self._curve = CubicHermiteSpline(times, points, slopes)
+        self._speed = self._curve.derivative()
 
     def at(self, times: Array) -> Array:
         """Return the values (n, m) at times (n,)."""
-        if len(self.times) == 1:
-            return np.repeat(self.points, len(times), axis=0)
-        i, h, x = self._segments(times)
-        first, second = self.points[i], self.points[i + 1]
-        slopes = h * (x * (1.0 - x) ** 2 * self._slopes[i] - x * x * (1.0 - x) * self._slopes[i + 1])
-        part = x * x * (3.0 - 2.0 * x)
-        return np.asarray(np.where(x == 1.0, second, first + part * (second - first) + slopes))
+        return np.asarray(np.where(self._ended(times), self.points[-1], self._curve(times)))
 
     def speeds(self, times: Array) -> Array:
         """Return the derivatives (n, m) at times (n,)."""
-        if len(self.times) == 1:
-            return np.zeros((len(times), self.points.shape[1]))
-        i, h, x = self._segments(times)
-        mean = (self.points[i + 1] - self.points[i]) / h
-        edges = (1.0 - x) * (1.0 - 3.0 * x) * self._slopes[i] + x * (3.0 * x - 2.0) * self._slopes[i + 1]
-        return np.asarray(6.0 * x * (1.0 - x) * mean + edges)
+        return np.asarray(np.where(self._ended(times), 0.0, self._speed(times)))
 
-    def _segments(self, times: Array) -> tuple[NDArray[np.intp], Array, Array]:
-        """Return the segment of each time, (n,), its length and the elapsed fraction, both (n, 1)."""
-        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, len(self.times) - 2)
-        h = self.times[i + 1] - self.times[i]
-        x = np.clip((times - self.times[i]) / h, 0.0, 1.0)
-        return i, h[:, None], x[:, None]
+    def _ended(self, times: Array) -> Array:
+        return np.asarray(times >= self.times[-1])[:, None]  # exact there, in spite of rounding
 
     @property
     def fastest(self) -> Array:
         """(k - 1, m) largest speed in each segment, exact."""
-        mean = np.diff(self.points, axis=0) / np.diff(self.times)[:, None]
-        first, second = self._slopes[:-1], self._slopes[1:]
-        a, b = 3.0 * (first + second - 2.0 * mean), 6.0 * mean - 4.0 * first - 2.0 * second  # a x^2 + b x + first
+        a, b, c = self._speed.c  # a t^2 + b t + c
+        end = np.diff(self.times)[:, None]
         with np.errstate(divide="ignore", invalid="ignore"):
-            x = -b / (2.0 * a)
-            inner = np.where((x > 0.0) & (x < 1.0), np.abs(first + 0.5 * b * x), 0.0)
-        return np.asarray(np.maximum(np.maximum(np.abs(first), np.abs(second)), inner))
+            extreme = np.clip(np.nan_to_num(-b / (2.0 * a)), 0.0, end)
+        return np.asarray(np.max([np.abs((a * t + b) * t + c) for t in (np.zeros_like(end), extreme, end)], axis=0))
 
 
 def slowed(times: Array, points: Array, limits: Array) -> Array:

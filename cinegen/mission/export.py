@@ -67,7 +67,7 @@ def export(
         UnknownNameError: no such format, or no such robot.
     """
     source, form = Path(recording_path), format_of(to)
-    path = source.with_suffix(form.SUFFIX) if output is None else Path(output)
+    path = source.with_suffix(form.suffix) if output is None else Path(output)
     if os.path.realpath(path) == os.path.realpath(source):
         raise MissionError(f"{path}: is the recording itself; name another file (-o FILE)")
     recording = Recording.load(source)

@@ -141,7 +141,7 @@ def test_urscript_is_for_six_motors_that_turn(recording, name, all_joints, has):
 def test_formats_are_listed_once():
     for name in FORMATS:
         form = format_of(name)
-        assert form.SUFFIX.startswith(".")
+        assert form.suffix.startswith(".")
     with pytest.raises(UnknownNameError, match="no format 'cvs'"):
         format_of("cvs")
 
