@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from cinegen.cli.files import print_json, write_figure
+from cinegen.cli.files import print_result, write_figure
 from cinegen.cli.options import JSON, PLOT, option
 
 _MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
@@ -25,14 +25,9 @@ def run(
 
     one, other = open_map(first), open_map(second)
     found = compare(one, other)
-    if json:
-        print_json(found.as_dict())
-    else:
-        print(found)
+    print_result(found.as_dict(), found, json)
     if plot:
         from cinegen.plotting.comparison import draw_comparison
 
-        write_figure(plot, draw_comparison(one, other, show))
-        if not json:
-            print(f"picture: {plot}")
+        write_figure(plot, draw_comparison(one, other, show), quiet=json)
     return 0

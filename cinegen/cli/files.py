@@ -39,8 +39,8 @@ def write(path: Path, content: str | bytes) -> None:
         raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
 
 
-def write_figure(path: Path, figure: Figure) -> None:
-    """Write a picture in the format of the path's suffix, PNG without one.
+def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
+    """Write a picture in the format of the path's suffix, PNG without one; print its path unless `quiet`.
 
     Raises:
         CinegenError: it can't be written, or there is no such format.
@@ -51,11 +51,13 @@ def write_figure(path: Path, figure: Figure) -> None:
     except ValueError as error:  # matplotlib lists the formats
         raise CinegenError(f"{path}: can't be written: {error}") from None
     write(path, picture.getvalue())
+    if not quiet:
+        print(f"picture: {path}", flush=True)
 
 
-def print_json(document: Any) -> None:
-    """Print a document as JSON."""
-    print(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False))
+def print_result(document: Any, text: object, as_json: bool) -> None:
+    """Print a result: a document as JSON, or its text."""
+    print(json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text, flush=True)
 
 
 def count(things: Sized, name: str) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cinegen.cli.files import count, print_json
+from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, RobotOptions
 
 
@@ -15,10 +15,7 @@ def run(options: RobotOptions, files: list[Path] = FILE, json: bool = JSON) -> i
     from cinegen.model.description import describe
 
     reports = [{"name": name, **describe(mechanism)} for name, (mechanism, _) in options.load(files).items()]
-    if json:
-        print_json(reports)
-    else:
-        print("\n\n".join(map(_text, reports)))
+    print_result(reports, "\n\n".join(map(_text, reports)), json)
     return 0
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.files import print_json, write_figure
+from cinegen.cli.files import print_result, write_figure
 from cinegen.cli.numbers import interval, named, point
 from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
 from cinegen.cli.page import PageOptions
@@ -107,16 +107,12 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     result = summary(found, spec)
     if not result["reachable"]:
         raise CinegenError(f"{name}: no cell of this region is reached ({_counts(result)}). {_home(spec)}")
-    if options.json:
-        print_json({"map": str(path), **result})
-    else:
-        print("\n".join([*_lines(name, spec, result), f"map: {path}"]), flush=True)
+    text = "\n".join([*_lines(name, spec, result), f"map: {path}"])
+    print_result({"map": str(path), **result}, text, options.json)
     if options.plot:
         from cinegen.plotting.map import draw_map
 
-        write_figure(options.plot, draw_map(found, options.show, name=name))
-        if not options.json:
-            print(f"picture: {options.plot}", flush=True)
+        write_figure(options.plot, draw_map(found, options.show, name=name), options.json)
     if options.view:
         from cinegen.session import map_setup
 
@@ -185,14 +181,9 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
             scheduler=options.scheduler, report=progress.cells, node=spec.node, limits=spec.limits,
             quantities=spec.quantities, starts=spec.starts, along=spec.along, scene=spec.scene, folder=spec.folder,
         )  # fmt: skip
-    if options.json:
-        print_json(table.as_dict())
-    else:
-        print(f"{table.text()}\nvariants, maps and table.csv: {folder}")
+    print_result(table.as_dict(), f"{table.text()}\nvariants, maps and table.csv: {folder}", options.json)
     if options.plot:
-        write_figure(options.plot, draw_sweep(table))
-        if not options.json:
-            print(f"picture: {options.plot}")
+        write_figure(options.plot, draw_sweep(table), options.json)
     return 0
 
 

@@ -8,7 +8,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.files import count, print_json, write_figure
+from cinegen.cli.files import count, print_result, write_figure
 from cinegen.cli.numbers import mm_and_degrees, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions
@@ -77,20 +77,19 @@ def run(
         given = _solved(mechanism, asked) if asked else None if lengths is None else _values(mechanism, lengths)
         with Progress() as progress:
             modes = assembly_modes(mechanism, given, method, report=progress.text)
-        if not json:
-            print(("\n" if reports else "") + "\n".join(_lines(name, modes, node, asked)))
+        text = ("\n" if reports else "") + "\n".join(_lines(name, modes, node, asked))
         reports.append(modes.as_dict())
         every = every and len(modes) > 0
+        if not json:
+            print(text)
         if plot:
             from cinegen.plotting import draw_modes
 
-            write_figure(plot, draw_modes(modes, node, name))
-            if not json:
-                print(f"picture: {plot.resolve()}")
+            write_figure(plot, draw_modes(modes, node, name), quiet=json)
         if view and len(modes):
             return _show(name, modes, page)
     if json:
-        print_json(reports if len(reports) > 1 else reports[0])
+        print_result(reports if len(reports) > 1 else reports[0], None, json)
     return 0 if every else 1
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.files import count, print_json, write_figure
+from cinegen.cli.files import count, print_result, write_figure
 from cinegen.cli.options import IGNORE_LOOPS, JSON, PLOT, VIEW, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
@@ -75,16 +75,14 @@ def run(
         else:
             found = plan(loaded, field=field, report=progress.text)
     if json:
-        print_json({"file": str(scene), "planner": planner, **_document(found)})
+        print_result({"file": str(scene), "planner": planner, **_document(found)}, None, json)
     else:
         advice = [] if found else textwrap.wrap(_advice(found, field, seconds), _WIDTH)
         print("\n".join(["", *_result(found), "", *advice]).rstrip(), flush=True)
     if plot:
         from cinegen.plotting import draw_plan
 
-        write_figure(plot, draw_plan(found))
-        if not json:
-            print(f"picture: {plot.resolve()}")
+        write_figure(plot, draw_plan(found), quiet=json)
     moves = bool((found.path[1:] != found.path[0]).any())
     if output:
         message = _record(found, output) if moves else f"there is no path: {output} is not written"

@@ -7,7 +7,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cinegen.cli.files import print_json, write, write_figure
+from cinegen.cli.files import print_result, write, write_figure
 from cinegen.cli.numbers import interval, mm_and_degrees, parts, values
 from cinegen.cli.options import FILE, JSON, RobotOptions, option
 from cinegen.cli.progress import Progress
@@ -55,16 +55,14 @@ def run(
         return 0
     from cinegen.singularities import singularity
 
-    reports = []
+    reports, texts = [], []
     for name, mechanism in found.items():
         here = singularity(mechanism, _configuration(mechanism, at, node), node)
         reports.append({"name": name, **here.as_dict()})
-        if not json:
-            first, *others = here.message.split("; ")
-            wrapped = [textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in others]
-            print("\n".join([f"{name}: {first}", *wrapped]))
-    if json:
-        print_json(reports)
+        first, *others = here.message.split("; ")
+        wrapped = [textwrap.fill(part, 100, initial_indent="  ", subsequent_indent="    ") for part in others]
+        texts += [f"{name}: {first}", *wrapped]
+    print_result(reports, "\n".join(texts), json)
     return 0
 
 
@@ -101,7 +99,7 @@ def _scan(
         loci = singular_loci(of, grid, progress.fraction)
     figure = draw_loci(loci)
     write(numbers, json_text.dumps(loci.as_dict(), ensure_ascii=False) + "\n")
-    write_figure(picture, figure)
+    write_figure(picture, figure, quiet=True)
     share = f"{100.0 * loci.reached.mean():.0f} % of the slice over {first.name} and {second.name}"
     print(f"{name}: {share} is reached from home on its branch")
     for curve in loci.curves:
@@ -125,9 +123,11 @@ def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
 def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:
     from cinegen.mission import Recording, check, resampled
 
-    reports = []
+    reports, texts = [], []
     for file in files:
-        findings = [one for one in check(resampled(Recording.load(file), robot)) if one.sigma is not None]
+        found = [one for one in check(resampled(Recording.load(file), robot)) if one.sigma is not None]
+        texts.append(f"{file}: {len(found) or 'no'} singularit{'y' if len(found) == 1 else 'ies'} along the motion")
+        texts += [f"  at {one.recorded:.3f} s {one.message} (singular value {one.sigma:.2g})" for one in found]
         numbers = [
             {
                 "kind": one.kind.value,
@@ -136,12 +136,7 @@ def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:
                 "message": one.message,
                 "q": one.q.tolist(),
             }
-            for one in findings
+            for one in found
         ]
         reports.append({"recording": str(file), "found": numbers})
-        if not json:
-            print(f"{file}: {len(findings) or 'no'} singularit{'y' if len(findings) == 1 else 'ies'} along the motion")
-            for one in findings:
-                print(f"  at {one.recorded:.3f} s {one.message} (singular value {one.sigma:.2g})")
-    if json:
-        print_json(reports)
+    print_result(reports, "\n".join(texts), json)

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import get_args
+from typing import Any, get_args
 
 import msgspec
 import numpy as np
 import pinocchio as pin
-from msgspec import UNSET
 from numpy.typing import NDArray
 
 from cinegen.cockpit.messages import (
@@ -19,12 +18,10 @@ from cinegen.cockpit.messages import (
     NodeDescription,
     NodeSensor,
     ObstacleDescription,
-    PlaybackDescription,
     ReportMessage,
     RobotDescription,
     SensorDescription,
     StateMessage,
-    SwitchDescription,
     TaskMessage,
     TickRate,
 )
@@ -32,7 +29,7 @@ from cinegen.devices.kinds import what_is
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
 from cinegen.session import CommandFrame, RobotReport, SessionState, Setup
-from cinegen.session.state import PlaybackStatus, TaskState
+from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
 
 Array = NDArray[np.float64]
 
@@ -54,9 +51,10 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
         robots=tuple(_robot(setup, name, mechanism) for name, mechanism in setup.robots.items()),
         obstacles=tuple(ObstacleDescription(name, length, one.dof) for name, one in setup.obstacles.items()),
         sensors=tuple(SensorDescription(one.name, one.url, what_is(one.url)) for one in setup.devices),
-        switches=tuple(SwitchDescription(one.robot, one.node, one.choices) for one in setup.switches),
+        switches=setup.switches,
         frames=get_args(CommandFrame),
-        playback=None if playback is None else PlaybackDescription(playback.file, playback.seconds, setup.stops),
+        playback=playback,
+        stops=setup.stops,
         map=None if setup.map is None else setup.map.robot,
     )
 
@@ -139,11 +137,10 @@ def state_message(state: SessionState, poses: NodePoses) -> StateMessage:
 
 
 def _task(robot: str, task: TaskState, node: pin.SE3, target: pin.SE3) -> TaskMessage:
-    """Build the message of a task, whose node and target are there in the world."""
-    return TaskMessage(
-        task.id, robot, task.node, task.source, task.label, (node * task.offset).translation.tolist(),
-        pin.SE3ToXYZQUAT(target).tolist(), task.error, task.translation, task.rotation, task.weight,
-    )  # fmt: skip
+    """Build the message of a task, with the poses of its node and its target in the world."""
+    position = (node * task.offset).translation.tolist()
+    placed = pin.SE3ToXYZQUAT(target).tolist()
+    return TaskMessage(robot=robot, position=position, target=placed, **_fields(TaskInfo, task))
 
 
 def report_message(
@@ -159,22 +156,13 @@ def report_message(
     """
     return ReportMessage(
         robots=dict(robots),
-        sensors=state.sensors,
         switches=tuple(NodeSensor(robot, node, sensor) for (robot, node), sensor in state.switches.items()),
-        settings=state.settings,
-        undo=state.undo,
-        redo=state.redo,
-        paused=state.paused,
-        moving=state.moving,
-        recording=state.recording,
-        playback=state.playback,
         rate=TickRate(*rate),
         clients=clients,
+        **_fields(SessionInfo, state),
     )
 
 
-def numbered(state: StateMessage, frame: int, controller: int | None, report: ReportMessage | None) -> StateMessage:
-    """Return a state with its number, the client that has control, and maybe a report."""
-    return msgspec.structs.replace(
-        state, frame=frame, controller=controller, report=UNSET if report is None else report
-    )
+def _fields(kind: type[msgspec.Struct], struct: msgspec.Struct) -> dict[str, Any]:
+    """Return the fields of a base class."""
+    return {name: getattr(struct, name) for name in kind.__struct_fields__}

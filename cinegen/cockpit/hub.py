@@ -6,7 +6,9 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from cinegen.cockpit.build_messages import numbered
+from msgspec import UNSET
+from msgspec.structs import replace
+
 from cinegen.cockpit.messages import (
     CLIENT_MESSAGES,
     Ack,
@@ -202,8 +204,9 @@ class Hub:
             return
         new = self._report[0] > client.reported
         if new not in self._texts:
-            report = self._report[1] if new else None
-            self._texts[new] = encode(numbered(state, number, self.controller, report)).decode()
+            report = self._report[1] if new and self._report[1] is not None else UNSET
+            numbered = replace(state, frame=number, controller=self.controller, report=report)
+            self._texts[new] = encode(numbered).decode()
         client.sent, client.reported = number, self._report[0]
         client.unacknowledged = number, time.monotonic()
         client.connection.send(self._texts[new])

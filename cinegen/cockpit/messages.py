@@ -14,10 +14,11 @@ from msgspec import UNSET, Struct, UnsetType
 from cinegen.session.cloud import AxisShown, QuantityShown
 from cinegen.session.commands import Command, CommandFrame, TypedMessage
 from cinegen.session.report import RobotReport
-from cinegen.session.state import PlaybackStatus, RecordingStatus, RobotStatus, SensorReport, Settings
-from cinegen.typed_json import DoF, Vector7
+from cinegen.session.setup import SensorSwitch
+from cinegen.session.state import PlaybackStatus, RobotStatus, SessionInfo, TaskInfo
+from cinegen.typed_json import Vector7
 
-PROTOCOL = 2
+PROTOCOL = 3
 
 
 class Ack(TypedMessage, frozen=True):
@@ -152,34 +153,6 @@ class SensorDescription(Struct, frozen=True):
     kind: str | None
 
 
-class SwitchDescription(Struct, frozen=True):
-    """A node that may follow sensors.
-
-    Attributes:
-        robot: robot of the node.
-        node: node that follows.
-        choices: ids of the sensors; null: no sensor.
-    """
-
-    robot: str
-    node: str
-    choices: tuple[str | None, ...]
-
-
-class PlaybackDescription(Struct, frozen=True):
-    """A recording that is replayed.
-
-    Attributes:
-        file: path of the file.
-        seconds: duration, s.
-        stops: times (s) to jump to, each with a name.
-    """
-
-    file: str
-    seconds: float
-    stops: tuple[tuple[float, str], ...]
-
-
 class HelloMessage(TypedMessage, frozen=True):
     """The first message to a client.
 
@@ -193,6 +166,7 @@ class HelloMessage(TypedMessage, frozen=True):
         switches: nodes that may follow sensors.
         frames: command frames.
         playback: recording that is replayed, or null.
+        stops: times of it (s) to jump to, each with a name.
         map: robot with which a map is drawn, or null.
     """
 
@@ -202,40 +176,25 @@ class HelloMessage(TypedMessage, frozen=True):
     robots: tuple[RobotDescription, ...]
     obstacles: tuple[ObstacleDescription, ...]
     sensors: tuple[SensorDescription, ...]
-    switches: tuple[SwitchDescription, ...]
+    switches: tuple[SensorSwitch, ...]
     frames: tuple[CommandFrame, ...]
-    playback: PlaybackDescription | None
+    playback: PlaybackStatus | None
+    stops: tuple[tuple[float, str], ...]
     map: str | None
 
 
-class TaskMessage(Struct, frozen=True):
-    """A task.
+class TaskMessage(TaskInfo, frozen=True, kw_only=True):
+    """A task, also with the fields of a `TaskInfo`.
 
     Attributes:
-        id: number of the task.
         robot: its robot or obstacle.
-        node: node that it moves.
-        source: what commands it: pointer, pin or sensor.
-        label: name for people.
         position: of the constrained frame, in the world (m).
         target: of that frame, in the world.
-        error: remaining error, m and rad.
-        translation: number of constrained translations.
-        rotation: number of constrained rotations.
-        weight: of its equations.
     """
 
-    id: int
     robot: str
-    node: str
-    source: str
-    label: str
     position: list[float]
     target: Vector7
-    error: tuple[float, float]
-    translation: DoF
-    rotation: DoF
-    weight: float
 
 
 class NodeSensor(Struct, frozen=True):
@@ -264,34 +223,18 @@ class TickRate(Struct, frozen=True):
     late: float
 
 
-class ReportMessage(Struct, frozen=True):
-    """A report, about ten times per second.
+class ReportMessage(SessionInfo, frozen=True, kw_only=True):
+    """A report, about ten times per second, also with the fields of a `SessionInfo`.
 
     Attributes:
         robots: robots by name.
-        sensors: sensors.
         switches: sensor that each node follows.
-        settings: settings of the solvers and sensors.
-        undo: number of undo steps.
-        redo: number of steps that can be redone.
-        paused: whether the session is paused.
-        moving: home, move_to, undo, redo or joints during such a motion, or null.
-        recording: recording that is being made, or null.
-        playback: recording that is replayed, or null.
         rate: timing of the ticks.
         clients: number of clients.
     """
 
     robots: dict[str, RobotReport]
-    sensors: tuple[SensorReport, ...]
     switches: tuple[NodeSensor, ...]
-    settings: Settings
-    undo: int
-    redo: int
-    paused: bool
-    moving: str | None
-    recording: RecordingStatus | None
-    playback: PlaybackStatus | None
     rate: TickRate
     clients: int
 

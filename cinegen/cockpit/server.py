@@ -145,7 +145,7 @@ class Server:
                 ("/", _Index),
                 ("/viewer.js", _Viewer),
                 ("/snapshot.html", _Snapshot),
-                (r"/static/([\w./-]+)", _Static, {"path": str(files("cinegen.cockpit").joinpath("static"))}),
+                (r"/static/([\w./-]+\.\w+)", _Static, {"path": str(files("cinegen.cockpit").joinpath("static"))}),
                 ("/map/(about.json|cells.bin|cell/[0-9]{1,18})", _Map),
                 ("/scene", _Scene),
                 ("/session", _Session),

@@ -1,4 +1,4 @@
-"""`Cloud`: the cells of a map that robots reach, where they are in the world, and what the map knows of each."""
+"""`Cloud`: the reachable cells of a map, with their positions in the world and the values of its quantities."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST = 200_000
-"""Cells that are shown."""
+"""Largest number of cells that are shown."""
 
-_LOOKED_AT = 10  # times as many cells may be looked at, for most may be out of reach
-_PERCENT = 1.0  # of the values, that may be beyond either end of the colours
-_BALL = 0.25  # characteristic lengths: the ball that turns are shown on
-_ALONE = 0.05  # characteristic lengths: how wide cells are that are all in one place
-_MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)])  # no two points of a grid are one number by these
-_SAMPLE = 2000  # cells, that the distance to the next one is taken from
+_READ = 10  # times as many cells may be read, since most may be unreachable
+_PERCENT = 1.0  # of the values that may be beyond either end of the colours
+_BALL = 0.25  # characteristic lengths: radius of the ball on which rotations are shown
+_ALONE = 0.05  # characteristic lengths: size of cells that are all at one point
+_MIXED = np.array([1.0, np.sqrt(2.0), np.sqrt(3.0)])  # projects different grid points to different numbers
+_SAMPLE = 2000  # cells from which the distance to the nearest is measured
+_TRANSLATIONS = ("x", "y", "z", "azimuth", "elevation", "radius", "distance")
 
 
 class AxisShown(Struct, frozen=True):
@@ -76,19 +77,19 @@ class QuantityShown(Struct, frozen=True):
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Cells that are reached, as the map has them now.
+    """The reachable cells of a map at a moment; maps may be incomplete.
 
     Attributes:
-        axes: of the map.
-        numbers: (n,) of the cells in the map, the last axis fastest.
-        indices: (n, axes) of each among those of an axis that are shown.
-        points: (n, 3) m, where they are in the robot's world.
-        edges: (n, 2, 3) m, from one side of a cell to the other, where they make a surface; None where they make none.
-        size: m, from one cell to the next.
-        quantities: of the map.
-        values: of each quantity (n,).
+        axes: axes of the map.
+        numbers: (n,) numbers of the cells in the map, the last axis fastest.
+        indices: (n, axes) index of each cell along each axis, among those that are shown.
+        points: (n, 3) positions in the robot's world, m.
+        edges: (n, 2, 3) edges of the cells as tiles of a surface, m; None if they make none.
+        size: distance of neighbouring cells, m.
+        quantities: quantities of the map.
+        values: values (n,) of each quantity.
         done: number of evaluated cells of the map.
-        cells: of the map in all.
+        cells: number of cells of the map.
     """
 
     axes: tuple[AxisShown, ...]
@@ -104,11 +105,11 @@ class Cloud:
 
 
 class ShownMap:
-    """A map that is shown, while it may still grow. Threads may share it.
+    """A map that is shown, and may grow meanwhile. Threads may share it.
 
     Args:
-        path: of the map.
-        most: cells that are shown; of a larger map every second, every fourth ... along some axes.
+        path: path of the map.
+        most: largest number of cells that are shown; of a larger map every second, every fourth ... along some axes.
 
     Raises:
         MapError: there is no map.
@@ -126,11 +127,11 @@ class ShownMap:
 
     @property
     def spec(self) -> MapSpecification:
-        """What the map shows."""
+        """Specification of the map."""
         return self._store.spec
 
     def cloud(self) -> Cloud:
-        """The cells as they are now; read again only where the map has grown."""
+        """Return the present cells; they are read again only if the map has grown."""
         with self._lock:
             if self._cloud is None or self._cloud.done < self._cloud.cells:
                 done = self._store.done
@@ -139,7 +140,7 @@ class ShownMap:
             return self._cloud
 
     def configuration(self, number: int) -> Array | None:
-        """(nq,) of a cell by its number in the map; None where there is no such cell, or it is not reached."""
+        """Return the configuration (nq,) of a cell by its number; None if it is not reached."""
         region = self.spec.region
         if not 0 <= number < region.size:
             return None
@@ -151,64 +152,62 @@ class ShownMap:
     # --- reading -------------------------------------------------------------------------------------------------
 
     def _read(self, done: int) -> Cloud:
-        region = self.spec.region
+        spec, region = self.spec, self.spec.region
         every = [1] * len(region.shape)
-        while math.prod(_counts(region.shape, every)) > _LOOKED_AT * self._most:
-            _thin(region.shape, every)
-        while (reached := self._of("reachable", every)).sum() > self._most:
-            _thin(region.shape, every)
-        places = [name in _PLACES for name in region.names]
-        widths = np.array([one * axis.width for axis, one in zip(region.axes, every, strict=True)])
-        first = [float(axis.middles(slice(one // 2, one // 2 + 1))[0])
-                 for axis, one in zip(region.axes, every, strict=True)]  # fmt: skip
+        while math.prod(_counts(region.shape, every)) > _READ * self._most:
+            _coarsen(region.shape, every)
+        while (reached := self._values("reachable", every)).sum() > self._most:
+            _coarsen(region.shape, every)
+        translates = [name in _TRANSLATIONS for name in region.names]
+        widths = np.array([axis.width for axis in region.axes]) * every
+        middles = [axis.middles(slice(n // 2, n // 2 + 1))[0] for axis, n in zip(region.axes, every, strict=True)]
+        first = np.array(middles)
         indices = np.argwhere(reached)
-        own = indices * every + [one // 2 for one in every]
         at = first + indices * widths
-        if self.spec.over_joints:
-            points = self._led(self._of("configuration", every)[reached])
-        elif any(places):
-            points = region.poses(self.spec.home, at)[0]
+        if spec.over_joints:
+            points = self._node_positions(self._values("configuration", every)[reached])
+        elif any(translates):
+            points = region.poses(spec.home, at)[0]
         else:
-            points = self._turned(at, first + np.argwhere(np.full(reached.shape, True)) * widths)
-        values, quantities = self._quantities(reached, every)
+            points = self._on_ball(at, first + np.argwhere(np.full(reached.shape, True)) * widths)
+        values = {name: self._values(name, every)[reached].astype(np.float32) for name in spec.quantities}
+        axes = zip(region.names, first.tolist(), widths.tolist(), reached.shape, every, translates, strict=True)
+        own = indices * every + np.array(every) // 2
         return Cloud(
-            tuple(
-                AxisShown(name, self._dataset[name].attrs["units"], low, float(width), count, one,
-                          moves or self.spec.over_joints)
-                for name, low, width, count, one, moves in zip(
-                    region.names, first, widths, reached.shape, every, places, strict=True
-                )
+            axes=tuple(
+                AxisShown(name, self._dataset[name].attrs["units"], low, width, count, n, moves or spec.over_joints)
+                for name, low, width, count, n, moves in axes
             ),
-            np.ravel_multi_index(tuple(own.T), region.shape).astype(np.uint32),
-            indices.astype(np.uint32),
-            points,
-            self._edges(at, widths, places),
-            self._size(points),
-            quantities,
-            values,
-            done,
-            region.size,
-        )  # fmt: skip
+            numbers=np.ravel_multi_index(tuple(own.T), region.shape).astype(np.uint32),
+            indices=indices.astype(np.uint32),
+            points=points,
+            edges=self._edges(at, widths, translates),
+            size=self._size(points),
+            quantities=tuple(self._quantity(name, values[name]) for name in spec.quantities),
+            values=values,
+            done=done,
+            cells=region.size,
+        )
 
-    def _of(self, name: str, every: list[int]) -> NDArray[Any]:
-        """Of those cells that are shown, from the middle of what each stands for."""
-        return np.asarray(self._dataset[name][tuple(slice(one // 2, None, one) for one in every)].values)
+    def _values(self, name: str, every: list[int]) -> NDArray[Any]:
+        """Return the values of the shown cells, each in the middle of the cells that it stands for."""
+        return np.asarray(self._dataset[name][tuple(slice(n // 2, None, n) for n in every)].values)
 
-    def _turned(self, at: Array, everywhere: Array) -> Array:
-        """(n, 3) m, on a ball about where the node is, at values (n, axes) of turns.
+    def _on_ball(self, at: Array, everywhere: Array) -> Array:
+        """Return points (n, 3) for rotations, m: on a ball around the node.
 
         Args:
-            at: cells that are reached.
-            everywhere: likewise, all.
+            at: (n, axes) reachable cells.
+            everywhere: (m, axes) all cells.
         """
         region, spec = self.spec.region, self.spec
-        spread = region.poses(spec.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
-        axis = int(2 - np.argmax(spread[::-1] > 0.5 * spread.max()))  # that which moves most is what one sees
+        samples = region.poses(spec.home, everywhere)[1].var(axis=0).sum(axis=0)  # of the node's x, y and z
+        axis = int(2 - np.argmax(samples[::-1] > 0.5 * samples.max()))  # the axis that moves most
         points, rotations = region.poses(spec.home, at)
         return points + _BALL * spec.mechanism.length * rotations[:, :, axis]
 
-    def _led(self, configurations: Array) -> Array:
-        """(n, 3) m, where the node is in configurations (n, nq)."""
+    def _node_positions(self, configurations: Array) -> Array:
+        """Return the positions (n, 3) of the node in configurations (n, nq), m."""
         model, points = self.spec.mechanism.model, np.empty((len(configurations), 3))
         data, frame = model.createData(), self.spec.mechanism.frame_id(self.spec.node)
         for point, q in zip(points, configurations, strict=True):
@@ -216,14 +215,14 @@ class ShownMap:
             point[:] = pin.updateFramePlacement(model, data, frame).translation
         return points
 
-    def _edges(self, at: Array, widths: Array, places: list[bool]) -> Array | None:
-        """(n, 2, 3) m, across cells whose middles are at (n, axes)."""
-        if sum(places) != 2:
+    def _edges(self, at: Array, widths: Array, translates: list[bool]) -> Array | None:
+        """Return the edges (n, 2, 3) of cells with their centres at (n, axes), m; None unless two axes translate."""
+        if sum(translates) != 2:
             return None
         edges = []
-        for half in 0.5 * np.diag(widths)[places]:
-            before, behind = (self.spec.region.poses(self.spec.home, at + way * half)[0] for way in (-1.0, 1.0))
-            edges.append(behind - before)
+        for half in 0.5 * np.diag(widths)[translates]:
+            low, high = (self.spec.region.poses(self.spec.home, at + sign * half)[0] for sign in (-1.0, 1.0))
+            edges.append(high - low)
         return np.stack(edges, axis=1)
 
     def _size(self, points: Array) -> float:
@@ -236,35 +235,19 @@ class ShownMap:
         some = apart[:: max(1, len(apart) // _SAMPLE)]
         return float(np.median(cKDTree(apart).query(some, 2)[0][:, 1]))
 
-    def _quantities(
-        self, reached: NDArray[np.bool_], every: list[int]
-    ) -> tuple[dict[str, NDArray[np.float32]], tuple[QuantityShown, ...]]:
-        values, found = {}, []
-        for name in self.spec.quantities:
-            values[name] = self._of(name, every)[reached].astype(np.float32)
-            known = values[name][np.isfinite(values[name])].astype(float)
-            attributes = self._dataset[name].attrs
-            whole = np.issubdtype(self._dataset[name].dtype, np.integer)
-            low, high = 0.0, 1.0
-            if len(known):
-                low, high = np.percentile(known, [0.0, 100.0] if whole else [_PERCENT, 100.0 - _PERCENT]).tolist()
-            found.append(
-                QuantityShown(
-                    name, str(attributes["units"]), str(attributes["long_name"]), low, high,
-                    float(known.min()) if len(known) else None, float(known.max()) if len(known) else None,
-                )
-            )  # fmt: skip
-        return values, tuple(found)
-
-
-_PLACES = ("x", "y", "z", "azimuth", "elevation", "radius", "distance")
-"""Coordinates that say where a node is."""
+    def _quantity(self, name: str, values: NDArray[np.float32]) -> QuantityShown:
+        known, attributes = values[np.isfinite(values)].astype(float), self._dataset[name].attrs
+        low, high, least, most = 0.0, 1.0, None, None
+        if len(known):
+            cut = 0.0 if np.issubdtype(self._dataset[name].dtype, np.integer) else _PERCENT
+            least, low, high, most = np.percentile(known, [0.0, cut, 100.0 - cut, 100.0]).tolist()
+        return QuantityShown(name, str(attributes["units"]), str(attributes["long_name"]), low, high, least, most)
 
 
 def _counts(shape: tuple[int, ...], every: list[int]) -> list[int]:
-    return [len(range(one // 2, count, one)) for count, one in zip(shape, every, strict=True)]
+    return [len(range(n // 2, count, n)) for count, n in zip(shape, every, strict=True)]
 
 
-def _thin(shape: tuple[int, ...], every: list[int]) -> None:
-    """Half as many along the axis that has most."""
+def _coarsen(shape: tuple[int, ...], every: list[int]) -> None:
+    """Show half as many cells along the axis that has most."""
     every[int(np.argmax(_counts(shape, every)))] *= 2

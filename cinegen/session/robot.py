@@ -206,8 +206,9 @@ class DrivenRobot:
         errors = self.step.errors if len(self.step.errors) == len(self.tasks) else ((0.0, 0.0),) * len(self.tasks)
         tasks = tuple(
             TaskState(
-                one.id, t.node, one.source, one.label, one.scripted, t.offset.copy(), t.target.copy(), t.translation,
-                t.rotation, t.weight, error,
+                id=one.id, node=t.node, source=one.source, label=one.label, error=error, translation=t.translation,
+                rotation=t.rotation, weight=t.weight, scripted=one.scripted, offset=t.offset.copy(),
+                target=t.target.copy(),
             )
             for one, t, error in zip(self.tasks, (one.task for one in self.tasks), errors, strict=True)
         )  # fmt: skip

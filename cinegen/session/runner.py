@@ -6,10 +6,9 @@ import contextlib
 import multiprocessing
 import multiprocessing.connection
 import warnings
-from collections import deque
 from collections.abc import Callable
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Self
 
 from cinegen.errors import CinegenError, CinegenWarning
 from cinegen.realtime import Clock, Tick, TimingReport
@@ -33,36 +32,6 @@ class _End:
     """The last command."""
 
 
-class _Inbox(Protocol):
-    """Source of commands."""
-
-    def take(self) -> Command | _End | None:
-        """Return the next command; None if there is none."""
-
-
-class _LocalInbox(deque[Command | _End]):
-    """Commands from the same process."""
-
-    def take(self) -> Command | _End | None:
-        """See `_Inbox`."""
-        return self.popleft() if self else None
-
-
-class _PipeInbox:
-    """Commands from another process."""
-
-    def __init__(self, connection: multiprocessing.connection.Connection) -> None:
-        self._connection = connection
-
-    def take(self) -> Command | _End | None:
-        """See `_Inbox`."""
-        try:
-            command: Command | _End | None = self._connection.recv() if self._connection.poll() else None
-        except (EOFError, OSError):  # the other process has ended; the clock ends this one
-            return None
-        return command
-
-
 class SessionRunner:
     """Runs a session.
 
@@ -77,22 +46,18 @@ class SessionRunner:
     def __init__(self, setup: Setup, own_process: bool = True) -> None:
         self.setup = setup
         self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
+        inbox, self._outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
         if own_process:
-            inbox, outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
             self._clock.spawn(_in_process, setup, inbox)
             inbox.close()
-            self._send: Callable[[Command | _End], None] = outbox.send
         else:
-            inbox_here = _LocalInbox()
-            self._send = inbox_here.append
-            self._clock.start(_ticks(Session(setup), inbox_here))
+            self._clock.start(_ticks(Session(setup), inbox))
 
-    def send(self, command: Command) -> None:
+    def send(self, command: Command | _End) -> None:
         """Send a command. Commands are carried out in their order, before the next tick."""
-        try:
-            self._send(command)
-        except OSError:  # the process has ended: `state` raises the reason
-            return
+        if self._clock.running:  # otherwise `state` raises the reason
+            with contextlib.suppress(OSError):
+                self._outbox.send(command)
 
     @property
     def state(self) -> SessionState | None:
@@ -114,8 +79,7 @@ class SessionRunner:
         Raises:
             Exception: the exception that ended the session before.
         """
-        with contextlib.suppress(OSError):  # the process has ended: `join` raises the reason
-            self._send(_End())
+        self.send(_End())
         self._clock.join(_PATIENCE)
         self._clock.stop()
 
@@ -128,16 +92,14 @@ class SessionRunner:
         self.stop()
 
 
-def _in_process(
-    setup: Setup, connection: multiprocessing.connection.Connection
-) -> Callable[[Tick], SessionState | None]:
+def _in_process(setup: Setup, inbox: multiprocessing.connection.Connection) -> Callable[[Tick], SessionState | None]:
     with warnings.catch_warnings():  # issued when the setup was made
         warnings.simplefilter("ignore", CinegenWarning)
         session = Session(setup)
-    return _ticks(session, _PipeInbox(connection))
+    return _ticks(session, inbox)
 
 
-def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | None]:
+def _ticks(session: Session, inbox: multiprocessing.connection.Connection) -> Callable[[Tick], SessionState | None]:
     """Return the function that the clock calls."""
     every = max(1, round(session.setup.rate / FRAMES))
     count = 0
@@ -145,11 +107,15 @@ def _ticks(session: Session, inbox: _Inbox) -> Callable[[Tick], SessionState | N
     def tick(tick: Tick) -> SessionState | None:
         nonlocal count
         for _ in range(_MOST):
-            command = inbox.take()
-            if command is None:
+            try:
+                if not inbox.poll():
+                    break
+                command: Command | _End = inbox.recv()
+            except (EOFError, OSError):  # the other process has ended; the clock ends this one
                 break
             if isinstance(command, _End):
                 session.close()
+                inbox.close()
                 tick.clock.stop()
                 return None
             session.obey(command)

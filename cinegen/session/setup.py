@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from msgspec import Struct
 
 from cinegen.collision import Scene
 from cinegen.devices.kinds import listens_for_others, overrides, why_missing
@@ -58,14 +59,13 @@ class Device:
     node: str | None = None
 
 
-@dataclass(frozen=True)
-class SensorSwitch:
+class SensorSwitch(Struct, frozen=True):
     """A node that may follow sensors.
 
     Attributes:
         robot: robot of the node.
         node: node that follows.
-        choices: names of the sensors; None: no sensor.
+        choices: ids of the sensors; None: no sensor.
         first: initial choice.
     """
 

@@ -9,39 +9,47 @@ from numpy.typing import NDArray
 
 from cinegen.sensor import SensorState
 from cinegen.session.commands import CommandFrame
-from cinegen.typed_json import Vector6
+from cinegen.typed_json import DoF, Vector6
 
 Array = NDArray[np.float64]
 
 
-class TaskState(Struct, frozen=True):
-    """A task.
+class TaskInfo(Struct, frozen=True, kw_only=True):
+    """A task, without its poses.
 
     Attributes:
         id: number of the task in the session.
         node: node that it moves.
-        source: what commands it: "pointer", "pin" or "sensor".
+        source: what commands it: pointer, pin or sensor.
         label: name for people.
-        scripted: whether a script commands it, whose path is known.
-        offset: frame that is constrained, in the node's frame (m).
-        target: of that frame, in the robot's own world (m).
+        error: remaining error, m and rad.
         translation: number of constrained translations.
         rotation: number of constrained rotations.
         weight: of its equations.
-        error: remaining error, m and rad.
     """
 
     id: int
     node: str
     source: str
     label: str
+    error: tuple[float, float]
+    translation: DoF
+    rotation: DoF
+    weight: float
+
+
+class TaskState(TaskInfo, frozen=True, kw_only=True):
+    """A task of a robot.
+
+    Attributes:
+        scripted: whether a script commands it, whose path is known.
+        offset: frame that is constrained, in the node's frame (m).
+        target: of that frame, in the robot's own world (m).
+    """
+
     scripted: bool
     offset: pin.SE3
     target: pin.SE3
-    translation: int
-    rotation: int
-    weight: float
-    error: tuple[float, float]
 
 
 class RobotStatus(Struct, frozen=True):
@@ -177,31 +185,21 @@ class PlaybackStatus(Struct, frozen=True):
     speed: float
 
 
-class SessionState(Struct, frozen=True):
-    """A session at a moment.
+class SessionInfo(Struct, frozen=True, kw_only=True):
+    """A session, apart from its robots and obstacles.
 
     Attributes:
-        time: time since the session began, s.
-        robots: robots by name.
-        obstacles: obstacles by name.
         sensors: all sensors.
-        switches: sensor that each node follows, by robot and node; None: no sensor.
         settings: settings of the solvers and sensors.
         undo: number of undo steps.
         redo: number of steps that can be redone.
         paused: whether the session is paused.
-        moving: "home", "move_to", "undo", "redo" or "joints" during such a motion; None: tasks move the robots.
-        recording: recording that is being made.
-        playback: recording that is replayed.
-        notices: the last few notices.
-        answered: number of commands that were carried out.
+        moving: home, move_to, undo, redo or joints during such a motion; None: tasks move the robots.
+        recording: recording that is being made, or None.
+        playback: recording that is replayed, or None.
     """
 
-    time: float
-    robots: dict[str, RobotState]
-    obstacles: dict[str, ObstacleState]
     sensors: tuple[SensorReport, ...]
-    switches: dict[tuple[str, str], str | None]
     settings: Settings
     undo: int
     redo: int
@@ -209,5 +207,23 @@ class SessionState(Struct, frozen=True):
     moving: str | None
     recording: RecordingStatus | None
     playback: PlaybackStatus | None
+
+
+class SessionState(SessionInfo, frozen=True, kw_only=True):
+    """A session at a moment.
+
+    Attributes:
+        time: time since the session began, s.
+        robots: robots by name.
+        obstacles: obstacles by name.
+        switches: sensor that each node follows, by robot and node; None: no sensor.
+        notices: the last few notices.
+        answered: number of commands that were carried out.
+    """
+
+    time: float
+    robots: dict[str, RobotState]
+    obstacles: dict[str, ObstacleState]
+    switches: dict[tuple[str, str], str | None]
     notices: tuple[Notice, ...]
     answered: int

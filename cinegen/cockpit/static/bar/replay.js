@@ -62,12 +62,12 @@ export class Replay {
     this.after = this.#step("after", "Next", 1);
     this.stop = make("span", { id: "stop" });
     this.bar.append(this.before, this.stop, this.after, this.play, this.seek, this.time, this.speed);
-    session.on("hello", ({ playback }) => {
+    session.on("hello", ({ playback, stops = [] }) => {
       this.bar.hidden = !playback;
       this.seconds = playback?.seconds ?? 0;
       this.seek.max = String(this.seconds);
       this.bar.title = playback?.file ?? "";
-      this.stops = playback?.stops ?? [];
+      this.stops = stops;
       for (const part of [this.before, this.stop, this.after]) part.hidden = this.stops.length === 0;
       this.time.hidden = this.stops.length > 0;
     });

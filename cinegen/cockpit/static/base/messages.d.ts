@@ -133,9 +133,10 @@ export interface HelloMessage {
   robots: RobotDescription[];
   obstacles: ObstacleDescription[];
   sensors: SensorDescription[];
-  switches: SwitchDescription[];
+  switches: SensorSwitch[];
   frames: ("base" | "tool" | "view" | "world")[];
-  playback: PlaybackDescription | null;
+  playback: PlaybackStatus | null;
+  stops: [number, string][];
   map: string | null;
 }
 
@@ -187,16 +188,19 @@ export interface SensorDescription {
   kind: string | null;
 }
 
-export interface SwitchDescription {
+export interface SensorSwitch {
   robot: string;
   node: string;
   choices: (string | null)[];
+  first?: string | null;
 }
 
-export interface PlaybackDescription {
+export interface PlaybackStatus {
   file: string;
   seconds: number;
-  stops: [number, string][];
+  time: number;
+  playing: boolean;
+  speed: number;
 }
 
 export interface StateMessage {
@@ -213,16 +217,16 @@ export interface StateMessage {
 
 export interface TaskMessage {
   id: number;
-  robot: string;
   node: string;
   source: string;
   label: string;
-  position: number[];
-  target: [number, number, number, number, number, number, number];
   error: [number, number];
   translation: number;
   rotation: number;
   weight: number;
+  robot: string;
+  position: number[];
+  target: [number, number, number, number, number, number, number];
 }
 
 export interface RobotStatus {
@@ -232,9 +236,7 @@ export interface RobotStatus {
 }
 
 export interface ReportMessage {
-  robots: Record<string, RobotReport>;
   sensors: SensorReport[];
-  switches: NodeSensor[];
   settings: Settings;
   undo: number;
   redo: number;
@@ -242,8 +244,33 @@ export interface ReportMessage {
   moving: string | null;
   recording: RecordingStatus | null;
   playback: PlaybackStatus | null;
+  robots: Record<string, RobotReport>;
+  switches: NodeSensor[];
   rate: TickRate;
   clients: number;
+}
+
+export interface SensorReport {
+  id: string;
+  state: "closed" | "opening" | "live" | "silent" | "lost" | "refused";
+  message: string;
+  packets: number;
+  damaged: number;
+  twist: [number, number, number, number, number, number] | null;
+}
+
+export interface Settings {
+  gain: number;
+  damping: number;
+  linear_speed: number;
+  angular_speed: number;
+  frame: "base" | "tool" | "view" | "world";
+}
+
+export interface RecordingStatus {
+  file: string;
+  seconds: number;
+  error: string | null;
 }
 
 export interface RobotReport {
@@ -283,41 +310,10 @@ export interface ForecastEvent {
   position: number[];
 }
 
-export interface SensorReport {
-  id: string;
-  state: "closed" | "opening" | "live" | "silent" | "lost" | "refused";
-  message: string;
-  packets: number;
-  damaged: number;
-  twist: [number, number, number, number, number, number] | null;
-}
-
 export interface NodeSensor {
   robot: string;
   node: string;
   sensor: string | null;
-}
-
-export interface Settings {
-  gain: number;
-  damping: number;
-  linear_speed: number;
-  angular_speed: number;
-  frame: "base" | "tool" | "view" | "world";
-}
-
-export interface RecordingStatus {
-  file: string;
-  seconds: number;
-  error: string | null;
-}
-
-export interface PlaybackStatus {
-  file: string;
-  seconds: number;
-  time: number;
-  playing: boolean;
-  speed: number;
 }
 
 export interface TickRate {

@@ -77,7 +77,7 @@ export class Sensors {
   }
 
   /**
-   * @param {import("../base/messages").SwitchDescription} one
+   * @param {import("../base/messages").SensorSwitch} one
    * @param {Sensor[]} sensors
    */
   #switch({ robot, node, choices = [] }, sensors) {
