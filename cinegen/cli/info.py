@@ -21,15 +21,15 @@ def run(options: RobotOptions, files: list[Path] = FILE, json: bool = JSON) -> i
 
 def _text(report: Mapping[str, Any]) -> str:
     actuated, joints, loops = report["actuated"], report["joints"], report["loops"]
-    undriven = f" ({report['undriven']} of them without actuated joint)" if report["undriven"] else ""
+    uncontrolled = f" ({report['uncontrolled_dof']} of them uncontrolled)" if report["uncontrolled_dof"] else ""
     lines = [
-        f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{undriven}, "
+        f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
         f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}",
         "",
-        f"  {'joint':<12}{'type':<11}{'home':>10}{'low':>10}{'high':>10}{'velocity':>10}   (rad, m)",
+        f"  {'joint':<12}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}   (rad, m)",
     ]
     for joint in joints:
-        numbers = [joint["home"], joint["low"], joint["high"], joint["velocity"]]
+        numbers = [joint["home"], joint["lower"], joint["upper"], joint["velocity"]]
         cells = "".join(f"{'-' if value is None else f'{_rounded(value):.4g}':>10}" for value in numbers)
         actuation = "actuated" if joint["actuated"] else ""
         lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {actuation}".rstrip())

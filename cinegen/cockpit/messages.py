@@ -68,8 +68,8 @@ class JointDescription(Struct, frozen=True):
         name: name of the joint.
         type: revolute or prismatic.
         home: value at home, rad or m.
-        low: lower limit, rad or m.
-        high: upper limit, rad or m.
+        lower: lower limit, rad or m.
+        upper: upper limit, rad or m.
         velocity: velocity limit, rad/s or m/s.
         actuated: whether it is actuated.
     """
@@ -77,8 +77,8 @@ class JointDescription(Struct, frozen=True):
     name: str
     type: Literal["revolute", "prismatic"]
     home: float
-    low: float | None
-    high: float | None
+    lower: float | None
+    upper: float | None
     velocity: float | None
     actuated: bool
 

@@ -76,7 +76,7 @@ class ReadingsHeader(Struct, frozen=True):
 
 
 class PartialReading(NamedTuple):
-    """What a line reports; None for what it does not.
+    """Content of a line; None for what it leaves out.
 
     Attributes:
         twist: see `Reading`.

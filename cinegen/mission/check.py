@@ -41,7 +41,7 @@ class FindingKind(Enum):
     TYPE_1 = "a type 1 singularity is passed: the end loses a DoF"
     NEAR_TYPE_1 = "a type 1 singularity is near"
     NO_SPEED_LIMIT = "an actuated joint has no velocity limit"
-    UNDRIVEN = "joints may move while all actuated joints are locked"
+    UNCONTROLLED = "joints may move while all actuated joints are locked"
 
     @property
     def serious(self) -> bool:
@@ -117,7 +117,7 @@ def check(trajectory: Trajectory, threshold: float = NEAR, passive_threshold: fl
     """
     mechanism, q = trajectory.mechanism, trajectory.q
     gaps = _of_each(q, lambda one: np.array(mechanism.closure(one)))
-    found = [*_undriven(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_speeds(trajectory)]
+    found = [*_uncontrolled(trajectory), *_open(trajectory, gaps), *_limits(trajectory), *_speeds(trajectory)]
     end, passive = of_end(mechanism), of_passive_joints(mechanism) if mechanism.passive_rank else None
     kinds = (FindingKind.TYPE_1, FindingKind.NEAR_TYPE_1)
     sigma = _singular(trajectory, end, threshold, kinds, found) if end.rank else np.full(len(q), np.inf)
@@ -152,12 +152,12 @@ def _intervals(inside: Mask, outside: Mask | None = None) -> Iterator[slice]:
 # --- loops and limits ------------------------------------------------------------------------------------------------
 
 
-def _undriven(trajectory: Trajectory) -> Iterator[Finding]:
+def _uncontrolled(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
     count = len(mechanism.passive_columns) - mechanism.passive_rank
     if count:
         message = f"the actuated joints leave {count} DoF of {trajectory.name} uncontrolled"
-        yield _finding(trajectory, FindingKind.UNDRIVEN, 0.0, message, trajectory.q[0])
+        yield _finding(trajectory, FindingKind.UNCONTROLLED, 0.0, message, trajectory.q[0])
 
 
 def _open(trajectory: Trajectory, gaps: Array) -> Iterator[Finding]:

@@ -30,7 +30,7 @@ VERSION: Literal[3] = 3
 
 
 class MissionError(CinegenError):
-    """A mission can't be recorded, read or exported. The message says where or when."""
+    """A mission can't be recorded, read or exported. The message contains the line or the time."""
 
 
 class RecordedTask(Struct, frozen=True, forbid_unknown_fields=True):

@@ -32,7 +32,7 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "loop_rows": sum(loop.rows for loop in mechanism.loops),
         "loop_rank": mechanism.loop_rank,
         "mobility": mechanism.mobility,
-        "undriven": len(mechanism.passive_columns) - mechanism.passive_rank,
+        "uncontrolled_dof": len(mechanism.passive_columns) - mechanism.passive_rank,
         "actuated": list(mechanism.actuated),
         "characteristic_length": mechanism.length,
         "gap_as_written": mechanism.gap_as_written,
@@ -51,7 +51,7 @@ def describe_loop(loop: LoopConstraint) -> dict[str, str]:
 def describe_joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
     """Return a joint's name, type, home, limits (None where there are none; rad, m, s), and whether it is actuated."""
     limits = mechanism.limits[joint]
-    bounds = {"low": limits.lower, "high": limits.upper, "velocity": limits.velocity}
+    bounds = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity}
     return {
         "name": joint,
         "type": "prismatic" if mechanism.is_prismatic(joint) else "revolute",

@@ -77,7 +77,7 @@ class SharedChannel:
 
     @property
     def stopped(self) -> bool:
-        """Whether the loop is to end."""
+        """True when the loop must end."""
         return bool(self._flags[0])
 
     @stopped.setter

@@ -209,7 +209,7 @@ class Clock:
 
     @property
     def running(self) -> bool:
-        """Whether a loop is running."""
+        """True while a loop is running."""
         return self._looping or (self._worker is not None and not self._worker.ended())
 
     @property

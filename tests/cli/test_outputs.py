@@ -10,6 +10,7 @@ import os
 import stat
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from PIL import Image
 import cinegen.cli
 import raff2urdf.cli
 import raff2urdf.urdf2raff.cli
-from cinegen.cockpit.film import FilmError, _output
+from cinegen.cockpit.film import FilmError, _encoded, _write
 from cinegen.devices import Reading, ReadingRecorder, RecordError
 from cinegen.devices.replay import load_readings
 from cinegen.mission import MissionRecorder, Recording, RobotSample
@@ -311,11 +312,10 @@ def test_the_files_of_a_sweep(fifo, tmp_path):
 
 
 def _filmed(path):
-    picture = io.BytesIO()
-    Image.new("RGB", (64, 48), "red").save(picture, "PNG")
-    with _output(path, imageio_ffmpeg.get_ffmpeg_exe() if path.suffix else "") as put:
-        for _ in range(5):
-            put(picture.getvalue())
+    with tempfile.TemporaryDirectory() as folder:
+        for number in range(1, 6):
+            Image.new("RGB", (64, 48), "red").save(Path(folder, f"{number:05d}.png"))
+        _write(path, _encoded(Path(folder), path, imageio_ffmpeg.get_ffmpeg_exe()))
 
 
 def test_a_film_follows_links_and_keeps_devices(device, tmp_path):

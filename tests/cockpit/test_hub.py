@@ -17,7 +17,7 @@ from cinegen.session.state import Settings
 KNOWN = KnownNames({"delta": {"base", "link5"}}, {"delta": {"joint1"}})
 START = {"type": "start_drag", "robot": "delta", "node": "link5", "point": [0, 0, 0]}
 MOVE = {"type": "move_drag", "position": [0, 0, 0]}
-HELLO = HelloMessage(PROTOCOL, 1, "", (), (), (), (), (), None, None)
+HELLO = HelloMessage(PROTOCOL, 1, "", (), (), (), (), (), None, (), None)
 REPORT = ReportMessage(
     {}, (), (), Settings(100.0, 0.05, 0.1, 0.5, "world"), 0, 0, False, None, None, None, TickRate(1000.0, 0.1), 1
 )

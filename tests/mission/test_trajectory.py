@@ -493,7 +493,7 @@ def test_motors_in_excess_and_motors_that_are_missing(robot, raff, root, tmp_pat
     motion = resampled(record(tmp_path / "run.jsonl", mechanism, times, q), rate=200.0)
     findings = check(motion)
     assert not findings.serious
-    assert (FindingKind.UNDRIVEN in _kinds(findings)) == noted
+    assert (FindingKind.UNCONTROLLED in _kinds(findings)) == noted
     exact = np.array([motion.q[min(round(200 * time), len(motion.q) - 1)] for time in motion.passes[:, 0]])
     assert exact == pytest.approx(q, abs=1e-2)
     assert motion.q[[0, -1]] == pytest.approx(q[[0, -1]], abs=1e-12)

@@ -163,8 +163,8 @@ export interface JointDescription {
   name: string;
   type: "prismatic" | "revolute";
   home: number;
-  low: number | null;
-  high: number | null;
+  lower: number | null;
+  upper: number | null;
   velocity: number | null;
   actuated: boolean;
 }

@@ -17,7 +17,7 @@ const WIDE = { revolute: Math.PI, prismatic: 0.5 }; // to each side of home, whe
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 /** @typedef {import("../base/messages").JointDescription} Joint */
 /**
- * @typedef {{ robot: KnownRobot, joint: Joint, low: number, high: number, key: string, element: HTMLElement,
+ * @typedef {{ robot: KnownRobot, joint: Joint, lower: number, upper: number, key: string, element: HTMLElement,
  *   pressed: boolean, range: HTMLInputElement, number: HTMLInputElement, mark: HTMLElement, text: HTMLElement }} Row
  */
 
@@ -74,8 +74,8 @@ export class Joints {
     const row = {
       robot,
       joint,
-      low: joint.low ?? home - wide,
-      high: joint.high ?? home + wide,
+      lower: joint.lower ?? home - wide,
+      upper: joint.upper ?? home + wide,
       key: `${robot.name}/${joint.name}`,
       element: make("div"),
       pressed: false,
@@ -85,8 +85,8 @@ export class Joints {
       text: make("span", { class: "number" }),
     };
     const limits =
-      Number.isFinite(joint.low) || Number.isFinite(joint.high)
-        ? `${units.joint(joint, row.low)} to ${units.joint(joint, row.high)}`
+      Number.isFinite(joint.lower) || Number.isFinite(joint.upper)
+        ? `${units.joint(joint, row.lower)} to ${units.joint(joint, row.upper)}`
         : "no limits";
     const name = make("span", { class: "name", title: `${joint.name}: ${joint.type}, ${limits}` }, joint.name);
     row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
@@ -116,7 +116,7 @@ export class Joints {
    */
   #actuated(row, name, limits) {
     const { robot, joint } = row;
-    const [min, max] = [row.low, row.high].map((value) => units.shown(joint, value));
+    const [min, max] = [row.lower, row.upper].map((value) => units.shown(joint, value));
     const label = `${joint.name} of ${robot.name}`;
     const title = `${limits}. Drag it, or use the arrow keys`;
     row.range = make("input", { type: "range", min, max, step: (max - min) / 1000, "aria-label": label, title });
@@ -204,7 +204,7 @@ export class Joints {
     const { joint } = row;
     const text = fixed(units.shown(joint, value), units.digits(joint));
     if (!joint.actuated) {
-      const share = Math.min(1, Math.max(0, (value - row.low) / (row.high - row.low || 1)));
+      const share = Math.min(1, Math.max(0, (value - row.lower) / (row.upper - row.lower || 1)));
       row.mark.style.left = `${(100 * share).toFixed(1)}%`;
       write(row.text, units.joint(joint, value));
       return;
