@@ -346,17 +346,15 @@ def test_a_film_through_a_fifo_is_whole(fifo, tmp_path):
 
 def test_a_film_that_fails_leaves_what_was_there(tmp_path):
     (tmp_path / "film.mp4").write_bytes(b"older")
-    with (
-        pytest.raises(FilmError, match="can't write it"),
-        _output(tmp_path / "film.mp4", imageio_ffmpeg.get_ffmpeg_exe()) as put,
-    ):
-        put(b"no picture")
+    (frames := tmp_path / "frames").mkdir()
+    (frames / "00001.png").write_bytes(b"no picture")
+    with pytest.raises(FilmError, match="can't write it"):
+        _write(tmp_path / "film.mp4", _encoded(frames, tmp_path / "film.mp4", imageio_ffmpeg.get_ffmpeg_exe()))
     assert (tmp_path / "film.mp4").read_bytes() == b"older"
-    assert [path.name for path in tmp_path.iterdir()] == ["film.mp4"]
 
 
 def test_frames_where_a_file_stands_are_an_error(tmp_path):
     (tmp_path / "taken").write_bytes(b"mine")
     with pytest.raises(FilmError, match="can't be written"):
-        _filmed(tmp_path / "taken")
+        _write(tmp_path / "taken" / "00001.png", b"frame")
     assert (tmp_path / "taken").read_bytes() == b"mine"
