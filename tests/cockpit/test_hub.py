@@ -19,8 +19,9 @@ START = {"type": "start_drag", "robot": "delta", "node": "link5", "point": [0, 0
 MOVE = {"type": "move_drag", "position": [0, 0, 0]}
 HELLO = HelloMessage(PROTOCOL, 1, "", (), (), (), (), (), None, (), None)
 REPORT = ReportMessage(
-    {}, (), (), Settings(100.0, 0.05, 0.1, 0.5, "world"), 0, 0, False, None, None, None, TickRate(1000.0, 0.1), 1
-)
+    robots={}, switches=(), rate=TickRate(1000.0, 0.1), clients=1, sensors=(), undo=0, redo=0, paused=False,
+    settings=Settings(100.0, 0.05, 0.1, 0.5, "world"), moving=None, recording=None, playback=None,
+)  # fmt: skip
 
 
 def state(time=0.0):
