@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-from types import TracebackType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,7 +13,7 @@ _PATIENCE = 1.0  # s until progress is shown
 
 
 class Progress:
-    """A line below a command's output, from its second second on; removed in the end."""
+    """A line below a command's output, shown after one second, and removed at the end."""
 
     def __init__(self) -> None:
         self._begin = time.monotonic()
@@ -24,7 +23,7 @@ class Progress:
     def __enter__(self) -> Progress:
         return self
 
-    def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.stop()
 

@@ -28,7 +28,8 @@ from cinegen.cockpit.messages import (
 from cinegen.devices.kinds import what_is
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
-from cinegen.session import CommandFrame, RobotReport, SessionState, Setup
+from cinegen.session import RobotReport, SessionState, Setup
+from cinegen.session.commands import CommandFrame
 from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
 
 Array = NDArray[np.float64]

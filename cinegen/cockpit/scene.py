@@ -1,4 +1,4 @@
-"""A mechanism drawn into a page: one node of the scene for each node of the mechanism, moved by its placement."""
+"""Draw mechanisms into a page: each node of a mechanism is a node of the scene, moved by its placement."""
 
 from __future__ import annotations
 
@@ -27,24 +27,23 @@ if TYPE_CHECKING:  # trimesh takes its time
 Array = NDArray[np.float64]
 
 _ORIGIN = pin.SE3.Identity()
-_SHOWN = 1.6  # m: the radius of what is shown, whatever its true size, so that every robot fills the view
-_EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # m, y up: where the view is from; far away, so that near parts don't look fat
-_RINGS, _SIDES = 7, 28  # of a capsule's end
-_LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: where a loop is closed
-_TARGET = 0xD55E00  # vermillion: where something should be
-_GOAL = 0x009E73  # bluish green: where a scene's robot is to go
+_SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
+_EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # position of the camera, m, y up; far away, for little perspective distortion
+_LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: closed loops
+_TARGET = 0xD55E00  # vermillion: targets
+_GOAL = 0x009E73  # bluish green: the goal of a scene
 _OBSTACLE = np.array([0.62, 0.55, 0.46, 1.0])  # nothing else is brown
 _WALL = np.array([0.62, 0.55, 0.46, 0.35])  # of obstacles that can't be moved: they must not hide what is behind
 
 
 class RobotScene:
-    """Mechanisms in a page, at a scale that fits them into the view.
+    """Mechanisms in a page, scaled to fill the view.
 
     Args:
-        page: to draw into.
-        mechanisms: by the name they have in the page.
-        bases: base poses of those that are not in the world's origin (m).
-        obstacles: obstacles, by name.
+        page: page to draw into.
+        mechanisms: mechanisms by name.
+        bases: base poses of those that are not at the world's origin (m).
+        obstacles: obstacles by name.
     """
 
     def __init__(
@@ -68,7 +67,7 @@ class RobotScene:
             self.show(name, mechanism.q_home, self.bases[name])
 
     def show(self, name: str, q: ArrayLike, base: pin.SE3 | None = None) -> None:
-        """Moves a mechanism to q (nq,), and what it stands on if that is given."""
+        """Move a mechanism to q (nq,), and its base if it is given."""
         mechanism = self.mechanisms[name]
         model, data = mechanism.model, mechanism.system.data
         if base is not None:
@@ -83,7 +82,7 @@ class RobotScene:
         self._root[name].set_transform(pose.homogeneous)
 
     def target(self, name: str, label: str, placement: pin.SE3) -> None:
-        """Shows where something should be as a triad; drawn when first shown, then moved."""
+        """Show a target as a triad; further calls move it."""
         path = f"{name}/targets/{label}"
         size = 0.12 * self.mechanisms[name].length
         if path not in self._targets:
@@ -94,7 +93,7 @@ class RobotScene:
         self._root[path].set_transform(placement.homogeneous)
 
     def goal(self, name: str, placement: pin.SE3, whole: bool) -> None:
-        """Shows where a node of a mechanism is to go: as a ball, or as a triad too where its turn counts."""
+        """Show the goal of a node as a ball; `whole`: with a triad, for its orientation."""
         path = f"{name}/goal"
         size = 0.02 * self._radius
         if whole:
@@ -168,7 +167,7 @@ def _geometry(obstacle: DrawnObstacle) -> list[pin.GeometryObject]:
 
 
 def _extent(mechanism: Mechanism) -> Iterator[Array]:
-    """Yield points (n, 3) that reach as far as the mechanism does at home: its nodes, and the corners of its meshes."""
+    """Yield points (n, 3) that bound a mechanism at home: its nodes, and the corners of its meshes."""
     placements = [mechanism.placement(mechanism.q_home, node) for node in mechanism.nodes]
     yield np.array([placement.translation for placement in placements])
     frames = {mechanism.frame_id(node): one for node, one in zip(mechanism.nodes, placements, strict=True)}
@@ -180,7 +179,7 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
 
 
 def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
-    """Of any four numbers, as a URDF may have them."""
+    """Return a material; any four numbers are valid, as in a URDF."""
     red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
     colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
     return shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
@@ -188,7 +187,7 @@ def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
 
 @cache
 def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
-    """The surfaces of a file in its own colours; none if they can't be read so. (A robot often shows a part twice.)"""
+    """Return the surfaces of a file in its own colours; none if they can't be read. (Robots often use a file twice.)"""
     from raff2urdf.graphics import scene
 
     with suppress(Exception):  # every reader has errors of its own
@@ -197,7 +196,7 @@ def _surfaces(path: Path) -> tuple[ColouredSurface, ...]:
 
 
 def _is_coloured(path: Path) -> bool:
-    """Whether a file has colours of its own."""
+    """Return whether a file has colours of its own."""
     if path.suffix.lower() == ".obj":
         text = path.read_text(encoding="utf-8", errors="replace")
         named = re.search(r"^mtllib[ \t]+(.+?)[ \t\r]*$", text, flags=re.MULTILINE)
@@ -206,14 +205,14 @@ def _is_coloured(path: Path) -> bool:
 
 
 def _is_file(solid: pin.GeometryObject) -> bool:
-    """Whether a shape is a mesh; of others, Pinocchio says their kind where meshes have their path."""
+    """Return whether a shape is a mesh of a file; the path of others is their kind."""
     return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
 
 
 def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
-    """A Pinocchio shape as meshcat's: geometry, material, and what turns and scales the one into the other.
+    """Yield a Pinocchio shape as meshcat's geometry, material, and the transform (4, 4) between them.
 
-    Nothing if it is unknown; several if a mesh has several colours.
+    Nothing for unknown shapes; several for a mesh with several colours.
     """
     geometry, extra, material = solid.geometry, np.eye(4), _material(solid.meshColor)
     if _is_file(solid):
@@ -236,36 +235,28 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
     elif isinstance(geometry, coal.Convex):
         yield shape.TriangularMeshGeometry(*_triangles(geometry)), material, extra
     elif isinstance(geometry, coal.Capsule):
-        yield _lathed(geometry), material, extra
+        yield _capsule(geometry), material, extra
     elif isinstance(geometry, coal.Cylinder):
-        extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders stand along y
+        extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders are along y
         yield shape.Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra
 
 
 def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:
-    """Corners (n, 3) and triangles (m, 3), each corner once for every triangle: edges are sharp."""
+    """Return corners (n, 3) and triangles (m, 3); triangles share no corners, so edges are drawn sharp."""
     points = np.array(hull.points())
     faces = np.array([[face[0], face[1], face[2]] for face in map(hull.polygons, range(hull.num_polygons))], dtype=int)
     return points[faces.ravel()], np.arange(faces.size, dtype=np.uint32).reshape(-1, 3)
 
 
-def _lathed(capsule: coal.Capsule) -> Any:
-    """A capsule as triangles: rings about z, from the lower end to the upper."""
-    half, radius = float(capsule.halfLength), float(capsule.radius)
-    rise = np.linspace(-np.pi / 2.0, np.pi / 2.0, 2 * _RINGS)  # the middle is between two of them
-    around = np.linspace(0.0, 2.0 * np.pi, _SIDES, endpoint=False)
-    across, height = radius * np.cos(rise), radius * np.sin(rise) + np.sign(rise) * half
-    points = np.stack(
-        [np.outer(across, np.cos(around)), np.outer(across, np.sin(around)), np.outer(height, np.ones(_SIDES))], axis=-1
-    )
-    corner = np.arange(2 * _RINGS * _SIDES, dtype=np.uint32).reshape(2 * _RINGS, _SIDES)
-    low, high = corner[:-1], corner[1:]
-    faces = [(low, np.roll(low, -1, 1), np.roll(high, -1, 1)), (low, np.roll(high, -1, 1), high)]
-    triangles = np.concatenate([np.stack(face, axis=-1).reshape(-1, 3) for face in faces])
-    return shape.TriangularMeshGeometry(points.reshape(-1, 3), triangles)
+def _capsule(capsule: coal.Capsule) -> Any:
+    import trimesh
+
+    mesh = trimesh.creation.capsule(2.0 * float(capsule.halfLength), float(capsule.radius), count=[32, 16])
+    points = np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0)  # some versions of trimesh begin at the origin
+    return shape.TriangularMeshGeometry(points, np.asarray(mesh.faces))
 
 
 def make_page(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, RobotScene]:
-    """A page that shows mechanisms at home, by the names they have in it."""
+    """Return a page that shows mechanisms at home, by name, and the scene in it."""
     page = Page(", ".join(mechanisms))
     return page, RobotScene(page, mechanisms)

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.cockpit.messages import ArrayDescription, MapCell, MapDescription
-from cinegen.session import Cloud, MapOverlay, ShownMap
+from cinegen.session.cloud import Cloud, ShownMap
+from cinegen.session.setup import MapOverlay
 from cinegen.typed_json import encode
 
 

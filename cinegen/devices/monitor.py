@@ -152,7 +152,7 @@ def _record(sensor: Sensor, write: Write, seconds: float | None) -> None:
 
 def _show(sensor: Sensor, write: Write, seconds: float | None, rewrite: bool) -> None:
     shown, last, fresh = 0.0, Reading(0.0), False
-    message, rate = "", _Rate()
+    message, packets = "", [0] * (1 + round(1.0 / _SHOWN))  # at the lines of the last second
     pressed: list[int] = []
     for reading in _readings(sensor, seconds):
         if reading is not None:
@@ -165,7 +165,8 @@ def _show(sensor: Sensor, write: Write, seconds: float | None, rewrite: bool) ->
         if now - shown < _SHOWN or status.state not in (SensorState.LIVE, SensorState.SILENT):
             continue
         shown = now
-        text = _line(last, pressed, status, rate.of(status.packets, now))
+        packets = [*packets[1:], status.packets]
+        text = _line(last, pressed, status, packets[-1] - packets[0])
         if rewrite:
             write(_CLEAR + text)
         elif fresh:
@@ -182,20 +183,7 @@ def _readings(sensor: Sensor, seconds: float | None) -> Iterable[Reading | None]
         time.sleep(_POLL)
 
 
-class _Rate:
-    """Packets per second, over the last second or so."""
-
-    def __init__(self) -> None:
-        self._before: list[tuple[float, int]] = []
-
-    def of(self, packets: int, now: float) -> float:
-        """Return the rate for the number of packets at the time `now` (s)."""
-        self._before = [(then, count) for then, count in self._before if now - then < 1.0] + [(now, packets)]
-        then, count = self._before[0]
-        return (packets - count) / (now - then) if now > then else 0.0
-
-
-def _line(last: Reading, pressed: Iterable[int], status: SensorStatus, rate: float) -> str:
+def _line(last: Reading, pressed: Iterable[int], status: SensorStatus, rate: int) -> str:
     parts = []
     if last.target is not None:
         parts.append("at " + " ".join(f"{value:+.3f}" for value in last.target.translation) + " m")
@@ -203,7 +191,7 @@ def _line(last: Reading, pressed: Iterable[int], status: SensorStatus, rate: flo
         parts += [f"{name} {bar(value)}" for name, value in zip(_AXES, last.twist or NO_TWIST, strict=True)]
     down = sorted(last.buttons | set(pressed))
     parts.append(f"buttons {' '.join(map(str, down)) or '-'}")
-    parts.append(f"{rate:3.0f}/s")
+    parts.append(f"{rate:3d}/s")
     if status.state is SensorState.SILENT:
         parts.append("silent")
     if status.damaged:

@@ -135,6 +135,10 @@ def _finding(
     return Finding(kind, float(time), trajectory.recorded(time), message, q.copy(), sigma)
 
 
+def _at(trajectory: Trajectory, kind: FindingKind, sample: int, message: str) -> Finding:
+    return _finding(trajectory, kind, trajectory.times[sample], message, trajectory.q[sample])
+
+
 def _intervals(inside: Mask, outside: Mask | None = None) -> Iterator[slice]:
     """Iterate over the intervals of samples in which a condition holds, until it has clearly ended."""
     ended = ~inside if outside is None else outside
@@ -157,13 +161,13 @@ def _uncontrolled(trajectory: Trajectory) -> Iterator[Finding]:
     count = len(mechanism.passive_columns) - mechanism.passive_rank
     if count:
         message = f"the actuated joints leave {count} DoF of {trajectory.name} uncontrolled"
-        yield _finding(trajectory, FindingKind.UNCONTROLLED, 0.0, message, trajectory.q[0])
+        yield _at(trajectory, FindingKind.UNCONTROLLED, 0, message)
 
 
 def _open(trajectory: Trajectory, gaps: Array) -> Iterator[Finding]:
     for part in _intervals(~(gaps <= CLOSURE)):
         message = f"the loops are open by {gaps[part].max():.2g} (rad or lengths)"
-        yield _finding(trajectory, FindingKind.OPEN, trajectory.times[part.start], message, trajectory.q[part.start])
+        yield _at(trajectory, FindingKind.OPEN, part.start, message)
 
 
 def _unit(mechanism: Mechanism, joint: str) -> str:
@@ -181,9 +185,7 @@ def _limits(trajectory: Trajectory) -> Iterator[Finding]:
             for part in _intervals(beyond > spare):
                 unit = _unit(mechanism, joint)
                 message = f"{joint} is {beyond[part].max():.3g} {unit} beyond its {word} limit of {bound:.5g} {unit}"
-                yield _finding(
-                    trajectory, FindingKind.LIMIT, trajectory.times[part.start], message, trajectory.q[part.start]
-                )
+                yield _at(trajectory, FindingKind.LIMIT, part.start, message)
 
 
 def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
@@ -196,7 +198,7 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
         speed, unit = steps[:, mechanism.q_index(joint)], f"{_unit(mechanism, joint)}/s"
         for part in _intervals(~(speed <= limit * (1.0 + _SPEED))):
             message = f"{joint} moves at {speed[part].max():.4g} {unit}, its limit is {limit:.4g} {unit}"
-            yield _finding(trajectory, FindingKind.SPEED, times[part.start], message, trajectory.q[part.start])
+            yield _at(trajectory, FindingKind.SPEED, part.start, message)
         if joint in mechanism.actuated and not np.isfinite(limit):
             unlimited.append((float(speed.max() / mechanism.scale[mechanism.v_index(joint)]), joint))
     if unlimited:
@@ -204,7 +206,7 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
         speed = steps[:, mechanism.q_index(joint)]
         k = int(speed.argmax())
         message = f"{joint}, which has no velocity limit, moves at {speed[k]:.3g} {_unit(mechanism, joint)}/s"
-        yield _finding(trajectory, FindingKind.NO_SPEED_LIMIT, times[k], message, trajectory.q[k])
+        yield _at(trajectory, FindingKind.NO_SPEED_LIMIT, k, message)
 
 
 # --- singularities ---------------------------------------------------------------------------------------------------

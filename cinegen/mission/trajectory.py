@@ -17,7 +17,6 @@ from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
-_STILL = 1e-6  # rad or lengths: a smaller motion counts as rest
 _ROUNDING = 1e-9
 _AIM = 0.999  # fraction of a limit to which fast steps are slowed
 _ROUNDS = 60
@@ -77,9 +76,7 @@ class Trajectory:
         return float(np.interp(time, self.passes[:, 0], self.passes[:, 1]))
 
 
-def resampled(
-    recording: Recording, robot: str | None = None, rate: float = 125.0, speed: float = 1.0, trim: bool = False
-) -> Trajectory:
+def resampled(recording: Recording, robot: str | None = None, rate: float = 125.0, speed: float = 1.0) -> Trajectory:
     """Return a robot's recorded motion as a trajectory.
 
     The actuated joints pass all recorded positions on a smooth curve without overshoot; the other joints follow on the
@@ -90,7 +87,6 @@ def resampled(
         robot: name of the robot in the recording; the only one unless given.
         rate: samples per second, 0.1 to 1e5.
         speed: speed relative to the recording, 0.01 to 100, as far as limits allow.
-        trim: leave out rest at the start and the end.
 
     Raises:
         MissionError: the recording is empty, has several robots of which none is named, a floating base, open loops, or
@@ -108,8 +104,7 @@ def resampled(
         what = "its base is floating" if mechanism.floating else "it has joints of more than one number"
         raise MissionError(f"{name} can't be exported: {what}, which a joint trajectory does not contain")
     branch = Branch(mechanism)
-    kept = _kept(branch, recording.q[name], trim)
-    times, knots = recording.times[kept], recording.q[name][kept].copy()
+    times, knots = recording.times, recording.q[name].copy()
     for i, q in enumerate(knots):
         try:
             knots[i] = branch.closed(q)
@@ -131,15 +126,6 @@ def _chosen(recording: Recording, robot: str | None) -> str:
     if name not in recording.robots:
         raise UnknownNameError("robot", name, recording.robots)
     return name
-
-
-def _kept(branch: Branch, q: Array, trim: bool) -> slice:
-    """Return which of the recorded samples (count, nq) are used."""
-    if not trim:
-        return slice(None)
-    first = next((i for i in range(1, len(q)) if branch.far(q[0], q[i]) > _STILL), len(q)) - 1
-    last = next((i for i in range(len(q) - 1, first, -1) if branch.far(q[-1], q[i - 1]) > _STILL), first)
-    return slice(first, last + 1)
 
 
 def _timed(

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 LOW = 1e-7  # s: upper end of the first bin of a histogram; the clock itself resolves no less
 PER_DECADE = 64  # bins, each 3.7 % wide
 BINS = 2 + 9 * PER_DECADE  # the first one, then up to 100 s; longer times share the last
@@ -100,14 +102,11 @@ class Histogram:
 
     def quantile(self, fraction: float) -> float:
         """Return the upper end of the bin of a quantile, s; NaN if the histogram is empty."""
-        counts = self._counts.tolist()
-        rank = max(1, math.ceil(fraction * sum(counts) - 1e-9))
-        seen = 0
-        for i, count in enumerate(counts):
-            seen += count
-            if seen >= rank:
-                return LOW * math.pow(10.0, i / PER_DECADE) if i < BINS - 1 else math.inf
-        return math.nan
+        seen = np.cumsum(self._counts)
+        if not seen[-1]:
+            return math.nan
+        i = int(np.searchsorted(seen, max(1, math.ceil(fraction * int(seen[-1]) - 1e-9))))
+        return LOW * math.pow(10.0, i / PER_DECADE) if i < BINS - 1 else math.inf
 
 
 # Indices of the numbers that are kept.

@@ -7,7 +7,6 @@ import multiprocessing
 import multiprocessing.connection
 import warnings
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 from cinegen.errors import CinegenError, CinegenWarning
@@ -86,9 +85,7 @@ class SessionRunner:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.stop()
 
 

@@ -9,7 +9,7 @@ import trimesh
 
 from cinegen.cockpit import Page, draw, title_of
 from cinegen.cockpit.build_messages import NodePoses, hello_message, state_message
-from cinegen.cockpit.scene import _lathed, _triangles
+from cinegen.cockpit.scene import _capsule, _triangles
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.convex_hull import hull
 from cinegen.session import Session, scene_setup
@@ -26,7 +26,7 @@ def setup(robot):
 
 @pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
 def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
-    drawn = _lathed(coal.Capsule(radius, length))
+    drawn = _capsule(coal.Capsule(radius, length))
     points = np.array(drawn.vertices)
     beyond = points - np.stack([0.0 * points[:, 0], 0.0 * points[:, 1], points[:, 2].clip(-length / 2, length / 2)], 1)
     assert np.linalg.norm(beyond, axis=1) == pytest.approx(radius)

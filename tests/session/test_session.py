@@ -9,7 +9,8 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-from cinegen.session import BasePose, Session, Setup, arrange
+from cinegen.mission import BasePose
+from cinegen.session import Session, Setup, arrange
 from cinegen.session import commands as c
 
 DT = 1e-3

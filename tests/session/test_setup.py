@@ -8,7 +8,9 @@ import pytest
 
 import cinegen
 from cinegen.errors import UnknownNameError
-from cinegen.session import BasePose, Setup, SetupError, arrange, parse_base_pose
+from cinegen.mission import BasePose
+from cinegen.session import Setup, SetupError, arrange
+from cinegen.session.setup import parse_base_pose
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
