@@ -10,6 +10,7 @@ import pickle
 import struct
 import threading
 import zlib
+from itertools import accumulate
 from typing import Any, Protocol
 
 from cinegen.errors import CinegenError
@@ -61,13 +62,11 @@ class SharedChannel:
     def _map(self, period: float, memory: Any) -> None:
         self._period, self._memory = period, memory
         whole = memoryview(memory).cast("B")
-        self._flags = whole[:8]
-        parts = [whole[8 : 8 + TimingRecord.SIZE]]
-        parts += [
-            whole[end : end + Mailbox.SIZE] for end in (8 + TimingRecord.SIZE, 8 + TimingRecord.SIZE + Mailbox.SIZE)
-        ]
-        self.record = TimingRecord(period, parts[0])
-        self._command, self._state = Mailbox(parts[1]), Mailbox(parts[2])
+        sizes = 8, TimingRecord.SIZE, Mailbox.SIZE, Mailbox.SIZE
+        parts = (whole[end - size : end] for size, end in zip(sizes, accumulate(sizes), strict=True))
+        self._flags, record, command, state = parts
+        self.record = TimingRecord(period, record)
+        self._command, self._state = Mailbox(command), Mailbox(state)
 
     def __getstate__(self) -> tuple[float, Any]:
         return self._period, self._memory

@@ -72,12 +72,12 @@ class LoopThread(LoopWorker):
         self._thread.start()
 
     def _run(self, serve: Callable[[], None]) -> None:
+        error: BaseException | None = None
         try:
             serve()
-        except BaseException as error:
-            self._end(error)
-        else:
-            self._end(None)
+        except BaseException as caught:
+            error = caught
+        self._end(error)
 
     def inside(self) -> bool:
         """Return whether the caller is that thread."""
@@ -127,12 +127,9 @@ class LoopProcess(LoopWorker):
             begun, answer = self._answers.recv()
         except (EOFError, OSError):
             self._process.join()
-            begun, answer = (
-                False,
-                ClockError(
-                    f"a clock's process ended with exit code {self._process.exitcode}; its output may show why. "
-                    "The new process imports the main program again: guard it by: if __name__ == '__main__'"
-                ),
+            return False, ClockError(
+                f"a clock's process ended with exit code {self._process.exitcode}; its output may show why. "
+                "The new process imports the main program again: guard it by: if __name__ == '__main__'"
             )
         return bool(begun), answer
 

@@ -92,6 +92,7 @@ class SessionSensors:
             if owner == robot and name is not None and scheme(self._sensors[name].url) in _SCRIPTS:
                 self._disconnect(owner, node)
                 self.selected[owner, node] = None
+                self._sensors[name].close()
 
     def put_gamepad(self, twist: Twist, buttons: frozenset[int]) -> None:
         """Give the state of a browser's gamepad to the sensors that stand for it."""

@@ -73,7 +73,7 @@ function fill(menu, aids) {
     {
       class: "small",
       id: "bodies",
-      title: "Parts, or lines between the joints where pictures take long",
+      title: "Parts, or lines between the joints, which are drawn faster",
       on: { change: () => aids.draw(select.value) },
     },
     ...BODIES.map((body) => make("option", { value: body }, DRAWN[body])),

@@ -43,7 +43,7 @@ export class Skeleton {
       if (this.#offered || this.#on) return;
       this.#offered = true;
       const action = { label: "Draw skeletons", run: () => aids.draw("skeleton") };
-      session.emit("notice", { text: "Pictures take long here.", action });
+      session.emit("notice", { text: "Drawing is slow here.", action });
     });
     view.before((drawn) => {
       if (drawn && this.#on) this.#hide();
