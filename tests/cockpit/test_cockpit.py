@@ -96,7 +96,8 @@ def test_hello_says_who_is_there(cockpit):
     joints = {node["joint"] for node in robot["nodes"]}
     assert set(mechanism.joints) <= joints
     assert [loop["name"] for loop in robot["loops"]] == [loop.name for loop in mechanism.loops]
-    assert hello["switches"] == [{"robot": "delta4", "node": "platform", "choices": [None, "1", "path", "gamepad"], "first": "path"}]
+    choices = [None, "1", "path", "gamepad"]
+    assert hello["switches"] == [{"robot": "delta4", "node": "platform", "choices": choices, "first": "path"}]
 
 
 @pytest.mark.parametrize(
