@@ -106,7 +106,8 @@ def kind_of(info: mi.Type) -> str:
 def plural(kind: str) -> str:
     """Return the plural of a type."""
     noun, space, rest = kind.partition(" ")
-    return noun + ("" if noun in ("list", "object") else "s") + space + rest
+    ending = "" if noun in ("list", "object") else "es" if noun.endswith(("s", "ch")) else "s"
+    return noun + ending + space + rest
 
 
 def types() -> str:
