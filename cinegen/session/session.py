@@ -7,9 +7,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
@@ -70,14 +68,6 @@ class Session:
             self._player.set_speed(setup.playback_speed)
             if not setup.stops:
                 self._player.play()
-        self._handlers: dict[type[c.Command], Callable[[Any], None]] = {
-            c.StartDrag: self._start_drag, c.MoveDrag: self._move_drag, c.EndDrag: self._end_drag, c.Pin: self._pin,
-            c.RemoveTask: self._remove_task, c.ChangeTask: self._change_task, c.MoveJoint: self._move_joint,
-            c.EndJointMotion: self._end_joint_motion, c.MoveHome: self._move_home, c.MoveTo: self._move_to,
-            c.Undo: self._undo, c.Redo: self._redo, c.Pause: self._pause, c.SelectSensor: self._select_sensor,
-            c.ChangeSettings: self._change_settings, c.SetView: self._set_view, c.SetRecording: self._set_recording,
-            c.GamepadInput: self._gamepad, c.ControlPlayback: self._control_playback,
-        }  # fmt: skip
         for name, robot in self.robots.items():
             robot.set_base(setup.base(name).placement)
         self._carry()
@@ -106,14 +96,14 @@ class Session:
     # --- in ------------------------------------------------------------------------------------------------------
 
     def obey(self, command: c.Command) -> None:
-        """Carry out a command as far as possible; otherwise a notice gives the reason."""
+        """Carry out a command (by the method of its `type`) as far as possible; otherwise a notice gives the reason."""
         self._answered += 1
         if (self._player is not None) != isinstance(command, c.ControlPlayback) and not isinstance(command, c.SetView):
             if self._player is not None:
                 self._notice("a recording is being replayed: it can't be driven", warning=True)
             return
         try:
-            self._handlers[type(command)](command)
+            getattr(self, f"_{command.__struct_config__.tag}")(command)
         except CinegenError as error:
             self._notice(str(error), warning=True)
 
@@ -307,7 +297,7 @@ class Session:
             if command.damping is not None:
                 robot.solver.damping_threshold = command.damping
 
-    def _gamepad(self, command: c.GamepadInput) -> None:
+    def _gamepad_input(self, command: c.GamepadInput) -> None:
         self.sensors.put_gamepad(command.twist, command.buttons)
 
     # --- recordings ----------------------------------------------------------------------------------------------
