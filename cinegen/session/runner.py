@@ -6,6 +6,7 @@ import contextlib
 import multiprocessing
 import multiprocessing.connection
 import warnings
+from collections import deque
 from collections.abc import Callable
 from typing import Self
 
@@ -45,18 +46,20 @@ class SessionRunner:
     def __init__(self, setup: Setup, own_process: bool = True) -> None:
         self.setup = setup
         self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
-        inbox, self._outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
         if own_process:
+            inbox, outbox = multiprocessing.get_context("spawn").Pipe(duplex=False)
             self._clock.spawn(_in_process, setup, inbox)
             inbox.close()
+            self._send: Callable[[Command | _End], None] = outbox.send
         else:
-            self._clock.start(_ticks(Session(setup), inbox))
+            commands: deque[Command | _End] = deque()
+            self._send = commands.append
+            self._clock.start(_ticks(Session(setup), lambda: commands.popleft() if commands else None))
 
     def send(self, command: Command | _End) -> None:
         """Send a command. Commands are carried out in their order, before the next tick."""
-        if self._clock.running:  # otherwise `state` raises the reason
-            with contextlib.suppress(OSError):
-                self._outbox.send(command)
+        with contextlib.suppress(OSError):  # the process has ended: `state` raises the reason
+            self._send(command)
 
     @property
     def state(self) -> SessionState | None:
@@ -89,14 +92,23 @@ class SessionRunner:
         self.stop()
 
 
-def _in_process(setup: Setup, inbox: multiprocessing.connection.Connection) -> Callable[[Tick], SessionState | None]:
+def _in_process(
+    setup: Setup, connection: multiprocessing.connection.Connection
+) -> Callable[[Tick], SessionState | None]:
+    def take() -> Command | _End | None:
+        try:
+            command: Command | _End | None = connection.recv() if connection.poll() else None
+        except (EOFError, OSError):  # the other process has ended; the clock ends this one
+            return None
+        return command
+
     with warnings.catch_warnings():  # issued when the setup was made
         warnings.simplefilter("ignore", CinegenWarning)
         session = Session(setup)
-    return _ticks(session, inbox)
+    return _ticks(session, take)
 
 
-def _ticks(session: Session, inbox: multiprocessing.connection.Connection) -> Callable[[Tick], SessionState | None]:
+def _ticks(session: Session, take: Callable[[], Command | _End | None]) -> Callable[[Tick], SessionState | None]:
     """Return the function that the clock calls."""
     every = max(1, round(session.setup.rate / FRAMES))
     count = 0
@@ -104,15 +116,11 @@ def _ticks(session: Session, inbox: multiprocessing.connection.Connection) -> Ca
     def tick(tick: Tick) -> SessionState | None:
         nonlocal count
         for _ in range(_MOST):
-            try:
-                if not inbox.poll():
-                    break
-                command: Command | _End = inbox.recv()
-            except (EOFError, OSError):  # the other process has ended; the clock ends this one
+            command = take()
+            if command is None:
                 break
             if isinstance(command, _End):
                 session.close()
-                inbox.close()
                 tick.clock.stop()
                 return None
             session.obey(command)
