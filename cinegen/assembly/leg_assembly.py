@@ -58,12 +58,10 @@ class LegAssembly:
         while left:
             first = min(left, key=lambda loop: (loop != 0, len(needed[loop] - known)))
             columns, loops = needed[first] - known, {first}
-            growing = True
-            while growing and first != 0:  # loops that share unknowns belong together
-                more = {loop for loop in left if needed[loop] & columns}
-                growing = not more <= loops
+            # loops that share unknowns belong together
+            while first != 0 and (more := {loop for loop in left if needed[loop] & columns} - loops):
                 loops |= more
-                columns |= set().union(*(needed[loop] - known for loop in more)) if more else set()
+                columns = columns.union(*(needed[loop] for loop in more)) - known
             if columns:
                 blocks.append((sorted(columns), sorted(loops)))
             known |= columns

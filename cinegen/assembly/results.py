@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, overload
 
@@ -69,9 +69,6 @@ class AssemblyModes(Sequence[Array]):
 
     def __len__(self) -> int:
         return len(self.configurations)
-
-    def __iter__(self) -> Iterator[Array]:
-        return iter(self.configurations)
 
     def __repr__(self) -> str:
         worth = "proved to be all" if self.complete else "not proved to be all"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import root
 from scipy.spatial.transform import Rotation
 
 from cinegen.errors import CinegenError
@@ -15,7 +16,6 @@ Array = NDArray[np.float64]
 
 _NEWTON_STEPS = 12
 _DESCENT_STEPS = 40  # of Levenberg and Marquardt
-_APART = 1e-5  # for a derivative
 _SMALL = 1e-14  # a step without effect, where points are about 1 apart
 
 
@@ -102,7 +102,7 @@ def refine(base: Array, platform: Array, lengths: Array, placements: Array, cuto
 
 def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Array:
     """Return the placement (4, 4) with the least sum of squared length errors that descent from starts (n, 4, 4)
-    reaches: Levenberg and Marquardt's method, then Newton's on the slope."""
+    reaches: Levenberg and Marquardt's method, then Powell's on the slope."""
     here, damping = starts, np.full(len(starts), 1e-3)
     error = leg_lengths(base, platform, here) - lengths
     for _ in range(_DESCENT_STEPS):
@@ -116,17 +116,13 @@ def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Arra
         error = np.where(better[:, None], other, error)
         damping = np.clip(np.where(better, 0.1 * damping, 10.0 * damping), 1e-12, 1e6)
     best = here[[np.argmin((error**2).sum(axis=1))]]
-    slope = _slope(base, platform, lengths, best)[0]
-    for _ in range(_NEWTON_STEPS):
-        around = _moved(np.repeat(best, 12, axis=0), _APART * np.vstack([np.eye(6), -np.eye(6)]))
-        slopes = _slope(base, platform, lengths, around)
-        curvature = (slopes[:6] - slopes[6:]).T / (2.0 * _APART)
-        there = _moved(best, -np.linalg.lstsq(curvature, slope, rcond=None)[0][None])
-        other = _slope(base, platform, lengths, there)[0]
-        if not np.linalg.norm(other) < np.linalg.norm(slope):
-            break
-        best, slope = there, other
-    return np.asarray(best[0])
+
+    def slope(motion: Array) -> Array:
+        return _slope(base, platform, lengths, _moved(best, motion[None]))[0]
+
+    motion = np.asarray(root(slope, np.zeros(6), tol=_SMALL).x)
+    better_still = np.linalg.norm(slope(motion)) < np.linalg.norm(slope(np.zeros(6)))
+    return np.asarray(_moved(best, motion[None])[0] if better_still else best[0])
 
 
 def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> Array:

@@ -101,12 +101,15 @@ class ClosedLoops:
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Return the residual c (rows,) and its exact derivative (rows, nv) by the dimensionless step, at q (nq,)."""
-        residual, jacobian = np.empty(self.rows), np.zeros((self.rows, self.model.nv))
         if self.model.nv == 0:  # Pinocchio would crash
             pin.forwardKinematics(self.model, self.data, q)
         else:
             pin.computeJointJacobians(self.model, self.data, q)
-        row = 0
+        return self.evaluate_placed()
+
+    def evaluate_placed(self) -> tuple[Array, Array]:
+        """Return the same for the placements and the Jacobians of the joints that are in `data`."""
+        residual, jacobian, row = np.empty(self.rows), np.zeros((self.rows, self.model.nv)), 0
         for loop, constraint, data, moving in zip(
             self.loops, self._constraints, self._datas, self._moving, strict=True
         ):

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from cinegen.assembly.linkage import Linkage, ModesError
 from cinegen.model import Mechanism
-from raff2urdf.residual import loop_residual
 
 Array = NDArray[np.float64]
 
@@ -53,56 +52,39 @@ def _balls(mechanism: Mechanism) -> tuple[tuple[str, ...], ...]:
 
 def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     """Return the Jacobians at q (nq,), loops closed."""
-    model, written = mechanism.model, balls(mechanism)
-    placement = mechanism.placement(q, node)
-    local = mechanism.jacobian(q, node) * mechanism.scale
-    of_node = np.vstack([placement.rotation @ local[:3] / mechanism.length, placement.rotation @ local[3:]])
-    loops, joints = counted_loops(mechanism, q), np.eye(model.nv)
-    end = model.frames[mechanism.frame_id(node)].parentJoint
-    for names in written:
-        columns, last, axes, centre = _ball(mechanism, names)
-        moves = last in model.supports[end]
-        for column, axis in zip(columns, np.eye(3), strict=True):
-            linear = np.cross(axis, placement.translation - centre) / mechanism.length
-            of_node[:, column] = np.concatenate([linear, axis]) if moves else 0.0
+    model, frame = mechanism.model, mechanism.frame_id(node)
+    if model.nv == 0:  # Pinocchio would crash
+        return CountedJacobians(np.zeros((0, 0)), np.zeros((6, 0)), np.zeros((0, 0)))
+    written, joints = _count(mechanism, q), np.eye(model.nv)
+    for columns, axes in written:
         joints[np.ix_(columns, columns)] = np.linalg.pinv(axes, rcond=1e-9)
-    return CountedJacobians(loops, of_node, joints)
+    data, aligned = mechanism.system.data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    pin.updateFramePlacement(model, data, frame)
+    of_node = pin.getFrameJacobian(model, data, frame, aligned).reshape(6, -1) * mechanism.scale
+    of_node[:3] /= mechanism.length
+    return CountedJacobians(mechanism.system.evaluate_placed()[1], of_node, joints)
 
 
 def counted_loops(mechanism: Mechanism, q: Array) -> Array:
     """Return the Jacobian (rows, nv) of all loops at q (nq,), dimensionless."""
-    written = balls(mechanism)  # before the loops are evaluated: the first time it evaluates them elsewhere
-    loops = mechanism.system.evaluate(q)[1]
+    _count(mechanism, q)
+    return mechanism.system.evaluate_placed()[1]
+
+
+def _count(mechanism: Mechanism, q: Array) -> list[tuple[list[int], Array]]:
+    """Compute Pinocchio's placements and joint Jacobians at q (nq,), those of ball joints replaced; return of each ball
+    joint the columns, and the axes (3, 3) by columns."""
+    written, model, data, found = balls(mechanism), mechanism.model, mechanism.system.data, []
+    pin.computeJointJacobians(model, data, q)
     for names in written:
-        columns, last, _, centre = _ball(mechanism, names)
-        rotations = [pin.Motion(np.cross(centre, axis), axis) for axis in np.eye(3)]
-        loops[:, columns] = _loop_rates(mechanism, last, rotations)
-    return loops
-
-
-def _ball(mechanism: Mechanism, names: tuple[str, ...]) -> tuple[list[int], int, Array, Array]:
-    """Return, where the loops were evaluated last, a ball joint's columns, the joint that carries what it moves, its
-    axes (3, 3) by columns, and its centre (3,), in the world."""
-    data = mechanism.system.data
-    columns = [mechanism.v_index(name) for name in names]
-    numbers = [mechanism.model.getJointId(name) for name in names]
-    axes = np.column_stack([data.J[3:, column] for column in columns])
-    # the middle axis is never along the others, so that their point is determined
-    across = np.eye(3) - axes.T[:, :, None] * axes.T[:, None, :]
-    points = np.array([data.oMi[joint].translation for joint in numbers])
-    right = (across @ points[:, :, None]).reshape(-1)
-    centre = np.asarray(np.linalg.lstsq(across.reshape(-1, 3), right, rcond=None)[0])
-    return columns, numbers[-1], axes, centre
-
-
-def _loop_rates(mechanism: Mechanism, joint: int, twists: list[pin.Motion]) -> Array:
-    """Return the derivatives (rows, len(twists)) of the loops, dimensionless, when what a joint carries moves with some
-    twists."""
-    model, system = mechanism.model, mechanism.system
-    columns = []
-    for loop, (first, first_placement, second, second_placement) in zip(mechanism.loops, system.anchors, strict=True):
-        one, two = system.data.oMi[first] * first_placement, system.data.oMi[second] * second_placement
-        sign = int(joint in model.supports[second]) - int(joint in model.supports[first])
-        _, derivative = loop_residual(loop.kind, one.actInv(two).homogeneous, mechanism.length)
-        columns.append(sign * derivative @ np.column_stack([one.actInv(twist).vector for twist in twists]))
-    return np.vstack(columns)
+        columns = [mechanism.v_index(name) for name in names]
+        axes = np.array(data.J[3:, columns])
+        # the middle axis is never along the others, so that their point is determined
+        across = np.eye(3) - axes.T[:, :, None] * axes.T[:, None, :]
+        points = np.array([data.oMi[model.getJointId(name)].translation for name in names])
+        right = (across @ points[:, :, None]).reshape(-1)
+        centre = np.linalg.lstsq(across.reshape(-1, 3), right, rcond=None)[0]
+        for column, axis in zip(columns, np.eye(3), strict=True):
+            data.J[:, column] = np.concatenate([np.cross(centre, axis), axis])
+        found.append((columns, axes))
+    return found
