@@ -15,6 +15,9 @@ _TRANSLATIONS = {"FreeFlyer": 3, "Planar": 2, "Translation": 3, "PrismaticUnalig
 """Number of translational velocities, which come first, by Pinocchio's name for a type of joint."""
 
 
+_PARALLEL = 1e-4  # rad: lines at a smaller angle
+
+
 def translations(joint: Any) -> int:
     """Return how many of the velocities of a joint are translations; they come first."""
     return _TRANSLATIONS.get(joint.shortname().removeprefix("JointModel"), 0)
@@ -26,6 +29,15 @@ def axis(joint: Any) -> Array:
     joint.calc(data, np.zeros(joint.idx_q + joint.nq))
     motion = np.asarray(data.S).ravel()
     return np.array(motion[:3] if translations(joint) else motion[3:])
+
+
+def common_point(points: Array, axes: Array) -> tuple[Array, float] | None:
+    """Return the point (3,) nearest to lines through points (n, 3) along unit axes (n, 3), and its largest distance
+    from one of them along a coordinate; None if they are parallel."""
+    across = np.eye(3) - axes[:, :, None] * axes[:, None, :]  # (I - a a^T) (c - p) = 0 for all lines
+    matrix, right = across.reshape(-1, 3), (across @ points[:, :, None]).ravel()
+    point, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=_PARALLEL)
+    return (np.asarray(point, dtype=float), float(np.abs(matrix @ point - right).max())) if rank == 3 else None
 
 
 def step_scale(model: pin.Model, length: float) -> Array:

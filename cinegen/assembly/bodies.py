@@ -21,12 +21,12 @@ from numpy.typing import NDArray
 
 from cinegen.assembly._kernels import COLUMN, IS_PRISMATIC, PARENT
 from cinegen.jit.compiled import Table
+from cinegen.joints import common_point
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
 
-_SAME = 1e-9  # characteristic lengths, radians: points and axes that coincide
-_MEET = 1e-8  # ... as samples are closed to no more
+_MEET = 1e-8  # characteristic lengths: distance of axes that meet, as samples are closed to no more
 _INDEPENDENT = 0.03  # sine of two vectors that determine the orientation of a body
 
 
@@ -180,9 +180,9 @@ class LinkageBodies:
             first, second = joints
             if any(joint.locked or joint.kind is not LoopKind.REVOLUTE for joint in joints):
                 continue
-            meeting = _intersection(first, second)
             one, two = owner[id(first)], owner[id(second)]
-            if meeting is None or one is two or not all(_passes(c, meeting) for c in (one, two)):
+            meeting = None if one is two else _meeting([*one.joints, *two.joints])
+            if meeting is None:
                 continue
             merged = JointCentre([*one.joints, *two.joints], meeting, [*one.crosses, *two.crosses, body])
             for joint in merged.joints:
@@ -195,14 +195,8 @@ class LinkageBodies:
     @cached_property
     def common_point(self) -> Array | None:
         """(3,) where the axes of all passive joints meet; None where they don't, or some joint is not revolute."""
-        if not self.passive or any(joint.kind is not LoopKind.REVOLUTE for joint in self.passive):
-            return None
-        along, at = (np.array([getattr(joint, name) for joint in self.passive]) for name in ("along", "at"))
-        # (I - a a^T) (c - p) = 0 for all axes
-        across = np.eye(3) - along[:, :, None] * along[:, None, :]
-        matrix, right = across.reshape(-1, 3), (across @ at[:, :, None]).ravel()
-        centre, _, rank, _ = np.linalg.lstsq(matrix, right, rcond=_INDEPENDENT)
-        return centre if rank == 3 and np.abs(matrix @ centre - right).max() < _MEET else None
+        revolute = all(joint.kind is LoopKind.REVOLUTE for joint in self.passive)
+        return _meeting(self.passive) if self.passive and revolute else None
 
     @cached_property
     def crosses(self) -> frozenset[int]:
@@ -261,16 +255,7 @@ def _determine(features: list[Feature]) -> bool:
     return bool(points) and bool(values[1] > _INDEPENDENT)
 
 
-def _intersection(first: LinkageJoint, second: LinkageJoint) -> Array | None:
-    """Return where two axes meet at home (3,); None if they don't, or are parallel."""
-    normal = np.cross(first.along, second.along)
-    square = float(normal @ normal)
-    between = second.at - first.at
-    if square < _SAME or abs(between @ normal) > _SAME * np.sqrt(square):
-        return None
-    return np.asarray(first.at + first.along * (np.cross(between, second.along) @ normal / square))
-
-
-def _passes(centre: JointCentre, point: Array) -> bool:
-    """Return whether the axes of all joints of a centre pass through a point."""
-    return all(np.linalg.norm(np.cross(joint.along, point - joint.at)) < 10.0 * _SAME for joint in centre.joints)
+def _meeting(joints: list[LinkageJoint]) -> Array | None:
+    """Return where the axes of joints meet at home (3,); None if they don't, or are parallel."""
+    found = common_point(*(np.array([getattr(joint, name) for joint in joints]) for name in ("at", "along")))
+    return found[0] if found is not None and found[1] < _MEET else None

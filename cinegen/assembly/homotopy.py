@@ -148,12 +148,12 @@ class Homotopy:
         done = [f"monodromy: {count} complex solutions{apart}"]
         if fibre.quiet:
             done.append(f"the last {fibre.quiet} monodromy loops found no more")
-        if fibre.complete:
-            done.append(f"trace test satisfied to {fibre.deviation:.0e} (degree {fibre.degree})")
+        if fibre.traced.complete:
+            done.append(f"trace test satisfied to {fibre.traced.deviation:.0e} (degree {fibre.traced.degree})")
         else:
             done.append("given up after the work that effort allows" if fibre.spent else "the trace test did not close")
         done.append("not excluded: solutions on curves that nothing met, and branches of free motion")
-        return False, fibre.complete and followed, "; ".join(done) + remark
+        return False, fibre.traced.complete and followed, "; ".join(done) + remark
 
     def _closest(self, found: PathEnds, locked: Array) -> NearestConfiguration:
         linkage = self._linkage

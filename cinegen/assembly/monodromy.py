@@ -39,9 +39,7 @@ class Fibre:
     Attributes:
         locked: (locked,) complex.
         solutions: (count, k + 1).
-        complete: whether the trace test finds none missing on the curves that were found.
-        degree: of these curves: number of points of the trace test; 0 if it was not done.
-        deviation: of the trace from an affine function, relative; NaN if the test was not done or did not close.
+        traced: result of the trace test; of degree 0 if it was not done.
         quiet: number of monodromy loops in succession without new solutions, at the end.
         parts: number of sets of solutions that no closed path has joined: of as many curves, or of fewer.
         hits: number of random starts that converged to a solution.
@@ -51,9 +49,7 @@ class Fibre:
 
     locked: Complex
     solutions: Complex
-    complete: bool
-    degree: int
-    deviation: float
+    traced: TraceResult
     quiet: int
     parts: int
     hits: int
@@ -101,10 +97,7 @@ class Monodromy:
         parts = 1 if enough else self._parts(found)
         if not enough and self._linkage.driving.any():
             traced = self._trace(found)
-        return Fibre(
-            self._locked, found.array, traced.complete, traced.degree, traced.deviation, self._quiet, parts, self._hits,
-            self._loose, self._spent(),
-        )  # fmt: skip
+        return Fibre(self._locked, found.array, traced, self._quiet, parts, self._hits, self._loose, self._spent())
 
     def _enough(self, found: DistinctSolutions) -> bool:
         return self._bound is not None and len(found) >= self._bound

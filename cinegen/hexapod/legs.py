@@ -118,11 +118,11 @@ def nearest(base: Array, platform: Array, lengths: Array, starts: Array) -> Arra
     best = here[[np.argmin((error**2).sum(axis=1))]]
 
     def slope(motion: Array) -> Array:
-        return _slope(base, platform, lengths, _moved(best, motion[None]))[0]
+        return np.asarray(_slope(base, platform, lengths, _moved(best, motion[None]))[0])
 
-    motion = np.asarray(root(slope, np.zeros(6), tol=_SMALL).x)
-    better_still = np.linalg.norm(slope(motion)) < np.linalg.norm(slope(np.zeros(6)))
-    return np.asarray(_moved(best, motion[None])[0] if better_still else best[0])
+    further: Array = root(slope, np.zeros(6), tol=_SMALL).x
+    better_still = np.linalg.norm(slope(further)) < np.linalg.norm(slope(np.zeros(6)))
+    return np.asarray(_moved(best, further[None])[0] if better_still else best[0])
 
 
 def _slope(base: Array, platform: Array, lengths: Array, placements: Array) -> Array:

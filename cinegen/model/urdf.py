@@ -121,15 +121,13 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
         for entry in declared["joints"]:  # without loops, 0 is as good as anything else
             entry["home"] = default_value(entry["limits"])
         return declared
-    known = {entry["name"]: entry for entry in declared["joints"]}
-    for entry in sidecar.get("joints", []):
+    known, entries = {entry["name"]: entry for entry in declared["joints"]}, sidecar.get("joints", declared["joints"])
+    for entry in entries:
         if entry["name"] not in known:
             near = did_you_mean(entry["name"], list(known))
             raise LoadError(f"{name}: the constraints name joint '{entry['name']}', which the URDF lacks{near}")
-    named = {entry["name"] for entry in sidecar.get("joints", [])}
-    for joint in known if "joints" in sidecar else ():
-        if joint not in named:
-            raise LoadError(f"{name}: the constraints don't name joint '{joint}', which moves")
+    for joint in [joint for joint in known if joint not in {entry["name"] for entry in entries}]:
+        raise LoadError(f"{name}: the constraints don't name joint '{joint}', which moves")
     if sidecar.get("floating", declared["floating"]) != declared["floating"]:
         raise LoadError(
             f"{name}: the constraints declare that '{sidecar['floating']}' lets the base move, the URDF does not"
@@ -137,24 +135,19 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
     for node in sidecar.get("nodes", []):
         if node not in declared["nodes"]:
             raise LoadError(f"{name}: the constraints name '{node}', which is no link of the URDF")
-    whole = {**declared, **sidecar}
-    if "joints" in sidecar:
-        whole["joints"] = [{**known[entry["name"]], **entry} for entry in sidecar["joints"]]
-    return whole
+    return {**declared, **sidecar, "joints": [{**known[entry["name"]], **entry} for entry in entries]}
 
 
 def _warn_of_assumptions(tree: Any, name: str) -> None:
     """Warn of joints whose limits are left out, and of joints that should mimic others."""
     left_out = [joint for joint in joints(tree) if lacks_limits(joint)]
-    if left_out:
-        _warn(name, left_out, "no lower and upper limit are given; taken as unlimited")
     followers = [joint for joint in joints(tree) if joint.find("mimic") is not None]
-    if followers:
-        _warn(name, followers, "it should mimic another joint; taken as a joint of its own")
-
-
-def _warn(name: str, found: list[Any], what: str) -> None:
-    warnings.warn(f"{listed(found, name)}: {what}", CinegenWarning, stacklevel=5)
+    for found, what in (
+        (left_out, "no lower and upper limit are given; taken as unlimited"),
+        (followers, "it should mimic another joint; taken as a joint of its own"),
+    ):
+        if found:
+            warnings.warn(f"{listed(found, name)}: {what}", CinegenWarning, stacklevel=4)
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:

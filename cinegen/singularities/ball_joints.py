@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.assembly.linkage import Linkage, ModesError
+from cinegen.joints import common_point
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -79,12 +80,9 @@ def _count(mechanism: Mechanism, q: Array) -> list[tuple[list[int], Array]]:
     for names in written:
         columns = [mechanism.v_index(name) for name in names]
         axes = np.array(data.J[3:, columns])
-        # the middle axis is never along the others, so that their point is determined
-        across = np.eye(3) - axes.T[:, :, None] * axes.T[:, None, :]
-        points = np.array([data.oMi[model.getJointId(name)].translation for name in names])
-        right = (across @ points[:, :, None]).reshape(-1)
-        centre = np.linalg.lstsq(across.reshape(-1, 3), right, rcond=None)[0]
+        meeting = common_point(np.array([data.oMi[model.getJointId(name)].translation for name in names]), axes.T)
+        assert meeting is not None  # the middle axis is never along the others
         for column, axis in zip(columns, np.eye(3), strict=True):
-            data.J[:, column] = np.concatenate([np.cross(centre, axis), axis])
+            data.J[:, column] = np.concatenate([np.cross(meeting[0], axis), axis])
         found.append((columns, axes))
     return found
