@@ -59,31 +59,6 @@ def supporting_columns(model: pin.Model, joint: int) -> Array:
 
 def scalar_joints(model: pin.Model) -> tuple[Indices, Indices]:
     """Return where in q and in v the joints are whose configuration is one number, which adds to its velocity."""
-    found = [(joint.idx_q, joint.idx_v) for joint in model.joints if _is_scalar(joint)]
+    found = [(j.idx_q, j.idx_v) for j in model.joints if j.nq == 1 and j.nv == 1 and j.idx_v >= 0]
     at = np.array(found, dtype=np.intp).reshape(-1, 2)
     return at[:, 0], at[:, 1]
-
-
-def other_joints(model: pin.Model, among: Array | None = None) -> tuple[Indices, Indices] | None:
-    """Return where in q and in v the joints are that are not scalar (a free base, a ball joint); None without any.
-
-    Args:
-        model: the tree.
-        among: (nv,) not 0 for the columns that count; all unless given.
-    """
-    found = [
-        joint
-        for joint in model.joints
-        if joint.idx_v >= 0
-        and not _is_scalar(joint)
-        and (among is None or among[joint.idx_v : joint.idx_v + joint.nv].any())
-    ]
-    if not found:
-        return None
-    at_q = np.concatenate([np.arange(joint.idx_q, joint.idx_q + joint.nq) for joint in found])
-    at_v = np.concatenate([np.arange(joint.idx_v, joint.idx_v + joint.nv) for joint in found])
-    return at_q, at_v
-
-
-def _is_scalar(joint: Any) -> bool:
-    return bool(joint.nq == 1 and joint.nv == 1 and joint.idx_v >= 0)

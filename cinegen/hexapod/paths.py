@@ -86,6 +86,7 @@ class _Tracker:
         n = len(x)
         self.paths = TrackedPaths(x.copy(), np.full(n, PathEnd.FAILED), np.full(n, np.inf), np.zeros(n, dtype=np.int64))
         self._family, self._final, self._tolerance = family, family.sum(axis=0), tolerance
+        self._quadratic = bool(family[2].any() or family[1, :, 4:].any())
         self._scratch = taylor.tracking_scratch()
 
     def follow(self) -> TrackedPaths:
@@ -110,7 +111,9 @@ class _Tracker:
         paths, states = self.paths, np.zeros(len(rows), dtype=np.int64)
         steps, x = paths.steps[rows], paths.x[rows]
         limits = self._tolerance, brink, _MAX_STEPS
-        taylor.follow(self._family, complex(begin), complex(end), x, states, steps, *limits, self._scratch)
+        taylor.follow(
+            self._family, self._quadratic, complex(begin), complex(end), x, states, steps, *limits, self._scratch
+        )
         paths.x[rows], paths.steps[rows] = x, steps
         return states
 

@@ -134,15 +134,9 @@ def smooth_runs(points: Array, normals: Array) -> list[SeamCurve]:
     steps = np.diff(points, axis=0)
     edges = np.linalg.norm(steps, axis=1) <= _SAME
     bends = angle(steps[:-1], steps[1:]) > CORNER
-    starts, ends = [0], []
-    for i in range(last):
-        if edges[i]:
-            ends.append(i)
-            starts.append(i + 1)
-        elif i + 1 < last and not edges[i + 1] and bends[i]:
-            ends.append(i + 1)
-            starts.append(i + 1)
-    ends.append(last)
+    corners, cuts = np.flatnonzero(bends & ~edges[:-1] & ~edges[1:]) + 1, np.flatnonzero(edges)
+    starts = np.sort(np.concatenate([[0], corners, cuts + 1]))
+    ends = np.sort(np.concatenate([corners, cuts, [last]]))
     closed = (
         bool(np.linalg.norm(points[last] - points[0]) <= _SAME)
         and last > 2
@@ -150,7 +144,7 @@ def smooth_runs(points: Array, normals: Array) -> list[SeamCurve]:
         and float(angle(steps[-1], steps[0])) <= CORNER
     )
     curves = []
-    for start, end in zip(starts, ends, strict=True):
+    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
         if start == end:
             raise PointError(
                 int(numbers[start]),

@@ -61,7 +61,7 @@ def test_a_mesh_is_found_by_its_path_or_its_package(write, name):
         ("../meshes/cut.stl", "cut.stl' can't be read"),
         ("../../../etc/passwd", "leads out of"),
         ("package://arm_description/../../x.stl", "leads out of"),
-        ("package://other/x.stl", "no folder 'other' is known"),
+        ("package://other/x.stl", "the package 'other' is not found"),
         ("../meshes/part.step", "part.step' can't be read: only .stl, "),
         ("../meshes/haines.nff", "haines.nff' can't be read"),
         ("ftp://somewhere/x.stl", "'ftp://' can't be read"),

@@ -13,7 +13,7 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import complex128, float64, int64, typeof
+from numba import boolean, complex128, float64, int64, typeof
 from numpy.typing import NDArray
 
 from cinegen.jit.compiled import Array, Table, compiled, entry, prepare, together
@@ -69,19 +69,20 @@ def prepare_tracking() -> None:
     solutions, numbers, scratch = complex128[:, ::1], int64[::1], typeof(tracking_scratch())
     ends = complex128, complex128, solutions, numbers, numbers
     with together():
-        prepare(follow, complex128[:, :, ::1], *ends, float64, float64, int64, scratch)
+        prepare(follow, complex128[:, :, ::1], boolean, *ends, float64, float64, int64, scratch)
         prepare(polish, complex128[:, ::1], solutions, float64[::1], scratch)
 
 
 @entry
 def follow(
-    family: Complex, begin: complex, end: complex, x: Complex, states: Table, steps: Table, tolerance: float,
-    brink: float, max_steps: int, work: TrackingScratch,
+    family: Complex, quadratic: bool, begin: complex, end: complex, x: Complex, states: Table, steps: Table,
+    tolerance: float, brink: float, max_steps: int, work: TrackingScratch,
 ) -> None:  # fmt: skip
     """Follow solutions while the parameter moves straight from `begin` to `end`.
 
     Args:
         family: (3, 6, 16) coefficients of the six legs' equations: a polynomial of degree 2 in the parameter.
+        quadratic: whether more changes than the factor of <c, c>, linearly.
         begin: parameter.
         end: parameter.
         x: (n, 8) solutions at the beginning; replaced by the last points of their paths, of norm 1.
@@ -92,11 +93,6 @@ def follow(
         max_steps: of a path.
         work: scratch.
     """
-    quadratic = False
-    for e in range(6):
-        for m in range(LEGS):
-            if family[2, e, m] != 0.0 or (m > 3 and family[1, e, m] != 0.0):
-                quadratic = True
     span = end - begin
     for path in range(x.shape[0]):
         states[path] = LOST
