@@ -394,7 +394,7 @@ class Solver:
             for task in tasks:
                 self.add_task(task.node, weights=task.weights, axes=task.axes, offset=task.offset)
         for own, task in zip(self._tasks, tasks, strict=True):
-            own.weights, own.weight, own.target = task.weights, task.weight, task.target
+            own.weight, own.target = task.weight, task.target
             if task.twist is not None:
                 own.twist = task.twist
 
@@ -633,8 +633,8 @@ def _checked(bounds: Bounds, nv: int) -> Bounds:
 
 
 def _kind(task: FrameTask) -> tuple[object, ...]:
-    """Return all that can't be changed without another row of equations."""
-    return task.node, task.axes, (task.weights > 0.0).tolist(), task.offset
+    """Return what `copy_tasks` copies by another task."""
+    return task.node, task.axes, task.weights.tolist(), task.offset
 
 
 def _nothing() -> None:

@@ -84,7 +84,7 @@ def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> Go
     """Search closed configurations within all limits in which the node is at the goal.
 
     The search starts at the scene's start, then at configurations sampled over the whole range of motion: an empty
-    result only says that none of these leads to the goal.
+    result means that none of these leads to the goal.
     """
     mechanism, rng = scene.mechanism, np.random.default_rng(seed)
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")

@@ -29,7 +29,7 @@ _TINY = 1e-300
 
 
 class FieldError(PlanningError):
-    """An invalid parameter of a field; the message says which, and which values are valid."""
+    """An invalid parameter of a field; the message names it, and the valid values."""
 
 
 def require_positive(name: str, value: float) -> None:
