@@ -123,6 +123,7 @@ class _Reading:
         self.open = [Block("", "the file", 1)]
         self.closed: dict[str, tuple[str, int]] = {}  # the last block of each kind: its label, and the line of its end
         self.tokens = tokens(source.lines)
+        self.current = next(self.tokens)
 
     def report(self, message: str, location: SourceLocation) -> None:
         self.problems.append(self.source.problem(message, location))
@@ -140,7 +141,6 @@ class _Reading:
     def run(self) -> Document:
         file = self.open[0]
         with suppress(_StopReadingError):
-            self.advance()
             name = self.header()
             while not self.ends(file):
                 self.statement(file)
@@ -148,18 +148,20 @@ class _Reading:
             return Document(name, robots, sensors, **file.values, source=self.source)
         return Document("")
 
-    def advance(self) -> None:
-        """Read the next token into `self.token`."""
-        self.token = next(self.tokens)
-        if self.token.kind == "ILLEGAL":
+    @property
+    def token(self) -> Token:
+        """The token to be read next."""
+        if self.current.kind == "ILLEGAL":
             known = {'"': "this text is not closed on its line: a '\"' is missing"}
             known["/"] = "a lone '/': comments begin with '//'"
-            self.stop(known.get(self.token.text, f"unexpected character {self.token.text!r}: remove it"), self.token)
+            text = self.current.text
+            self.stop(known.get(text, f"unexpected character {text!r}: remove it"), self.current)
+        return self.current
 
     def take(self) -> Token:
-        """Return the current token, and advance."""
+        """Return the next token, and advance."""
         token = self.token
-        self.advance()
+        self.current = next(self.tokens, token)
         return token
 
     def header(self) -> str:
@@ -167,8 +169,7 @@ class _Reading:
         first = self.token
         if first.kind != "END" and first.text != "RAFF":
             self.stop(f"a RAFF file begins with 'RAFF <name>', not with '{first.text}'", first)
-        if first.kind != "END":
-            self.advance()
+        self.take()
         if self.token.kind == "END":
             self.stop("the file ends too early: a RAFF file begins with 'RAFF <name>'", self.token)
         if self.token.line > first.line:
@@ -298,22 +299,22 @@ class _Reading:
         else:
             message = f"unknown word '{word}' in {block.label}{did_you_mean(word, known)}"
         self.report(message, token.location)
-        self.skip(token.line, token.kind == "WORD" and block.kind != "parameters")
+        self.skip(token.line, known, block.kind != "parameters")
 
-    def skip(self, line: int, word_may_follow: bool) -> None:
+    def skip(self, line: int, known: Collection[str], word_may_follow: bool) -> None:
         """Pass over what belongs to a stray word: a word after it on its line, its values, its block."""
         depth = 0
         while self.token.kind != "END":
             kind = self.token.kind
             if kind == "}" and depth == 1:
-                self.advance()
+                self.take()
                 return
             depth += (kind == "{") - (kind == "}" and depth > 0)
-            name = word_may_follow and kind == "WORD" and self.token.line == line
+            name = word_may_follow and kind == "WORD" and self.token.line == line and self.token.text not in known
             if depth == 0 and not name and kind not in ("NUMBER", "STRING", "(", ")"):
                 return
             word_may_follow = False
-            self.advance()
+            self.take()
         raise _StopReadingError
 
     def reopen(self, known: Collection[str]) -> None:
@@ -323,7 +324,7 @@ class _Reading:
             if depth == 0 and self.token.kind == "WORD" and self.token.text in known:
                 return
             depth += (self.token.kind == "{") - (self.token.kind == "}")
-            self.advance()
+            self.take()
             if depth < 0:
                 return
         raise _StopReadingError

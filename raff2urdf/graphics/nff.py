@@ -152,14 +152,14 @@ class _Reader:
         colour, _ = self.trailing(line, 3, _NUMBERS, "a vertex has three coordinates: '{}' is one too many")
         return _Vertex((x, y, z), colour)
 
-    def trailing(self, line: _Line, i: int, numbers: Mapping[str, int], surplus: str) -> tuple[Colour | None, set[str]]:
+    def trailing(self, line: _Line, i: int, numbers: Mapping[str, int], message: str) -> tuple[Colour | None, set[str]]:
         """Return the colour and the other words of a line from word i on.
 
         Args:
             line: of a vertex or a polygon.
             i: where the remainder begins.
             numbers: how many numbers follow a word; any may follow an unknown word.
-            surplus: the error for another number.
+            message: the error for another number.
         """
         colour: Colour | None = None
         words: set[str] = set()
@@ -178,7 +178,7 @@ class _Reader:
                 words.add(word)
                 after_word = word != "both"
             elif not after_word:
-                self.wrong(surplus.format(_short(word)), line, i)
+                self.wrong(message.format(_short(word)), line, i)
             i += 1
         return colour, words
 
@@ -197,8 +197,8 @@ class _Reader:
                 most = f"0 to {len(vertices) - 1}" if vertices else "there are none"
                 self.wrong(f"'{_short(line.words[i])}' is not a vertex of this object ({most})", line, i)
             chosen.append(vertices[index])
-        surplus = f"'{{}}' is one too many for a polygon of {corners} corners"
-        colour, words = self.trailing(line, corners + 1, {}, surplus)
+        message = f"'{{}}' is one too many for a polygon of {corners} corners"
+        colour, words = self.trailing(line, corners + 1, {}, message)
         if corners > 2:  # else it has no area
             shared = chosen[0].colour if len({vertex.colour for vertex in chosen}) == 1 else None
             self.polygons.add([vertex.point for vertex in chosen], shared or colour, "both" in words)
