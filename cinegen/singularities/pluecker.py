@@ -78,13 +78,6 @@ class PlueckerLine:
         q = np.asarray(point, dtype=float)
         return np.asarray(q + np.cross(self.direction, self.moment - np.cross(q, self.direction)))
 
-    def moved(self, rotation: Array, translation: ArrayLike) -> PlueckerLine:
-        """Return the line after x -> R x + t, with R (3, 3) a rotation and t (3,): (R d, R m + t x R d)."""
-        shift = np.asarray(translation, dtype=float)
-        direction = rotation @ self.direction
-        moment = rotation @ self.moment + np.cross(shift, direction)
-        return PlueckerLine(direction, moment, rotation @ self.point + shift)
-
 
 @dataclass(frozen=True, eq=False)
 class LineAtInfinity:
@@ -104,13 +97,6 @@ class LineAtInfinity:
 
 
 AnyLine = PlueckerLine | LineAtInfinity
-
-
-def mutual_moment(a: AnyLine, b: AnyLine) -> float:
-    """Return the Klein form (reciprocal product) of two lines, d.n + e.m, in units of length. For finite lines it is
-    plus or minus their distance times the sine of their angle."""
-    x, y = a.coordinates, b.coordinates
-    return float(x[:3] @ y[3:] + x[3:] @ y[:3])
 
 
 @dataclass(frozen=True, eq=False)

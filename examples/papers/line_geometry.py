@@ -17,13 +17,19 @@ from cinegen.singularities.pluecker import (
     ProjectivePoint,
     fit_plane,
     fit_point,
-    mutual_moment,
 )
 
 INCIDENT = 1e-9
 """How far (characteristic lengths, rad) lines may be from meeting, or from being parallel, and count as such."""
 
 _PARALLEL = 1e-12  # sine of an angle below which a distance is that of parallel lines: the other loses its digits
+
+
+def mutual_moment(a: AnyLine, b: AnyLine) -> float:
+    """Return the Klein form (reciprocal product) of two lines, d.n + e.m, in units of length. For finite lines it is
+    plus or minus their distance times the sine of their angle."""
+    x, y = a.coordinates, b.coordinates
+    return float(x[:3] @ y[3:] + x[3:] @ y[:3])
 
 
 def angle(a: PlueckerLine, b: PlueckerLine) -> float:

@@ -17,10 +17,11 @@ from line_geometry import (
     common_point,
     distance,
     meet,
+    mutual_moment,
     transversals,
 )
 
-from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine, mutual_moment
+from cinegen.singularities.pluecker import LineAtInfinity, PlueckerError, PlueckerLine
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -53,12 +54,19 @@ def test_the_mutual_moment_is_distance_times_sine(seed):
     assert distance(a, b) == pytest.approx(_apart(a, b), abs=1e-9)
 
 
+def test_a_line_at_infinity_meets_what_is_parallel_to_its_planes():
+    far = LineAtInfinity(np.array([0.0, 0.0, 1.0]))
+    assert mutual_moment(far, PlueckerLine.along([1, 2, 3], [3, 4, 0])) == 0.0
+    assert mutual_moment(PlueckerLine.along([1, 2, 3], [0, 0.6, 0.8]), far) == pytest.approx(0.8)
+    assert mutual_moment(far, LineAtInfinity(np.array([1.0, 0.0, 0.0]))) == 0.0
+
+
 @given(st.floats(0.0, 3.1), st.floats(0.1, 10.0), seeds)
 def test_lines_at_a_known_angle_and_distance(turn, apart, seed):
     rng = np.random.default_rng(seed)
     move = varieties.rotation(rng), rng.normal(size=3)
-    a = PlueckerLine.along([3, 0, 0], [1, 0, 0]).moved(*move)
-    b = PlueckerLine.along([0, 0, apart], [math.cos(turn), math.sin(turn), 0]).moved(*move)
+    a = varieties.moved(PlueckerLine.along([3, 0, 0], [1, 0, 0]), *move)
+    b = varieties.moved(PlueckerLine.along([0, 0, apart], [math.cos(turn), math.sin(turn), 0]), *move)
     assert angle(a, b) == pytest.approx(min(turn, math.pi - turn), abs=1e-9)
     if math.sin(turn) > 1e-4 or turn == 0.0:
         assert distance(a, b) == pytest.approx(apart, rel=1e-9)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from line_geometry import are_coplanar, distance, transversals
+from line_geometry import are_coplanar, distance, mutual_moment, transversals
 from scipy.spatial.transform import Rotation
 from table2 import COORDINATES, ROWS, Geometry, GeometryError, concurrency
 
 from cinegen.singularities.grassmann import GrassmannClass, classify, nearness
-from cinegen.singularities.pluecker import PlueckerLine, mutual_moment
+from cinegen.singularities.pluecker import PlueckerLine
 
 # The paper's example (J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics
 # polynomial and the singular configurations of parallel manipulators"): its geometry, identified from Table 1. With it

@@ -185,7 +185,8 @@ def test_nothing_depends_on_where_and_in_which_unit(seed, maker, scale):
     given = varieties.placed(maker, rng, noise=1e-5)
     turn, shift = varieties.rotation(rng), given.length * rng.normal(size=3)
     moved = [
-        PlueckerLine.along(scale * line.point, line.direction).moved(turn, scale * shift) for line in given.lines
+        varieties.moved(PlueckerLine.along(scale * line.point, line.direction), turn, scale * shift)
+        for line in given.lines
     ]  # the same lines in other axes and another unit
     assert nearness(moved, scale * given.length) == pytest.approx(nearness(given.lines, given.length), abs=1e-12)
 

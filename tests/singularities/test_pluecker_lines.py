@@ -13,12 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from cinegen.errors import CinegenError
 from cinegen.singularities.pluecker import (
-    LineAtInfinity,
     LineFrame,
     PlueckerError,
     PlueckerLine,
     Screw,
-    mutual_moment,
 )
 
 seeds = st.integers(0, 2**32 - 1)
@@ -58,7 +56,7 @@ def test_it_moves_with_its_points(seed):
     a, b, shift = rng.normal(size=(3, 3))
     turn = varieties.rotation(rng)
     moved, expected = (
-        PlueckerLine.through(a, b).moved(turn, shift),
+        varieties.moved(PlueckerLine.through(a, b), turn, shift),
         PlueckerLine.through(turn @ a + shift, turn @ b + shift),
     )
     for name in ("direction", "moment", "point"):
@@ -85,16 +83,6 @@ def test_what_makes_no_line_says_why(make, says):
     with pytest.raises(PlueckerError, match=says) as caught:
         make()
     assert isinstance(caught.value, CinegenError)
-
-
-# --- at infinity ------------------------------------------------------------------------------------------------------
-
-
-def test_a_line_at_infinity_meets_what_is_parallel_to_its_planes():
-    far = LineAtInfinity(np.array([0.0, 0.0, 1.0]))
-    assert mutual_moment(far, PlueckerLine.along([1, 2, 3], [3, 4, 0])) == 0.0
-    assert mutual_moment(PlueckerLine.along([1, 2, 3], [0, 0.6, 0.8]), far) == pytest.approx(0.8)
-    assert mutual_moment(far, LineAtInfinity(np.array([1.0, 0.0, 0.0]))) == 0.0
 
 
 # --- screws -----------------------------------------------------------------------------------------------------------

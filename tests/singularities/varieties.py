@@ -223,6 +223,13 @@ ALL = [
 ]  # fmt: skip
 
 
+def moved(line, turn, shift):
+    """A line after x -> turn x + shift."""
+    direction = turn @ line.direction
+    moment = turn @ line.moment + np.cross(shift, direction)
+    return PlueckerLine(direction, moment, turn @ line.point + shift)
+
+
 def rotation(rng):
     q, r = np.linalg.qr(rng.normal(size=(3, 3)))
     q = q * np.sign(np.diag(r))
