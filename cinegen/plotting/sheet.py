@@ -28,7 +28,7 @@ _AROUND, _PAD = 0.15, 0.07  # inches, around titles and around everything else
 _LEFT = 0.01  # of the width, left of titles
 _INK = 0.96  # of the width, largest width of titles
 _KEY = 0.6  # inches, width of a key in a legend
-_COLUMNS = 5  # of a legend, most
+_COLUMNS = 6  # of a legend, most
 
 
 def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, Any]:
