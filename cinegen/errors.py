@@ -1,4 +1,4 @@
-"""What cinegen says when something is wrong: one root class. The control loop raises none of these."""
+"""Errors of cinegen, with one root class. The control loop raises none of them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class LoadError(CinegenError):
 
 
 class ClosureError(CinegenError, raff2urdf.errors.RaffClosureError):
-    """Loops that can't be closed; says which, by how much, and what would close them."""
+    """Loops that can't be closed; the message names them, their residual, and a remedy."""
 
 
 class UnknownNameError(CinegenError):
