@@ -1,4 +1,4 @@
-"""Solids that are drawn: what is written of them reads back; how a scene's obstacles look."""
+"""Obstacles of a session: their shapes, how they move, and how recordings keep them."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from cinegen.collision import scene_of
 from cinegen.collision.body import PlacedShape
 from cinegen.collision.convex_hull import hull
 from cinegen.collision.obstacle_kinds import HEIGHT
+from cinegen.mission import MissionError, MissionRecorder, Recording, RobotSample
 from cinegen.mission.drawn_obstacle import DrawnObstacle, DrawnShape
-from cinegen.session import scene_setup
+from cinegen.session import Setup, SetupError, scene_setup
 from cinegen.session.driven_obstacle import DrivenObstacle
 from cinegen.session.scene_setup import SceneAppearance
 from cinegen.typed_json import decoder, encode
@@ -110,3 +111,28 @@ def test_a_half_space_is_a_slab_behind_its_plane(scene, name, normal):
     assert reach == pytest.approx(float(unit @ [-0.4, -0.3, -0.2]), abs=1e-6)
     sides = 2.0 * slab.shape.halfSide
     assert min(sides) == pytest.approx(0.02 * max(sides))
+
+
+def test_a_recording_keeps_the_poses_of_obstacles(robot, tmp_path):
+    arm, path = robot("planar_3r"), tmp_path / "run.jsonl"
+    ball = DrawnObstacle((DrawnShape.of(PlacedShape(pin.SE3.Identity(), coal.Sphere(0.1))),), pin.SE3.Identity(), 3)
+    there = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.4), np.array([0.2, 0.0, 0.0]))
+    with MissionRecorder(path, {"arm": arm}, obstacles={"ball": ball}) as recorder:
+        for time, pose in ((0.0, pin.SE3.Identity()), (1.0, there), (2.0, there)):
+            recorder.write(time, {"arm": RobotSample(arm.q_home, "IDLE")}, {"ball": pose})
+    assert path.read_text().count('"ball"') == 2  # in the first line, and where it moved
+    recording = Recording.load(path)
+    assert recording.obstacles["ball"].dof == 3
+    assert recording.placements_at(0.5)["ball"].isApprox(pin.SE3.Interpolate(pin.SE3.Identity(), there, 0.5))
+    assert recording.placements_at(9.0)["ball"].isApprox(there)
+    path.write_text(path.read_text().replace('"obstacles":{"ball":[', '"obstacles":{"bell":['))
+    with pytest.raises(MissionError, match=r"jsonl:3: obstacle 'bell' is not in the first line"):
+        Recording.load(path)
+
+
+def test_a_robot_and_an_obstacle_have_different_names(robot, tmp_path):
+    arm, box = robot("planar_3r"), DrawnObstacle((), pin.SE3.Identity(), 0)
+    with pytest.raises(SetupError, match="both a robot and an obstacle are called 'arm'"):
+        Setup({"arm": arm}, obstacles={"arm": box})
+    with pytest.raises(MissionError, match="both a robot and an obstacle are called 'arm'"):
+        MissionRecorder(tmp_path / "run.jsonl", {"arm": arm}, obstacles={"arm": box})
