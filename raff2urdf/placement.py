@@ -8,6 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from raff2urdf.residual import skew
+
 Array = NDArray[np.float64]
 
 
@@ -29,9 +31,7 @@ def translation(vector: ArrayLike) -> Array:
 
 def rotation(axis: Sequence[float] | Array, angle: float) -> Array:
     """Return the placement of a frame that is rotated by an angle (rad) about a unit axis (3,)."""
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    found = np.eye(4)
+    cross, found = skew(axis), np.eye(4)
     found[:3, :3] += math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
     return found
 

@@ -8,7 +8,6 @@ tendons) have no counterpart: one warning lists them.
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,7 +20,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.placement import from_quaternion, translation
+from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.tree import WORLD
@@ -194,7 +193,7 @@ class _Reader:
                 yield _Joint(f"{name}_T{letter}", True, axis, np.zeros(3), actuated)
         if kind in (kinds.mjJNT_FREE, kinds.mjJNT_BALL):
             ball = kind == kinds.mjJNT_BALL
-            angles = _xyz_angles(self.home[at : at + 4]) if ball else (0.0, 0.0, 0.0)
+            angles = _xyz_angles(self.home[at : at + 4]) if ball else [0.0, 0.0, 0.0]
             anchor = np.array(model.jnt_pos[j]) if ball else np.zeros(3)
             for axis, letter, angle in zip(np.eye(3), "XYZ", angles, strict=True):
                 yield _Joint(f"{name}_{letter}", False, axis, anchor, {"home": angle, **actuated})
@@ -273,13 +272,6 @@ def _placement(position: Array, quaternion: Array) -> Array:
     return placement
 
 
-def _xyz_angles(wxyz: Array) -> tuple[float, float, float]:
-    """Return the angles a, b, c of the rotation Rx(a) Ry(b) Rz(c)."""
-    r = from_quaternion(*wxyz)
-    a = math.atan2(-r[1, 2], r[2, 2])
-    ca, sa = math.cos(a), math.sin(a)
-    return (
-        a,
-        math.atan2(r[0, 2], ca * r[2, 2] - sa * r[1, 2]),
-        math.atan2(ca * r[1, 0] + sa * r[2, 0], ca * r[1, 1] + sa * r[2, 1]),
-    )
+def _xyz_angles(wxyz: Array) -> list[float]:
+    """Return the angles a, b, c of the rotation Rx(a) Ry(b) Rz(c), whose inverse has the angles -a, -b, -c of URDF."""
+    return [0.0 - angle for angle in roll_pitch_yaw(from_quaternion(*wxyz).T)]
