@@ -17,7 +17,7 @@ from raff2urdf.check import check, check_sizes
 from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.files import write_all
+from raff2urdf.files import read_bytes, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.reader import parse, read
 from raff2urdf.tree import limits
@@ -59,10 +59,7 @@ class Translation:
             RaffError: it can't be read.
         """
         path, pending = self._pending(mesh)
-        try:
-            return path.read_bytes() if pending is None else pending
-        except OSError as error:
-            raise RaffError(f"{path}: can't be read: {error.strerror or error}") from None
+        return read_bytes(path) if pending is None else pending
 
     def surface(self, mesh: str) -> Any:
         """Return a mesh as one surface in its own unit, a trimesh.Trimesh.

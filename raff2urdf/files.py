@@ -17,7 +17,22 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from raff2urdf.errors import Problem, RaffError
+
 _PREFIX = 50  # characters of a file's name in that of its temporary file; at most 200 bytes, and a name may have 255
+
+
+def read_bytes(path: str | Path, most: int = -1) -> bytes:
+    """Return the content of a file, up to `most` bytes.
+
+    Raises:
+        RaffError: it can't be read.
+    """
+    try:
+        with open(path, "rb") as file:
+            return file.read(most)
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise RaffError(Problem(f"can't be read: {getattr(error, 'strerror', None) or error}", str(path))) from None
 
 
 def write_all(contents: Mapping[Path, bytes]) -> None:

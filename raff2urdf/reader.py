@@ -11,6 +11,7 @@ from typing import Any, NoReturn
 from raff2urdf.check import check_tree
 from raff2urdf.document import Document, JointType, LoopKind, SourceText
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
+from raff2urdf.files import read_bytes
 from raff2urdf.syntax import STATEMENTS, Block, Token, tokens
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
@@ -25,12 +26,7 @@ def read(path: str | Path) -> str:
         RaffError: it can't be read, is too large, or is not UTF-8 text.
     """
     name = str(path)
-    try:
-        with open(path, "rb") as file:
-            data = file.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise RaffError(Problem(f"can't be read: {reason}", name)) from None
+    data = read_bytes(path, LARGEST_FILE + 1)
     if len(data) > LARGEST_FILE:
         raise RaffError(Problem(f"is larger than {LARGEST_FILE // 2**20} MiB: this is not a RAFF file", name))
     at = data.find(b"\0")

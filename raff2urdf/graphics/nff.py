@@ -32,6 +32,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from raff2urdf.errors import Problem, RaffError, SourceLocation
+from raff2urdf.files import read_bytes
 from raff2urdf.graphics.surface import LARGEST, MOST_CORNERS, Colour, ColouredSurface, Point, Polygons
 
 _HEADER = ("version", "viewpos", "viewdir")
@@ -50,10 +51,7 @@ def read(path: str | Path) -> list[ColouredSurface]:
     Raises:
         RaffError: it can't be read, or is wrong: where and why.
     """
-    try:
-        text = Path(path).read_bytes().decode("latin-1")  # names may be in any encoding
-    except OSError as error:
-        raise RaffError(f"{path}: can't be read: {error.strerror or error}") from None
+    text = read_bytes(path).decode("latin-1")  # names may be in any encoding
     return loads(text.removeprefix("\xef\xbb\xbf"), str(path))
 
 

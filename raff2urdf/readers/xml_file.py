@@ -10,6 +10,7 @@ from typing import Any
 from lxml import etree
 
 from raff2urdf.errors import RaffError
+from raff2urdf.files import read_bytes
 
 _HARMLESS = (
     "NS_ERR_UNDEFINED_NAMESPACE",  # <drake:joint> without a declaration of drake
@@ -30,10 +31,7 @@ def read_text(path: Path) -> str:
     Raises:
         RaffError: it can't be read.
     """
-    try:
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:
-        raise RaffError(f"{path}: can't be read: {error}") from None
+    content = read_bytes(path)
     marked = next((name for mark, name in _MARKS if content.startswith(mark)), None)
     declared = re.match(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([\w.-]+)["']""", content[:1000])
     encoding = marked or (declared[1].decode("ascii") if declared else "utf-8")

@@ -197,7 +197,7 @@ def test_files_that_are_no_scenes(tmp_path):
     for name, content, said in [
         ("gone.toml", None, "can't be read"),
         ("scene.txt", b"", r"a scene is a \.toml or a \.json file"),
-        ("latin.toml", b"name = '\xe4'", "this is no text in utf-8"),
+        ("latin.toml", b"name = '\xe4'", "this is not text in utf-8"),
     ]:
         if content is not None:
             (tmp_path / name).write_bytes(content)
