@@ -48,7 +48,8 @@ __init__ __main__ _kernels thresholds cli command_line cluster local_cluster zar
 """Names of files that are left out: compiled ones, command lines, processes and disks."""
 
 FOLDERS = """
-raff2urdf model ik toolpath realtime singularities devices session planning assembly workspace collision mission jit
+raff2urdf model loops ik toolpath realtime singularities devices session planning
+assembly workspace collision mission jit
 """
 """Folders in tests/ whose tests may kill."""
 

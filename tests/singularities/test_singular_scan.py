@@ -12,6 +12,7 @@ from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
 from cinegen.plotting.loci import draw_loci
 from cinegen.singularities import SingularityType, singularity
+from cinegen.singularities.crossing import _alignment
 from cinegen.singularities.loci import singular_loci
 from cinegen.singularities.slice import Axis, Coordinates, Slice, SliceError, about_home
 
@@ -198,3 +199,12 @@ def test_a_short_text_and_a_table_show_loci(five_bar):
     assert repr(five_bar).startswith("<SingularLoci of ")
     assert len(repr(five_bar)) < 200
     assert five_bar._repr_html_().count("<tr>") == 1 + len(five_bar.curves)
+
+
+@pytest.mark.parametrize("size", [5.0, -5.0])
+def test_of_a_single_singular_value_the_sign_is_sure_however_far_apart_matrices_are(size):
+    """There is no next one that it could change places with."""
+    a, b = np.array([[1.0, 0.0]]), np.array([[size, 0.1]])
+    alignment, is_sure = _alignment(a, b, 1)
+    assert alignment == pytest.approx(size / np.hypot(size, 0.1))
+    assert is_sure
