@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.html import table
 from cinegen.ik._kernels import memory as m
 from cinegen.ik.equations import equations, free_motions
 from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
@@ -70,7 +71,14 @@ class Step:
         self._record, self._layout, self._exceptions = record, layout, exceptions
 
     def __repr__(self) -> str:
-        return f"<Step {self.status.name}: errors {self.errors}, closure {self.closure:.1g}>"
+        errors = ", ".join(f"{left:.3g} m {angle:.3g} rad" for left, angle in self.errors)
+        return f"<Step {self.status.name}: errors ({errors}), closure {self.closure:.1g}>"
+
+    def _repr_html_(self) -> str:
+        tasks = zip(self._layout.tasks, self.errors, strict=True)
+        rows = [(node, f"{1e3 * left:.3g}", f"{angle:.3g}") for (node, _, _), (left, angle) in tasks]
+        caption = f"Step {self.status.name}: {self.status.value}; closure {self.closure:.1g}"
+        return table(caption, ("task", "error (mm)", "error (rad)"), rows)
 
     @property
     def status(self) -> Status:
@@ -94,12 +102,12 @@ class Step:
 
     @property
     def errors(self) -> tuple[tuple[float, float], ...]:
-        """Remaining error of each task, in the order in which they were added: m and rad."""
+        """Remaining error of each task, in the order in which they were added: m and rad; NaN of an invalid task."""
         if self._record[m.ERRORS_KNOWN]:
             return tuple((left, angle) for left, angle in self._layout.get(self._record, "record_errors").tolist())
         mechanism, q = self._layout.mechanism, self.q
         found = []
-        for task, axes in self._wanted():
+        for task, axes in self._wanted():  # all tasks: of invalid ones the kernel knows the errors
             straight, turn = task.errors(mechanism.placement(q, task.node) * task.offset, axes)
             found.append((math.hypot(*straight), math.hypot(*turn)))
         return tuple(found)

@@ -250,3 +250,19 @@ def test_wrong_calls_are_refused_before_the_loop(robot):
         solver.add_task("platform", translation=4)
     with pytest.raises(cinegen.CinegenError, match="SE3"):
         solver.add_task("platform", np.eye(4))
+
+
+def test_errors_of_a_step_keep_their_places_where_a_task_is_invalid(robot):
+    solver = Solver(robot("delta4"), DT)
+    first, second = solver.add_task("base"), solver.add_task("platform")
+    first.target = pin.SE3(np.eye(3), np.array([np.nan, 0.0, 0.0]))
+    for _ in range(20):
+        aim = second.target.copy()
+        aim.translation[2] += 1e-4
+        second.target = aim
+        step = solver.step()
+        assert np.isnan(step.errors[0]).all()
+        assert np.isfinite(step.errors[1]).all()
+    assert "nan" in step._repr_html_()
+    assert step._repr_html_().count("<tr>") == 3
+    assert len(repr(step)) < 200
