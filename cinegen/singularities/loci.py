@@ -6,17 +6,17 @@ branch; `contour` finds the curves between them.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count as counter
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.html import table
-from cinegen.singularities.contour import Node, SingularCurve, SingularityGrid
-from cinegen.singularities.crossing import of_end, of_passive_joints
+from cinegen.singularities.branch import flood, neighbours
+from cinegen.singularities.contour import SingularCurve, SingularityGrid
 from cinegen.singularities.slice import Slice, SliceError
 
 Array = NDArray[np.float64]
@@ -91,59 +91,46 @@ def singular_loci(of: Slice, count: int = 61, report: Callable[[float], None] | 
         raise SliceError(f"a grid of {count} points has no cells: give 2 or more")
     u, v = (np.linspace(axis.low, axis.high, count) for axis in of.axes)
     progress = report or (lambda _: None)
-    passive = of_passive_joints(of.mechanism) if of.mechanism.passive_rank else None
-    grid = SingularityGrid(of, u, v, of_end(of.mechanism), passive)
+    grid = SingularityGrid(of, u, v)
     _fill(grid, of, lambda part: progress(0.6 * part))
-    return SingularLoci(of, u, v, grid.q, *grid.values(), grid.curves(lambda part: progress(0.6 + 0.4 * part)))
+    curves = grid.curves(lambda part: progress(0.6 + 0.4 * part))
+    return SingularLoci(of, u, v, grid.q.reshape(count, count, -1), *grid.values(), curves)
 
 
 def _fill(grid: SingularityGrid, of: Slice, report: Callable[[float], None]) -> None:
     """Solve all points that can be reached from neighbour to neighbour."""
-    waiting, done = deque([_first(grid, of)]), 0
-    while waiting:
-        here = waiting.popleft()
-        done += 1
-        if done % 64 == 0:
-            report(min(done / grid.q[..., 0].size, 1.0))
-        for near in grid.near(*here):
-            if np.isfinite(grid.q[near]).all():
-                continue
-            found = _onward(grid, here, near)
-            if found is not None:
-                grid.q[near] = found
-                waiting.append(near)
+    points, q, done = grid.points, grid.q, counter(1)
+
+    def reach(here: int, near: int) -> bool:
+        found = None if np.isfinite(q[near]).all() else of.onward(points[here], points[near], q[here])
+        if found is None:
+            return False
+        q[near] = found
+        if (number := next(done)) % 64 == 0:
+            report(number / len(q))
+        return True
+
+    flood([_first(grid, of)], neighbours((len(grid.u), len(grid.v))).tolist(), reach)
 
 
-def _first(grid: SingularityGrid, of: Slice) -> Node:
-    """Solve the grid's point nearest to home, or another one around it."""
-    start, home = of.start(), of.mechanism.q_home
-    here = of.configuration(*start, home, np.inf)
+def _first(grid: SingularityGrid, of: Slice) -> int:
+    """Solve the grid's point nearest to home, or another one around it; return its number."""
+    start, home = np.array(of.start()), of.mechanism.q_home
+    here = of.configuration(start, home)
     if here is None:
-        here = of.from_home(of.given(*start))
-    away = (grid.u[:, None] - start[0]) ** 2 + (grid.v - start[1]) ** 2
-    for index in np.argsort(away, axis=None, kind="stable")[:9]:
-        i, k = (int(part) for part in np.unravel_index(index, away.shape))
-        found = None if here is None else of.configuration(float(grid.u[i]), float(grid.v[k]), here)
+        here = of.from_home(of.given(*of.start()))
+    away = ((grid.points - start) ** 2).sum(axis=1)
+    for node in np.argsort(away, kind="stable")[:9].tolist():
+        found = None if here is None else of.near(grid.points[node], here)
         if found is not None:
-            grid.q[i, k] = found
-            return i, k
+            grid.q[node] = found
+            return int(node)
     axes = " and ".join(axis.name for axis in of.axes)
     at = ", ".join(f"{name} {value:.4g}" for name, value in of.coordinates(home).items())
     raise SliceError(
         f"{of.mechanism.name}: no point of this slice over {axes} can be reached from home: choose one nearer to "
         f"home, which is at {at}"
     )
-
-
-def _onward(grid: SingularityGrid, one: Node, other: Node) -> Array | None:
-    """Return the configuration at a neighbour, reached in one step or in several."""
-    for steps in (1, 4, 16):
-        there: Array | None = grid.q[one]
-        for x in np.linspace(0.0, 1.0, steps + 1)[1:]:
-            there = grid.step(there, *grid.place(one, other, x)) if there is not None else None
-        if there is not None:
-            return there
-    return None
 
 
 def _numbers(values: Array) -> list[list[float | None]]:

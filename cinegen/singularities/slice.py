@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.ik.equations import free_motions
 from cinegen.model import Mechanism
+from cinegen.singularities.branch import BranchTracker
+from cinegen.singularities.crossing import of_end
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
@@ -23,8 +25,6 @@ POSE = ("x", "y", "z", "rx", "ry", "rz")
 
 _CLOSED = 1e-10  # rad or characteristic lengths
 _ITERATIONS = 15
-_THERE = 1e-7  # rad or characteristic lengths: a configuration that far from its point is another's
-_JUMP = 0.7  # rad or characteristic lengths: a neighbour that is further away is on another branch
 
 
 class SliceError(CinegenError):
@@ -172,7 +172,7 @@ class Coordinates:
         return error, rows
 
 
-class Slice(Coordinates):
+class Slice(Coordinates, BranchTracker):
     """Two coordinates vary, of a node's pose or two actuated joints; the others stay at home, or at given values.
 
     Args:
@@ -197,12 +197,13 @@ class Slice(Coordinates):
         node: str | None = None,
     ) -> None:
         self.axes, self._fixed = axes, dict(fixed or {})
-        super().__init__(mechanism, [*(axis.name for axis in axes), *self._fixed], node)
+        Coordinates.__init__(self, mechanism, [*(axis.name for axis in axes), *self._fixed], node)
         for axis in axes:
             if not (math.isfinite(axis.low) and math.isfinite(axis.high) and axis.low < axis.high):
                 raise SliceError(
                     f"{axis.name} from {axis.low:g} to {axis.high:g} is no range: give the lower end first"
                 )
+        BranchTracker.__init__(self, mechanism, of_end(mechanism), self.over_joints)
 
     def start(self) -> tuple[float, float]:
         """Return home's two coordinates; if it is not on the slice, those of the nearest point."""
@@ -214,30 +215,9 @@ class Slice(Coordinates):
         values = {**self.home, **self._fixed, self.axes[0].name: u, self.axes[1].name: v}
         return {name: values[name] for name in self.independent}
 
-    def configuration(self, u: float, v: float, q: Array, jump: float = _JUMP) -> Array | None:
-        """Return the configuration (nq,) at a point of the slice on the branch of q; None if there is none near.
-
-        Args:
-            u: the first axis, m or rad.
-            v: the second.
-            q: (nq,) of a point near it.
-            jump: largest distance of joints from q, rad or characteristic lengths.
-        """
-        found = self.at(self.given(u, v), q)
-        if found is None:
-            return None
-        mechanism = self.mechanism
-        passive = np.ones(mechanism.model.nv, dtype=bool)
-        if self.over_joints:
-            passive[[mechanism.v_index(name) for name in mechanism.actuated]] = False
-        away = np.abs(mechanism.scaled_difference(q, found))[passive]
-        return found if away.max(initial=0.0) <= jump else None
-
-    def is_at(self, u: float, v: float, q: Array) -> bool:
-        """Return whether q (nq,) is a configuration of a point of the slice."""
-        here = self.coordinates(q)
-        away = max(abs(here[axis.name] - value) for axis, value in zip(self.axes, (u, v), strict=True))
-        return away <= _THERE * max(self.mechanism.length, 1.0)
+    def configuration(self, values: Array, guess: Array) -> Array | None:
+        """Return a configuration (nq,) near a guess (nq,) at a point (2,) of the slice; None if there is none near."""
+        return self.at(self.given(*values.tolist()), guess)
 
 
 def about_home(mechanism: Mechanism, name: str, node: str | None = None) -> Axis:

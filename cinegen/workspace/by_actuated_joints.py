@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.ik.batch import BatchEvaluator, Evaluations
+from cinegen.singularities.branch import flood, neighbours
 from cinegen.workspace.cells import Cells, CellStatus
-from cinegen.workspace.chunks import back_and_forth, neighbours
-from cinegen.workspace.continuation import flood
+from cinegen.workspace.chunks import back_and_forth
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from cinegen.ik.batch import BatchEvaluator, Evaluations
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
+from cinegen.singularities.branch import JUMP, flood, neighbours
 from cinegen.workspace.cells import Cells, CellStatus
-from cinegen.workspace.chunks import neighbours
-from cinegen.workspace.continuation import GOAL, JUMP, Continuation, flood
+from cinegen.workspace.continuation import GOAL, Continuation
 from cinegen.workspace.reach_bounds import ReachBounds
 from cinegen.workspace.specification import MapSpecification
 

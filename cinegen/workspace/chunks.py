@@ -1,4 +1,4 @@
-"""Chunks of a map's grid: their shapes, their cells, and the neighbours of a cell.
+"""Chunks of a map's grid: their shapes, their cells, and a path through these.
 
 Chunks and the cells of a chunk are numbered with the last axis fastest.
 """
@@ -54,15 +54,6 @@ def chunk_cells(chunk: int, shape: Shape, chunk_shape: Shape) -> tuple[slice, ..
     index = map(int, np.unravel_index(chunk, chunk_counts(shape, chunk_shape)))
     return tuple(
         slice(i * width, min((i + 1) * width, n)) for i, n, width in zip(index, shape, chunk_shape, strict=True)
-    )
-
-
-def neighbours(shape: Shape) -> Ints:
-    """Return (n, 2 axes) the numbers of the cells next to each cell; -1 at the edge."""
-    padded = np.pad(np.arange(math.prod(shape)).reshape(shape), 1, constant_values=-1)
-    inner = (slice(1, -1),) * len(shape)
-    return np.column_stack(
-        [np.roll(padded, step, axis)[inner].ravel() for axis in range(len(shape)) for step in (1, -1)]
     )
 
 

@@ -1,10 +1,6 @@
-"""`Continuation`: configurations at points of a map's region, each continued from one nearby; `flood` goes from point
-to neighbouring point."""
+"""`Continuation`: configurations at points of a map's region, each continued from one nearby."""
 
 from __future__ import annotations
-
-from collections import deque
-from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -13,32 +9,17 @@ from numpy.typing import NDArray
 from cinegen.errors import ClosureError
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.task import FrameTask
+from cinegen.singularities.branch import BranchTracker
+from cinegen.singularities.crossing import Rows, of_node
 from cinegen.workspace.specification import MapSpecification
 
 Array = NDArray[np.float64]
-
-JUMP = 0.7
-"""rad or characteristic lengths: a joint that moves further between neighbours may have changed branches."""
 
 GOAL = 1e-10
 """rad or characteristic lengths: largest remaining error of a solution."""
 
 
-def flood(starts: Iterable[int], neighbours: Sequence[Iterable[int]], reach: Callable[[int, int], bool]) -> None:
-    """Go from points to their neighbours, breadth first, as far as these can be reached.
-
-    Args:
-        starts: numbers of the points to begin at.
-        neighbours: of each point; negative numbers are skipped.
-        reach: called with a point and a neighbour; returns whether to continue from the neighbour.
-    """
-    waiting = deque(starts)
-    while waiting:
-        here = waiting.popleft()
-        waiting += [there for there in neighbours[here] if there >= 0 and reach(here, there)]
-
-
-class Continuation:
+class Continuation(BranchTracker):
     """Solves for configurations near given ones, within joint limits if the specification keeps to them.
 
     Args:
@@ -46,7 +27,9 @@ class Continuation:
     """
 
     def __init__(self, spec: MapSpecification) -> None:
-        self.spec, self.mechanism = spec, spec.mechanism
+        end = Rows(of_node(spec.mechanism, spec.node, sum(spec.counted)), spec.rank)
+        super().__init__(spec.mechanism, end, spec.over_joints)
+        self.spec = spec
         self.actuated = [spec.mechanism.q_index(name) for name in spec.mechanism.actuated]
         if not spec.over_joints:
             self._local = LocalIK(
@@ -58,9 +41,9 @@ class Continuation:
         self._local.tasks[0].target = target
         return self._local.best if self._local.solve(guess, GOAL) else None
 
-    def at(self, values: Array, guess: Array) -> Array | None:
-        """Return a configuration (nq,) near a guess (nq,) at coordinates (axes,) of the region; None where there is
-        none."""
+    def configuration(self, values: Array, guess: Array) -> Array | None:
+        """Return a configuration (nq,) near a guess (nq,) at coordinates (axes,) of the region, m or rad; None
+        where there is none."""
         region = self.spec.region
         if not self.spec.over_joints:
             points, rotations = region.poses(self.spec.home, values[None])

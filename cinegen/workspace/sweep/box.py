@@ -10,7 +10,7 @@ sign, is not seen unless it is one of the points: the smallest values are report
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import reduce
 
@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 
 from cinegen.ik.batch import BatchEvaluator
 from cinegen.singularities.ball_joints import balls
-from cinegen.singularities.crossing import Rows, crossings, of_node, of_passive_joints, turned
+from cinegen.singularities.branch import SINGULAR, flood, neighbours
+from cinegen.singularities.crossing import Rows
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.cells import Cells, CellStatus
-from cinegen.workspace.continuation import JUMP, Continuation, flood
+from cinegen.workspace.continuation import Continuation
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.region import GridAxis, Region
@@ -35,9 +36,6 @@ Ints = NDArray[np.intp]
 _EDGE = 1e-9  # of a cell's width: a box that ends on a border does not touch the next cell
 _WHOLE = 1e-6  # of a cell's width: less is not cut off
 _SAME = 1e-4  # rad or lengths: configurations that are nearer are one
-_STEPS = (1, 4, 16)  # between two points, in as few as suffice
-_REGULAR = 0.1  # singular value: above it, neighbours that are near are on one branch
-_ZERO = 1e-4  # up to which a singular value is 0, at a point or where its sign changes
 
 
 @dataclass(frozen=True)
@@ -142,22 +140,17 @@ class BoxConfigurations(Continuation):
     Attributes:
         q: (n, nq) configuration at each point; NaN where none leads to it.
         parts: number of branches, or of parts of a branch that are not connected in the box.
-        end: the node's motions, singular at type 1.
-        passive: the passive joints, singular at type 2; None where there are none.
         redundant: whether the mechanism has infinitely many configurations at a point.
     """
 
     def __init__(self, spec: MapSpecification, grid: BoxGrid, configurations: Array) -> None:
         super().__init__(spec)
         mechanism, self.grid = spec.mechanism, grid
-        self._values = np.concatenate([grid.values, spec.region.values(grid.cells)])  # after the points the cells
+        self.values = np.concatenate([grid.values, spec.region.values(grid.cells)])  # after the points the cells
         self._free = np.zeros(mechanism.model.nv, dtype=bool)  # joints for which whole turns make no difference
         for name in mechanism.joints:
             limited = spec.limits and np.isfinite(mechanism.limits[name].lower)
             self._free[mechanism.v_index(name)] = not (mechanism.is_prismatic(name) or limited)
-        self.end = Rows(of_node(mechanism, spec.node, sum(spec.counted)), spec.rank)
-        self.passive = of_passive_joints(mechanism) if mechanism.passive_rank else None
-        self._barrier = self.passive if spec.over_joints else self.end  # branches meet where it is singular
         self.redundant = not spec.over_joints and spec.dof > spec.rank
         self._known, self._open = self._from_map(configurations.reshape(-1, configurations.shape[-1]))
         self.q, self.parts = np.full_like(self._known, np.nan), 0
@@ -172,26 +165,14 @@ class BoxConfigurations(Continuation):
         """Return where the configuration of a point leads at a neighbour: to the known one there, unless the mechanism
         is redundant; None if that is on another branch."""
         known: Array = self.q[other]
-        if self.mechanism.distance(self.q[one], known) <= JUMP:
+        if self.linked(self.q[one], known):
             return known
-        found = self._onward(self.q[one], one, other)
+        found = self.onward(self.values[one], self.values[other], self.q[one])
         if found is None or self.redundant:
             return found
         gaps = self.mechanism.scaled_difference(found, known)
         gaps[self._free] = (gaps[self._free] + np.pi) % (2.0 * np.pi) - np.pi
         return found if np.abs(gaps).max(initial=0.0) <= _SAME else None
-
-    def between(self, one: int, other: int, end: Array) -> Callable[[float], Array]:
-        """Return the path from a point to a configuration (nq,) at another: q (nq,) by the part of the path, 0 to 1."""
-        q: Array = self.q[one]
-
-        def path(x: float) -> Array:
-            if x in (0.0, 1.0):
-                return end if x else q
-            found = self._at_part(one, other, x, self.mechanism.interpolate(q, end, x))
-            return found if found is not None else q if x < 0.5 else end
-
-        return path
 
     # --- continuation --------------------------------------------------------------------------------------------
 
@@ -205,15 +186,12 @@ class BoxConfigurations(Continuation):
         may[grid.middles] = reached | grid.cut
         for cell in np.flatnonzero(reached & grid.cut).tolist():
             point = int(grid.middles[cell])
-            found = self._onward(configurations[cell], count + cell, point)
+            found = self.onward(self.values[count + cell], self.values[point], configurations[cell])
             known[point] = np.nan if found is None else found
         return known, may
 
     def _continue(self) -> None:
-        near: list[list[int]] = [[] for _ in self._known]
-        for one, other in self.grid.edges.tolist():
-            near[one].append(other)
-            near[other].append(one)
+        near = neighbours(self.grid.shape).tolist()
         for first in np.flatnonzero(np.isfinite(self._known[:, 0])).tolist():
             if not np.isfinite(self.q[first, 0]):
                 self.parts += 1
@@ -224,33 +202,11 @@ class BoxConfigurations(Continuation):
         if not self._open[other] or np.isfinite(self.q[other, 0]):
             return False
         q, found = self.q[one], self._known[other]
-        near = np.isfinite(found[0]) and self.mechanism.distance(q, found) <= JUMP and self._same_branch(q, found)
-        found = found if near else self._onward(q, one, other)
+        near = np.isfinite(found[0]) and self.same_branch(q, found)
+        found = found if near else self.onward(self.values[one], self.values[other], q)
         if found is not None:
             self.q[other] = found
         return found is not None
-
-    def _onward(self, q: Array, one: int, other: int) -> Array | None:
-        """Return the configuration (nq,) at a point, continued from q (nq,) at another; None if the branch ends."""
-        for steps in _STEPS:
-            there = q
-            for x in np.linspace(0.0, 1.0, steps + 1)[1:]:
-                found = self._at_part(one, other, float(x), there)
-                if found is None or self.mechanism.distance(there, found) > JUMP or not self._same_branch(there, found):
-                    break
-                there = found
-            else:
-                return there
-        return None
-
-    def _at_part(self, one: int, other: int, x: float, guess: Array) -> Array | None:
-        return self.at((1.0 - x) * self._values[one] + x * self._values[other], guess)
-
-    def _same_branch(self, q: Array, other: Array) -> bool:
-        if self._barrier is None:
-            return True
-        a, b = self._barrier.of(q), self._barrier.of(other)
-        return bool(self._barrier.sigma(np.array([a, b])).min() > _REGULAR) or not turned(self._barrier, a, b)
 
 
 # --- regularity ------------------------------------------------------------------------------------------------------
@@ -297,7 +253,7 @@ def regularity(box: BoxConfigurations) -> Regularity:
             if crossed:
                 found[kind] = True
                 break
-    far = (edge for edge in edges.tolist() if box.mechanism.distance(*box.q[edge]) > JUMP)
+    far = (edge for edge in edges.tolist() if not box.linked(*box.q[edge]))
     joined = joined and all(box.end_at(*edge) is not None for edge in far)
     return Regularity(found[SingularityType.TYPE_1], found[SingularityType.TYPE_2], joined)
 
@@ -318,7 +274,7 @@ def _candidates(box: BoxConfigurations, rows: Rows, edges: Ints) -> Iterator[tup
         one, other = (edges[edges[:, 1] // layer == k] - offset).T
         change = np.linalg.norm(matrices[one] - matrices[other], axis=(1, 2))
         least = np.minimum(sigma[one], sigma[other])
-        for edge in np.flatnonzero((sigma[one] + sigma[other] <= change) | (least <= _ZERO)):
+        for edge in np.flatnonzero((sigma[one] + sigma[other] <= change) | (least <= SINGULAR)):
             yield int(one[edge]) + offset, int(other[edge]) + offset
         before = here
 
@@ -326,13 +282,14 @@ def _candidates(box: BoxConfigurations, rows: Rows, edges: Ints) -> Iterator[tup
 def _crossed(box: BoxConfigurations, rows: Rows, one: int, other: int) -> tuple[bool, bool]:
     """Return whether the singular value passes through 0 between two neighbours, or is 0 there; and, if not, whether
     that is certain."""
-    if rows.sigma(np.array([rows.of(q) for q in box.q[[one, other]]])).min() <= _ZERO:
+    if rows.sigma(np.array([rows.of(q) for q in box.q[[one, other]]])).min() <= SINGULAR:
         return True, True
     end = box.end_at(one, other)
     if end is None:
         return False, False
-    found = list(crossings(rows, box.between(one, other, end)))
-    crossed = any(rows.sigma(rows.of(crossing.q)[None])[0] <= _ZERO for crossing in found)
+    ends = box.q[one], end
+    found = list(box.crossings(rows, box.values[one], box.values[other], ends))
+    crossed = any(box.is_singular(rows, crossing, ends) for crossing in found)
     return crossed, box.redundant or not found
 
 
