@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import warnings
+
 import raff2urdf.errors
 from raff2urdf.errors import did_you_mean
 
@@ -35,3 +38,11 @@ class ConfigurationError(CinegenError):
 
 class CinegenWarning(UserWarning):
     """Something that works, but probably not as its author wants."""
+
+
+def warn(message: str) -> None:
+    """Warn the program that calls this package: the warning is of its line, however deep in the package it arose."""
+    frame, level = sys._getframe(1), 2
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "cinegen":
+        frame, level = frame.f_back, level + 1
+    warnings.warn(message, CinegenWarning, stacklevel=level)

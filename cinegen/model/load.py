@@ -3,7 +3,6 @@ file and its conversion are the same mechanism, bit for bit."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 import raff2urdf
-from cinegen.errors import CinegenWarning, ClosureError, LoadError, UnknownNameError
+from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
@@ -78,7 +77,7 @@ def load(
     if ignore_loops and chosen.loops:
         listed = ", ".join(f"loop '{name}'" for name in chosen.loop_names)
         message = f"{path}: left out, as requested; every joint moves independently: {listed}"
-        warnings.warn(message, CinegenWarning, stacklevel=2)
+        warn(message)
         urdf, constraints = describe(document, replace(chosen, loops=()), path.parent)
         return build(urdf, without_loops(constraints), name=str(path))
     urdf, constraints = describe(document, chosen, path.parent, loops)
@@ -281,5 +280,5 @@ def _home(system: ClosedLoops, written: Array, limits: Limits, name: str) -> Arr
     beyond = limits.exceeded(home)
     if beyond:
         message = f"{name}: with all loops closed, home is outside the limits of {', '.join(beyond)}"
-        warnings.warn(message, CinegenWarning, stacklevel=4)
+        warn(message)
     return home

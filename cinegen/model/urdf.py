@@ -9,7 +9,7 @@ from typing import Any
 
 from lxml import etree
 
-from cinegen.errors import CinegenWarning, LoadError
+from cinegen.errors import LoadError, warn
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers import successive
@@ -147,7 +147,7 @@ def _warn_of_assumptions(tree: Any, name: str) -> None:
         (followers, "it should mimic another joint; taken as a joint of its own"),
     ):
         if found:
-            warnings.warn(f"{listed(found, name)}: {what}", CinegenWarning, stacklevel=4)
+            warn(f"{listed(found, name)}: {what}")
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:

@@ -254,6 +254,15 @@ def test_a_warning_of_a_home_outside_the_limits_is_of_the_line_that_loads(tmp_pa
     assert {warning.filename for warning in caught} == {__file__}
 
 
+def test_a_warning_of_what_a_urdf_leaves_out_is_of_the_line_that_loads(tmp_path):
+    path = tmp_path / "arm.urdf"
+    joint = '<joint name="j" type="revolute"><parent link="a"/><child link="b"/></joint>'
+    path.write_text(f'<robot name="arm"><link name="a"/><link name="b"/>{joint}</robot>')
+    with pytest.warns(cinegen.CinegenWarning, match="no lower and upper limit are given") as caught:
+        cinegen.load(path)
+    assert {warning.filename for warning in caught} == {__file__}
+
+
 def test_a_base_that_a_sensor_may_move_is_free_and_adds_six(raff):
     text = """
       sensor 1 { port "/dev/null" translation 3 rotation 3 }
