@@ -40,6 +40,7 @@ from random_scenes import FAMILIES
 from cinegen.planning import plan, rrt_connect
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "examples" / "papers"))
+from enclosing_potentials import FIELDS
 from literal_vortices import plan_literally
 
 METHODS = ("none", "literal", "vortex 1", "vortex", "firas", "spherical", "elliptical", "rrtconnect")
@@ -68,7 +69,7 @@ def result(family: str, number: int, method: str) -> Result:
     elif method == "vortex 1":
         found = plan(scene, attempts=1)
     else:
-        found = plan(scene, field=method)
+        found = plan(scene, field=FIELDS.get(method, method))
     spent = time.perf_counter() - begin
     steps = sum(len(attempt.path) for attempt in found.attempts)
     straight = float(np.linalg.norm(found.trace[-1] - found.trace[0]))

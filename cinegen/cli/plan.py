@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from cinegen.collision import Scene
     from cinegen.planning import Plan
 
-_POTENTIALS = ("firas", "spherical", "elliptical")
 _SEARCH = 10.0  # s
 _SHOWN = 4.0  # s: a shorter motion is shown slower
 _WIDTH = 100  # columns
@@ -33,10 +32,8 @@ _WIDTH = 100  # columns
 def run(
     page: PageOptions,
     scene: Path = typer.Argument(..., metavar="SCENE", help="robot, obstacles, start and goal: a .toml or .json file"),
-    field: Literal["vortex", "firas", "spherical", "elliptical"] = option(
-        None,
-        "field around obstacles; for comparison: repulsive potentials",
-        "vortex",
+    field: Literal["vortex", "firas"] = option(
+        None, "field around obstacles; for comparison: firas, a repulsive potential", "vortex"
     ),
     planner: Literal["vortex", "rrtconnect"] = option(
         None,
@@ -151,7 +148,7 @@ def _status(found: Plan) -> str:
     here = found.trace[-1][: scene.translation]
     left = math.dist(here, scene.goal.translation[: scene.translation])
     text = f"{found.status.value}: {scene.node} at {_point(here)}, {_mm(left)} from its goal: {found.reason}"
-    complete = found.attempts[-1].blocked_by or found.field in _POTENTIALS
+    complete = found.attempts[-1].blocked_by or found.field == "firas"
     return text if complete else text + _nearest(found)
 
 

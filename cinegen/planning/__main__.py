@@ -1,10 +1,8 @@
 """`python -m cinegen.planning` compiles the kernels of planning in advance."""
 
 from cinegen.collision.clearance import prepare_clearance
-from cinegen.planning._kernels.superquadric import prepare_contours
 from cinegen.planning.vortices import prepare_vortices
 
 if __name__ == "__main__":
     prepare_clearance()
-    prepare_contours()
     prepare_vortices()

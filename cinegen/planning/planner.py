@@ -127,7 +127,7 @@ def plan(
     configurations at the goal: the one nearest to the start, then those that differ most. Then all of that is repeated
     with the other detour directions. All attempts are in the plan.
 
-    Other fields serve for comparison, with the same safety distance: potentials make one attempt.
+    Other fields serve for comparison, with the same safety distance: FIRAS makes one attempt.
 
     Args:
         scene: scene.
@@ -190,7 +190,7 @@ def _strategies(
             label = f"{attraction.label}, {'no field' if direction is None else direction.value}"
             yield label, DeflectedAttraction(attraction, vortices), attraction.remaining
     elif isinstance(field, AvoidanceField):
-        potential = Potential(scene, clearance.links, field, reach)
+        potential = Potential(scene, clearance.links, reach)
         descent = Descent(scene.mechanism, potential.value, potential.gradient)
         yield f"{task.label}, {field.value}", descent, task.remaining
     else:

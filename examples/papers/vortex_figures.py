@@ -16,9 +16,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from elliptical_potential import Elliptical, finite_vector
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.planning.potential_fields import Elliptical, FieldError, finite_vector, nan_at_contact, require_positive
+from cinegen.planning.potential_fields import FieldError, nan_at_contact, require_positive
 from cinegen.planning.vortex_field import Vortex, facing, rotation_axis
 
 if TYPE_CHECKING:

@@ -1,1 +1,1 @@
-"""Compiled kernels of planning: the vortex field of links, and contours of elliptical potentials."""
+"""Compiled kernels of planning: the vortex field of links."""

@@ -1,4 +1,5 @@
-"""Balls and boxes around obstacles, which repulsive potentials use in place of their shapes."""
+"""Balls and boxes around obstacles, which `enclosing_potentials.py` uses in place of their shapes; capsules around
+links."""
 
 from __future__ import annotations
 

@@ -1,0 +1,65 @@
+"""Scenes to descend a potential in, and derivatives by differences."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from cinegen.collision import load_scene, scene_of
+from cinegen.collision.links import link_bodies
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+
+
+@cache
+def figure(name):
+    return load_scene(ROBOTS / "scenes" / f"{name}.toml")
+
+
+def point(obstacles, radius=0.0, start=(0.0, 0.0), goal=(4.0, 0.0), **more):
+    """A mobile robot."""
+    document = {"name": "point", "mobile": {"radius": radius}, "safety": 0.02, "influence": 0.6, **more}
+    document |= {"start": {"point": list(start)}, "goal": {"point": list(goal)}, "obstacle": obstacles}
+    return scene_of(document)
+
+
+def moved(scene, q, step):
+    """q moved by a step without unit."""
+    return pin.integrate(scene.mechanism.model, q, np.asarray(step) * scene.mechanism.scale)
+
+
+def slopes(scene, value, q, step):
+    """Central differences by rad and lengths."""
+    ways = step * np.eye(scene.mechanism.model.nv)
+    return np.array([value(moved(scene, q, e)) - value(moved(scene, q, -e)) for e in ways]) / (2.0 * step)
+
+
+def apart(scene, q, obstacle):
+    """By joint, how far its bodies are from an obstacle, as coal says it of each two."""
+    mechanism = scene.mechanism
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, q)
+    found = {}
+    for body in bodies(scene):
+        if body.joint:
+            at = data.oMi[body.joint] * body.placement
+            places = [coal.Transform3s(each.rotation, each.translation) for each in (at, obstacle.placement)]
+            request, result = coal.DistanceRequest(), coal.DistanceResult()
+            d = coal.distance(body.shape, places[0], obstacle.shape, places[1], request, result)
+            found[body.joint] = min(d, found.get(body.joint, math.inf))
+    return np.array(list(found.values()))
+
+
+def attraction(scene, q):
+    """Of goals that are points of the plane."""
+    way = scene.mechanism.placement(q, scene.node).translation - scene.goal.translation
+    return 0.5 * float(way[:2] @ way[:2]) / scene.mechanism.length**2
+
+
+def bodies(scene):
+    return link_bodies(scene.mechanism) if scene.bodies is None else scene.bodies

@@ -1,0 +1,100 @@
+"""The elliptical potential against its definition and finite differences."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from elliptical_potential import Elliptical
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.spatial.transform import Rotation
+
+from cinegen.planning.potential_fields import CONTACT, FieldError
+
+lengths = st.floats(-2.0, 2.0).map(lambda x: round(x, 4))
+points = arrays(float, 3, elements=lengths)
+halves = arrays(float, 3, elements=st.floats(0.02, 0.6))
+
+
+def slopes(value, point, step=1e-6):
+    """Central differences."""
+    return np.array([(value(point + e) - value(point - e)) / (2.0 * step) for e in step * np.eye(3)])
+
+
+@pytest.mark.parametrize("depth", [CONTACT, 0.0, 0.1, 0.5])
+def test_at_contact_and_inside_it_is_infinite_and_has_no_gradient(depth):
+    box, inside = Elliptical([0, 0, 0], [0.5, 0.5, 0.5]), [0.5 - depth, 0.0, 0.0]
+    assert box.value(inside) == math.inf
+    assert np.isnan(box.gradient(inside)).all()
+
+
+@given(halves, points, st.floats(0.3, 1.7), st.integers(0, 2**32 - 1))
+def test_the_elliptical_gradient_is_that_of_its_value(half, point, rounding, seed):
+    axes = Rotation.random(rng=np.random.default_rng(seed)).as_matrix()
+    field = Elliptical([0.1, -0.2, 0.3], half, 0.4, 0.8, rounding, axes)
+    assume(field.pseudo_distance(point) > 0.05)
+    got = field.gradient(point)
+    assert got == pytest.approx(slopes(field.value, point), abs=1e-4 * (1e-3 + np.linalg.norm(got)))
+
+
+@given(halves, points, st.floats(0.3, 1.7))
+def test_a_point_lies_on_the_contour_of_its_pseudo_distance(half, point, rounding):
+    """The published equation, with the root put in."""
+    field = Elliptical([0, 0, 0], half, rounding=rounding)
+    k = float(field.pseudo_distance(point))
+    if (np.abs(point) <= half).all():
+        assert k == 0.0
+        return
+    assume(k > 0.01)
+    n, longest = 1.0 / (1.0 - math.exp(-rounding * k)), half.max()
+    norm = sum((h / longest) ** 2 * (abs(x) / h / (1.0 + k)) ** (2.0 * n) for x, h in zip(point, half, strict=True))
+    assert norm == pytest.approx(1.0, rel=1e-6)
+
+
+@given(halves, arrays(float, 3, elements=st.floats(-1.0, 1.0)), st.floats(0.3, 1.7))
+def test_along_a_ray_the_pseudo_distance_rises(half, way, rounding):
+    """So contours lie in one another, and do not meet."""
+    assume(np.linalg.norm(way) > 0.1)
+    ray = np.linspace(0.0, 4.0, 60)[:, None] * way
+    k = Elliptical([0, 0, 0], half, rounding=rounding).pseudo_distance(ray)
+    outside = k > 0.0
+    assert (np.diff(k)[outside[1:]] > 0.0).all()
+
+
+def test_contours_are_the_box_near_it_and_spheres_far_away():
+    half = np.array([0.1, 0.2, 0.4])
+    field = Elliptical([0, 0, 0], half)
+    corner = half * (1.0 + 1e-9)
+    on_faces = [[0.1 + 1e-9, 0.15, -0.3], [0.02, 0.2 + 1e-9, 0.1], [0.09, 0.19, 0.4 + 1e-9]]
+    assert field.pseudo_distance([*on_faces, corner]) == pytest.approx(0.0, abs=1e-7)
+    way = Rotation.random(20, rng=np.random.default_rng(1)).apply([0.0, 0.0, 1.0])
+    far = field.pseudo_distance(1e3 * way)
+    assert far == pytest.approx(1e3 / 0.4 - 1.0, rel=1e-9)
+    assert field.gradient(20.0 * way) == pytest.approx(
+        -np.linalg.norm(field.gradient(20.0 * way), axis=1)[:, None] * way, abs=1e-12
+    )
+
+
+def test_a_prism_does_not_know_of_height():
+    rod = Elliptical([0, 0, 0], [0.02, 0.4, math.inf])
+    low, high = rod.value([[-0.3, 0.1, 0.0], [-0.3, 0.1, 5.0]])
+    assert low == high
+    assert rod.gradient([-0.3, 0.1, 2.0])[2] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: Elliptical([0, 0, math.nan], [1.0, 1.0, 1.0]), "centre"),
+        (lambda: Elliptical([0, 0, 0], [1.0, 0.0, 1.0]), "half the edges"),
+        (lambda: Elliptical([0, 0, 0], [math.inf] * 3), "half the edges"),
+        (lambda: Elliptical([0, 0, 0], [1.0, 1.0, 1.0], axes=np.ones((3, 3))), "rotation"),
+        (lambda: Elliptical([0, 0, 0], [1.0, 1.0, 1.0], rounding=1.9), "less than 1.82"),
+    ],
+)
+def test_what_is_no_potential_is_refused(make, said):
+    with pytest.raises(FieldError, match=said):
+        make()
