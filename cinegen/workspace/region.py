@@ -266,8 +266,8 @@ class Region:
     # --- JSON ----------------------------------------------------------------------------------------------------
 
     def document(self) -> dict[str, Any]:
-        """Return the region as JSON values, m and rad."""
-        return asdict(self)
+        """Return the region as JSON values, m and rad; whole numbers are written like others."""
+        return asdict(self.of_document(asdict(self)))
 
     @classmethod
     def of_document(cls, document: Mapping[str, Any]) -> Region:

@@ -1,5 +1,6 @@
 """Regions: cells, chunks, coordinates and sizes."""
 
+import json
 import math
 
 import numpy as np
@@ -121,3 +122,11 @@ def test_cells_measure_parts_of_a_sphere_where_both_angles_vary(axes, at, size):
 def test_more_than_a_sphere_is_refused(axis):
     with pytest.raises(MapError, match=r"-90 to 90 degrees|more than a revolution"):
         Region((GridAxis(*axis),), {name: 0.5 for name in ("azimuth", "elevation", "radius") if name != axis[0]})
+
+
+def test_whole_numbers_are_written_like_others():
+    """A map is compared with what its folder says, letter by letter."""
+    whole = Region((GridAxis("x", -1, 2, 3),), {"y": 0}, centre=(0, 0, 1)).document()
+    assert json.dumps(whole) == json.dumps(
+        Region((GridAxis("x", -1.0, 2.0, 3),), {"y": 0.0}, centre=(0.0, 0.0, 1.0)).document()
+    )
