@@ -7,6 +7,7 @@ nobody says, so that all tests together stay within minutes.
 from __future__ import annotations
 
 import os
+import signal
 import stat
 import threading
 from functools import cache
@@ -24,6 +25,9 @@ ROBOTS = ROOT / "robots"
 settings.register_profile("cinegen", deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("cinegen")
 
+# Tests that a shell starts in the background ignore Ctrl-C, and so would the commands that they interrupt.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 EXAMPLES = float(os.environ.get("CINEGEN_EXAMPLES", "0.25"))
 

@@ -6,6 +6,7 @@ whole, so that volumes are sums of cells.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -267,7 +268,10 @@ class Region:
 
     def document(self) -> dict[str, Any]:
         """Return the region as JSON values, m and rad; whole numbers are written like others."""
-        return asdict(self.of_document(asdict(self)))
+        plain = json.loads(
+            json.dumps(asdict(self), default=lambda number: number.item())
+        )  # numpy's numbers are Python's
+        return asdict(self.of_document(plain))
 
     @classmethod
     def of_document(cls, document: Mapping[str, Any]) -> Region:
