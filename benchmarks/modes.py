@@ -26,7 +26,6 @@ import numpy as np
 from numba import njit
 
 from cinegen.hexapod import TSSM
-from cinegen.hexapod._kernels.eigenvalues import reduce
 
 BASE = np.array([[-9.7, 9.1, 0], [9.7, 9.1, 0], [12.76, 3.9, 0], [3.0, -13.0, 0], [-3.0, -13.0, 0], [-12.76, 3.9, 0]])
 PLATFORM = np.array([[0, 7.3, 0], [4.822, -5.480722, 0], [-4.822, -5.480722, 0]])
@@ -106,6 +105,32 @@ def newton(base, platform, lengths, placements, work):
                     break
                 work[6:9, :4] = placement[:3]
                 move(work[3, 6], work[4, 6], work[5, 6], work[0, 6], work[1, 6], work[2, 6], placement)
+
+
+@njit(error_model="numpy", fastmath={"contract"})
+def reduce(a, rows, columns):
+    """Solve the first `rows` columns against the others by elimination with row pivots, in place; the least pivot."""
+    least = 1e300
+    for i in range(rows):
+        best = i
+        for k in range(i + 1, rows):
+            if abs(a[k, i]) > abs(a[best, i]):
+                best = k
+        least = min(least, abs(a[best, i]))
+        if not abs(a[best, i]) > 0.0:
+            return 0.0
+        if best != i:
+            for j in range(i, columns):
+                a[i, j], a[best, j] = a[best, j], a[i, j]
+        inverse = 1.0 / a[i, i]
+        for j in range(i, columns):
+            a[i, j] *= inverse
+        for k in range(rows):
+            if k != i and a[k, i] != 0.0:
+                part = a[k, i]
+                for j in range(i, columns):
+                    a[k, j] -= part * a[i, j]
+    return least
 
 
 @njit(error_model="numpy", fastmath={"contract"})

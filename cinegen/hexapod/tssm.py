@@ -9,8 +9,8 @@ from numba import boolean, complex128, float64, int64, typeof
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.hexapod._kernels import roots as kernel
-from cinegen.hexapod._kernels.elimination import SOLUTIONS, elimination_scratch
 from cinegen.hexapod._kernels.placements import write_placements
+from cinegen.hexapod.elimination import SOLUTIONS, eigen_directions
 from cinegen.hexapod.legs import HexapodError, checked_lengths, checked_points, leg_lengths, nearest, refine
 from cinegen.hexapod.platform_modes import NearestPlacement, PlatformModes, SolutionCounts
 from cinegen.jit.compiled import prepare, together
@@ -122,11 +122,12 @@ class TSSM:
         self._arrays = self.base.copy(), self.platform.copy(), self.legs.copy(), own  # which kernels take as writeable
         vectors, point = np.empty((1, 3, 3)), np.empty((1, 3), dtype=np.int64)
         circles = typeof(PlatformCircles(vectors, vectors, vectors, vectors[0], point))
-        rows, blocks, numbers = float64[:, ::1], float64[:, :, ::1], int64[::1]
-        roots = complex128[:, :, ::1], int64[:, ::1], int64[:, ::1], typeof(elimination_scratch())
+        rows, blocks, table = float64[:, ::1], float64[:, :, ::1], int64[:, ::1]
+        numbers, found = int64[::1], complex128[:, ::1]
         with together():
-            prepare(kernel.find_roots, float64[:, :, :, ::1], float64[:, :, :, ::1], rows, boolean, *roots)
-            given = complex128[:, ::1], numbers, circles, rows, rows, rows, numbers, rows
+            asked = float64[:, :, :, ::1], found, rows, boolean
+            prepare(kernel.find_roots, *asked, complex128[:, :, ::1], table, table, found, found)
+            given = found, numbers, circles, rows, rows, rows, numbers, rows
             prepare(write_placements, *given, blocks, blocks, float64[::1])
 
     def modes(self, lengths: ArrayLike) -> PlatformModes:
@@ -247,12 +248,14 @@ class TSSM:
         """Return the circles; whether legs meet (m,); the distinct roots (m, 17, 3), with base points in one plane one
         of each pair of mirror images, their multiplicities (m, 17) and counts (m, kernel.COUNTS_WIDTH)."""
         circles, meets = self._circles(lengths)
-        shape, scratch = (len(lengths), SOLUTIONS + 1), elimination_scratch()
+        shape, scratch = (len(lengths), SOLUTIONS + 1), [np.empty((rows, 3), dtype=complex) for rows in (5, 6)]
         equations, extents = self._equations(circles), circles.radius / lengths.max(axis=1)[:, None]
         roots, times = np.empty((*shape, 3), dtype=complex), np.empty(shape, dtype=np.int64)
         counts = np.zeros((len(lengths), kernel.COUNTS_WIDTH), dtype=np.int64)
-        tangents = TANGENTS @ equations @ TANGENTS.T
-        kernel.find_roots(equations, tangents, extents, self.plane, roots, times, counts, scratch)
+        directions, vanishes = eigen_directions(TANGENTS @ equations @ TANGENTS.T, self.plane)
+        counts[np.isnan(directions).all(axis=1), kernel.OUTCOME] = kernel.DIVERGED
+        counts[vanishes, kernel.OUTCOME] = kernel.CURVE
+        kernel.find_roots(equations, directions, extents, self.plane, roots, times, counts, *scratch)
         counts[~meets] = 0
         return circles, meets, roots, times, counts
 

@@ -16,7 +16,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.hexapod import TSSM, HexapodError
-from cinegen.hexapod._kernels.elimination import SPATIAL_DEGREE, write_bezout
+from cinegen.hexapod.elimination import SPATIAL_DEGREE, bezout
 from cinegen.hexapod.tssm import TANGENTS
 
 Array = NDArray[np.float64]
@@ -96,8 +96,7 @@ def _in_plane(equations: Array) -> Polynomial:
 def _in_space(equations: Array) -> Polynomial:
     """Return the determinant as a polynomial: times cos^16 (p34 / 2), it is a sum of cos(k p34) and sin(k p34), k up to
     8, which its values at 17 places determine."""
-    blocks = np.empty((SPATIAL_DEGREE + 1, 4, 4))
-    write_bezout(TANGENTS @ equations @ TANGENTS.T, blocks)
+    blocks = bezout(TANGENTS @ equations @ TANGENTS.T)
     p = 2.0 * np.pi * np.arange(_DEGREE + 1) / (_DEGREE + 1)
     powers = [np.sin(0.5 * p) ** n * np.cos(0.5 * p) ** (SPATIAL_DEGREE - n) for n in range(SPATIAL_DEGREE + 1)]
     terms = np.fft.fft(np.linalg.det(np.einsum("np,nij->pij", powers, blocks))) / (_DEGREE + 1)

@@ -1,1 +1,1 @@
-"""Compiled functions: Merlet's elimination, its eigenvalues and roots; Taylor steps along paths of solutions."""
+"""Compiled functions: roots of Merlet's elimination; Taylor steps along paths of solutions."""

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.hexapod._kernels.elimination import EliminationScratch, eigen_directions
 from cinegen.jit.compiled import Array, Table, compiled, entry
 
 Complex = NDArray[np.complex128]
@@ -31,7 +30,6 @@ _NEW, _AGAIN, _AT_INFINITY, _NOWHERE = range(4)
 _REGULAR, _ALONE, _MOVED = range(3)
 """Results of `_move_to_neighbour`."""
 
-_ZERO = 1e-13  # least pivot of a determinant that vanishes identically
 _FAR = 1e6  # |w| or 1 / |w| of a solution at infinity
 _LEAVING = 30.0  # ... if Newton's method finds nothing there: infinity is a multiple root
 SAME = 3e-7  # relative difference of solutions that rounding can't distinguish: the square root of a residual
@@ -52,33 +50,28 @@ _STEEP = 1e-2  # of the sum of its terms: a shorter row is not normalised
 
 @entry
 def find_roots(
-    equations: Array, tangents: Array, extents: Array, planar: bool, roots: Complex, times: Table, counts: Table,
-    scratch: EliminationScratch,
+    equations: Array, directions: Complex, extents: Array, planar: bool, roots: Complex, times: Table, counts: Table,
+    choice: Complex, work: Complex,
 ) -> None:  # fmt: skip
     """Find the distinct finite solutions for many sets of leg lengths.
 
     Args:
         equations: (m, 3, 3, 3) of the distances, in 1, cosine and sine of their two angles.
-        tangents: (m, 3, 3, 3) the same by powers of the tangents of half of these angles.
+        directions: (m, 8) or (m, 16) exp(i p34), see `eigen_directions`.
         extents: (m, 3) radii of the circles, as parts of the longest leg: solutions whose points coincide are one.
         planar: whether base points are in one plane. Then a solution and its mirror image (1 / w) count as one.
         roots: (m, 17, 3) w of the solutions are written; those of real ones are on the unit circle.
         times: (m, 17) how many eigenvalues lead to each.
-        counts: (m, COUNTS_WIDTH).
-        scratch: from `elimination_scratch`.
+        counts: (m, COUNTS_WIDTH) are increased, of those sets whose outcome is SOLVED.
+        choice: (5, 3) scratch.
+        work: (6, 3) scratch.
     """
-    blocks, powers, wide, matrix, found = scratch[:5]
     for m in range(len(equations)):
-        for i in range(COUNTS_WIDTH):
-            counts[m, i] = 0
-        regular = eigen_directions(tangents[m], planar, blocks, powers, wide, matrix, found)
-        if not regular > _ZERO:
-            counts[m, OUTCOME] = DIVERGED if regular < 0.0 else CURVE
+        if counts[m, OUTCOME] != SOLVED:
             continue
-        for i in range(8 if planar else 16):
-            w = complex(found[0, i], found[1, i])
+        for w in directions[m]:
             n = counts[m, KNOWN]
-            led = _follow(equations[m], extents[m], w, planar, n, roots[m], times[m], scratch.choice, scratch.newton)
+            led = _follow(equations[m], extents[m], w, planar, n, roots[m], times[m], choice, work)
             counts[m, KNOWN] += led == _NEW
             counts[m, INFINITE] += led == _AT_INFINITY
             counts[m, LOST] += led == _NOWHERE
