@@ -166,7 +166,8 @@ class Solver:
         closure = self.mechanism.closure(full)
         if closure > CLOSURE:
             raise CinegenError(
-                f"q leaves loops of {self.mechanism.name} open by {closure:.2g}: use mechanism.close(q).q"
+                f"q leaves loops of {self.mechanism.name} open by {closure:.2g} rad or characteristic lengths: "
+                "use mechanism.close(q).q"
             )
         memory = self._memory
         memory.q[:], memory.closure, memory.is_at_q, memory.phase = full, closure, 0, BEGIN

@@ -87,7 +87,10 @@ class ForwardKinematics:
         full = self.mechanism.checked(q)
         gap = self.mechanism.closure(full)
         if gap > CLOSURE:
-            raise CinegenError(f"q leaves loops of {self.mechanism.name} open by {gap:.2g}: call close(q) first")
+            raise CinegenError(
+                f"q leaves loops of {self.mechanism.name} open by {gap:.2g} rad or characteristic lengths: "
+                "use mechanism.close(q).q"
+            )
         self._set(full.copy())
 
     def _set(self, q: Array) -> None:

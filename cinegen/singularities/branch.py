@@ -56,8 +56,8 @@ class BranchTracker(ABC):
         return bool(gaps[self._compared].max(initial=0.0) <= JUMP)
 
     def same_branch(self, q: Array, other: Array) -> bool:
-        """Return whether two configurations of neighbours are on one branch: two branches meet where the coordinates
-        are singular, type 1 for a pose and type 2 for joints, and no path connects them."""
+        """Return whether two configurations of neighbours count as one branch: no joint jumps, and no singular value
+        of the coordinates (type 1 for a pose, type 2 for joints), where branches meet, changes its sign in between."""
         barrier = self._barrier
         return self.linked(q, other) and (barrier is None or not turned(barrier, barrier.of(q), barrier.of(other)))
 
