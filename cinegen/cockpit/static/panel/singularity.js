@@ -20,13 +20,13 @@ const AWARE = 3; // times the threshold: the meter turns orange
 const KINDS = [
   {
     kind: "type1",
-    title: "Motion lost",
+    title: "Lost DoF",
     none: "drag a part to see it",
-    hint: "Type 1: near 0 the part can't move along some direction, however the joints turn. Full and green is good.",
+    hint: "Type 1: near 0 the part can't move along some direction, however the joints move. Full and green is good.",
   },
   {
     kind: "type2",
-    title: "Motion not controlled",
+    title: "Uncontrolled DoF",
     none: "no loops: can't happen",
     hint: "Type 2: near 0 the robot can move while its actuated joints are locked. Full and green is good.",
   },
