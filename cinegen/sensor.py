@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+from abc import ABC, abstractmethod
 from enum import Enum
 from typing import NamedTuple, Protocol
 
@@ -91,3 +94,63 @@ class Sensor(Protocol):
 
     def close(self) -> None:
         """Close the device; it may be started again."""
+
+
+class TimedSensor(ABC):
+    """Base of sensors whose readings follow from the time since their start: scripts and recordings.
+
+    Args:
+        url: name of the script.
+    """
+
+    timeout = math.inf
+
+    def __init__(self, url: str) -> None:
+        self.url = url
+        self._begin: float | None = None
+        self._now = 0.0  # s since the start, at the last call of `read`
+        self._count = 0  # readings since the start
+
+    def start(self) -> None:
+        """Start the time; does nothing if it was started already."""
+        if self._begin is None:
+            self._now, self._count = 0.0, 0
+            self._begin = time.monotonic()
+
+    def read(self) -> Reading | None:
+        """Return the newest reading; None when it is stopped, at its end, or has no new one."""
+        if self._begin is None or self.ended:
+            return None
+        self._now = time.monotonic() - self._begin
+        reading = self.reading_at(self._now)
+        return None if reading is None else reading._replace(time=self._begin + reading.time)
+
+    @property
+    def status(self) -> SensorStatus:
+        """Live from its start to its end."""
+        if self._begin is None:
+            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
+        if self.ended:
+            return SensorStatus(SensorState.CLOSED, f"{self.url} is at its end", self._count)
+        return SensorStatus(SensorState.LIVE, self.progress, self._count)
+
+    def close(self) -> None:
+        """Stop; started again, it begins at its beginning."""
+        self._begin = None
+
+    # --- for subclasses --------------------------------------------------------------------------------------------
+
+    @abstractmethod
+    def reading_at(self, seconds: float) -> Reading | None:
+        """Return the new reading, timed from the start, at a time (s) after the start; None: there is none. Count it
+        in `_count`."""
+
+    @property
+    @abstractmethod
+    def progress(self) -> str:
+        """Description of what it does, for users."""
+
+    @property
+    def ended(self) -> bool:
+        """True after its last reading."""
+        return False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from bisect import bisect_right
 from pathlib import Path
 
@@ -11,12 +10,12 @@ import msgspec
 
 from cinegen.devices.reading_json import VERSION, ReadingError, ReadingsHeader, decode_recorded
 from cinegen.devices.reading_recorder import RecordError
-from cinegen.sensor import NO_TWIST, Reading, SensorState, SensorStatus
+from cinegen.sensor import NO_TWIST, Reading, TimedSensor
 
 _HEADER = msgspec.json.Decoder(ReadingsHeader)
 
 
-class Replay:
+class Replay(TimedSensor):
     """Replay a recording once; it ends at rest.
 
     Args:
@@ -30,44 +29,30 @@ class Replay:
     """
 
     def __init__(self, path: str | Path) -> None:
-        self.url = f"replay:{path}"
+        super().__init__(f"replay:{path}")
         self.readings, self.timeout = load_readings(path)
         last = self.readings[-1] if self.readings else Reading(0.0)
         if last.twist not in (None, NO_TWIST):
             self.readings.append(Reading(last.time + self.timeout if self.timeout < math.inf else last.time, NO_TWIST))
         self._times = [reading.time for reading in self.readings]
-        self._begin: float | None = None
-        self._read = 0
 
-    def start(self) -> None:
-        """Start the clock, once."""
-        if self._begin is None:
-            self._begin, self._read = time.monotonic(), 0
-
-    def read(self) -> Reading | None:
+    def reading_at(self, seconds: float) -> Reading | None:
         """Return the newest reading that is due, with all buttons pressed since the one before."""
-        if self._begin is None:
+        due = bisect_right(self._times, seconds)
+        if due <= self._count:
             return None
-        due = bisect_right(self._times, time.monotonic() - self._begin)
-        if due <= self._read:
-            return None
-        passed, self._read = self.readings[self._read : due], due
-        down = [button for reading in passed for button in reading.pressed]
-        return passed[-1]._replace(time=self._begin + passed[-1].time, pressed=tuple(down))
+        passed, self._count = self.readings[self._count : due], due
+        return passed[-1]._replace(pressed=tuple(button for reading in passed for button in reading.pressed))
 
     @property
-    def status(self) -> SensorStatus:
-        """Live until the recording ends."""
-        count = len(self.readings)
-        if self._begin is None:
-            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
-        if self._read < count:
-            return SensorStatus(SensorState.LIVE, f"{self.url}: {self._read} of {count} readings", self._read)
-        return SensorStatus(SensorState.CLOSED, f"{self.url} is at its end", self._read)
+    def progress(self) -> str:
+        """Number of readings."""
+        return f"{self.url}: {self._count} of {len(self.readings)} readings"
 
-    def close(self) -> None:
-        """Stop; started again, it replays from the start."""
-        self._begin = None
+    @property
+    def ended(self) -> bool:
+        """True when all readings were read."""
+        return self._count >= len(self.readings)
 
 
 def load_readings(path: str | Path) -> tuple[list[Reading], float]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from cinegen.ik import Solver, Status
 from cinegen.model import Mechanism
-from cinegen.sensor import Reading, SensorState, SensorStatus
+from cinegen.sensor import Reading, TimedSensor
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
@@ -116,43 +115,23 @@ def _follows(mechanism: Mechanism, path: ScriptedPath, dof: int) -> bool:
     return True
 
 
-class ScriptedSensor:
+class ScriptedSensor(TimedSensor):
     """Sensor whose target runs along a path from its start.
 
     Args:
         path: path, for instance of `fit_path`.
     """
 
-    timeout = math.inf
-
     def __init__(self, path: ScriptedPath) -> None:
-        self.url = f"path:{path.shape}"
+        super().__init__(f"path:{path.shape}")
         self.path = path
-        self._begin: float | None = None
-        self._count = 0
 
-    def start(self) -> None:
-        """Start the time; does nothing if it was started already."""
-        if self._begin is None:
-            self._begin = time.monotonic()
-
-    def read(self) -> Reading | None:
+    def reading_at(self, seconds: float) -> Reading:
         """Return the target of this moment; it is always new."""
-        if self._begin is None:
-            return None
-        now = time.monotonic()
         self._count += 1
-        return Reading(now, target=self.path.target(now - self._begin))
+        return Reading(seconds, target=self.path.target(seconds))
 
     @property
-    def status(self) -> SensorStatus:
-        """Live after the start."""
-        if self._begin is None:
-            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
-        return SensorStatus(
-            SensorState.LIVE, f"{self.path.node} follows a {self.path.shape} of {self.path.size:.3g} m", self._count
-        )
-
-    def close(self) -> None:
-        """Stop; the next start begins at the beginning of the path."""
-        self._begin = None
+    def progress(self) -> str:
+        """Node, shape and size of the path."""
+        return f"{self.path.node} follows a {self.path.shape} of {self.path.size:.3g} m"

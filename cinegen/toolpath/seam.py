@@ -22,7 +22,6 @@ seam's tangent perpendicular to it.
 from __future__ import annotations
 
 import math
-import time
 from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
@@ -32,7 +31,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.sensor import Reading, SensorError, SensorState, SensorStatus
+from cinegen.sensor import Reading, SensorError, TimedSensor
 from cinegen.toolpath.curve import PointError, smooth_runs
 from raff2urdf.errors import did_you_mean
 
@@ -94,7 +93,7 @@ class _Segment(NamedTuple):
     gain: float  # m of the seam for each m or rad of the segment
 
 
-class Seam:
+class Seam(TimedSensor):
     """Guides a tool along a seam from the moment it is started, at constant speed, from rest to rest.
 
     At a corner (where the line through the points changes its direction by more than 30 degrees) and at an edge (a
@@ -125,8 +124,6 @@ class Seam:
         SensorError: the seam is impossible; a `PointError` gives the point.
     """
 
-    timeout = math.inf
-
     def __init__(
         self,
         points: ArrayLike,
@@ -150,7 +147,7 @@ class Seam:
         )  # fmt: skip
         if again not in AGAIN:
             raise SensorError(f"unknown value '{again}' of again{did_you_mean(again, AGAIN)}")
-        self.url = url
+        super().__init__(url)
         self._speed, self._turning, self._ramp, self._wait, self._again = speed, turning, ramp, wait, again
         x, y, z = np.eye(3)
         tilt = pin.exp3(work * x) @ pin.exp3(travel * y) @ pin.exp3(roll * z)
@@ -163,46 +160,28 @@ class Seam:
         if again == "loop":
             self._segments += self._return()
         self._times = np.cumsum([0.0, *(segment.profile.duration for segment in self._segments)]).tolist()
-        self._begin: float | None = None
-        self._now = 0.0  # s since it was started, at the last reading
-        self._ended = False
-        self._count = 0
 
     def __repr__(self) -> str:
         return f"<Seam {self.url}, {1000.0 * self.length:.0f} mm in {self.duration:.1f} s>"
 
     # --- as a sensor ---------------------------------------------------------------------------------------------
 
-    def start(self) -> None:
-        """Start the time, once."""
-        if self._begin is None:
-            self._now, self._ended, self._count = 0.0, False, 0
-            self._begin = time.monotonic()
-
-    def read(self) -> Reading | None:
-        """Return the target at this moment; None when it is stopped or has reported its end."""
-        if self._begin is None or self._ended:
-            return None
-        now = time.monotonic()
-        self._now = now - self._begin
+    def reading_at(self, seconds: float) -> Reading:
+        """Return the target at this moment."""
         self._count += 1
-        self._ended = self._again == "stay" and self._now >= self._wait + self.duration
-        return Reading(now, target=self.target(self._now))
+        return Reading(seconds, target=self.target(seconds))
 
     @property
-    def status(self) -> SensorStatus:
-        """Live until its end, with the finished length of the seam."""
-        if self._begin is None:
-            return SensorStatus(SensorState.CLOSED, f"{self.url} is not started")
-        if self._ended:
-            return SensorStatus(SensorState.CLOSED, f"{self.url} is at its end", self._count)
+    def progress(self) -> str:
+        """Finished length of the seam."""
         segment, far = self._segment(self._now)
         done = 1000.0 * (segment.begin + segment.gain * far)
-        return SensorStatus(SensorState.LIVE, f"{self.url}: {done:.0f} of {1000.0 * self.length:.0f} mm", self._count)
+        return f"{self.url}: {done:.0f} of {1000.0 * self.length:.0f} mm"
 
-    def close(self) -> None:
-        """Stop. Started again, it begins at its beginning."""
-        self._begin = None
+    @property
+    def ended(self) -> bool:
+        """True when the last pose was reported, unless the seam is repeated."""
+        return self._again == "stay" and self._now >= self._wait + self.duration
 
     # --- targets ------------------------------------------------------------------------------------------
 

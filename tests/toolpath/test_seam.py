@@ -275,7 +275,7 @@ def test_the_approach_is_along_the_tools_axis():
 def clock(monkeypatch):
     """`clock[0]`: what time it is, s."""
     now = [100.0]
-    monkeypatch.setattr("cinegen.toolpath.seam.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("cinegen.sensor.time.monotonic", lambda: now[0])
     return now
 
 
