@@ -11,7 +11,6 @@ from typing import Literal
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from cinegen.session.cloud import AxisShown, QuantityShown
 from cinegen.session.commands import Command, CommandFrame, TypedMessage
 from cinegen.session.report import RobotReport
 from cinegen.session.setup import SensorSwitch
@@ -277,6 +276,50 @@ class NoticeMessage(TypedMessage, frozen=True):
 
 
 ServerMessage = HelloMessage | StateMessage | NoticeMessage
+
+
+class AxisShown(Struct, frozen=True):
+    """A coordinate of the map, as it is drawn.
+
+    Attributes:
+        name: name of the coordinate.
+        unit: m or rad.
+        low: center of the first cell, m or rad.
+        step: distance of two cells, m or rad.
+        count: number of cells.
+        every: cells of the map per cell that is drawn.
+        translates: whether the coordinate moves the node; otherwise it rotates it.
+    """
+
+    name: str
+    unit: str
+    low: float
+    step: float
+    count: int
+    every: int
+    translates: bool
+
+
+class QuantityShown(Struct, frozen=True):
+    """A quantity of the map.
+
+    Attributes:
+        name: name of the quantity.
+        unit: unit; "1" if it is dimensionless.
+        text: description for people.
+        low: value at the start of the colours; there may be smaller ones.
+        high: value at their end.
+        least: smallest value that is drawn; None if no cell has a value.
+        most: largest value that is drawn.
+    """
+
+    name: str
+    unit: str
+    text: str
+    low: float
+    high: float
+    least: float | None
+    most: float | None
 
 
 class ArrayDescription(Struct, frozen=True):

@@ -1,6 +1,5 @@
 """Sessions: robots that users and sensors drive together; commands in, states out, at a fixed rate."""
 
-from cinegen.session.cloud import ShownMap
 from cinegen.session.commands import Command, CommandError, KnownNames, decode_command
 from cinegen.session.map_setup import map_setup
 from cinegen.session.report import Reporter, RobotReport
@@ -22,7 +21,6 @@ __all__ = [
     "SessionState",
     "Setup",
     "SetupError",
-    "ShownMap",
     "arrange",
     "decode_command",
     "map_setup",

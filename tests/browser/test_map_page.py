@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 
 import numpy as np
@@ -10,7 +11,7 @@ from playwright.sync_api import sync_playwright
 from test_cockpit_page import FLAGS, READY, SIZE, becomes, picture
 
 from cinegen.cockpit import Cockpit
-from cinegen.session import ShownMap, map_setup
+from cinegen.session import map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 CHROMIUM = shutil.which("chromium")
@@ -59,7 +60,7 @@ def opened(browser, robot, tmp_path):
         page.on("pageerror", lambda error: wrong.append(str(error)))
         page.goto(cockpit.url)
         page.wait_for_function(READY, polling=100, timeout=60_000)
-        return cockpit, page, ShownMap(path)
+        return cockpit, page, cockpit.map
 
     yield open_map
     for end in ends:
@@ -91,20 +92,20 @@ def point(tab):
 def goes_there(tab, cockpit, shown, called):
     """A click on a cell; what is said of it, and undone."""
     x, y, number = point(tab)
-    cloud = shown.cloud()
-    value = cloud.values["sigma_1"][cloud.numbers.tolist().index(number)]
+    cloud = shown.cells()
+    value = cloud.arrays["value sigma_1"][cloud.arrays["numbers"].tolist().index(number)]
     assert f"sigma_1{float(f'{value:.3g}'):g}" in tab.text_content("#legend .cell")
     picture(tab, f"map_of_{called}")
-    goal, states = shown.configuration(number), [cockpit.state.robots[called]]
+    goal, states = json.loads(shown.cell(number))["q"], [cockpit.state.robots[called]]
     tab.mouse.click(x, y)
 
     def there():
         states.append(cockpit.state.robots[called])
-        return states[-1].q.tolist() == goal.tolist()
+        return states[-1].q.tolist() == goal
 
     assert becomes(tab, there)
     assert max(state.closure for state in states) < 1e-9
-    passed = {tuple(state.q.tolist()) for state in states} - {tuple(states[0].q.tolist()), tuple(goal.tolist())}
+    passed = {tuple(state.q.tolist()) for state in states} - {tuple(states[0].q.tolist()), tuple(goal)}
     assert passed  # it was led there
     assert cockpit.state.notices == ()
     assert becomes(tab, lambda: cockpit.state.moving is None)
@@ -114,23 +115,23 @@ def goes_there(tab, cockpit, shown, called):
 
 def test_a_click_on_a_tile_brings_the_robot_there_with_its_loops_closed(opened):
     cockpit, tab, shown = opened("five_bar", SLICE, "sigma_1")
-    assert seen(tab) == len(shown.cloud().numbers)
+    assert seen(tab) == len(shown.cells().arrays["numbers"])
     goes_there(tab, cockpit, shown, "linkage")
 
 
 def test_cells_in_space_are_clicked_coloured_cut_and_hidden_as_is_wished(opened):
     cockpit, tab, shown = opened("delta4", BOX, "sigma_1", "margin")
     goes_there(tab, cockpit, shown, "r1")
-    cloud = shown.cloud()
-    assert tab.text_content("#map-note") == f"{len(cloud.numbers):,} of 1,352 cells reached"
+    cloud = shown.cells()
+    assert tab.text_content("#map-note") == f"{len(cloud.arrays['numbers']):,} of 1,352 cells reached"
     tab.select_option("#map-quantity", "margin")
     assert "joint-limit margin" in tab.text_content("#legend .name")
-    assert tab.text_content("#legend .high").endswith(f"{float(f'{cloud.quantities[1].high:.3g}'):g}")
+    assert tab.text_content("#legend .high").endswith(f"{float(f'{cloud.description.quantities[1].high:.3g}'):g}")
     tab.select_option("#map-axis", "z")
     tab.fill("#map-cut", "3")
-    assert seen(tab) == (cloud.indices[:, 2] <= 3).sum()
+    assert seen(tab) == (cloud.arrays["indices"][:, 2] <= 3).sum()
     tab.check("#map-layer")
-    assert seen(tab) == (cloud.indices[:, 2] == 3).sum()
+    assert seen(tab) == (cloud.arrays["indices"][:, 2] == 3).sum()
     x, y, number = point(tab)
     assert np.unravel_index(number, BOX.shape)[2] == 3
     picture(tab, "map_layer")

@@ -11,7 +11,7 @@ from browsers import Browser, becomes, get
 
 from cinegen.cockpit import Cockpit, show_map
 from cinegen.cockpit.served_map import ServedMap
-from cinegen.session import ShownMap, map_setup
+from cinegen.session import map_setup
 from cinegen.workspace import GridAxis, MapSpecification, Region, make_map
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
@@ -46,7 +46,7 @@ def read(block):
 
 
 def test_the_page_gets_all_cells_as_numbers(cockpit, path):
-    cloud = ShownMap(path).cloud()
+    cells = ServedMap(map_setup(path).map).cells().arrays
     told = json.loads(get(cockpit.url, "map/about.json")[1])
     status, block = get(cockpit.url, "map/cells.bin")
     assert status == 200
@@ -58,14 +58,14 @@ def test_the_page_gets_all_cells_as_numbers(cockpit, path):
         "solutions",
         True,
     )
-    assert (about["done"], about["cells"], about["shown"]) == (40, 40, len(cloud.numbers))
-    assert found["numbers"].tolist() == cloud.numbers.tolist()
-    assert found["indices"].reshape(-1, 2).tolist() == cloud.indices.tolist()
-    assert found["points"].reshape(-1, 3) == pytest.approx(cloud.points, abs=1e-6)
+    assert (about["done"], about["cells"], about["shown"]) == (40, 40, len(cells["numbers"]))
+    assert found["numbers"].tolist() == cells["numbers"].tolist()
+    assert found["indices"].reshape(-1, 2).tolist() == cells["indices"].tolist()
+    assert found["points"].reshape(-1, 3) == pytest.approx(cells["points"], abs=1e-6)
     assert found["edges"].reshape(-1, 2, 3) == pytest.approx(
-        np.broadcast_to([[0.1, 0.0, 0.0], [0.0, 0.08, 0.0]], (len(cloud.points), 2, 3)), abs=1e-6
+        np.broadcast_to([[0.1, 0.0, 0.0], [0.0, 0.08, 0.0]], (len(cells["points"]), 2, 3)), abs=1e-6
     )
-    assert found["value sigma_1"].tolist() == cloud.values["sigma_1"].tolist()
+    assert found["value sigma_1"].tolist() == cells["value sigma_1"].tolist()
     assert [one["unit"] for one in about["quantities"]] == ["1", "1"]
 
 
@@ -87,14 +87,14 @@ def test_of_a_map_that_grows_the_page_gets_what_belongs_together(path, tmp_path)
     about, found = read(served.block())
     assert about == told
     assert about["done"] == 40
-    assert found["numbers"].tolist() == ShownMap(where).cloud().numbers.tolist()
+    assert found["numbers"].tolist() == served.cells().arrays["numbers"].tolist()
 
 
 def test_a_cell_says_how_it_is_reached_and_the_robot_goes_there(cockpit, path):
-    shown = ShownMap(path)
-    number = int(shown.cloud().numbers[7])
+    served = ServedMap(map_setup(path).map)
+    number = int(served.cells().arrays["numbers"][7])
     to = json.loads(get(cockpit.url, f"map/cell/{number}")[1])
-    assert to["q"] == shown.configuration(number).tolist()  # to the last bit
+    assert to == json.loads(served.cell(number))
     browser = Browser(cockpit.url)
     assert becomes(lambda: browser.state is not None)
     assert browser.told[0]["map"] == "linkage"
@@ -132,7 +132,7 @@ def test_a_map_that_is_taken_away_meanwhile_ends_nothing(robot, tmp_path):
     where = tmp_path / "a.zarr"
     make_map(MapSpecification(robot("five_bar"), SLICE, ()), where, workers=1)
     shown = show_map(where, port=8800)
-    number = int(ShownMap(where).cloud().numbers[0])
+    number = int(ServedMap(map_setup(where).map).cells().arrays["numbers"][0])
     where.rename(tmp_path / "b.zarr")
     assert get(shown.url, f"map/cell/{number}")[0] == 404
     assert get(shown.url, "map/about.json")[0] == 200  # it was whole

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from cinegen.session import Session, SetupError, ShownMap, map_setup
+from cinegen.cockpit.served_map import MOST, ServedMap
+from cinegen.session import Session, SetupError, map_setup
+from cinegen.session.setup import MapOverlay
 from cinegen.workspace import GridAxis, MapError, MapSpecification, Region, make_map
 
 BOX = GridAxis("x", -1.3, 1.3, 8), GridAxis("y", -1.2, 1.2, 7), GridAxis("z", -2.7, -1.2, 6)
@@ -29,6 +32,11 @@ def made(robot, tmp_path_factory):
     return make
 
 
+def serve(path, most=MOST):
+    """The cells of a map, as they are served beside its robot."""
+    return ServedMap(MapOverlay(str(path), "robot", "platform"), most)
+
+
 def where(mechanism, dataset, numbers):
     """(n, 3) the end in the configurations of cells, by Pinocchio."""
     q = dataset["configuration"].values.reshape(-1, mechanism.model.nq)[numbers]
@@ -37,39 +45,39 @@ def where(mechanism, dataset, numbers):
 
 def test_all_reached_cells_are_shown_where_the_robot_is_in_them(made, robot):
     path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
-    shown = ShownMap(path)
-    cloud = shown.cloud()
-    assert cloud.numbers.tolist() == np.flatnonzero(dataset["reachable"].values).tolist()
-    assert 0 < len(cloud.numbers) < cloud.cells == cloud.done == 8 * 7 * 6
-    assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
-    assert cloud.edges is None
-    assert cloud.size == pytest.approx(0.25)  # to the next cell, along z
-    for axis, index in zip(cloud.axes, cloud.indices.T, strict=True):
-        assert axis.low + axis.step * index == pytest.approx(cloud.points[:, "xyz".index(axis.name)])
-    for quantity in cloud.quantities:
-        values = dataset[quantity.name].values.ravel()[cloud.numbers]
-        assert cloud.values[quantity.name].tolist() == values.tolist()
+    shown = serve(path)
+    cloud = shown.cells()
+    assert cloud.arrays["numbers"].tolist() == np.flatnonzero(dataset["reachable"].values).tolist()
+    assert 0 < len(cloud.arrays["numbers"]) < cloud.description.cells == cloud.description.done == 8 * 7 * 6
+    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    assert "edges" not in cloud.arrays
+    assert cloud.description.size == pytest.approx(0.25)  # to the next cell, along z
+    for axis, index in zip(cloud.description.axes, cloud.arrays["indices"].T, strict=True):
+        assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
+    for quantity in cloud.description.quantities:
+        values = dataset[quantity.name].values.ravel()[cloud.arrays["numbers"]]
+        assert cloud.arrays[f"value {quantity.name}"].tolist() == values.tolist()
         assert quantity.least == values.min() <= quantity.low < quantity.high <= values.max() == quantity.most
         assert quantity.text == dataset[quantity.name].attrs["long_name"]
-    some = int(cloud.numbers[len(cloud.numbers) // 2])
-    assert shown.configuration(some).tolist() == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
+    some = int(cloud.arrays["numbers"][len(cloud.arrays["numbers"]) // 2])
+    assert json.loads(shown.cell(some))["q"] == dataset["configuration"].values.reshape(-1, 15)[some].tolist()
     missed = int(np.flatnonzero(~dataset["reachable"].values)[0])
-    assert shown.configuration(missed) is None
-    assert shown.configuration(cloud.cells) is None
+    assert shown.cell(missed) is None
+    assert shown.cell(cloud.description.cells) is None
 
 
 @pytest.mark.parametrize("most", [150, 60, 3])
 def test_of_a_large_map_fewer_cells_are_shown_each_still_where_it_is(made, robot, most):
     path, dataset = made("delta4", Region(BOX), "sigma_1", "margin")
-    cloud = ShownMap(path, most).cloud()
-    assert 0 < len(cloud.numbers) <= most
-    assert max(axis.every for axis in cloud.axes) > 1
-    assert dataset["reachable"].values.ravel()[cloud.numbers].all()
-    assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
-    assert cloud.values["margin"].tolist() == dataset["margin"].values.ravel()[cloud.numbers].tolist()
-    for axis, index in zip(cloud.axes, cloud.indices.T, strict=True):
+    cloud = serve(path, most).cells()
+    assert 0 < len(cloud.arrays["numbers"]) <= most
+    assert max(axis.every for axis in cloud.description.axes) > 1
+    assert dataset["reachable"].values.ravel()[cloud.arrays["numbers"]].all()
+    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    assert cloud.arrays["value margin"].tolist() == dataset["margin"].values.ravel()[cloud.arrays["numbers"]].tolist()
+    for axis, index in zip(cloud.description.axes, cloud.arrays["indices"].T, strict=True):
         assert index.max() < axis.count
-        assert axis.low + axis.step * index == pytest.approx(cloud.points[:, "xyz".index(axis.name)])
+        assert axis.low + axis.step * index == pytest.approx(cloud.arrays["points"][:, "xyz".index(axis.name)])
 
 
 def test_a_map_that_is_being_made_is_shown_as_far_as_it_is(robot, tmp_path):
@@ -80,28 +88,29 @@ def test_a_map_that_is_being_made_is_shown_as_far_as_it_is(robot, tmp_path):
     kept = {chunk: tmp_path / f"kept {k}" for k, chunk in enumerate(taken)}
     for chunk, there in kept.items():
         chunk.rename(there)
-    shown = ShownMap(path)
-    before = shown.cloud()
-    assert 0 < before.done < before.cells
-    assert shown.cloud() is before  # nothing is read again
-    assert before.points[:, 0].min() > -1.3 + 0.3
+    shown = serve(path)
+    before = shown.cells()
+    assert 0 < before.description.done < before.description.cells
+    assert shown.cells() is before  # nothing is read again
+    assert before.arrays["points"][:, 0].min() > -1.3 + 0.3
     for chunk, there in kept.items():
         there.rename(chunk)
-    after = shown.cloud()
-    assert after.done == after.cells
-    assert set(before.numbers.tolist()) < set(after.numbers.tolist())
+    after = shown.cells()
+    assert after.description.done == after.description.cells
+    assert set(before.arrays["numbers"].tolist()) < set(after.arrays["numbers"].tolist())
 
 
 def test_cells_of_a_sphere_are_tiles_with_its_closed_form(made):
     """The chord of an angle a on a circle of radius r is 2 r sin(a / 2)."""
     region = Region((GridAxis("azimuth", -1.0, 1.0, 5), GridAxis("elevation", -1.5, -1.0, 3)), {"radius": 2.0})
-    cloud = ShownMap(made("delta4", region)[0]).cloud()
-    assert np.linalg.norm(cloud.points, axis=1) == pytest.approx(2.0)
-    elevation = np.arcsin(cloud.points[:, 2] / 2.0)
-    around, up = np.linalg.norm(cloud.edges, axis=2).T
+    cloud = serve(made("delta4", region)[0]).cells()
+    assert np.linalg.norm(cloud.arrays["points"], axis=1) == pytest.approx(2.0)
+    elevation = np.arcsin(cloud.arrays["points"][:, 2] / 2.0)
+    around, up = np.linalg.norm(cloud.arrays["edges"], axis=2).T
     assert around == pytest.approx(2.0 * 2.0 * np.cos(elevation) * np.sin(0.2))
     assert up == pytest.approx(2.0 * 2.0 * np.sin(0.5 / 6.0))
-    assert np.einsum("nx,nx->n", cloud.edges[:, 0], cloud.edges[:, 1]) == pytest.approx(0.0, abs=1e-9)
+    edges = cloud.arrays["edges"]
+    assert np.einsum("nx,nx->n", edges[:, 0], edges[:, 1]) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_all_of_a_sphere_is_shown_with_every_second_cell(made):
@@ -109,35 +118,35 @@ def test_all_of_a_sphere_is_shown_with_every_second_cell(made):
         (GridAxis("azimuth", -np.pi, np.pi, 8), GridAxis("elevation", -0.5 * np.pi, 0.5 * np.pi, 8)),
         {"radius": 0.1}, centre=(0.0, 0.0, -1.8),
     )  # fmt: skip
-    cloud = ShownMap(made("delta4", region)[0], 32).cloud()
-    assert len(cloud.points) == 32
-    assert np.linalg.norm(cloud.points - [0.0, 0.0, -1.8], axis=1) == pytest.approx(0.1)
-    around, up = np.linalg.norm(cloud.edges, axis=2).T
-    every = [axis.every for axis in cloud.axes]
-    elevation = cloud.axes[1].low + cloud.axes[1].step * cloud.indices[:, 1]
+    cloud = serve(made("delta4", region)[0], 32).cells()
+    assert len(cloud.arrays["points"]) == 32
+    assert np.linalg.norm(cloud.arrays["points"] - [0.0, 0.0, -1.8], axis=1) == pytest.approx(0.1)
+    around, up = np.linalg.norm(cloud.arrays["edges"], axis=2).T
+    every = [axis.every for axis in cloud.description.axes]
+    elevation = cloud.description.axes[1].low + cloud.description.axes[1].step * cloud.arrays["indices"][:, 1]
     assert around == pytest.approx(0.2 * np.cos(elevation) * np.sin(every[0] * np.pi / 8.0))
     assert up == pytest.approx(0.2 * np.sin(every[1] * np.pi / 16.0))
 
 
 def test_cells_of_motors_are_where_these_lead_the_end(made, robot):
     path, dataset = made("delta4", Region((GridAxis("joint1", -0.6, 0.6, 4), GridAxis("joint6", -0.6, 0.6, 3))))
-    cloud = ShownMap(path).cloud()
-    assert cloud.points == pytest.approx(where(robot("delta4"), dataset, cloud.numbers), abs=1e-8)
-    assert all(axis.unit == "rad" and axis.translates for axis in cloud.axes)
-    assert cloud.quantities == ()
+    cloud = serve(path).cells()
+    assert cloud.arrays["points"] == pytest.approx(where(robot("delta4"), dataset, cloud.arrays["numbers"]), abs=1e-8)
+    assert all(axis.unit == "rad" and axis.translates for axis in cloud.description.axes)
+    assert cloud.description.quantities == ()
 
 
 def test_turns_in_one_place_are_shown_on_a_ball_about_it(made, robot):
     gough = robot("gough")
     path, dataset = made("gough", Region((GridAxis("rx", -0.3, 0.3, 4), GridAxis("ry", -0.3, 0.3, 3))))
-    cloud = ShownMap(path).cloud()
+    cloud = serve(path).cells()
     home = gough.placement(gough.q_home, gough.end).translation
-    for point, number in zip(cloud.points, cloud.numbers, strict=True):
+    for point, number in zip(cloud.arrays["points"], cloud.arrays["numbers"], strict=True):
         q = dataset["configuration"].values.reshape(-1, gough.model.nq)[number]
         assert (point - home) / np.linalg.norm(point - home) == pytest.approx(
             gough.placement(q, gough.end).rotation[:, 2]
         )
-    assert not any(axis.translates for axis in cloud.axes)
+    assert not any(axis.translates for axis in cloud.description.axes)
 
 
 @pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
@@ -164,7 +173,7 @@ def test_what_makes_no_sense_is_refused(made, robot, tmp_path):
     shutil.copytree(path, tmp_path / "file.zarr")
     (tmp_path / "file.zarr" / "zarr.json").write_text("no map")
     with pytest.raises(MapError):
-        ShownMap(tmp_path / "file.zarr")
+        serve(tmp_path / "file.zarr")
 
 
 def test_a_map_in_a_scene_has_its_obstacles_beside_it(robot, tmp_path):
