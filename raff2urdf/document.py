@@ -195,6 +195,14 @@ class RaffRobot:
             pending += self.children.get(order[-1].number, [])[::-1]
         return tuple(order)
 
+    @cached_property
+    def depth(self) -> Mapping[int, int]:
+        """The number of joints, fixed ones too, between the base and each node, by its number."""
+        found = {0: 0}
+        for part in self.outward:
+            found[part.number] = found[part.pred] + 1
+        return found
+
     @property
     def movable(self) -> bool:
         """True if the base can move, because a sensor constraint names it."""

@@ -7,12 +7,12 @@ tests compare the two.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffLink, RaffPart, RaffRobot
+from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffBase, RaffLink, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
 from raff2urdf.residual import ROWS, loop_residual
@@ -26,8 +26,6 @@ BASE_JOINT = "joint0"
 _POINT = 1e-15  # m: a robot no larger than this is a point
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Columns = NDArray[np.intp]
 
 
 def kleinfinger(document: Document, written: Parameters) -> Kleinfinger:
@@ -68,12 +66,22 @@ def velocity(document: Document, link: RaffLink) -> float:
 
 def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
     """Return the world placement (4, 4) of every node, by number, as written or at joint values `q` (rad, m)."""
-    found = {0: transform(kleinfinger(document, robot.base.parameters))}
-    for part in robot.outward:
-        parameters = kleinfinger(document, part.parameters)
-        if q is not None and part.joint in q:
-            parameters = moved(part, parameters, q[part.joint])
-        found[part.number] = found[part.pred] @ transform(parameters)
+    base = transform(kleinfinger(document, robot.base.parameters))
+    parameters = {part.number: kleinfinger(document, part.parameters) for part in robot.parts}
+    values = {part.number: q[part.joint] for part in robot.parts if q is not None and part.joint in q}
+    return {0: base} | _placed(robot.outward, parameters, values, base)
+
+
+def _placed(
+    parts: Iterable[RaffPart], parameters: Mapping[int, Kleinfinger], values: Mapping[int, float], root: Array
+) -> dict[int, Array]:
+    """Return placements by number. Parents precede their children; what has no parent here is on `root` (4, 4)."""
+    found: dict[int, Array] = {}
+    for part in parts:
+        own = parameters[part.number]
+        if part.number in values:
+            own = moved(part, own, values[part.number])
+        found[part.number] = found.get(part.pred, root) @ transform(own)
     return found
 
 
@@ -103,24 +111,20 @@ class Cluster:
     ) -> None:
         self.document, self.robot, self.loops, self.length = document, robot, loops, length
         self.kinds = [kinds[i] for i in loops]
-        branches = [_branches(robot, robot.loops[i].first, robot.loops[i].second) for i in loops]
+        branches = [_branches(robot, i) for i in loops]
         moving = {part.number for pair in branches for branch in pair for part in branch}
         self.parts = [part for part in robot.outward if part.number in moving] if moving else []
         self.joints = [p for p in robot.links if p.number in moving and p.type is not JointType.FIXED]
-        self.scale = np.array([length if joint.type is JointType.PRISMATIC else 1.0 for joint in self.joints])
         self.home = np.array([home(document, joint) for joint in self.joints])
-        self._column = {joint.number: i for i, joint in enumerate(self.joints)}
-        self._fixed = {part.number: kleinfinger(document, part.parameters) for part in self.parts}
-        self._columns = [self._moving(*pair) for pair in branches]
+        self._prismatic = np.array([joint.type is JointType.PRISMATIC for joint in self.joints], dtype=bool)[:, None]
+        self.scale = np.where(self._prismatic[:, 0], length, 1.0)
+        self._parameters = {part.number: kleinfinger(document, part.parameters) for part in self.parts}
+        self._signs = [self._sign(*pair) for pair in branches]
 
-    def _moving(self, first: list[RaffPart], second: list[RaffPart]) -> tuple[Columns, Array, Mask]:
-        """Return columns, signs (n, 1) and a mask of prismatic joints (n, 1), for the joints on both branches."""
-        column = self._column
-        on = [column[part.number] for part in (*first, *second) if part.number in column]
-        before = sum(part.number in column for part in first)
-        sign = np.array([-1.0] * before + [1.0] * (len(on) - before))[:, None]
-        prismatic = np.array([self.joints[i].type is JointType.PRISMATIC for i in on], dtype=bool)[:, None]
-        return np.array(on, dtype=np.intp), sign, prismatic
+    def _sign(self, first: Sequence[RaffPart], second: Sequence[RaffPart]) -> Array:
+        """Return the sign (joints, 1) with which joints move the second end relative to the first; 0 where not."""
+        signs = {part.number: -1.0 for part in first} | {part.number: 1.0 for part in second}
+        return np.array([signs.get(joint.number, 0.0) for joint in self.joints]).reshape(-1, 1)
 
     def relaxed(self, kinds: Sequence[LoopKind]) -> Cluster:
         """Return the same loops, closed by other kinds of joints."""
@@ -133,23 +137,22 @@ class Cluster:
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
         """Return the residual of the loops and its derivative by the dimensionless step."""
-        placed = self._placed(q)
+        fixed = np.eye(4)  # the nearest common ancestor, and an end that no joint of the loop moves
+        values = {joint.number: value for joint, value in zip(self.joints, q.tolist(), strict=True)}
+        placed = _placed(self.parts, self._parameters, values, fixed)
         joints = np.array([placed[joint.number] for joint in self.joints]).reshape(-1, 4, 4)
         axes, origins = joints[:, :3, 2], joints[:, :3, 3]
         residuals, blocks = [], []
-        fixed = np.eye(4)  # an end that no joint of the loop moves
-        for index, kind, (on, sign, prismatic) in zip(self.loops, self.kinds, self._columns, strict=True):
+        for index, kind, sign in zip(self.loops, self.kinds, self._signs, strict=True):
             loop = self.robot.loops[index]
             first, second = placed.get(loop.first, fixed), placed.get(loop.second, fixed)
             residual, derivative = loop_residual(kind, inverse(first) @ second, self.length)
-            z = sign * axes[on]
-            angular = np.where(prismatic, 0.0, z)
-            linear = np.where(prismatic, z, _cross(z, first[:3, 3] - origins[on]))
-            block = np.zeros((len(residual), len(self.joints)))
-            block[:, on] = derivative @ np.vstack([first[:3, :3].T @ linear.T, first[:3, :3].T @ angular.T])
+            z = sign * axes
+            angular = np.where(self._prismatic, 0.0, z)
+            linear = np.where(self._prismatic, z, _cross(z, first[:3, 3] - origins))
             residuals.append(residual)
-            blocks.append(block * self.scale)
-        return np.concatenate(residuals), np.vstack(blocks)
+            blocks.append(derivative @ np.vstack([first[:3, :3].T @ linear.T, first[:3, :3].T @ angular.T]))
+        return np.concatenate(residuals), np.vstack(blocks) * self.scale
 
     def gaps(self, q: Array) -> list[float]:
         """Return the largest residual of each loop."""
@@ -157,61 +160,32 @@ class Cluster:
         ends = np.cumsum([ROWS[kind] for kind in self.kinds])[:-1]
         return [float(np.abs(part).max()) for part in np.split(residual, ends)]
 
-    def _placed(self, q: Array) -> dict[int, Array]:
-        """Return placements of the loops' nodes relative to their nearest common ancestor."""
-        placed: dict[int, Array] = {}
-        values = q.tolist()
-        for part in self.parts:
-            parameters = self._fixed[part.number]
-            if part.number in self._column:
-                parameters = moved(part, parameters, values[self._column[part.number]])
-            local = transform(parameters)
-            parent = placed.get(part.pred)
-            placed[part.number] = local if parent is None else parent @ local
-        return placed
-
 
 def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:
     """Yield the robot's loops, grouped into those that share nodes: each group can be closed by itself."""
-    leader = list(range(len(robot.loops)))
-
-    def find(i: int) -> int:
-        while leader[i] != i:
-            leader[i] = leader[leader[i]]
-            i = leader[i]
-        return i
-
-    owner: dict[int, int] = {}
-    for i, loop in enumerate(robot.loops):
-        for branch in _branches(robot, loop.first, loop.second):
-            for part in branch:
-                leader[find(i)] = find(owner.setdefault(part.number, i))
-    groups: dict[int, list[int]] = {}
+    groups: list[tuple[set[int], list[int]]] = []  # of nodes, and of loops; no node is in two
     for i in range(len(robot.loops)):
-        groups.setdefault(find(i), []).append(i)
-    for group in groups.values():
-        yield Cluster(document, robot, group, kinds, length)
+        nodes, loops, apart = {part.number for branch in _branches(robot, i) for part in branch}, [i], []
+        for group in groups:
+            if group[0].isdisjoint(nodes):
+                apart.append(group)
+            else:
+                nodes, loops = nodes | group[0], loops + group[1]
+        groups = [*apart, (nodes, sorted(loops))]
+    for _, loops in sorted(groups, key=lambda group: group[1]):
+        yield Cluster(document, robot, loops, kinds, length)
 
 
-def _branches(robot: RaffRobot, first: int, second: int) -> tuple[list[RaffPart], list[RaffPart]]:
-    """Return the nodes from the nearest common ancestor (excluded) to each of two nodes (included)."""
+def _branches(robot: RaffRobot, loop: int) -> tuple[list[RaffPart], list[RaffPart]]:
+    """Return the nodes from each end of a loop (included) to their nearest common ancestor (excluded)."""
     sides: tuple[list[RaffPart], list[RaffPart]] = ([], [])
-    met: dict[int, tuple[int, int]] = {}
-    heads: list[int | None] = [first, second]
-    side = 0
-    while heads[0] is not None or heads[1] is not None:
-        at = heads[side]
-        if at is not None:
-            other, count = met.setdefault(at, (side, len(sides[side])))
-            if other != side:  # the other side passed here: cut it back to this node
-                del sides[other][count:]
-                return sides
-            part = robot.nodes[at]
-            heads[side] = None
-            if isinstance(part, RaffPart):
-                sides[side].append(part)
-                heads[side] = part.pred
-        side = 1 - side
+    heads = [robot.loops[loop].first, robot.loops[loop].second]
+    while heads[0] != heads[1]:
+        deeper = int(robot.depth[heads[1]] > robot.depth[heads[0]])
+        part = robot.nodes[heads[deeper]]
+        assert not isinstance(part, RaffBase)
+        sides[deeper].append(part)
+        heads[deeper] = part.pred
     return sides
 
 
