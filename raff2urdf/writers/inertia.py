@@ -99,28 +99,18 @@ class Inertias:
         links: by name. Links without a volume have none; others, and bodies that move, have at least `LEAST_MASS` and
             `LEAST_MOMENT`.
         density: of the estimates, kg/m3.
-        given: links whose inertia the URDF gives.
         raised: links that were raised to the least values.
     """
 
     links: Mapping[str, Inertia]
     density: float
-    given: tuple[str, ...] = ()
     raised: tuple[str, ...] = ()
 
     def sentence(self) -> str:
         """Return their origin in words, for a comment in a file."""
-        parts = []
-        if len(self.given) < len(self.links):
-            parts.append(f"Masses are estimated from the graphics, as solid bodies of {self.density:g} kg/m3.")
-        if self.given:
-            parts.append(f"Masses of {', '.join(self.given)} are those of the file.")
-        if self.raised:
-            parts.append(
-                f"Raised to {LEAST_MASS:g} kg and {LEAST_MOMENT:g} kg m2, the least that simulators accept: "
-                f"{', '.join(self.raised)}."
-            )
-        return " ".join(parts)
+        text = f"Masses are estimated from the graphics, as solid bodies of {self.density:g} kg/m3."
+        least = f"Raised to {LEAST_MASS:g} kg and {LEAST_MOMENT:g} kg m2, the least that simulators accept"
+        return f"{text} {least}: {', '.join(self.raised)}." if self.raised else text
 
 
 def inertias(
@@ -129,7 +119,7 @@ def inertias(
     read: Reader | None = None,
     moving: Iterable[tuple[str, Iterable[tuple[str, Array]]]] = (),
 ) -> Inertias:
-    """Return the inertia of every link: that of the URDF, or else an estimate from its graphics.
+    """Return the inertia of every link, estimated from its graphics.
 
     Args:
         model: the robot's tree.
@@ -145,17 +135,10 @@ def inertias(
     if not (np.isfinite(density) and density > 0.0):
         raise RaffError(f"the density is {density:g} kg/m3: it must be a number above 0")
     surface = cache(read or load_surface)
-    found: dict[str, Inertia] = {}
-    given: list[str] = []
-    for link in model.links:
-        if link.inertial is None or link.inertial.mass is None or link.inertial.inertia is None:
-            found[link.name] = sum_of(
-                _placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.visuals
-            )
-        else:
-            mass, matrix = float(link.inertial.mass), np.asarray(link.inertial.inertia, dtype=float)
-            found[link.name] = _placed(Inertia.from_matrix(mass, np.zeros(3), matrix), link.inertial.origin)
-            given.append(link.name)
+    found = {
+        link.name: sum_of(_placed(of_geometry(v.geometry, density, surface), v.origin) for v in link.visuals)
+        for link in model.links
+    }
     raised: dict[str, None] = {}
 
     def least(name: str, body: Inertia) -> Inertia:
@@ -166,7 +149,7 @@ def inertias(
         return enough
 
     for name, body in found.items():
-        if body.mass > 0.0 and name not in given:
+        if body.mass > 0.0:
             found[name] = least(name, body)
     for carrier, fixed in moving:
         own = found[carrier]
@@ -175,7 +158,7 @@ def inertias(
         if enough is not whole:
             second = own.second + enough.second - whole.second
             found[carrier] = Inertia(own.mass + enough.mass - whole.mass, own.centre, second)
-    return Inertias(found, density, tuple(given), tuple(raised))
+    return Inertias(found, density, tuple(raised))
 
 
 def sum_of(bodies: Iterable[Inertia]) -> Inertia:
@@ -186,7 +169,7 @@ def sum_of(bodies: Iterable[Inertia]) -> Inertia:
     return total
 
 
-def of_geometry(geometry: yourdfpy.Geometry | None, density: float, surface: Reader | None = None) -> Inertia:
+def of_geometry(geometry: yourdfpy.Geometry, density: float, surface: Reader | None = None) -> Inertia:
     """Return the inertia of a URDF's shape as a solid body, in the shape's own axes."""
     kind, size, file = shape_of(geometry)
     if kind == "mesh":
@@ -194,7 +177,7 @@ def of_geometry(geometry: yourdfpy.Geometry | None, density: float, surface: Rea
     if kind == "box":
         mass = density * float(np.prod(size))
         return Inertia(mass, np.zeros(3), mass / 12.0 * np.diag(size**2))
-    radius = float(size[0]) if kind else 0.0
+    radius = float(size[0])
     if kind == "cylinder":
         mass = density * np.pi * radius**2 * float(size[1])
         return Inertia(mass, np.zeros(3), mass * np.diag([radius**2 / 4.0, radius**2 / 4.0, size[1] ** 2 / 12.0]))

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
@@ -30,7 +30,7 @@ from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.residual import log
 from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
-from raff2urdf.writers.tree_at_home import TreeAtHome, loop_element, shape_of, unique_name
+from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
@@ -64,47 +64,25 @@ End = tuple[str, Array]
 
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the robot, and those of its meshes that MuJoCo can't read as they are, as binary STL."""
-    tree = TreeAtHome(translation.model, translation.analysis.home)
+    tree, readable = TreeAtHome(translation), _ReadableMeshes(translation, stem)
     masses = inertias(translation.model, options.density, translation.surface, tree.moving)
-    readable = _ReadableMeshes(translation, stem)
-    text = mjcf(tree, translation.constraints, masses, readable)
+    text = text_of(_Writer(tree, masses, readable).root())
     readable.warn()
     return {f"{stem}.xml": text.encode(), **readable.converted}
-
-
-def mjcf(
-    tree: TreeAtHome,
-    constraints: Mapping[str, Any],
-    inertias: Inertias,
-    readable: Callable[[str], str | None] = lambda mesh: mesh,
-) -> str:
-    """Return the text of the file.
-
-    Args:
-        tree: the robot's tree at closed home.
-        constraints: its loops and actuated joints, as in constraints.schema.json.
-        inertias: of its links.
-        readable: returns the name of a mesh that MuJoCo reads in the place of a mesh; None if there is none.
-
-    Raises:
-        RaffError: MJCF has no notation for something in the tree or a loop.
-    """
-    return text_of(_Writer(tree, constraints, inertias, readable).root())
 
 
 @dataclass
 class _Writer:
     tree: TreeAtHome
-    constraints: Mapping[str, Any]
     inertias: Inertias
-    readable: Callable[[str], str | None]
+    readable: _ReadableMeshes
     meshes: dict[tuple[str, tuple[float, ...]], str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.inertia = dict(self.inertias.links)
         self.length = characteristic_length(np.array([m[:3, 3] for m in self.tree.world.values()]))
         self.fall = math.sqrt(self.length / GRAVITY)  # s
-        self.names = set(self.tree.link) | {joint.name for joint in self.tree.model.joints}
+        self.names = {*self.tree.link, *(joint.name for joint in self.tree.order)}
         self.element: dict[str, etree._Element] = {}
 
     def root(self) -> etree._Element:
@@ -139,13 +117,13 @@ class _Writer:
         return root
 
     def preface(self) -> list[str]:
-        kinds = {loop["kind"] for loop in self.constraints["loops"]}
+        kinds = {loop["kind"] for loop in self.tree.loops}
         lines = [
             "Bodies are placed at home; each joint's ref is its value there.",
             self.inertias.sentence(),
-            "Bodies pass through each other unless the source has collision shapes.",
+            "Bodies pass through each other.",
         ]
-        if any(self.tree.greatest(joint, "velocity") < math.inf for joint in self.tree.order):
+        if any(entry["velocity"] is not None for entry in self.tree.entries.values()):
             lines.append("MJCF has no velocity limits: they are in custom, as velocity:JOINT (rad/s, m/s).")
         if kinds:
             lines.append("The links that a loop joins are in custom, as LOOP.first and LOOP.second.")
@@ -156,14 +134,13 @@ class _Writer:
                 "A prismatic loop is a body of its own on a prismatic joint, both named as the loop, welded to the "
                 "second end. It has half the mass of the body that it is welded to."
             )
-        return [line for line in lines if line]
+        return lines
 
     def add_custom(self, custom: etree._Element) -> None:
-        for joint in self.tree.order:
-            fastest = self.tree.greatest(joint, "velocity")
-            if joint.type not in ("fixed", "floating") and fastest < math.inf:
-                etree.SubElement(custom, "numeric", name=f"velocity:{joint.name}", data=numeral(fastest))
-        for loop in self.constraints["loops"]:
+        for name, entry in self.tree.entries.items():
+            if entry["velocity"] is not None:
+                etree.SubElement(custom, "numeric", name=f"velocity:{name}", data=numeral(entry["velocity"]))
+        for loop in self.tree.loops:
             for which in ("first", "second"):
                 etree.SubElement(custom, "text", name=f"{loop['name']}.{which}", data=loop[which]["node"])
 
@@ -182,7 +159,7 @@ class _Writer:
             body = etree.SubElement(parent, "body", name=joint.child, **pose(tree.placed(joint)))
             self.element[joint.child] = body
             self.add_joint(body, joint)
-        sliders = [self.add_loop(equality, loop) for loop in self.constraints["loops"]]
+        sliders = [self.add_loop(equality, loop) for loop in self.tree.loops]
         for name, body in self.element.items():
             if name != WORLD:
                 add_inertial(body, self.inertia[name])
@@ -200,27 +177,25 @@ class _Writer:
         return ground
 
     def add_joint(self, body: etree._Element, joint: yourdfpy.Joint) -> None:
-        if joint.type == "floating":
-            etree.SubElement(body, "freejoint", name=joint.name)
-        elif joint.type != "fixed":
-            values = {"axis": numerals(self.tree.axis(joint)), "ref": numeral(self.tree.value(joint))}
-            values |= limit("range", joint)
+        entry = self.tree.entries.get(joint.name)
+        if entry is not None:
             kind = "slide" if joint.type == "prismatic" else "hinge"
-            etree.SubElement(body, "joint", name=joint.name, type=kind, **values)
+            ref = numeral(self.tree.home[joint.name])
+            etree.SubElement(body, "joint", name=joint.name, type=kind, axis="0 0 1", ref=ref, **limit("range", entry))
+        elif joint.type == "floating":
+            etree.SubElement(body, "freejoint", name=joint.name)
 
     def add_shapes(self, body: etree._Element, link: yourdfpy.Link) -> None:
-        for shape in (*link.visuals, *link.collisions):
+        for shape in link.visuals:
             kind, size, file = shape_of(shape.geometry)
             mesh = self.mesh(file, tuple(size.tolist())) if kind == "mesh" else ""
-            if not kind or mesh is None:
+            if mesh is None:
                 continue
             half = {"box": (0.5, 0.5, 0.5), "cylinder": (1.0, 0.5)}.get(kind, (1.0,))
             geom = etree.SubElement(body, "geom", type=kind)
             geom.set(*(("mesh", mesh) if mesh else ("size", numerals(size * half))))
             geom.attrib.update(pose(np.eye(4) if shape.origin is None else shape.origin))
-            if isinstance(shape, yourdfpy.Collision):
-                geom.attrib.update({"contype": "1", "conaffinity": "1", "group": "4"})
-            elif shape.material is not None and shape.material.color is not None:
+            if shape.material is not None:
                 geom.set("rgba", numerals(shape.material.color.rgba))
 
     def mesh(self, file: str, scale: tuple[float, ...]) -> str | None:
@@ -235,7 +210,7 @@ class _Writer:
         qpos: list[float] = []
         for joint in world.iter("joint", "freejoint"):
             if joint.tag == "freejoint":
-                base = self.tree.placed(self.tree.order[0])
+                base = self.tree.placed(self.tree.order[0])  # the floating joint
                 qpos += [*base[:3, 3].tolist(), *quaternion(base[:3, :3])]
             else:
                 qpos.append(float(joint.get("ref")))
@@ -245,9 +220,8 @@ class _Writer:
 
     def add_loop(self, equality: etree._Element, loop: Mapping[str, Any]) -> tuple[etree._Element, Inertia] | None:
         """Add a loop; return the body that a prismatic one needs, with its inertia."""
-        word = loop_element(_EQUALITIES, loop, "MJCF")
-        name, slider = loop["name"], None
-        first, second = (self.end(loop[which]) for which in ("first", "second"))
+        name, word, slider = loop["name"], _EQUALITIES[loop["kind"]], None
+        first, second = (self.tree.carriers[loop[which]["node"]] for which in ("first", "second"))
         ends = [(self.element[carrier], placement) for carrier, placement in (first, second)]
         if loop["kind"] == "prismatic":
             slider = self.add_slider(name, first, second)
@@ -258,12 +232,6 @@ class _Writer:
             ends = [(body, placement @ further) for body, placement in ends]
             self.add_equality(equality, word, f"{name}.axis", ends)
         return slider
-
-    def end(self, end: Mapping[str, Any]) -> End:
-        """Return an end of a loop on the link that represents its rigid body."""
-        node, placement = self.tree.end(end)
-        carrier, on_it = self.tree.carriers[node]
-        return carrier, on_it @ placement
 
     @staticmethod
     def add_equality(
@@ -305,19 +273,14 @@ class _Writer:
 
     def add_actuators(self, actuator: etree._Element) -> list[float]:
         """Add a servo for each actuated joint; return the targets that keep home."""
-        joints = {joint.name: joint for joint in self.tree.order}
         targets = []
-        for entry in self.constraints["joints"]:
-            if not entry.get("actuated", True) or entry["name"] not in joints:
-                continue
-            joint = joints[entry["name"]]
-            stiffness = f"{self.moved_inertia(joint) * (SERVO / self.fall) ** 2:.6g}"
-            values = {"joint": joint.name, "kp": stiffness, "dampratio": "1", **limit("ctrlrange", joint)}
-            effort = self.tree.greatest(joint, "effort")
-            if 0.0 < effort < math.inf:
-                values["forcerange"] = numerals((-effort, effort))
-            etree.SubElement(actuator, "position", name=joint.name, **values)
-            targets.append(self.tree.value(joint))
+        for joint in self.tree.model.joints:
+            entry = self.tree.entries.get(joint.name)
+            if entry is not None and entry["actuated"]:
+                stiffness = f"{self.moved_inertia(joint) * (SERVO / self.fall) ** 2:.6g}"
+                values = {"joint": joint.name, "kp": stiffness, "dampratio": "1", **limit("ctrlrange", entry)}
+                etree.SubElement(actuator, "position", name=joint.name, **values)
+                targets.append(self.tree.home[joint.name])
         return targets
 
     def moved_inertia(self, joint: yourdfpy.Joint) -> float:
@@ -330,9 +293,8 @@ class _Writer:
         whole = sum_of(self.inertias.links[name].in_frame(world[name]) for name in moved)
         if joint.type == "prismatic":
             return whole.mass
-        placed = world[joint.child]
-        z = placed[:3, :3] @ self.tree.axis(joint)
-        arm = np.cross(z, whole.centre - placed[:3, 3])
+        z, origin = world[joint.child][:3, 2:].T
+        arm = np.cross(z, whole.centre - origin)
         return float(z @ whole.matrix @ z + whole.mass * (arm @ arm))
 
 
@@ -354,12 +316,11 @@ def quaternion(rotation: Array) -> tuple[float, float, float, float]:
     return math.cos(half), x, y, z
 
 
-def limit(word: str, joint: yourdfpy.Joint) -> dict[str, str]:
+def limit(word: str, entry: Mapping[str, Any]) -> dict[str, str]:
     """Return a joint's limits as an attribute that MuJoCo accepts: finite, and not empty; none without limits."""
-    low, high = TreeAtHome.limits(joint)
-    if math.isinf(low) and math.isinf(high):
+    if entry["limits"] is None:
         return {}
-    low, high = max(low, -UNLIMITED), min(high, UNLIMITED)
+    low, high = np.clip(entry["limits"], -UNLIMITED, UNLIMITED).tolist()
     return {word: numerals((low, high) if high > low else (low - NARROW, high + NARROW))}
 
 

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
-from raff2urdf.writers.tree_at_home import TreeAtHome, loop_element, shape_of, unique_name
+from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
 
 if TYPE_CHECKING:
@@ -48,29 +48,14 @@ _UNLIMITED = 1e16  # SDF's limit of a joint without limits
 
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the file."""
-    tree = TreeAtHome(translation.model, translation.analysis.home)
+    tree = TreeAtHome(translation)
     masses = inertias(translation.model, options.density, translation.surface, tree.moving)
-    return {f"{stem}.sdf": sdf(tree, translation.constraints, masses).encode()}
-
-
-def sdf(tree: TreeAtHome, constraints: Mapping[str, Any], inertias: Inertias) -> str:
-    """Return the text of the file.
-
-    Args:
-        tree: the robot's tree at closed home.
-        constraints: its loops and actuated joints, as in constraints.schema.json.
-        inertias: of its links.
-
-    Raises:
-        RaffError: SDF has no notation for something in the tree or a loop.
-    """
-    return text_of(_Writer(tree, constraints, inertias).root())
+    return {f"{stem}.sdf": text_of(_Writer(tree, masses).root()).encode()}
 
 
 @dataclass
 class _Writer:
     tree: TreeAtHome
-    constraints: Mapping[str, Any]
     inertias: Inertias
     names: set[str] = field(default_factory=set)  # SDF has one list of names for links, frames and joints
     own: etree._Element = field(default_factory=lambda: etree.Element(f"{{{NAMESPACE}}}robot"))
@@ -98,7 +83,7 @@ class _Writer:
         for joint in tree.order:
             if tree.carriers[joint.child][0] == joint.child and joint.type != "floating":
                 self.add_joint(model, joint)
-        for loop in self.constraints["loops"]:
+        for loop in tree.loops:
             self.add_loop(model, loop)
         if len(self.own):
             model.append(self.own)
@@ -113,44 +98,33 @@ class _Writer:
         parts = [(name, np.eye(4)), *tree.rigid[name]]
         add_inertial(link, sum_of(self.inertias.links[part].in_frame(placement) for part, placement in parts))
         for part, placement in parts:
-            source = tree.link[part]
-            for word, shapes in (("visual", source.visuals), ("collision", source.collisions)):
-                for number, shape in enumerate(shapes, 1):
-                    if shape_of(shape.geometry)[0]:
-                        add_shape(etree.SubElement(link, word, name=f"{part}_{word}{number}"), shape, placement)
-
-    def new_name(self, name: str) -> str:
-        found = unique_name(name, self.names)
-        self.names.add(found)
-        return found
+            for number, shape in enumerate(tree.link[part].visuals, 1):
+                add_shape(etree.SubElement(link, "visual", name=f"{part}_visual{number}"), shape, placement)
 
     def new_joint(self, model: etree._Element, name: str, kind: str, parent: str, child: str) -> etree._Element:
-        joint = etree.SubElement(model, "joint", name=self.new_name(name), type=kind)
+        joint = etree.SubElement(model, "joint", name=unique_name(name, self.names), type=kind)
+        self.names.add(joint.get("name", ""))
         etree.SubElement(joint, "parent").text = parent
         etree.SubElement(joint, "child").text = child
         return joint
 
     def add_joint(self, model: etree._Element, joint: yourdfpy.Joint) -> None:
-        tree, kind = self.tree, self.tree.kind(joint)
-        element = self.new_joint(model, joint.name, kind, tree.carriers[joint.parent][0], joint.child)
-        if kind == "fixed":
+        entry = self.tree.entries.get(joint.name)  # none of a fixed joint
+        kind = "fixed" if entry is None else entry["type"]
+        element = self.new_joint(model, joint.name, kind, self.tree.carriers[joint.parent][0], joint.child)
+        if entry is None:
             return
-        home, (low, high) = tree.value(joint), tree.limits(joint)
-        limit = add_axis(element, tree.axis(joint), low - home, high - home)
-        for word in ("effort", "velocity"):
-            most = tree.greatest(joint, word)
-            if 0.0 < most < math.inf:
-                etree.SubElement(limit, word).text = numeral(most)
-        actuated = {entry["name"]: entry.get("actuated", True) for entry in self.constraints["joints"]}
-        is_actuated = str(bool(actuated.get(joint.name, True))).lower()
-        self.add_own("joint", element, joint.name, home=numeral(home), actuated=is_actuated)
+        home, (low, high) = self.tree.home[joint.name], entry["limits"] or (-math.inf, math.inf)
+        limit = add_axis(element, low - home, high - home)
+        if entry["velocity"] is not None:
+            etree.SubElement(limit, "velocity").text = numeral(entry["velocity"])
+        self.add_own("joint", element, joint.name, home=numeral(home), actuated=str(entry["actuated"]).lower())
 
     def add_loop(self, model: etree._Element, loop: Mapping[str, Any]) -> None:
         """Add a joint between the two rigid bodies; its frame is the loop's second end."""
-        kind = loop_element(_LOOP_TYPES, loop, "SDF")
-        ends = {which: self.tree.end(loop[which]) for which in ("first", "second")}
-        first, second = (self.tree.carriers[node][0] for node, _ in ends.values())
-        nodes = [self.end_frame(model, f"{loop['name']}.{which}", *end) for which, end in ends.items()]
+        kind = _LOOP_TYPES[loop["kind"]]
+        nodes = [loop[which]["node"] for which in ("first", "second")]
+        first, second = (self.tree.carriers[node][0] for node in nodes)
         floating = self.tree.floating
         if second == WORLD or (floating is not None and second == floating.child):
             # The same joint with its ends swapped: a joint's child needs another parent than the loop.
@@ -161,7 +135,7 @@ class _Writer:
             pose.text = "0 0 0 0 0 0"
             joint.insert(0, pose)
         if kind in ("prismatic", "revolute"):
-            add_axis(joint, np.array([0.0, 0.0, 1.0]), -math.inf, math.inf)
+            add_axis(joint, -math.inf, math.inf)
         self.add_own("loop", joint, loop["name"], kind=loop["kind"], first=nodes[0], second=nodes[1])
 
     def add_own(self, word: str, joint: etree._Element, name: str, **values: str) -> None:
@@ -169,14 +143,6 @@ class _Writer:
         written = joint.get("name", "")
         other = {} if name == written else {"raff_name": name}
         etree.SubElement(self.own, f"{{{NAMESPACE}}}{word}", name=written, **other, **values)
-
-    def end_frame(self, model: etree._Element, name: str, node: str, placement: Array) -> str:
-        """Return the frame of a loop's end: its link, or a new frame if the end is not at the link's origin."""
-        if np.array_equal(placement, np.eye(4)):
-            return node
-        frame = self.new_name(name)
-        add_pose(etree.SubElement(model, "frame", name=frame, attached_to=node), placement)
-        return frame
 
 
 def add_pose(element: etree._Element, placement: Array, relative_to: str | None = None) -> None:
@@ -199,10 +165,10 @@ def add_inertial(link: etree._Element, inertia: Inertia) -> None:
         etree.SubElement(moments, f"i{'xyz'[i]}{'xyz'[j]}").text = numeral(inertia.matrix[i, j])
 
 
-def add_axis(joint: etree._Element, direction: Array, low: float, high: float) -> etree._Element:
-    """Add an axis in the joint's own frame; return the element of its limits."""
+def add_axis(joint: etree._Element, low: float, high: float) -> etree._Element:
+    """Add the axis z of the joint's own frame; return the element of its limits."""
     element = etree.SubElement(joint, "axis")
-    etree.SubElement(element, "xyz").text = numerals(direction)
+    etree.SubElement(element, "xyz").text = "0 0 1"
     limit = etree.SubElement(element, "limit")
     etree.SubElement(limit, "lower").text = numeral(max(low, -_UNLIMITED))
     etree.SubElement(limit, "upper").text = numeral(min(high, _UNLIMITED))
@@ -210,7 +176,7 @@ def add_axis(joint: etree._Element, direction: Array, low: float, high: float) -
 
 
 def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
-    """Add pose, geometry and colour of a URDF's visual or collision shape, whose link is at `placement`."""
+    """Add pose, geometry and colour of a URDF's visual shape, whose link is at `placement`."""
     add_pose(element, placement if shape.origin is None else placement @ shape.origin)
     kind, size, file = shape_of(shape.geometry)
     solid = etree.SubElement(etree.SubElement(element, "geometry"), kind)
@@ -219,8 +185,7 @@ def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
     sizes = {"cylinder": (("radius", size[:1]), ("length", size[1:])), "sphere": (("radius", size),)}
     for word, value in sizes.get(kind, (("scale" if kind == "mesh" else "size", size),)):
         etree.SubElement(solid, word).text = numerals(value)
-    material = getattr(shape, "material", None)
-    if material is not None and material.color is not None:
+    if shape.material is not None:
         painted = etree.SubElement(element, "material")
         for light in ("ambient", "diffuse"):
-            etree.SubElement(painted, light).text = numerals(material.color.rgba)
+            etree.SubElement(painted, light).text = numerals(shape.material.color.rgba)

@@ -30,7 +30,6 @@ from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
-from raff2urdf.writers.tree_at_home import loop_element
 from raff2urdf.writers.xml_text import numerals, text_of
 
 if TYPE_CHECKING:
@@ -57,7 +56,7 @@ def files(translation: Translation, stem: str, options: WriteOptions) -> dict[st
 def add_constraints(root: etree._Element, values: Mapping[str, Any]) -> None:
     """Append an element `constraint` for each loop to the root of a URDF."""
     for loop in values["loops"]:
-        kind = loop_element(_LOOP_TYPES, loop, "URDF")
+        kind = _LOOP_TYPES[loop["kind"]]
         element = etree.SubElement(root, "constraint", name=loop["name"], type=kind)
         for word, which in (("parent", "first"), ("child", "second")):
             placement: NDArray[np.float64] = np.array(loop[which]["placement"], dtype=float)

@@ -78,7 +78,7 @@ class Exported:
 
     @property
     def tree(self) -> TreeAtHome:
-        return TreeAtHome(self.made.model, self.made.analysis.home)
+        return TreeAtHome(self.made)
 
     @property
     def inertias(self) -> Inertias:

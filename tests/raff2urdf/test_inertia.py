@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 
 import numpy as np
@@ -53,8 +52,8 @@ def assert_physical(body: Inertia) -> None:
     assert a + b >= c * (1.0 - 1e-12)
 
 
-def drawn(*visuals: Visual, inertial: yourdfpy.Inertial | None = None) -> yourdfpy.Robot:
-    return yourdfpy.Robot(name="r", links=[yourdfpy.Link(name="a", visuals=list(visuals), inertial=inertial)])
+def drawn(*visuals: Visual) -> yourdfpy.Robot:
+    return yourdfpy.Robot(name="r", links=[yourdfpy.Link(name="a", visuals=list(visuals))])
 
 
 # --- shapes ------------------------------------------------------------------------------------------------------
@@ -192,20 +191,7 @@ def test_a_density_that_is_none_is_refused(density: float) -> None:
         inertias(drawn(), density)
 
 
-# --- what the file says itself, and the least --------------------------------------------------------------------
-
-
-def test_what_the_urdf_says_is_kept() -> None:
-    text = """<robot name="r"><link name="a">
-    <inertial><origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/><mass value="4"/>
-    <inertia ixx="1" iyy="2" izz="2.5" ixy="0" ixz="0" iyz="0"/></inertial>
-    <visual><geometry><box size="1 1 1"/></geometry></visual></link></robot>"""
-    model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False).robot
-    found = inertias(model, RHO)
-    assert found.given == ("a",)
-    assert found.links["a"].mass == 4.0
-    np.testing.assert_allclose(found.links["a"].centre, [1, 2, 3])
-    np.testing.assert_allclose(found.links["a"].matrix, np.diag([2.0, 1.0, 2.5]), atol=1e-12)
+# --- the least --------------------------------------------------------------------
 
 
 def test_a_body_that_moves_has_a_least_mass_and_is_named() -> None:

@@ -3,34 +3,25 @@ too."""
 
 from __future__ import annotations
 
-import io
 import math
 import warnings
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-import yourdfpy
 from exported import ALL, Exported, exported
 from lxml import etree
 from mechanisms import KNOWN
 
-from raff2urdf import RaffError, RaffWarning, convert, loads
+from raff2urdf import RaffWarning, convert, loads
 from raff2urdf.conversion import translate
-from raff2urdf.writers.inertia import inertias
-from raff2urdf.writers.mjcf import mjcf, quaternion
-from raff2urdf.writers.sdf import sdf
-from raff2urdf.writers.tree_at_home import TreeAtHome
+from raff2urdf.writers.mjcf import quaternion
 
 EXACT = 1e-9  # m and rad
 STAY = 1e-3  # of the characteristic length: how far loops may open in a simulation
-
-NO_LOOPS: dict[str, Any] = {"joints": [], "loops": []}
 
 
 @pytest.fixture(scope="module")
@@ -344,97 +335,10 @@ def test_a_mesh_that_mujoco_cannot_have_is_left_out_with_a_warning(workshop: Pat
     assert mujoco.MjModel.from_xml_path(str(path)).nmesh == 1
 
 
-# --- URDFs from elsewhere ----------------------------------------------------------------------------------------
-
-
-def foreign(joints: str, links: str = '<link name="a"/><link name="b"/>') -> TreeAtHome:
-    text = f'<robot name="r">{links}{joints}</robot>'
-    model = yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False).robot
-    return TreeAtHome(model, {})
-
-
-def joint(kind: str = "revolute", more: str = "", parent: str = "a", child: str = "b") -> str:
-    return f'<joint name="{child}s" type="{kind}"><parent link="{parent}"/><child link="{child}"/>{more}</joint>'
-
-
-def written(bodies: TreeAtHome, constraints: dict[str, Any] | None = None) -> str:
-    return mjcf(bodies, constraints or NO_LOOPS, inertias(bodies.model, moving=bodies.moving))
-
-
-def test_any_axis_and_any_origin() -> None:
-    more = '<origin xyz="1 2 3" rpy="0.1 0.2 0.3"/><axis xyz="1 2 -2"/>'
-    more += '<limit lower="-1" upper="2" effort="7" velocity="1"/>'
-    bodies = foreign(joint(more=more))
-    model = mujoco.MjModel.from_xml_string(written(bodies, {"joints": [{"name": "bs"}], "loops": []}))
-    data = mujoco.MjData(model)
-    data.qpos[0] = 0.7
-    mujoco.mj_forward(model, data)
-    peer = pin.buildModelFromXML(f'<robot name="r"><link name="a"/><link name="b"/>{joint(more=more)}</robot>')
-    other = peer.createData()
-    pin.framesForwardKinematics(peer, other, np.array([0.7]))
-    expected = other.oMf[peer.getFrameId("b", pin.FrameType.BODY)].homogeneous
-    np.testing.assert_allclose(data.body("b").xpos, expected[:3, 3], atol=EXACT)
-    np.testing.assert_allclose(data.body("b").xmat.reshape(3, 3), expected[:3, :3], atol=EXACT)
-    np.testing.assert_allclose(model.actuator_forcerange[0], [-7, 7])
-
-
-def test_shapes_for_collisions_collide_and_others_do_not() -> None:
-    shape = "<geometry><sphere radius='0.1'/></geometry>"
-    links = f'<link name="a"/><link name="b"><visual>{shape}</visual><collision>{shape}</collision></link>'
-    model = mujoco.MjModel.from_xml_string(written(foreign(joint("continuous"), links)))
-    assert model.geom_contype.tolist() == [0, 1]
-
-
-def test_ends_of_loops_stand_where_their_placements_are() -> None:
-    """A ball loop whose ends are placed on their links."""
-    place = np.eye(4)
-    place[:3, 3] = (0.3, -0.2, 0.1)
-    loop = {
-        "name": "l",
-        "kind": "ball",
-        "first": {"node": "b", "placement": place.tolist()},
-        "second": {"node": "c", "placement": place.tolist()},
-    }
-    links = '<link name="a"/><link name="b"/><link name="c"/>'
-    bodies = foreign(joint("continuous") + joint("continuous", child="c"), links)
-    model = mujoco.MjModel.from_xml_string(written(bodies, {"joints": [], "loops": [loop]}))
-    np.testing.assert_allclose(model.site_pos, [place[:3, 3]] * 2)
-
-
-@pytest.mark.parametrize(
-    ("bodies", "words"),
-    [
-        (lambda: foreign(joint("planar")), "planar"),
-        (lambda: foreign(joint("floating")), "floating"),
-        (lambda: foreign(joint(more='<mimic joint="x"/>')), "mimics 'x'"),
-        (lambda: foreign(""), "2 links have no parent"),
-        (lambda: foreign(joint(child="world"), '<link name="a"/><link name="world"/>'), "'world'"),
-        (lambda: foreign(joint(more='<axis xyz="0 0 0"/>')), "axis"),
-    ],
-    ids=["planar", "floating", "mimic", "two roots", "world", "no axis"],
-)
-def test_what_cannot_be_written_is_named(bodies: Any, words: str) -> None:
-    with pytest.raises(RaffError, match=words):
-        written(bodies())
-
-
-def test_a_loop_that_ends_on_nothing_is_named() -> None:
-    end = {"node": "nowhere", "placement": np.eye(4).tolist()}
-    loop = {"name": "l", "kind": "ball", "first": end, "second": end}
-    with pytest.raises(RaffError, match="nowhere"):
-        written(foreign(joint()), {"joints": [], "loops": [loop]})
-
-
-@pytest.mark.parametrize("write", [mjcf, sdf])
-def test_a_kind_of_loop_that_a_format_does_not_have_is_an_error(write: Callable[..., str]) -> None:
-    end = {"node": "b", "placement": np.eye(4).tolist()}
-    loop = {"name": "l", "kind": "screw", "first": end, "second": {**end, "node": "a"}}
-    bodies = foreign(joint())
-    with pytest.raises(RaffError, match=r"loop 'l': (MJCF|SDF) has no loops of the kind 'screw'"):
-        write(bodies, {"joints": [], "loops": [loop]}, inertias(bodies.model))
-
-
-def test_comments_hold_what_xml_forbids() -> None:
-    links = '<link name="a"/><link name="b--c"/>'
-    text = written(foreign(joint(child="b--c"), links))
+def test_comments_hold_what_xml_forbids(tmp_path: Path) -> None:
+    raff = tmp_path / "arm.raff"
+    raff.write_text('RAFF t\nrobot arm { link 1 { name "b--c" type 2 pred 0 filename { } } }')
+    (conversion,) = convert(raff, tmp_path / "out", format="mjcf")
+    text = conversion.file.read_text()
+    assert "b- -c" in text
     assert etree.fromstring(text.encode()).find(".//body[@name='b--c']") is not None

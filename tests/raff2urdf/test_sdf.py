@@ -3,6 +3,8 @@ where the file begins."""
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,17 +13,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-import yourdfpy
 from exported import ALL, Exported, exported
 from lxml import etree
 from numpy.typing import NDArray
-from yourdfpy import Box, Geometry, Visual
 
-from raff2urdf import RaffError, convert
+from raff2urdf import convert
 from raff2urdf.residual import loop_residual
-from raff2urdf.writers.inertia import inertias
-from raff2urdf.writers.sdf import NAMESPACE, sdf
-from raff2urdf.writers.tree_at_home import TreeAtHome
+from raff2urdf.writers import WriteOptions, files
+from raff2urdf.writers.sdf import NAMESPACE
 
 Matrix = NDArray[np.float64]
 EXACT = 1e-9  # m and rad
@@ -258,30 +257,15 @@ def test_a_mesh_is_named_as_seen_from_the_file(tmp_path: Path) -> None:
     assert mesh.findtext("scale") == "0.001 0.001 0.001"
 
 
-def test_names_that_meet_are_parted_and_told() -> None:
-    """A URDF may call a link as its joint; SDF may not."""
-    links = [yourdfpy.Link(name="a"), yourdfpy.Link(name="b", visuals=[Visual(geometry=Geometry(box=Box(np.ones(3))))])]
-    joints = [yourdfpy.Joint(name="b", type="continuous", parent="a", child="b", axis=np.array([0.0, 1.0, 0.0]))]
-    bodies = TreeAtHome(yourdfpy.Robot(name="r", links=links, joints=joints), {"b": 0.25})
-    model = Model(sdf(bodies, {"joints": [], "loops": []}, inertias(bodies.model, moving=bodies.moving)))
-    assert set(model.joints) == {"joint0", "b#2"}
-    assert model.own["b#2"].get("raff_name") == "b"
-    assert model.own["b#2"].get("home") == "0.25"
-
-
-def test_ends_of_loops_that_stand_off_their_links_become_frames() -> None:
-    place = np.eye(4)
-    place[:3, 3] = (0.3, -0.2, 0.1)
-    names = ("a", "b", "c")
-    joints = [yourdfpy.Joint(name=f"{n}s", type="continuous", parent="a", child=n) for n in "bc"]
-    bodies = TreeAtHome(yourdfpy.Robot(name="r", links=[yourdfpy.Link(name=n) for n in names], joints=joints), {})
-    ends = {which: {"node": node, "placement": place.tolist()} for which, node in (("first", "b"), ("second", "c"))}
-    loops = [{"name": "l", "kind": "ball", **ends}]
-    text = sdf(bodies, {"joints": [], "loops": loops}, inertias(bodies.model, moving=bodies.moving))
-    model = Model(text)
-    np.testing.assert_allclose(model.place("l.first"), place)
-    np.testing.assert_allclose(model.place("l"), place)
-    assert model.joints["l"].find("axis") is None
+def test_names_that_meet_are_parted_and_told(tmp_path: Path) -> None:
+    """RAFF may call a link as its joint; SDF may not."""
+    raff = tmp_path / "arm.raff"
+    raff.write_text('RAFF t\nrobot arm { link 1 { name "joint1" parameters { theta 90 } type 2 pred 0 } }')
+    (conversion,) = convert(raff, tmp_path / "out", format="sdf")
+    model = Model(conversion.file.read_text())
+    assert set(model.joints) == {"joint0", "joint1#2"}
+    assert model.own["joint1#2"].get("raff_name") == "joint1"
+    assert float(model.own["joint1#2"].get("home")) == math.pi / 2
 
 
 def test_a_loop_on_the_world_or_on_a_base_that_moves_is_seen_from_its_other_end(folder: Path) -> None:
@@ -291,13 +275,7 @@ def test_a_loop_on_the_world_or_on_a_base_that_moves_is_seen_from_its_other_end(
     (loop,) = constraints["loops"]
     end = {"node": "base", "placement": np.eye(4).tolist()}
     constraints["loops"] = [{**loop, "kind": "ball", "second": end}]
-    model = Model(sdf(rover.tree, constraints, rover.inertias))
+    made = dataclasses.replace(rover.made, constraints=constraints)
+    model = Model(files("sdf", made, "robot", WriteOptions())["robot.sdf"].decode())
     assert model.joints[loop["name"]].findtext("parent") == "base"
     assert model.joints[loop["name"]].findtext("child") == "link2"
-
-
-def test_what_cannot_be_written_is_named() -> None:
-    links = [yourdfpy.Link(name="a"), yourdfpy.Link(name="b")]
-    joint = yourdfpy.Joint(name="j", type="planar", parent="a", child="b")
-    with pytest.raises(RaffError, match="planar"):
-        TreeAtHome(yourdfpy.Robot(name="r", links=links, joints=[joint]), {})
