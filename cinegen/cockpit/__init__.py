@@ -2,13 +2,12 @@
 
 from cinegen.cockpit.cockpit import Cockpit, base_poses_at_home, draw, title_of
 from cinegen.cockpit.film import film
-from cinegen.cockpit.notebook import LivePage, show, show_map
+from cinegen.cockpit.notebook import show, show_map
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.scene import RobotScene, make_page
 
 __all__ = [
     "Cockpit",
-    "LivePage",
     "Page",
     "RobotScene",
     "base_poses_at_home",

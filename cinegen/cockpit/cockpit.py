@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import html
 import threading
 import time
 from typing import Self
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from cinegen.cockpit.build_messages import NodePoses, hello_message, report_message, state_message
 from cinegen.cockpit.hub import Hub
@@ -30,7 +32,8 @@ _SHARE = 0.15  # of a core for the reports
 
 
 class Cockpit:
-    """Runs a session, and serves the page from which it is driven.
+    """Runs a session, and serves the page from which it is driven; as the value of a notebook's cell, the page is shown
+    below it.
 
     Args:
         setup: setup of the session.
@@ -40,6 +43,7 @@ class Cockpit:
         token: token that browsers need then; generated unless given.
         own_process: run the session in a process of its own, which this one doesn't delay.
         framed: let any other page show this one in a frame, as notebooks do.
+        height: height of the page in a notebook's cell, pixels.
 
     Raises:
         CinegenError: the session can't be constructed, or its page not served.
@@ -54,8 +58,9 @@ class Cockpit:
         token: str | None = None,
         own_process: bool = True,
         framed: bool = False,
+        height: int = 600,
     ) -> None:
-        self.setup = setup
+        self.setup, self.height = setup, height
         self.title = title or title_of(setup)
         self.page = Page(self.title)
         self.scene = draw(self.page, setup)
@@ -79,6 +84,14 @@ class Cockpit:
         for thread in self._threads:
             thread.start()
 
+    def __repr__(self) -> str:
+        return f"<{self.title} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        url, title = html.escape(self.url), html.escape(self.title)
+        style = f"width: 100%; height: {self.height}px; border: 0"
+        return f'<iframe src="{url}" title="{title}" style="{style}" allow="gamepad; fullscreen"></iframe>'
+
     @property
     def url(self) -> str:
         """Address of the page."""
@@ -94,6 +107,11 @@ class Cockpit:
         while (state := self.runner.state) is None:  # in its first tick
             time.sleep(0.001)
         return state
+
+    @property
+    def q(self) -> dict[str, NDArray[np.float64]]:
+        """Configuration (nq,) of each robot, by name."""
+        return {name: robot.q for name, robot in self.state.robots.items()}
 
     def snapshot(self) -> str:
         """Return the present scene as one HTML file that needs no server."""

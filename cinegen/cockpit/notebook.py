@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import html
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
-
-from numpy.typing import NDArray
 
 from cinegen.cockpit.cockpit import Cockpit
 from cinegen.errors import CinegenWarning
@@ -16,53 +12,12 @@ from cinegen.model import Mechanism
 from cinegen.session import Setup, arrange, map_setup
 
 
-class LivePage:
-    """Robots in a live page; as the value of a notebook's cell, the page is shown below it.
-
-    Args:
-        cockpit: cockpit that shows them.
-        height: height of the page in a cell, pixels.
-
-    Attributes:
-        cockpit: cockpit that shows them.
-    """
-
-    def __init__(self, cockpit: Cockpit, height: int = 600) -> None:
-        self.cockpit, self.height = cockpit, height
-
-    def __repr__(self) -> str:
-        return f"<{self.cockpit.title} at {self.url}>"
-
-    def _repr_html_(self) -> str:
-        url, title = html.escape(self.url), html.escape(self.cockpit.title)
-        style = f"width: 100%; height: {self.height}px; border: 0"
-        return f'<iframe src="{url}" title="{title}" style="{style}" allow="gamepad; fullscreen"></iframe>'
-
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return self.cockpit.url
-
-    @property
-    def q(self) -> dict[str, NDArray[Any]]:
-        """Configuration (nq,) of each robot, by name."""
-        return {name: robot.q for name, robot in self.cockpit.state.robots.items()}
-
-    def wait(self, seconds: float | None = None) -> None:
-        """Wait until the time (s) is over, or until Ctrl-C: the page ends with the program."""
-        self.cockpit.wait(seconds)
-
-    def close(self) -> None:
-        """End the session and its page."""
-        self.cockpit.close()
-
-
 def show(
     robots: Mechanism | Sequence[Mechanism] | Mapping[str, Mechanism] | Setup,
     follow: str | None = None,
     port: int = 7000,
     height: int = 600,
-) -> LivePage:
+) -> Cockpit:
     """Show robots in a live page, in which any part can be dragged, and return at once.
 
     Args:
@@ -90,7 +45,7 @@ def show(
         with warnings.catch_warnings():  # of missing ports: no sensor was requested
             warnings.simplefilter("ignore", CinegenWarning)
             setup = arrange(robots, follow=follow)
-    return LivePage(Cockpit(setup, port=port, own_process=False, framed=True), height)
+    return Cockpit(setup, port=port, own_process=False, framed=True, height=height)
 
 
 def show_map(
@@ -99,7 +54,7 @@ def show_map(
     mechanism: Mechanism | None = None,
     port: int = 7000,
     height: int = 600,
-) -> LivePage:
+) -> Cockpit:
     """Show a map with its robot in a live page, and return at once. A click on a cell moves the robot there.
 
     Args:
