@@ -10,6 +10,7 @@ import msgspec
 
 from cinegen.devices.reading_json import VERSION, ReadingError, ReadingsHeader, decode_recorded
 from cinegen.devices.reading_recorder import RecordError
+from cinegen.line_file import read_lines
 from cinegen.sensor import NO_TWIST, Reading, TimedSensor
 
 _HEADER = msgspec.json.Decoder(ReadingsHeader)
@@ -63,34 +64,25 @@ def load_readings(path: str | Path) -> tuple[list[Reading], float]:
     Raises:
         RecordError: the file can't be read, or is no recording; names the line.
     """
-    try:
-        data = Path(path).read_bytes()
-    except OSError as error:
-        raise RecordError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
-    first, *lines = data.split(b"\n")
-    timeout = _timeout(first, path)
-    readings: list[Reading] = []
-    for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
-        if not line.strip():
-            continue
-        try:
-            reading = decode_recorded(line)
-            if readings and reading.time < readings[-1].time:
-                raise ReadingError("Expected a time not before that of the line before - at `$.time`")
-        except ReadingError as error:
-            raise RecordError(f"{path}:{number}: {error}") from None
-        readings.append(reading)
+    timeout, readings = read_lines(path, RecordError, _timeout, _decoded)
     return readings, timeout
 
 
-def _timeout(first: bytes, path: str | Path) -> float:
+def _decoded(line: bytes, timeout: float, before: Reading | None) -> Reading:
+    reading = decode_recorded(line)
+    if before is not None and reading.time < before.time:
+        raise ReadingError("Expected a time not before that of the line before - at `$.time`")
+    return reading
+
+
+def _timeout(first: bytes) -> float:
     try:
         header = _HEADER.decode(first)
     except (msgspec.MsgspecError, RecursionError) as error:
         example = '{"cinegen": "readings", ...}'
-        raise RecordError(f"{path}: not a recording of readings (its first line would be {example}): {error}") from None
+        raise RecordError(f"not a recording of readings (its first line would be {example}): {error}") from None
     if header.version != VERSION:
-        raise RecordError(f"{path}: a recording of version {header.version}; only version {VERSION} can be read")
+        raise RecordError(f"a recording of version {header.version}; only version {VERSION} can be read")
     if header.timeout is not None and header.timeout < 0.0:
-        raise RecordError(f"{path}: Expected a time-out >= 0 s - at `$.timeout`")
+        raise RecordError("Expected a time-out >= 0 s - at `$.timeout`")
     return math.inf if header.timeout is None else header.timeout

@@ -226,22 +226,31 @@ def decode_header(first: bytes) -> MissionHeader:
     return header
 
 
-def decode_moment(data: bytes, header: MissionHeader) -> Moment:
-    """Decode a moment of the robots and obstacles of a first line.
+def decode_moment(data: bytes, header: MissionHeader, before: Moment | None = None) -> Moment:
+    """Decode a moment of the robots and obstacles of a first line. What it leaves out is as in the moment before.
 
     Raises:
-        MissionError: it doesn't match the schema, or is of other robots or obstacles.
+        MissionError: it doesn't match the schema, is of other robots or obstacles, or is not after the moment before.
     """
     try:
         moment = _MOMENT.decode(data)
     except _NOT_DECODED as error:
         raise MissionError(str(error)) from None
+    robots = {} if before is None else dict(before.robots)
     for name, sample in moment.robots.items():
         if name not in header.robots:
             raise MissionError(f"robot '{name:.40}' is not in the first line - at `$.robots`")
         if len(sample.q) != header.robots[name].nq:
             raise MissionError(f"Expected `array` of length {header.robots[name].nq} - at `$.robots.{name}.q`")
+        is_same = name in robots and sample.tasks is UNSET
+        robots[name] = msgspec.structs.replace(sample, tasks=robots[name].tasks) if is_same else sample
     for name in moment.obstacles:
         if name not in header.obstacles:
             raise MissionError(f"obstacle '{name:.40}' is not in the first line - at `$.obstacles`")
-    return moment
+    if before is None:
+        obstacles = {name: obstacle.placement for name, obstacle in header.obstacles.items()}
+    elif moment.t <= before.t:
+        raise MissionError("Expected a time after that of the line before - at `$.t`")
+    else:
+        obstacles = before.obstacles
+    return Moment(moment.t, robots, obstacles | moment.obstacles)

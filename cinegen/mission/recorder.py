@@ -6,10 +6,7 @@ The loop never waits for the disk. If the program is killed, the file holds all 
 
 from __future__ import annotations
 
-import contextlib
-import errno
 import math
-import os
 import threading
 import time as clock
 from collections import deque
@@ -23,11 +20,12 @@ import pinocchio as pin
 from msgspec import UNSET, UnsetType
 from msgspec.structs import replace
 
+from cinegen.line_file import LineFile, reason
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.mission.file_format import BasePose, MissionError, RecordedTask, RobotSample, encode_header, is_mission
 from cinegen.model import Mechanism
 from cinegen.typed_json import encode
-from raff2urdf.files import is_stream, open_stream, write_all
+from raff2urdf.files import is_stream
 
 MOST = 10_000
 """Moments that may wait to be written; further ones are lost."""
@@ -38,7 +36,6 @@ _Poses = list[tuple[str, pin.SE3]]
 _POLL = 0.02  # s between two looks of the thread at the queue; waking it would delay the control loop
 _SYNC = 1.0  # s between two synchronisations with the disk
 _PATIENCE = 5.0  # s that `close` waits for the disk
-_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class MissionRecorder:
@@ -70,7 +67,9 @@ class MissionRecorder:
         self.path = Path(path)
         self.error: str | None = None
         self._refused = self._invalid = 0  # moments lost in `write`, and in the thread
-        self._file = _open(self.path, encode_header(mechanisms, bases or {}, obstacles or {}), overwrite)
+        header = encode_header(mechanisms, bases or {}, obstacles or {})
+        _check_free(self.path, overwrite)
+        self._file = LineFile(self.path, header, MissionError)
         self._queue: deque[tuple[float, _Samples, _Poses]] = deque()  # its ends are atomic: no lock
         self._end = threading.Event()
         self._sizes = {name: mechanism.model.nq for name, mechanism in mechanisms.items()}
@@ -142,14 +141,11 @@ class MissionRecorder:
         try:
             self._write_all()
         except OSError as error:
-            self.error = _reason(error)
+            self.error = reason(error)
         except Exception as error:
             self.error = f"{type(error).__name__}: {error}"
         self._queue.clear()
-        with contextlib.suppress(OSError):
-            os.fsync(self._file)
-        with contextlib.suppress(OSError):
-            os.close(self._file)
+        self._file.close()
 
     def _write_all(self) -> None:
         begin, last = None, -1.0
@@ -163,10 +159,10 @@ class MissionRecorder:
                 if data is None:
                     self._invalid += 1
                     continue
-                _put(self._file, data)
+                self._file.append(data)
                 begin, last, dirty = (time if begin is None else begin), since, True
             if dirty and clock.monotonic() >= due:
-                _sync(self._file)
+                self._file.synchronize()
                 dirty, due = False, clock.monotonic() + _SYNC
 
     def _line(self, time: float, robots: _Samples, obstacles: _Poses) -> bytes | None:
@@ -231,49 +227,15 @@ def _checked(sample: RobotSample, nq: int) -> RobotSample:
     return RobotSample(q, str(sample.status), tuple(tasks))
 
 
-def _open(path: Path, first: bytes, overwrite: bool) -> int:
-    """Open a file and write its first line. An existing file is only replaced when that has been written."""
-    flags = os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0)
-    try:
-        if is_stream(path):  # a pipe, for example
-            file = open_stream(path)
-            try:
-                _put(file, first)
-            except OSError:
-                os.close(file)
-                raise
-            return file
-        _check_free(path, overwrite)
-        write_all({path: first})
-        return os.open(path, flags)
-    except OSError as error:
-        raise MissionError(f"{path}: can't be written: {_reason(error)}") from None
-
-
 def _check_free(path: Path, overwrite: bool) -> None:
-    if not path.exists() or path.stat().st_size == 0:
-        return
-    with path.open("rb") as file:
-        mission = is_mission(file.readline())
+    try:
+        if is_stream(path) or not path.exists() or path.stat().st_size == 0:
+            return
+        with path.open("rb") as file:
+            mission = is_mission(file.readline())
+    except OSError as error:
+        raise MissionError(f"{path}: can't be written: {reason(error)}") from None
     if not mission:
         raise MissionError(f"{path}: exists, and is not a mission: it is not overwritten")
     if not overwrite:
         raise MissionError(f"{path}: exists, and is a mission: name another file, or remove it first")
-
-
-def _put(file: int, data: bytes) -> None:
-    """Write all data: mostly in one call; a disk that runs full takes a part of it."""
-    while data:
-        data = data[os.write(file, data) :]
-
-
-def _sync(file: int) -> None:
-    try:
-        os.fsync(file)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a pipe can't be synchronised
-            raise
-
-
-def _reason(error: OSError) -> str:
-    return "the disk is full" if error.errno in _FULL else (error.strerror or str(error)).lower()

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
 
-import msgspec
 import numpy as np
 import pinocchio as pin
-from msgspec import UNSET, UnsetType
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from cinegen.errors import CinegenError, ClosureError, UnknownNameError
-from cinegen.mission.drawn_obstacle import DrawnObstacle
+from cinegen.line_file import read_lines
 from cinegen.mission.file_format import (
     BasePose,
     MissionError,
@@ -34,7 +31,6 @@ from cinegen.model.load import build
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False, repr=False)
 class Recording:
     """A recorded mission. A robot that a moment leaves out is as in the moment before; at first, at home without tasks.
 
@@ -49,16 +45,21 @@ class Recording:
         obstacles: obstacles by name.
     """
 
-    path: Path
-    created: str
-    times: Array
-    q: Mapping[str, Array]
-    tasks: Mapping[str, list[tuple[RecordedTask, ...]]]
-    statuses: Mapping[str, list[str]]
-    placements: Mapping[str, list[pin.SE3]]
-    obstacles: Mapping[str, DrawnObstacle]
-    _described: Mapping[str, RecordedRobot]
-    _built: dict[str, Mechanism] = field(default_factory=dict)
+    def __init__(self, path: Path, header: MissionHeader, moments: list[Moment]) -> None:
+        self.path, self.created, self.obstacles = path, header.created, header.obstacles
+        self._described = header.robots
+        self._built: dict[str, Mechanism] = {}
+        self.times: Array = np.array([moment.t for moment in moments])
+        self.q: dict[str, Array] = {}
+        self.tasks: dict[str, list[tuple[RecordedTask, ...]]] = {}
+        self.statuses: dict[str, list[str]] = {}
+        self.placements = {name: [moment.obstacles[name] for moment in moments] for name in header.obstacles}
+        for name, robot in header.robots.items():
+            samples = [moment.robots.get(name) or self._at_home(name) for moment in moments]
+            self.q[name] = np.array([sample.q for sample in samples]).reshape(len(samples), robot.nq)
+            self.q[name].flags.writeable = False
+            self.tasks[name] = [() if isinstance(one.tasks, UnsetType) else one.tasks for one in samples]
+            self.statuses[name] = [sample.status for sample in samples]
 
     def __repr__(self) -> str:
         return f"<Recording of {', '.join(self.robots)}: {len(self.times)} moments in {self.seconds:.3f} s>"
@@ -70,45 +71,10 @@ class Recording:
         Raises:
             MissionError: the file can't be read, is no mission, of another version or damaged; names the line.
         """
-        path = Path(path)
-        try:
-            data = path.read_bytes()
-        except OSError as error:
-            raise MissionError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
-        first, *lines = data.split(b"\n")
-        del data
-        try:
-            header = decode_header(first)
-        except MissionError as error:
-            raise MissionError(f"{path}: {error}") from None
-        moments = _moments(path, lines, header)
-        placements = {name: _placements(name, one, moments) for name, one in header.obstacles.items()}
-        times = np.array([moment.t for moment in moments])
-        self = cls(path, header.created, times, {}, {}, {}, placements, header.obstacles, header.robots)
-        samples = {name: self._samples(name, moments) for name in header.robots}
-        return replace(
-            self,
-            q={name: self._configurations(name, all_) for name, all_ in samples.items()},
-            tasks={name: [_tasks(sample) for sample in all_] for name, all_ in samples.items()},
-            statuses={name: [sample.status for sample in all_] for name, all_ in samples.items()},
-        )
+        return cls(Path(path), *read_lines(path, MissionError, decode_header, decode_moment))
 
-    def _samples(self, name: str, moments: list[Moment]) -> list[RobotSample]:
-        """Return the samples of a robot, one for each moment."""
-        samples: list[RobotSample] = []
-        for moment in moments:
-            sample, last = moment.robots.get(name), samples[-1] if samples else None
-            if sample is None:
-                sample = last or RobotSample(self.mechanism(name).q_home, "IDLE")
-            elif last is not None and sample.tasks is UNSET:
-                sample = msgspec.structs.replace(sample, tasks=last.tasks)
-            samples.append(sample)
-        return samples
-
-    def _configurations(self, name: str, samples: list[RobotSample]) -> Array:
-        q = np.array([sample.q for sample in samples]).reshape(len(samples), self._described[name].nq)
-        q.flags.writeable = False
-        return q
+    def _at_home(self, name: str) -> RobotSample:
+        return RobotSample(self.mechanism(name).q_home, "IDLE")
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -193,34 +159,6 @@ class Recording:
         j = min(i + 1, len(self.times) - 1)
         x = (time - self.times[i]) / (self.times[j] - self.times[i]) if j > i else 0.0
         return i, j, float(min(1.0, max(0.0, x))) if x == x else 0.0
-
-
-def _placements(name: str, obstacle: DrawnObstacle, moments: list[Moment]) -> list[pin.SE3]:
-    """Return the pose of an obstacle at each moment."""
-    found, last = [], obstacle.placement
-    for moment in moments:
-        last = moment.obstacles.get(name, last)
-        found.append(last)
-    return found
-
-
-def _moments(path: Path, lines: list[bytes], header: MissionHeader) -> list[Moment]:
-    moments: list[Moment] = []
-    for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
-        if not line.strip():
-            continue
-        try:
-            moment = decode_moment(line, header)
-            if moments and moment.t <= moments[-1].t:
-                raise MissionError("Expected a time after that of the line before - at `$.t`")
-        except MissionError as error:
-            raise MissionError(f"{path}:{number}: {error}") from None
-        moments.append(moment)
-    return moments
-
-
-def _tasks(sample: RobotSample) -> tuple[RecordedTask, ...]:
-    return () if isinstance(sample.tasks, UnsetType) else sample.tasks
 
 
 def between(mechanism: Mechanism, first: Array, second: Array, x: float) -> Array:

@@ -289,7 +289,7 @@ def test_readings_that_are_there_are_lost_only_where_others_can_be_written(tmp_p
     path.chmod(0o640)
     with monkeypatch.context() as full:
         full.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "No space left on device")))
-        with pytest.raises(RecordError, match="no space left"):
+        with pytest.raises(RecordError, match="the disk is full"):
             ReadingRecorder(path)
     assert path.read_bytes() == b"old"
     ReadingRecorder(path).close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import os
@@ -100,14 +101,23 @@ for i in range(10**9):
     assert [reading.time for reading in readings] == list(range(len(readings)))
 
 
-def test_a_full_disk_does_not_raise(device):
+def test_a_full_disk_is_said_at_the_start(device):
     full = device("full")
-    recorder = ReadingRecorder(full)
+    with pytest.raises(RecordError, match="the disk is full"):
+        ReadingRecorder(full)
+    assert full.is_char_device()
+
+
+def test_a_full_disk_does_not_raise_later(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    recorder = ReadingRecorder(tmp_path / "some.jsonl")
+    monkeypatch.setattr(os, "write", full)
     recorder.write(READINGS[0])
-    assert "no space" in recorder.error
+    assert recorder.error == "the disk is full"
     recorder.close()
     recorder.write(READINGS[0])
-    assert full.is_char_device()
 
 
 def test_it_leaves_no_file_open(tmp_path):

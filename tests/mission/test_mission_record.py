@@ -195,7 +195,7 @@ def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
         room[0], data = room[0] - len(data), data[: room[0]]
         return write(file, data)
 
-    monkeypatch.setattr(module.os, "write", nearly_full)
+    monkeypatch.setattr(os, "write", nearly_full)
     for i in range(100):
         recorder.write(i / 10, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
     _wait(lambda: recorder.error)
@@ -210,7 +210,7 @@ def test_a_full_disk_is_said_and_ends_nothing(robot, tmp_path, monkeypatch):
 def test_a_line_that_the_system_takes_in_parts(robot, tmp_path, monkeypatch):
     arm, write = robot("planar_3r"), os.write
     q = np.random.default_rng(0).normal(size=(20, 3))
-    monkeypatch.setattr(module.os, "write", lambda file, data: write(file, data[:7]))
+    monkeypatch.setattr(os, "write", lambda file, data: write(file, data[:7]))
     assert (record(tmp_path / "run.jsonl", arm, np.arange(20), q).q["robot"] == q).all()
 
 
@@ -232,7 +232,7 @@ def test_a_disk_that_is_stuck_does_not_eat_memory(robot, tmp_path, monkeypatch):
             time.sleep(0.002)
         return write(file, data)
 
-    monkeypatch.setattr(module.os, "write", waits)
+    monkeypatch.setattr(os, "write", waits)
     for i in range(200):
         recorder.write(i / 10, {"arm": RobotSample(np.full(3, float(i)), "IDLE")})
         time.sleep(0.0005)

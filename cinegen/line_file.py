@@ -1,0 +1,114 @@
+"""Files of lines: a recording is appended line by line, and read as a whole."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from cinegen.errors import CinegenError
+from raff2urdf.files import is_stream, open_stream, write_all
+
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+_H = TypeVar("_H")
+_L = TypeVar("_L")
+
+
+class LineFile:
+    """A file to which lines are appended, each by one call of the system: after a crash, only the last line can be cut.
+
+    Args:
+        path: path of the file; an existing one is replaced when the first line has been written.
+        first: first line.
+        failure: class of the exception.
+
+    Raises:
+        failure: the file can't be written.
+    """
+
+    def __init__(self, path: str | Path, first: bytes, failure: type[CinegenError]) -> None:
+        try:
+            if is_stream(path):  # a pipe, for example
+                self._file = open_stream(path)
+                try:
+                    self.append(first)
+                except OSError:
+                    os.close(self._file)
+                    raise
+            else:
+                write_all({Path(path): first})
+                self._file = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
+        except OSError as error:
+            raise failure(f"{path}: can't be written: {reason(error)}") from None
+
+    def append(self, line: bytes) -> None:
+        """Append a line: mostly in one call; a disk that runs full takes a part of it.
+
+        Raises:
+            OSError: it can't be written.
+        """
+        while line:
+            line = line[os.write(self._file, line) :]
+
+    def synchronize(self) -> None:
+        """Wait until all lines are on the disk.
+
+        Raises:
+            OSError: the disk fails.
+        """
+        try:
+            os.fsync(self._file)
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):  # a pipe can't be synchronised
+                raise
+
+    def close(self) -> None:
+        """Close the file; what was written is on the disk then."""
+        with contextlib.suppress(OSError):
+            os.fsync(self._file)
+        with contextlib.suppress(OSError):
+            os.close(self._file)
+
+
+def reason(error: OSError) -> str:
+    """Return the reason of an error, for messages."""
+    return "the disk is full" if error.errno in _FULL else (error.strerror or str(error)).lower()
+
+
+def read_lines(
+    path: str | Path,
+    failure: type[CinegenError],
+    decode_header: Callable[[bytes], _H],
+    decode: Callable[[bytes, _H, _L | None], _L],
+) -> tuple[_H, list[_L]]:
+    """Return the decoded first line of a file, and the decoded further lines that are not blank. A last line that was
+    cut off by a crash is left out.
+
+    Args:
+        path: path of the file.
+        failure: class of the exception.
+        decode_header: decodes the first line; raises a `CinegenError` if it is wrong, as `decode` does.
+        decode: decodes a line; it gets the header and the decoded line before, None for the first.
+
+    Raises:
+        failure: the file can't be read, or a line is wrong; names the line.
+    """
+    try:
+        first, *lines = Path(path).read_bytes().split(b"\n")
+    except OSError as error:
+        raise failure(f"{path}: can't be read: {reason(error)}") from None
+    try:
+        header = decode_header(first)
+    except CinegenError as error:
+        raise failure(f"{path}: {error}") from None
+    found: list[_L] = []
+    for number, line in enumerate(lines[:-1], 2):  # after the last line's end there is nothing, or a line that was cut
+        if line.strip():
+            try:
+                found.append(decode(line, header, found[-1] if found else None))
+            except CinegenError as error:
+                raise failure(f"{path}:{number}: {error}") from None
+    return header, found
