@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.jit.compiled import Array, Table, compiled, entry
+from cinegen.jit.vectors import add_multiple, copy, swap
 
 Complex = NDArray[np.complex128]
 Vector = tuple[complex, complex, complex]
@@ -163,8 +164,7 @@ def _place(tables: LinkageTables, x: Complex, algebraic: bool, scratch: LinkageS
             here[3, i] = parent[3, i] + parent[i, 0] * x0 + parent[i, 1] * x1 + parent[i, 2] * x2
             here[4, i] = here[i, 0] * constants[k, 12] + here[i, 1] * constants[k, 13] + here[i, 2] * constants[k, 14]
         if prismatic:
-            for i in range(3):
-                here[3, i] += value * here[4, i]
+            add_multiple(value, here[4], here[3], 3)
     for v in range(len(tables.vectors)):
         body, local = bodies[tables.vectors[v, BODY]], tables.local[v]
         for i in range(3):
@@ -268,8 +268,7 @@ def solve(matrix: Complex, columns: int, right: Complex, rank: int, order: Table
             if square > best:
                 best, chosen = square, c
         if chosen != j:
-            for i in range(rows):
-                matrix[j, i], matrix[chosen, i] = matrix[chosen, i], matrix[j, i]
+            swap(matrix[j], matrix[chosen], rows)
             order[j], order[chosen] = order[chosen], order[j]
         smallest = math.sqrt(best)
         if j == 0:
@@ -300,8 +299,7 @@ def _reflect(normal: Complex, column: Complex, first: int, factor: float) -> Non
     for i in range(first, len(column)):
         total += normal[i].conjugate() * column[i]
     total *= factor
-    for i in range(first, len(column)):
-        column[i] -= total * normal[i]
+    add_multiple(-total, normal[first:], column[first:], len(column) - first)
 
 
 # --- Newton's method and tracking -------------------------------------------------------------------------------------
@@ -426,8 +424,7 @@ def _track(tables: LinkageTables, path: ParameterPath, x: Complex, scratch: Link
         better = min(max(0.9 * (path.accuracy / max(error, 1e-14)) ** 0.2, 0.3), 2.0) if error < 1e3 else 0.3
         if error <= 10.0 * path.accuracy:
             s = reached
-            for i in range(n):
-                x[i] = there[i]
+            copy(there, x, n)
             record[0] = pivot
             fresh = False
         else:
@@ -474,8 +471,7 @@ def solve_from(
             if pivot == 0.0 or not size < 1e9:
                 break
             part = min(1.0, 0.7 / max(size, 1e-300))
-            for i in range(len(x)):
-                x[i] -= part * step[i]
+            add_multiple(-part, step, x, len(x))
             if size < 1e-11:
                 if gap < _CLOSED:
                     ends[k] = ARRIVED if pivot > _SINGULAR else SINGULAR
@@ -491,8 +487,7 @@ def write_features(
     for k in range(len(solutions)):
         _place(tables, solutions[k], path.algebraic, scratch)
         for f in range(tables.features):
-            for i in range(3):
-                out[k, f, i] = scratch.vectors[f, i]
+            copy(scratch.vectors[f], out[k, f], 3)
 
 
 @entry

@@ -55,7 +55,8 @@ def _bind(task: FrameTask, mechanism: Mechanism, fixed: int) -> None:
 def set_up_solver(memory: SolverMemory, mechanism: Mechanism, fixed: int) -> None:
     """Fill a solver's memory as `set_up` does, and with the limits of velocity; all accelerations are unlimited."""
     set_up(memory, mechanism, fixed)
-    memory.resize(nv=mechanism.model.nv, mobility=max(mechanism.mobility - fixed, 0))
+    mobility = max(mechanism.mobility - fixed, 0)
+    memory.resize(nv=mechanism.model.nv, mobility=mobility, most_active=mobility + 1)
     make_room_for_barriers(memory, memory.barrier_capacity)
     at_v = mechanism.scalar_joints[1]
     memory.longest_step[:] = memory.longest_change[:] = np.inf

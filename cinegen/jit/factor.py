@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from cinegen.jit.compiled import Array, Table, compiled
+from cinegen.jit.vectors import add_multiple, copy, inner, swap
 
 _ZERO = 1e-13  # pivots below this fraction of the first are zero
 
@@ -32,10 +33,7 @@ def factor(f: Array, rank: int, order: Table, left: Array, tau: Array, h: Array)
     rows, n = f.shape
     for i in range(rows):
         order[i] = i
-        s = 0.0
-        for k in range(n):
-            s += f[i, k] * f[i, k]
-        left[i] = s
+        left[i] = inner(f[i], f[i], n)
     first = 0.0
     shortest = 1.0
     for t in range(rank):
@@ -44,14 +42,10 @@ def factor(f: Array, rank: int, order: Table, left: Array, tau: Array, h: Array)
             if left[i] > left[p]:
                 p = i
         if p != t:
-            for k in range(n):
-                f[t, k], f[p, k] = f[p, k], f[t, k]
+            swap(f[t], f[p], n)
             order[t], order[p] = order[p], order[t]
             left[p] = left[t]
-        s = 0.0
-        for k in range(t, n):
-            s += f[t, k] * f[t, k]
-        length = math.sqrt(s)
+        length = math.sqrt(inner(f[t, t:], f[t, t:], n - t))
         if t == 0:
             first = length
         if length <= _ZERO * first or length == 0.0:
@@ -61,23 +55,20 @@ def factor(f: Array, rank: int, order: Table, left: Array, tau: Array, h: Array)
             return 0.0
         shortest = min(shortest, length / first)
         diagonal = -length if f[t, t] > 0.0 else length
-        for k in range(t, n):
-            h[t, k] = f[t, k]
+        copy(f[t, t:], h[t, t:], n - t)
         h[t, t] -= diagonal
         tau[t] = 1.0 / (length * (length + abs(f[t, t])))
         f[t, t] = diagonal
         for i in range(t + 1, rows):
-            dot = 0.0
-            for k in range(t, n):
-                dot += h[t, k] * f[i, k]
-            dot *= tau[t]
-            s = 0.0
-            for k in range(t, n):
-                f[i, k] -= dot * h[t, k]
-            for k in range(t + 1, n):
-                s += f[i, k] * f[i, k]
-            left[i] = s
+            _reflect(h[t, t:], tau[t], f[i, t:], n - t)
+            left[i] = inner(f[i, t + 1 :], f[i, t + 1 :], n - t - 1)
     return shortest
+
+
+@compiled
+def _reflect(h: Array, tau: float, x: Array, n: int) -> None:
+    """x -= tau h (h . x)."""
+    add_multiple(-tau * inner(h, x, n), h, x, n)
 
 
 @compiled
@@ -86,21 +77,14 @@ def reflect(x: Array, rank: int, tau: Array, h: Array) -> None:
     n = x.shape[0]
     for t in range(rank - 1, -1, -1):
         if tau[t] != 0.0:
-            dot = 0.0
-            for k in range(t, n):
-                dot += h[t, k] * x[k]
-            dot *= tau[t]
-            for k in range(t, n):
-                x[k] -= dot * h[t, k]
+            _reflect(h[t, t:], tau[t], x[t:], n - t)
 
 
 @compiled
 def null_space(rank: int, tau: Array, h: Array, out: Array) -> None:
     """Write an orthonormal basis of the null space, the rows of out (n - rank, n)."""
-    count, n = out.shape
-    for i in range(count):
-        for k in range(n):
-            out[i, k] = 0.0
+    for i in range(len(out)):
+        out[i] = 0.0
         out[i, rank + i] = 1.0
         reflect(out[i], rank, tau, h)
 
@@ -112,12 +96,8 @@ def shortest_solution(f: Array, rank: int, order: Table, tau: Array, h: Array, r
         if tau[i] == 0.0:
             out[i] = 0.0
             continue
-        s = right[order[i]]
-        for j in range(i):
-            s -= f[i, j] * out[j]
-        out[i] = s / f[i, i]
-    for k in range(rank, out.shape[0]):
-        out[k] = 0.0
+        out[i] = (right[order[i]] - inner(f[i], out, i)) / f[i, i]
+    out[rank:] = 0.0
     reflect(out, rank, tau, h)
 
 
@@ -146,8 +126,7 @@ def damped_solution(
                 s += f[k, i] * f[k, j]
             normal[i, j] = s
     cholesky(normal, rank, out)
-    for k in range(rank, out.shape[0]):
-        out[k] = 0.0
+    out[rank:] = 0.0
     reflect(out, rank, tau, h)
 
 
@@ -156,19 +135,10 @@ def cholesky(a: Array, n: int, x: Array) -> None:
     """Solve a x = b in place: x (n,) is b; a (n, n) is positive definite, its lower half is given and overwritten."""
     for i in range(n):
         for k in range(i):
-            s = a[i, k]
-            for j in range(k):
-                s -= a[i, j] * a[k, j]
-            a[i, k] = s * a[k, k]
-        s = a[i, i]
-        for j in range(i):
-            s -= a[i, j] * a[i, j]
-        a[i, i] = 1.0 / math.sqrt(max(s, 1e-300))
+            a[i, k] = (a[i, k] - inner(a[i], a[k], k)) * a[k, k]
+        a[i, i] = 1.0 / math.sqrt(max(a[i, i] - inner(a[i], a[i], i), 1e-300))
     for i in range(n):
-        s = x[i]
-        for j in range(i):
-            s -= a[i, j] * x[j]
-        x[i] = s * a[i, i]
+        x[i] = (x[i] - inner(a[i], x, i)) * a[i, i]
     for i in range(n - 1, -1, -1):
         s = x[i]
         for j in range(i + 1, n):
@@ -191,14 +161,11 @@ def eliminate(a: Array, n: int, width: int) -> float:
                 best = other
         if best != i:
             sign = -sign
-            for k in range(i, width):
-                a[i, k], a[best, k] = a[best, k], a[i, k]
+            swap(a[i, i:], a[best, i:], width - i)
         if a[i, i] == 0.0:
             return 0.0
         if a[i, i] < 0.0:
             sign = -sign
         for other in range(i + 1, n):
-            part = a[other, i] / a[i, i]
-            for k in range(i + 1, width):
-                a[other, k] -= part * a[i, k]
+            add_multiple(-a[other, i] / a[i, i], a[i, i + 1 :], a[other, i + 1 :], width - i - 1)
     return sign

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 
 from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.vectors import add_multiple, inner
 
 _MOST = 60  # iterations; 3 to 6 are usual
 _SAME = 1e-13  # relative change of the square at which iterations end
@@ -47,35 +48,23 @@ def _bidiagonalise(a: Array, rows: int, n: int, d: Array, e: Array) -> bool:
         d[k] = -length if a[k, k] > 0.0 else length
         a[k, k] -= d[k]
         tau = 1.0 / (length * abs(a[k, k]))
-        for j in range(k + 1, n):  # the rest of e is scratch meanwhile
-            e[j] = 0.0
+        e[k + 1 : n] = 0.0  # the rest of e is scratch meanwhile
         for i in range(k, rows):
-            part = a[i, k]
-            for j in range(k + 1, n):
-                e[j] += part * a[i, j]
+            add_multiple(a[i, k], a[i, k + 1 :], e[k + 1 :], n - k - 1)
         for i in range(k, rows):
-            part = tau * a[i, k]
-            for j in range(k + 1, n):
-                a[i, j] -= part * e[j]
+            add_multiple(-tau * a[i, k], e[k + 1 :], a[i, k + 1 :], n - k - 1)
         e[k] = a[k, k + 1] if k == n - 2 else 0.0
         if k >= n - 2:
             continue
-        s = 0.0
-        for j in range(k + 1, n):
-            s += a[k, j] * a[k, j]
-        length = math.sqrt(s)
+        row = a[k, k + 1 :]
+        length = math.sqrt(inner(row, row, n - k - 1))
         if not length > 0.0:
             continue
         e[k] = -length if a[k, k + 1] > 0.0 else length
         a[k, k + 1] -= e[k]
         tau = 1.0 / (length * abs(a[k, k + 1]))
         for i in range(k + 1, rows):
-            s = 0.0
-            for j in range(k + 1, n):
-                s += a[i, j] * a[k, j]
-            s *= tau
-            for j in range(k + 1, n):
-                a[i, j] -= s * a[k, j]
+            add_multiple(-tau * inner(a[i, k + 1 :], row, n - k - 1), row, a[i, k + 1 :], n - k - 1)
     return True
 
 

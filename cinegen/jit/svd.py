@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 
 from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.vectors import add_multiple, copy, inner, swap
 
 _ORTHOGONAL = 1e-15  # cosine between two rows that count as orthogonal
 _LAST = 1e-6  # largest rotation in the last sweep: the square of it remains
@@ -40,13 +41,10 @@ def orthogonalise(b: Array, u: Array, n: int, width: int, vectors: int, square: 
     for sweep in range(sweeps):
         longest = 0.0
         for i in range(n):
-            s = 0.0
-            for k in range(width):
-                s += b[i, k] * b[i, k]
-            if not s < math.inf:  # NaN or overflow: no result, and no guess for later
+            square[i] = inner(b[i], b[i], width)
+            if not square[i] < math.inf:  # NaN or overflow: no result, and no guess for later
                 return -1
-            square[i] = s
-            longest = max(longest, s)
+            longest = max(longest, square[i])
         nothing = _NOTHING * _NOTHING * longest
         largest = 0.0  # rotation
         players = n + n % 2  # of a tournament: no row meets two others in one round, so that rotations may overlap
@@ -131,17 +129,14 @@ def decompose(m: Array, n: int, width: int, u: Array, b: Array, square: Array, w
         for i in range(n):
             for j in range(n):
                 u[i, j] = 1.0 if i == j else 0.0
-            for k in range(width):
-                b[i, k] = m[i, k]
+            copy(m[i], b[i], width)
         used = max(used, 0) + orthogonalise(b, u, n, width, n, square, COLD_SWEEPS)
     for i in range(1, n):  # nearly sorted already
         j = i
         while j > 0 and square[j] > square[j - 1]:
             square[j], square[j - 1] = square[j - 1], square[j]
-            for k in range(width):
-                b[j, k], b[j - 1, k] = b[j - 1, k], b[j, k]
-            for k in range(n):
-                u[j, k], u[j - 1, k] = u[j - 1, k], u[j, k]
+            swap(b[j], b[j - 1], width)
+            swap(u[j], u[j - 1], n)
             j -= 1
     return used
 
@@ -151,14 +146,7 @@ def straighten(u: Array, n: int) -> None:
     """Orthonormalise u (n, n), orthogonal up to rounding, by Gram-Schmidt."""
     for i in range(n):
         for j in range(i):
-            dot = 0.0
-            for k in range(n):
-                dot += u[i, k] * u[j, k]
-            for k in range(n):
-                u[i, k] -= dot * u[j, k]
-        s = 0.0
-        for k in range(n):
-            s += u[i, k] * u[i, k]
-        s = 1.0 / math.sqrt(s)
+            add_multiple(-inner(u[i], u[j], n), u[j], u[i], n)
+        s = 1.0 / math.sqrt(inner(u[i], u[i], n))
         for k in range(n):
             u[i, k] *= s

@@ -451,7 +451,7 @@ def nearest(
 ) -> tuple[bool, np.ndarray, np.ndarray]:
     """Whether it was found, the point, and what holds it."""
     n, k = g.shape
-    memory, held = SolverMemory(n=n, bounds=n, mobility=k), np.full(n, np.nan)
+    memory, held = SolverMemory(n=n, bounds=n, mobility=k, most_active=k + 1), np.full(n, np.nan)
     memory.active_normals[:] = memory.active[:] = np.nan
     memory.wanted_point[:], memory.normals[:] = wanted, g
     found = bounds.nearest(memory, low, high, held, k)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.jit.compiled import Array, Table, compiled, entry
+from cinegen.jit.vectors import inner
 
 Vector = tuple[float, float, float]
 
@@ -50,18 +51,14 @@ def write_placements(
             for j in range(3):
                 placement[i, j] = x[i] * own[0, j] + y[i] * own[1, j] + z[i] * own[2, j]
             for point in range(3):  # their middles coincide
-                off = p[point, i]
-                for j in range(3):
-                    off -= placement[i, j] * platform[point, j]
+                off = p[point, i] - inner(placement[i], platform[point], 3)
                 placement[i, 3] += off / 3.0
         placement[3, 3] = 1.0
         worst = longest = 0.0
         for leg in range(6):
             square = 0.0
             for i in range(3):
-                off = placement[i, 3] - base[leg, i]
-                for j in range(3):
-                    off += placement[i, j] * platform[legs[leg], j]
+                off = placement[i, 3] - base[leg, i] + inner(placement[i], platform[legs[leg]], 3)
                 square += off * off
             worst, longest = max(worst, abs(math.sqrt(square) - lengths[m, leg])), max(longest, lengths[m, leg])
         errors[k] = worst / longest

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.jit.compiled import Array, Table, compiled, entry
+from cinegen.jit.vectors import copy
 
 Complex = NDArray[np.complex128]
 
@@ -98,14 +99,12 @@ def _follow(
     count = _write_choices(equations, w, choice)
     for i in range(2 * count):
         if i < count:
-            for k in range(3):
-                root[k] = choice[i, k]
+            copy(choice[i], root, 3)
         else:  # nothing is new: what was found is a multiple root, or has another one next to it
             known = int(choice[i - count, 0].real)
             if known < 0:
                 continue
-            for k in range(3):
-                root[k] = roots[known, k]
+            copy(roots[known], root, 3)
             neighbour = _move_to_neighbour(equations, root, work)
             if neighbour != _REGULAR and again < 0:
                 again = known
@@ -171,8 +170,7 @@ def _make_real(equations: Array, root: Any, real: Any, work: Any) -> bool:
             return False
     if not _evaluate(equations, real, work) <= _HOLDS:
         return False
-    for k in range(3):
-        root[k] = real[k]
+    copy(real, root, 3)
     return True
 
 
@@ -197,8 +195,7 @@ def _write_choices(equations: Array, w: Any, choice: Any) -> int:
             continue
         at = count
         while at > 0 and choice[at - 1, 2].real > off:  # the third number holds the residual for now
-            for k in range(3):
-                choice[at, k] = choice[at - 1, k]
+            copy(choice[at - 1], choice[at], 3)
             at -= 1
         choice[at, 0], choice[at, 1], choice[at, 2] = x, z, off
         count += 1

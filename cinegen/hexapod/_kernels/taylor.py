@@ -17,6 +17,7 @@ from numba import boolean, complex128, float64, int64, typeof
 from numpy.typing import NDArray
 
 from cinegen.jit.compiled import Array, Table, compiled, entry, prepare, together
+from cinegen.jit.vectors import add_multiple, copy, inner, swap
 
 Complex = NDArray[np.complex128]
 
@@ -158,11 +159,8 @@ def _series(
             a[0, e, m] = family[0, e, m] + parameter * (first + parameter * second)
             a[1, e, m] = span * (first + 2.0 * parameter * second)
             a[2, e, m] = span * span * second
-    for i in range(8):
-        series[0, i] = x[i]
-    for k in range(ORDER + 1):
-        for m in range(PRODUCTS):
-            products[k, m] = 0.0
+    copy(x, series[0], 8)
+    products[:] = 0.0
     _products(x, x, 1.0, products[0])
     _jacobian(a[0], x, x, work)
     if not _factor(work.matrix, work.rows):
@@ -178,18 +176,14 @@ def _series(
         if k % 2 == 0:
             _products(series[k // 2], series[k // 2], 1.0, sums)
         for e in range(6):
-            s = 0.0j
-            for m in range(LEGS):
-                s += a[0, e, m] * sums[m]
+            s = inner(a[0, e], sums, LEGS)
             before = products[k - 1]
             if not quadratic:  # only lengths change, thus only the factor of <c, c>
                 s += a[1, e, 0] * (before[0] + before[1] + before[2] + before[3])
             else:
-                for m in range(LEGS):
-                    s += a[1, e, m] * before[m]
+                s += inner(a[1, e], before, LEGS)
                 if k > 1:
-                    for m in range(LEGS):
-                        s += a[2, e, m] * products[k - 2, m]
+                    s += inner(a[2, e], products[k - 2], LEGS)
             right[e] = -0.5 * s
         right[0] -= 0.5 * sums[16]
         right[6] = -0.5 * sums[17]
@@ -214,8 +208,7 @@ def _step(
         onward = part + h
         if onward >= 1.0 - 1e-14:
             onward, h = 1.0, 1.0 - part
-        for i in range(8):
-            y[i] = series[ORDER, i]
+        copy(series[ORDER], y, 8)
         for k in range(ORDER - 1, -1, -1):
             for i in range(8):
                 y[i] = y[i] * h + series[k, i]
@@ -296,15 +289,11 @@ def _jacobian(a: Complex, x: Complex, patch: Complex, work: TrackingScratch) -> 
 def _correction(a: Complex, x: Complex, dx: Complex, work: TrackingScratch) -> None:
     """Write Newton's step, with the present factors."""
     sums = work.products[ORDER]
-    for m in range(PRODUCTS):
-        sums[m] = 0.0
+    sums[:] = 0.0
     _products(x, x, -0.5, sums)
     right = work.x[3]
     for e in range(6):
-        s = 0.0j
-        for m in range(LEGS):
-            s += a[e, m] * sums[m]
-        right[e] = s
+        right[e] = inner(a[e], sums, LEGS)
     right[0] += sums[16]
     right[6] = sums[17]
     right[7] = 0.0
@@ -327,37 +316,28 @@ def _factor(a: Complex, rows: Table) -> bool:
             return False
         rows[i] = best
         if best != i:
-            for k in range(8):
-                a[i, k], a[best, k] = a[best, k], a[i, k]
+            swap(a[i], a[best], 8)
         pivot = a[i, i]
         inverse = pivot.conjugate() * (1.0 / (pivot.real * pivot.real + pivot.imag * pivot.imag))
         a[i, i] = inverse
         for other in range(i + 1, 8):
             part = a[other, i] * inverse
             a[other, i] = part
-            for k in range(i + 1, 8):
-                a[other, k] -= part * a[i, k]
+            add_multiple(-part, a[i, i + 1 :], a[other, i + 1 :], 7 - i)
     return True
 
 
 @compiled
 def _solve(a: Complex, rows: Table, right: Complex, out: Complex) -> None:
-    for i in range(8):
-        out[i] = right[i]
+    copy(right, out, 8)
     for i in range(8):
         other = rows[i]
         if other != i:
             out[i], out[other] = out[other], out[i]
     for i in range(8):
-        s = out[i]
-        for k in range(i):
-            s -= a[i, k] * out[k]
-        out[i] = s
+        out[i] -= inner(a[i], out, i)
     for i in range(7, -1, -1):
-        s = out[i]
-        for k in range(i + 1, 8):
-            s -= a[i, k] * out[k]
-        out[i] = s * a[i, i]
+        out[i] = (out[i] - inner(a[i, i + 1 :], out[i + 1 :], 7 - i)) * a[i, i]
 
 
 @compiled

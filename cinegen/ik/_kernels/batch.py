@@ -10,6 +10,7 @@ from cinegen.jit.factor import eliminate, null_space
 from cinegen.jit.se3 import compose, cross, dot
 from cinegen.jit.smallest import smallest_singular_value
 from cinegen.jit.svd import COLD_SWEEPS, orthogonalise
+from cinegen.jit.vectors import add_multiple, copy, inner, swap
 from cinegen.loops._kernels.closure import factor_loops
 from cinegen.loops._kernels.follow import go_on, set_out
 from cinegen.loops._kernels.kinematics import evaluate
@@ -26,8 +27,7 @@ def measure_all(memory: BatchMemory) -> None:
     memory.evaluations = 0
     if memory.is_given != 0:
         for i in range(memory.count):
-            for a in range(memory.nq):
-                memory.q[a] = memory.given[i, a]
+            copy(memory.given[i], memory.q, memory.nq)
             evaluate(memory, memory.q)
             memory.closure = evaluate_loops(memory, False) if memory.loops > 0 else 0.0
             _measure(memory, i)
@@ -44,18 +44,15 @@ def measure_all(memory: BatchMemory) -> None:
                 _begin(memory, i + 1)  # before the factors of the loops are overwritten
             _measure(memory, i)
         else:  # back to where the path to it began
-            for a in range(memory.nq):
-                memory.q[a] = memory.anchor[a]
+            copy(memory.anchor, memory.q, memory.nq)
         memory.factored_at = NOWHERE
 
 
 @compiled
 def _begin(memory: BatchMemory, i: int) -> None:
     """Begin the path to the next configuration."""
-    for a in range(memory.nq):
-        memory.anchor[a] = memory.q[a]
-    for a in range(memory.actuated):
-        memory.goal[a] = memory.values[i, a]
+    copy(memory.q, memory.anchor, memory.nq)
+    copy(memory.values[i], memory.goal, memory.actuated)
     set_out(memory)
 
 
@@ -66,8 +63,7 @@ def _begin(memory: BatchMemory, i: int) -> None:
 def _measure(memory: BatchMemory, i: int) -> None:
     """Write placement, Jacobian, singular values and closure at q, where frames are evaluated."""
     _find_node(memory)
-    for a in range(memory.nq):
-        memory.result_q[i, a] = memory.q[a]
+    copy(memory.q, memory.result_q[i], memory.nq)
     memory.closures[i] = memory.closure
     if memory.is_whole != 0:
         for c in range(4):
@@ -80,10 +76,7 @@ def _measure(memory: BatchMemory, i: int) -> None:
         rows, width = memory.free_rows, memory.mobility
         for a in range(6):
             for b in range(width):
-                s = 0.0
-                for j in range(memory.n):
-                    s += memory.node_rows[a, j] * memory.null_space[b, j]
-                rows[a, b] = s
+                rows[a, b] = inner(memory.node_rows[a], memory.null_space[b], memory.n)
         if memory.passive > 0:
             memory.passive_sigma[i] = _find_passive_sigma(memory) if right else math.nan
     if memory.is_whole != 0:
@@ -112,8 +105,7 @@ def _find_node(memory: BatchMemory) -> None:
 def _find_null_space(memory: BatchMemory) -> bool:
     """Compute the null space (mobility, n) of the loops; return as `_count_balls`."""
     right = True
-    for j in range(memory.n):
-        memory.locked[j] = 0.0
+    memory.locked[: memory.n] = 0.0
     if memory.rank > 0:
         evaluate_loops(memory, True)
         right = _count_balls(memory)
@@ -240,29 +232,24 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
             out[j] = out[j - 1]
             j -= 1
         out[j] = value
-    for i in range(n, last + 1):
-        out[i] = 0.0
+    out[n : last + 1] = 0.0
 
 
 @compiled
 def _factor(b: Array, upper: Array, n: int, width: int) -> None:
     """Factor b (n, width) = L Q with pivoted rows, by Gram-Schmidt; `upper` becomes L^T. b is overwritten."""
     for i in range(n):
-        for j in range(n):
-            upper[i, j] = 0.0
+        upper[i, :n] = 0.0
     for i in range(n):
         best, longest = i, -1.0
         for other in range(i, n):
-            s = 0.0
-            for k in range(width):
-                s += b[other, k] * b[other, k]
+            s = inner(b[other], b[other], width)
             if s > longest:
                 best, longest = other, s
         if not longest > 0.0:
             return
         if best != i:
-            for k in range(width):
-                b[i, k], b[best, k] = b[best, k], b[i, k]
+            swap(b[i], b[best], width)
             for k in range(i):
                 upper[k, i], upper[k, best] = upper[k, best], upper[k, i]
         upper[i, i] = math.sqrt(longest)
@@ -270,9 +257,5 @@ def _factor(b: Array, upper: Array, n: int, width: int) -> None:
         for k in range(width):
             b[i, k] *= s
         for other in range(i + 1, n):
-            dot_product = 0.0
-            for k in range(width):
-                dot_product += b[i, k] * b[other, k]
-            upper[i, other] = dot_product
-            for k in range(width):
-                b[other, k] -= dot_product * b[i, k]
+            upper[i, other] = inner(b[i], b[other], width)
+            add_multiple(-upper[i, other], b[i], b[other], width)

@@ -11,6 +11,7 @@ import math
 
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.jit.compiled import Array, compiled
+from cinegen.jit.vectors import add_multiple, copy, inner
 
 TOUCH = 1e-12  # a step that ends this little beyond a bound ends on it
 _DEPENDENT = 1e-10  # smallest remainder of a normal, as a fraction, that is independent of the active ones
@@ -23,9 +24,7 @@ def keeps_bounds(memory: SolverMemory, step: Array, low: Array, high: Array) -> 
     for j in range(memory.n):
         keeps = keeps and low[j] - TOUCH <= step[j] <= high[j] + TOUCH
     for b in range(memory.barriers):
-        s = 0.0
-        for j in range(memory.n):
-            s += memory.barrier_rows[b, j] * step[j]
+        s = inner(memory.barrier_rows[b], step, memory.n)
         keeps = keeps and low[memory.n + b] - TOUCH <= s <= high[memory.n + b] + TOUCH
     return keeps
 
@@ -59,21 +58,16 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
     """
     x, g, count = memory.wanted_point, memory.normals, memory.n + memory.barriers
     normals, basis, triangle = memory.active_normals[0], memory.active_normals[1], memory.active_normals[2]
-    wanted, along, across, dual = memory.active[0], memory.active[1], memory.active[2], memory.active[3]
-    multiplier, owner = memory.active[4], memory.active[5]
-    for i in range(k):
-        wanted[i] = x[i]
-    for j in range(count):
-        held[j] = 0.0
+    wanted, dual, multiplier, owner = memory.active[0], memory.active[1], memory.active[2], memory.active[3]
+    copy(x, wanted, k)
+    held[:count] = 0.0
     active = 0
     for _ in range(20 * count + 20):
         worst, which, side = TOUCH, -1, 0.0
         for j in range(count):
             if held[j] != 0.0:
                 continue
-            s = 0.0
-            for i in range(k):
-                s += g[j, i] * x[i]
+            s = inner(g[j], x, k)
             if s - high[j] > worst:
                 worst, which, side = s - high[j], j, 1.0
             elif low[j] - s > worst:
@@ -87,26 +81,11 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
         new = 0.0  # its multiplier
         is_active = False
         for _ in range(k + 2):
-            # components of the new normal along the active ones and orthogonal to them
-            length = 0.0
             for i in range(k):
-                across[i] = -side * g[which, i]
-                length += across[i] * across[i]
-            for a in range(active):
-                along[a] = 0.0
-            for _ in range(2):  # twice is enough
-                for a in range(active):
-                    dot = 0.0
-                    for i in range(k):
-                        dot += basis[a, i] * across[i]
-                    along[a] += dot
-                    for i in range(k):
-                        across[i] -= dot * basis[a, i]
-            left = 0.0
-            for i in range(k):
-                left += across[i] * across[i]
-            for a in range(active - 1, -1, -1):  # the dual direction: triangle^T dual = along
-                s = along[a]
+                normals[active, i] = -side * g[which, i]
+            left = _orthogonalise(memory, active, k)
+            for a in range(active - 1, -1, -1):  # the dual direction: triangle^T dual = the new row
+                s = triangle[active, a]
                 for c in range(a + 1, active):
                     s -= triangle[c, a] * dual[c]
                 dual[a] = s / triangle[a, a]
@@ -114,28 +93,19 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
             for a in range(active):
                 if dual[a] > 1e-14 and multiplier[a] < furthest * dual[a]:
                     furthest, drop = multiplier[a] / dual[a], a
+            length = inner(normals[active], normals[active], k)
             whole = worst / left if left > _DEPENDENT * _DEPENDENT * length else math.inf
             if whole == math.inf and drop < 0:
                 return False
             t = min(furthest, whole)
-            for a in range(active):
-                multiplier[a] -= t * dual[a]
+            add_multiple(-t, dual, multiplier, active)
             new += t
             if whole < math.inf:
-                for i in range(k):
-                    x[i] += t * across[i]
+                add_multiple(t, basis[active], x, k)
                 worst -= t * left
             if whole <= furthest:
-                size = math.sqrt(left)
-                for i in range(k):
-                    normals[active, i] = -side * g[which, i]
-                    basis[active, i] = across[i] / size
-                for a in range(active):
-                    triangle[active, a] = along[a]
-                triangle[active, active] = size
-                multiplier[active] = new
-                owner[active] = which
-                held[which] = side
+                _normalise(memory, active, left, k)
+                multiplier[active], owner[active], held[which] = new, which, side
                 active += 1
                 is_active = True
                 break
@@ -143,58 +113,51 @@ def nearest(memory: SolverMemory, low: Array, high: Array, held: Array, k: int) 
             active -= 1
             for a in range(drop, active):
                 owner[a], multiplier[a] = owner[a + 1], multiplier[a + 1]
-                for i in range(k):
-                    normals[a, i] = normals[a + 1, i]
-            _span(memory, drop, active, k)
+                copy(normals[a + 1], normals[a], k)
+                _normalise(memory, a, _orthogonalise(memory, a, k), k)
         if not is_active:
             return False
     return False
 
 
 @compiled
-def _span(memory: SolverMemory, first: int, count: int, k: int) -> None:
-    """Compute the basis again, from normal `first` on, by Gram-Schmidt, twice."""
-    normals, basis, triangle = memory.active_normals[0], memory.active_normals[1], memory.active_normals[2]
-    for a in range(first, count):
-        for i in range(k):
-            basis[a, i] = normals[a, i]
+def _orthogonalise(memory: SolverMemory, a: int, k: int) -> float:
+    """Make basis vector a the part of normal a that is orthogonal to the basis before it, by Gram-Schmidt, twice.
+
+    Its coefficients in that basis become row a of the triangle. Return the squared length of the part.
+    """
+    basis, triangle = memory.active_normals[1], memory.active_normals[2]
+    copy(memory.active_normals[0, a], basis[a], k)
+    triangle[a, :a] = 0.0
+    for _ in range(2):
         for c in range(a):
-            triangle[a, c] = 0.0
-        for _ in range(2):
-            for c in range(a):
-                dot = 0.0
-                for i in range(k):
-                    dot += basis[c, i] * basis[a, i]
-                triangle[a, c] += dot
-                for i in range(k):
-                    basis[a, i] -= dot * basis[c, i]
-        size = 0.0
-        for i in range(k):
-            size += basis[a, i] * basis[a, i]
-        size = math.sqrt(size)
-        triangle[a, a] = size
-        for i in range(k):
-            basis[a, i] /= size
+            s = inner(basis[c], basis[a], k)
+            triangle[a, c] += s
+            add_multiple(-s, basis[c], basis[a], k)
+    return float(inner(basis[a], basis[a], k))
+
+
+@compiled
+def _normalise(memory: SolverMemory, a: int, square: float, k: int) -> None:
+    """Give basis vector a, of a squared length, length 1; the length becomes the triangle's diagonal element."""
+    size = math.sqrt(square)
+    memory.active_normals[2, a, a] = size
+    for i in range(k):
+        memory.active_normals[1, a, i] /= size
 
 
 @compiled
 def _again(memory: SolverMemory, low: Array, high: Array, held: Array, active: int, k: int) -> None:
     """Compute the same point again from the active bounds, exact up to rounding."""
     x, g, basis, triangle = memory.wanted_point, memory.normals, memory.active_normals[1], memory.active_normals[2]
-    wanted, weights, owner = memory.active[0], memory.active[1], memory.active[5]
+    wanted, weights, owner = memory.active[0], memory.active[1], memory.active[3]
     if active == 0:
         return
-    for i in range(k):
-        x[i] = wanted[i]
+    copy(wanted, x, k)
     for a in range(active):
         j = int(owner[a])
-        s = 0.0
-        for i in range(k):
-            s += g[j, i] * wanted[i]
-        left = held[j] * (s - high[j] if held[j] > 0.0 else s - low[j])  # along the normal, inwards
-        for c in range(a):
-            left -= triangle[a, c] * weights[c]
+        s = inner(g[j], wanted, k)
+        left = held[j] * (s - high[j] if held[j] > 0.0 else s - low[j]) - inner(triangle[a], weights, a)
         weights[a] = left / triangle[a, a]
     for a in range(active):
-        for i in range(k):
-            x[i] += weights[a] * basis[a, i]
+        add_multiple(weights[a], basis[a], x, k)

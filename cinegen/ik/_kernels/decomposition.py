@@ -9,6 +9,7 @@ from cinegen.ik.thresholds import RESTING
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import factor, null_space
 from cinegen.jit.svd import decompose, straighten
+from cinegen.jit.vectors import add_multiple, copy, inner
 
 _LOST = 1e-12  # directions of singular values below this fraction of the largest are undetermined
 
@@ -32,8 +33,7 @@ def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
         x[k] = 0.0 if memory.rank > 0 else y[k]
     if memory.rank > 0:
         for i in range(memory.mobility):
-            for k in range(memory.n):
-                x[k] += y[i] * memory.null_space[i, k]
+            add_multiple(y[i], memory.null_space[i], x, memory.n)
 
 
 @compiled
@@ -49,12 +49,7 @@ def _reduce(memory: SolverMemory, transposed: bool) -> None:
     a, jacobian, free = memory.reduced, memory.task_jacobian, memory.null_space
     for i in range(memory.active_rows):
         for j in range(memory.mobility):
-            s = 0.0
-            if memory.rank > 0:
-                for k in range(memory.n):
-                    s += jacobian[i, k] * free[j, k]
-            else:
-                s = jacobian[i, j]
+            s = inner(jacobian[i], free[j], memory.n) if memory.rank > 0 else jacobian[i, j]
             if transposed:
                 a[j, i] = s
             else:
@@ -99,15 +94,9 @@ def find_basis(memory: SolverMemory, error: Array) -> bool:
     for i in range(p):
         # the row's part along the rows before, and that row of the inverse
         for c in range(i):
-            dot = 0.0
-            for j in range(k):
-                dot += a[c, j] * a[i, j]
-            lower[i, c] = dot
-            for j in range(k):
-                a[i, j] -= dot * a[c, j]
-        s = 0.0
-        for j in range(k):
-            s += a[i, j] * a[i, j]
+            lower[i, c] = inner(a[c], a[i], k)
+            add_multiple(-lower[i, c], a[c], a[i], k)
+        s = inner(a[i], a[i], k)
         if not s > least:
             return False
         s = 1.0 / math.sqrt(s)
@@ -125,8 +114,7 @@ def find_basis(memory: SolverMemory, error: Array) -> bool:
     if total * least > 1.0:
         return False
     memory.found_by = BASIS
-    for j in range(k):
-        y[j] = 0.0
+    y[:k] = 0.0
     add_solution(memory, error, y)
     return True
 
@@ -137,11 +125,7 @@ def add_solution(memory: SolverMemory, error: Array, y: Array) -> None:
     p, k = memory.active_rows, memory.mobility
     if memory.found_by == BASIS:
         for i in range(p):
-            s = 0.0
-            for c in range(i + 1):
-                s += memory.triangle[1, i, c] * error[c]
-            for j in range(k):
-                y[j] += s * memory.reduced[i, j]
+            add_multiple(inner(memory.triangle[1, i], error, i + 1), memory.reduced[i], y, k)
         return
     for i in range(min(memory.task_rank, p, k)):
         s = _along(memory, i, error) / memory.squares[i]
@@ -178,8 +162,7 @@ def solve_damped(memory: SolverMemory) -> None:
     """Set `free_step` to the minimiser of |A y - wanted|^2 + damping, without bounds."""
     p, k, y = memory.active_rows, memory.mobility, memory.free_step
     error = _norm(memory.wanted, p)
-    for j in range(k):
-        y[j] = 0.0
+    y[:k] = 0.0
     for i in range(min(p, k)):
         square = memory.squares[i]
         h = square + damping(square, error, memory.damping_threshold) if i < memory.task_rank else RESTING
@@ -190,10 +173,7 @@ def solve_damped(memory: SolverMemory) -> None:
 
 @compiled
 def _norm(x: Array, size: int) -> float:
-    s = 0.0
-    for i in range(size):
-        s += x[i] * x[i]
-    return math.sqrt(s)
+    return math.sqrt(inner(x, x, size))
 
 
 @compiled
@@ -210,8 +190,7 @@ def find_axes(memory: SolverMemory) -> int:
     error, threshold = _norm(memory.wanted, p), memory.damping_threshold
     if p > k:
         for i in range(k):
-            for j in range(k):
-                axes[i, j] = memory.left[i, j]
+            copy(memory.left[i], axes[i], k)
             square = memory.squares[i]
             memory.size[i] = math.sqrt(square + damping(square, error, threshold) if i < rank else RESTING)
         return rank
@@ -264,8 +243,5 @@ def predict_gain(memory: SolverMemory) -> None:
     """Set `promised`, the reduction of the cost of the tasks that `attempted` predicts to first order."""
     total = 0.0
     for i in range(memory.active_rows):
-        s = 0.0
-        for k in range(memory.n):
-            s += memory.task_jacobian[i, k] * memory.attempted[k]
-        total += memory.wanted[i] * s
+        total += memory.wanted[i] * inner(memory.task_jacobian[i], memory.attempted, memory.n)
     memory.promised = total / memory.gain

@@ -35,7 +35,6 @@ def nudge(memory: SolverMemory) -> float:
     for j in range(memory.n):
         step[j] *= sign * size
     if not keeps_bounds(memory, step, memory.floor, memory.ceiling):
-        for j in range(memory.n):
-            step[j] = 0.0
+        step[: memory.n] = 0.0
         return 0.0
     return float(_WINS * size * size)

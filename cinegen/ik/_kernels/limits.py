@@ -12,6 +12,7 @@ from cinegen.ik._kernels.memory import LIMITING_DOF, SPEED_SCALE, SolverMemory
 from cinegen.ik._kernels.secondary import add_secondary
 from cinegen.ik.thresholds import FULL
 from cinegen.jit.compiled import compiled
+from cinegen.jit.vectors import inner
 
 _EASED = 6  # number of times that barriers are relaxed if they contradict each other
 
@@ -110,10 +111,7 @@ def _find_bounded(memory: SolverMemory) -> bool:
     Return whether there is one: the bounds may contradict each other."""
     k, g, x, axes, size = memory.mobility, memory.normals, memory.wanted_point, memory.axes, memory.size
     for i in range(k):
-        s = 0.0
-        for j in range(k):
-            s += axes[i, j] * memory.free_step[j]
-        x[i] = s * size[i]
+        x[i] = size[i] * inner(axes[i], memory.free_step, k)
         to_joints(memory, axes[i], memory.fresh)
         for c in range(memory.n):
             g[c, i] = memory.fresh[c] / size[i]
@@ -121,10 +119,7 @@ def _find_bounded(memory: SolverMemory) -> bool:
     if not nearest(memory, memory.floor, memory.ceiling, memory.stopped, k):
         return False
     for c in range(memory.n):
-        s = 0.0
-        for i in range(k):
-            s += g[c, i] * x[i]
-        memory.step[c] = s
+        memory.step[c] = inner(g[c], x, k)
     return True
 
 
@@ -150,8 +145,7 @@ def _bend(memory: SolverMemory) -> None:
         _bound_speeds(memory)
         found = _find_bounded(memory)
     if not found:
-        for j in range(n):
-            step[j] = 0.0
+        step[:n] = 0.0
     part = 1.0  # of the step that is within all bounds, to rounding
     for j in range(n):
         if step[j] > ceiling[j] + TOUCH and ceiling[j] >= 0.0:
@@ -162,9 +156,7 @@ def _bend(memory: SolverMemory) -> None:
             stopped[j] = 0.0  # a velocity's or an acceleration's limit
             memory.report[LIMITING_DOF] = j
     for b in range(memory.barriers):
-        s, most = 0.0, ceiling[n + b]
-        for j in range(n):
-            s += memory.barrier_rows[b, j] * step[j]
+        s, most = inner(memory.barrier_rows[b], step, n), ceiling[n + b]
         if s > most + TOUCH and most >= 0.0:
             part = min(part, most / s)
     if part < 1.0:

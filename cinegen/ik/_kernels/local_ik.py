@@ -14,6 +14,7 @@ from cinegen.ik._kernels.memory import LocalIKMemory
 from cinegen.ik._kernels.tasks import aim_tasks, read_tasks
 from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.factor import cholesky
+from cinegen.jit.vectors import copy, inner
 from cinegen.loops._kernels.kinematics import evaluate, integrate
 from cinegen.loops._kernels.residual import evaluate_loops
 
@@ -39,8 +40,7 @@ def solve(memory: LocalIKMemory) -> bool:
         memory.iterations += 1
         if cost < before:
             memory.cost, memory.tasks_left, memory.loops_left = cost, tasks_left, loops_left
-            for i in range(memory.nq):
-                memory.q[i] = memory.trial[i]
+            copy(memory.trial, memory.q, memory.nq)
             if max(tasks_left, loops_left) <= _ROUNDING or (reached and cost > 0.01 * before):
                 return True
             memory.stalled = memory.stalled + 1.0 if cost > _SLOW * before else 0.0
@@ -73,8 +73,7 @@ def _residuals(memory: LocalIKMemory) -> tuple[float, float, float]:
     for i in range(memory.active_rows):
         cost += memory.error[i] * memory.error[i]
         tasks = max(tasks, abs(memory.error[i]))
-    for i in range(memory.rows):
-        cost += memory.residual[i] * memory.residual[i]
+    cost += inner(memory.residual, memory.residual, memory.rows)
     return cost, tasks, loops
 
 
@@ -88,8 +87,7 @@ def _keep_system(memory: LocalIKMemory) -> None:
             memory.system[i, j] = memory.task_jacobian[i, j] / weight
     for i in range(memory.rows):
         memory.right[p + i] = -memory.residual[i]
-        for j in range(memory.n):
-            memory.system[p + i, j] = memory.jacobian[i, j]
+        copy(memory.jacobian[i], memory.system[p + i], memory.n)
 
 
 @compiled

@@ -221,8 +221,9 @@ class SolverMemory(TasksMemory):
     room: Array = array(3, "bounds")
     normals: Array = array("bounds", "mobility")
     wanted_point: Array = array("mobility")
-    active_normals: Array = array(3, "mobility", "mobility")
-    active: Array = array(6, "mobility")
+    active_normals: Array = array(3, "most_active", "mobility")
+    most_active: int = parameter(1)  # mobility + 1: one that may be added
+    active: Array = array(4, "mobility")
     axis_order: Table = array("mobility", dtype=int)
 
     # the record of a tick

@@ -19,6 +19,7 @@ from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
 from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, NOISE, REST
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import null_space
+from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import factor_loops
 from cinegen.loops._kernels.memory import AT_Q
 from cinegen.loops._kernels.residual import evaluate_loops
@@ -43,8 +44,7 @@ def propose(memory: SolverMemory) -> bool:
         null_space(memory.rank, memory.tau, memory.reflectors, memory.null_space)
     p = memory.active_rows
     if memory.task_distance <= NOISE:  # all are reached: no step of rounding errors
-        for i in range(p):
-            wanted[i] = 0.0
+        wanted[:p] = 0.0
     if not (p == min(memory.task_rank, p, memory.mobility) and find_basis(memory, wanted)):
         find_singular_values(memory)
         solve_damped(memory)
@@ -68,8 +68,7 @@ def propose(memory: SolverMemory) -> bool:
         for j in range(n):
             step[j] = memory.braking[j] + 0.5 * (step[j] - memory.braking[j])
             memory.secondary[j] *= 0.5
-    for j in range(n):
-        memory.attempted[j] = step[j]
+    copy(step, memory.attempted, n)
     predict_gain(memory)
     if memory.is_nudged != 0:
         memory.promised = to_win * math.sqrt(2.0 * memory.task_distance)
@@ -87,8 +86,7 @@ def _begin(memory: SolverMemory) -> None:
     memory.found_by = SVD
     memory.sigma, memory.promised = math.inf, 0.0
     memory.report[SPEED_SCALE], memory.report[LIMITING_DOF] = 1.0, -1.0
-    for j in range(memory.n + memory.barriers):
-        memory.stopped[j] = 0.0
+    memory.stopped[: memory.n + memory.barriers] = 0.0
     for j in range(memory.n):
         memory.step[j] = memory.locked[j] = 0.0
 

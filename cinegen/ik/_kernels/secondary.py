@@ -13,6 +13,7 @@ from cinegen.ik._kernels.decomposition import find_axes, leave_tasks_alone, to_f
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik.thresholds import IDLE_SECONDARY, LEAST_SCALE, SCALE_GROWS, SPARE_SPEED
 from cinegen.jit.compiled import compiled
+from cinegen.jit.vectors import copy, inner
 
 
 @compiled
@@ -58,17 +59,14 @@ def add_secondary(memory: SolverMemory, whole: bool) -> bool:
         if not whole:
             room[0, j], room[1, j] = min(room[0, j], 0.0), max(room[1, j], 0.0)
     for b in range(memory.barriers):
-        s = 0.0
-        for j in range(n):
-            s += memory.barrier_rows[b, j] * step[j]
-        room[0, n + b], room[1, n + b] = memory.floor[n + b], memory.ceiling[n + b] - s
+        room[0, n + b] = memory.floor[n + b]
+        room[1, n + b] = memory.ceiling[n + b] - inner(memory.barrier_rows[b], step, n)
         if not whole:
             room[1, n + b] = max(room[1, n + b], 0.0)
     if not keeps_bounds(memory, secondary, room[0], room[1]) and not _bound_secondary(memory):
         if whole:
             return False
-        for j in range(n):
-            secondary[j] = 0.0
+        secondary[:n] = 0.0
     for j in range(n):
         step[j] += secondary[j]
     return True
@@ -83,10 +81,7 @@ def _bound_secondary(memory: SolverMemory) -> bool:
     if width <= 0:
         return False
     for i in range(width):
-        s = 0.0
-        for j in range(memory.mobility):
-            s += axes[first + i, j] * memory.secondary_free[j]
-        x[i] = s
+        x[i] = inner(axes[first + i], memory.secondary_free, memory.mobility)
         to_joints(memory, axes[first + i], memory.fresh)
         for c in range(memory.n):
             g[c, i] = memory.fresh[c]
@@ -95,14 +90,11 @@ def _bound_secondary(memory: SolverMemory) -> bool:
         return False
     fast, found = 0.0, 0.0
     for j in range(memory.n):
-        s = 0.0
-        for i in range(width):
-            s += g[j, i] * x[i]
+        s = inner(g[j], x, width)
         room[2, j] = s
         found = max(found, abs(s))
         fast = max(fast, abs(memory.secondary[j]), abs(memory.last[j]))
     if found > 2.0 * fast:
         return False
-    for j in range(memory.n):
-        memory.secondary[j] = room[2, j]
+    copy(room[2], memory.secondary, memory.n)
     return True

@@ -10,6 +10,7 @@ from cinegen.jit import se3
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.foreign import frame_at
 from cinegen.jit.se3 import combine, compose, dot
+from cinegen.jit.vectors import copy
 
 FURTHEST = 1e100  # m: targets are clipped to this, so that no square overflows
 
@@ -207,8 +208,7 @@ def _find_rows(memory: TasksMemory, task: TaskMemory, weights: Array, rows: Arra
                 seen[i, j] = by[i, 0] * axes[x, j] + by[i, 1] * axes[y, j] + by[i, 2] * axes[3 - x - y, j]
     elif angular == 3 and task.is_even != 0:  # log's derivative times log is log: the node's angular velocity will do
         for i in range(3):
-            for j in range(3):
-                seen[i, j] = carried[i, j]
+            copy(carried[i], seen[i], 3)
     elif angular > 0:
         se3.log_derivative(turn, by)
         for i in range(angular):

@@ -31,6 +31,7 @@ from cinegen.ik.thresholds import (
 )
 from cinegen.jit.compiled import compiled
 from cinegen.jit.factor import null_space
+from cinegen.jit.vectors import copy, inner
 from cinegen.loops._kernels.closure import correct, cut_correction, squared_residual
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
 from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE
@@ -44,8 +45,7 @@ _AGAIN = -1  # another trial is to be judged
 def set_out(memory: SolverMemory) -> None:
     """Move `trial` from q by the attempted step."""
     memory.corrections = 0
-    for i in range(memory.nq):
-        memory.trial[i] = memory.q[i]
+    copy(memory.q, memory.trial, memory.nq)
     for j in range(memory.n):
         memory.locked[j] = 0.0
         memory.delta[j] = memory.attempted[j] * memory.scale[j]
@@ -68,8 +68,7 @@ def _move(memory: SolverMemory) -> None:
             if memory.locked[j] == 0.0:
                 memory.locked[j] = 1.0
                 memory.factored_at = NOWHERE
-    for i in range(memory.nq):
-        memory.trial[i] = candidate[i]
+    copy(candidate, memory.trial, memory.nq)
     difference(memory, q, candidate, moved)
     for j in range(memory.n):
         moved[j] /= memory.scale[j]
@@ -167,13 +166,9 @@ def _correct(memory: SolverMemory) -> None:
     if memory.is_refined != 0:
         if memory.loops > 0:
             for i in range(memory.active_rows):
-                s = 0.0
-                for c in range(memory.n):
-                    s += memory.task_jacobian[i, c] * correction[c]
-                memory.trial_error[i] -= s
+                memory.trial_error[i] -= inner(memory.task_jacobian[i], correction, memory.n)
         if not is_locked or _leave_out_locked(memory):
-            for i in range(memory.mobility):
-                memory.free_step[i] = 0.0
+            memory.free_step[: memory.mobility] = 0.0
             add_solution(memory, memory.trial_error, memory.free_step)
             to_joints(memory, memory.free_step, memory.fresh)
             for j in range(memory.n):

@@ -14,6 +14,7 @@ import math
 from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.factor import damped_solution, factor, shortest_solution
 from cinegen.jit.svd import decompose
+from cinegen.jit.vectors import add_multiple, copy, inner
 from cinegen.loops._kernels.kinematics import evaluate, integrate
 from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, LoopMemory
 from cinegen.loops._kernels.residual import evaluate_loops
@@ -58,8 +59,7 @@ def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
         now = squared_residual(memory)
         memory.corrections += 1
         if now < squared:
-            for i in range(memory.nq):
-                trial[i] = candidate[i]
+            copy(candidate, trial, memory.nq)
             shrinks = gap > CLOSED or gap <= 0.5 * memory.gap
             memory.gap, squared, mu = gap, now, max(0.1 * mu, 1e-4)
         else:
@@ -72,10 +72,7 @@ def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
 @compiled
 def squared_residual(memory: LoopMemory) -> float:
     """Return c^T c of the residual c."""
-    squared = 0.0
-    for i in range(memory.rows):
-        squared += memory.residual[i] * memory.residual[i]
-    return squared
+    return float(inner(memory.residual, memory.residual, memory.rows))
 
 
 @compiled
@@ -162,14 +159,8 @@ def loop_correction(memory: LoopMemory, damping: float, out: Array) -> None:
             damped_solution(f, rank, order, tau, h, right, damping, memory.left_vectors, out)
         return
     u, b, square = memory.left_vectors, memory.right_vectors, memory.squared_sigma
-    for k in range(memory.n):
-        out[k] = 0.0
+    out[: memory.n] = 0.0
     for i in range(memory.rows):
         if square[i] <= 1e-20 * square[0]:
             break
-        s = 0.0
-        for j in range(memory.rows):
-            s += u[i, j] * right[j]
-        s /= square[i] + damping
-        for k in range(memory.n):
-            out[k] += s * b[i, k]
+        add_multiple(inner(u[i], right, memory.rows) / (square[i] + damping), b[i], out, memory.n)

@@ -14,6 +14,7 @@ import math
 
 from cinegen.jit.compiled import compiled, entry
 from cinegen.jit.factor import eliminate
+from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import close, factor_loops, loop_correction
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
 from cinegen.loops._kernels.memory import AT_Q, NOWHERE, LoopMemory
@@ -46,8 +47,7 @@ def go_on(memory: LoopMemory) -> bool:
     while memory.halvings <= _MOST_HALVED and _step(memory):
         close(memory, memory.tolerance, _MOST, False)
         if _is_near(memory) and (memory.corrections == 0 or _side(memory) * memory.side >= 0.0):
-            for i in range(memory.nq):
-                memory.q[i] = memory.trial[i]
+            copy(memory.trial, memory.q, memory.nq)
             memory.closure = memory.gap
             if memory.corrections == 0:
                 memory.factored_at = NOWHERE  # the factors are those of another configuration
@@ -77,8 +77,7 @@ def _find_tangent(memory: LoopMemory) -> None:
         memory.factored_at = AT_Q
     for i in range(rows):
         wanted[i] = 0.0
-        for k in range(n):
-            memory.jacobian_at_q[i, k] = jacobian[i, k]
+        copy(jacobian[i], memory.jacobian_at_q[i], n)
     if is_new:
         memory.side = _side(memory)
     for a in range(memory.actuated):

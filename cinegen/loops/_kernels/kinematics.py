@@ -7,6 +7,7 @@ import math
 from cinegen.jit.callback import call_python
 from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.se3 import combine, compose, cross, dot, log, log_derivative, sinc, turn
+from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.memory import LoopMemory
 
 EVALUATE, INTEGRATE, DIFFERENCE = range(3)
@@ -79,8 +80,7 @@ def integrate(memory: LoopMemory, q: Array, delta: Array, out: Array) -> None:
     if memory.callback_address != 0:
         call_python(memory.callback_address, INTEGRATE, q, delta, out)
         return
-    for i in range(memory.nq):
-        out[i] = q[i]
+    copy(q, out, memory.nq)
     for j in range(1, memory.joints):
         kind, at, dof = memory.joint_kind[j], memory.joint_q[j], memory.joint_dof[j]
         if dof < 0:

@@ -8,6 +8,7 @@ from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.jit.compiled import Array, compiled, entry
 from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT
 from cinegen.jit.se3 import cross, dot
+from cinegen.jit.vectors import add_multiple, copy, inner
 from cinegen.planning._kernels.memory import VortexMemory
 
 ACTIVE, AXIS = 0, 1
@@ -21,8 +22,7 @@ _LEAST = 1e-4  # damping, relative to the mean square by which free motions move
 def _point_velocity(clearance: ClearanceMemory, pair: int, j: int, found: Array) -> None:
     """Write the velocity (3,) by column j of a pair's nearest point on the first body relative to the second."""
     screw = clearance.screws[j]
-    for i in range(3):
-        found[i] = 0.0
+    found[:3] = 0.0
     for side in range(2):
         if clearance.moved_by[clearance.joint[clearance.pair[pair, side]], j] == 0.0:
             continue
@@ -42,8 +42,7 @@ def _free_jacobian(memory: VortexMemory, clearance: ClearanceMemory, pair: int) 
     """
     by, velocity, count = memory.jacobian, memory.vectors[2], memory.free if memory.free > 0 else memory.nv
     for i in range(3):
-        for f in range(count):
-            by[i, f] = 0.0
+        by[i, :count] = 0.0
     for j in range(memory.nv):
         _point_velocity(clearance, pair, j, velocity)
         for i in range(3):
@@ -54,8 +53,7 @@ def _free_jacobian(memory: VortexMemory, clearance: ClearanceMemory, pair: int) 
                     by[i, f] += memory.null_space[f, j] * memory.scale[j] * velocity[i]
     square = 0.0
     for i in range(3):
-        for f in range(count):
-            square += by[i, f] * by[i, f]
+        square += inner(by[i], by[i], count)
     return square / 3.0
 
 
@@ -81,8 +79,7 @@ def deflect(memory: VortexMemory, clearance: ClearanceMemory) -> None:
     a, t, velocity, states = memory.vectors[0], memory.vectors[1], memory.vectors[2], memory.states
     for g in range(memory.vortices):
         memory.candidates[g] = -1
-    for j in range(memory.nv):
-        memory.found[j] = memory.motion[j]
+    copy(memory.motion, memory.found, memory.nv)
     for p in range(memory.pairs):
         d = clearance.results[p, DISTANCE]
         if not d < memory.reach:
@@ -92,8 +89,7 @@ def deflect(memory: VortexMemory, clearance: ClearanceMemory) -> None:
         for j in range(memory.nv):
             if memory.motion[j] != 0.0:
                 _point_velocity(clearance, p, j, velocity)
-                for i in range(3):
-                    a[i] += velocity[i] * memory.motion[j]
+                add_multiple(memory.motion[j], velocity, a, 3)
         size, into = math.sqrt(dot(a, a)), dot(a, normal)
         if not into > 1e-9 * size or size < 1e-12:
             continue
