@@ -5,13 +5,14 @@ Neither side ever waits for the other: only the newest command and the newest st
 
 from __future__ import annotations
 
-import multiprocessing.sharedctypes
+import ctypes
+import multiprocessing
 import pickle
 import struct
 import threading
 import zlib
-from itertools import accumulate
-from typing import Any, Protocol
+from dataclasses import dataclass
+from typing import Any, Self
 
 from cinegen.errors import CinegenError
 from cinegen.realtime.timing import TimingRecord
@@ -28,78 +29,19 @@ class ClockError(CinegenError):
     """A clock is used in a wrong way, or its loop can't start, end or receive data."""
 
 
-class Channel(Protocol):
-    """Data shared by a loop and its caller."""
+class LocalMailbox:
+    """Newest value, within one process: the reader gets the very object that was written."""
 
-    stopped: bool
-    command: Any
-    state: Any
-    record: TimingRecord
+    def __init__(self) -> None:
+        self._value: Any = None
 
+    def write(self, value: Any, what: str) -> None:
+        """Replace the value."""
+        self._value = value
 
-class LocalChannel:
-    """Channel within one process: the reader gets the very object that was written."""
-
-    def __init__(self, period: float) -> None:
-        self.stopped = False
-        self.command: Any = None
-        self.state: Any = None
-        self.record = TimingRecord(period)
-
-
-class SharedChannel:
-    """Channel between two processes in shared memory: the reader gets a copy, by pickle. Pass it as an argument of the
-    process.
-
-    Args:
-        period: period of the loop, s.
-    """
-
-    def __init__(self, period: float) -> None:
-        context = multiprocessing.get_context("spawn")
-        self._map(period, context.RawArray("B", 8 + TimingRecord.SIZE + 2 * Mailbox.SIZE))
-
-    def _map(self, period: float, memory: Any) -> None:
-        self._period, self._memory = period, memory
-        whole = memoryview(memory).cast("B")
-        sizes = 8, TimingRecord.SIZE, Mailbox.SIZE, Mailbox.SIZE
-        parts = (whole[end - size : end] for size, end in zip(sizes, accumulate(sizes), strict=True))
-        self._flags, record, command, state = parts
-        self.record = TimingRecord(period, record)
-        self._command, self._state = Mailbox(command), Mailbox(state)
-
-    def __getstate__(self) -> tuple[float, Any]:
-        return self._period, self._memory
-
-    def __setstate__(self, state: tuple[float, Any]) -> None:
-        self._map(*state)
-
-    @property
-    def stopped(self) -> bool:
-        """True when the loop must end."""
-        return bool(self._flags[0])
-
-    @stopped.setter
-    def stopped(self, stopped: bool) -> None:
-        self._flags[0] = stopped
-
-    @property
-    def command(self) -> Any:
-        """Newest value; None before the first."""
-        return self._command.read()
-
-    @command.setter
-    def command(self, command: Any) -> None:
-        self._command.write(command, "command")
-
-    @property
-    def state(self) -> Any:
-        """Newest value; None before the first."""
-        return self._state.read()
-
-    @state.setter
-    def state(self, state: Any) -> None:
-        self._state.write(state, "state")
+    def read(self) -> Any:
+        """Return the newest value; None before the first."""
+        return self._value
 
 
 class Mailbox:
@@ -109,17 +51,21 @@ class Mailbox:
     writes in another order, the checksum is wrong and it reads again.
 
     Args:
-        memory: `SIZE` bytes, initially 0.
+        memory: `SIZE` bytes, initially 0, that both processes share.
     """
 
     SIZE = 8 + _SLOTS * (_HEAD.size + LARGEST)
 
-    def __init__(self, memory: memoryview[int]) -> None:
-        self._newest = memory[:8].cast("Q")
+    def __init__(self, memory: Any) -> None:
+        self._memory, view = memory, memoryview(memory).cast("B")
+        self._newest = view[:8].cast("Q")
         size = _HEAD.size + LARGEST
-        self._slots = [memory[8 + i * size : 8 + (i + 1) * size] for i in range(_SLOTS)]
+        self._slots = [view[8 + i * size : 8 + (i + 1) * size] for i in range(_SLOTS)]
         self._read: tuple[int, Any] = (0, None)
         self._lock = threading.Lock()  # of this process's threads only
+
+    def __reduce__(self) -> tuple[type[Mailbox], tuple[Any]]:
+        return Mailbox, (self._memory,)
 
     def write(self, value: Any, what: str) -> None:
         """Replace the value.
@@ -155,3 +101,34 @@ class Mailbox:
                 self._read = number, pickle.loads(message)
                 break
         return self._read[1]
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Data shared by a loop and its caller. A shared one is passed as an argument of the loop's process.
+
+    Attributes:
+        record: timing of the loop.
+        stopped: whether the loop must end.
+        command: newest command.
+        state: newest state.
+    """
+
+    record: TimingRecord
+    stopped: ctypes.c_bool
+    command: LocalMailbox | Mailbox
+    state: LocalMailbox | Mailbox
+
+    @classmethod
+    def local(cls, period: float) -> Self:
+        """Return a channel within one process, for a loop of a period (s)."""
+        return cls(TimingRecord(period), ctypes.c_bool(), LocalMailbox(), LocalMailbox())
+
+    @classmethod
+    def shared(cls, period: float) -> Self:
+        """Return a channel between two processes, for a loop of a period (s)."""
+        context = multiprocessing.get_context("spawn")
+        sizes = TimingRecord.SIZE, Mailbox.SIZE, Mailbox.SIZE
+        record, command, state = (context.RawArray("B", size) for size in sizes)
+        stopped = context.RawValue(ctypes.c_bool)
+        return cls(TimingRecord(period, record), stopped, Mailbox(command), Mailbox(state))

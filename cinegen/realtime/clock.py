@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from cinegen.realtime import scheduling
-from cinegen.realtime.channel import Channel, ClockError, LocalChannel, SharedChannel
+from cinegen.realtime.channel import Channel, ClockError
 from cinegen.realtime.timing import TimingReport
 from cinegen.realtime.worker import LoopProcess, LoopThread, LoopWorker
 
@@ -77,7 +77,7 @@ class Clock:
             raise ClockError(f"a clock's priority must be from 0 to 99, not {priority}")
         self.period, self.spin, self.priority, self.cores = period, spin, priority, frozenset(cores)
         self._command: Any = None
-        self._channel: Channel = LocalChannel(period)
+        self._channel: Channel = Channel.local(period)
         self._worker: LoopWorker | None = None
         self._looping = False
         self._scheduling = ""
@@ -100,7 +100,7 @@ class Clock:
         Raises:
             ClockError: the clock is running already, or seconds is negative or not finite.
         """
-        count = self._begin(seconds, LocalChannel(self.period))
+        count = self._begin(seconds, Channel.local(self.period))
         return self._served(count)
 
     def run(self, function: Function, seconds: float | None = None) -> TimingReport:
@@ -114,7 +114,7 @@ class Clock:
             ClockError: the clock is running already, or seconds is negative or not finite.
             Exception: exception of the function; it ends the loop.
         """
-        count = self._begin(seconds, LocalChannel(self.period))
+        count = self._begin(seconds, Channel.local(self.period))
         self._serve(function, count)
         return self.report()
 
@@ -131,7 +131,7 @@ class Clock:
         Raises:
             ClockError: the clock is running already, or seconds is negative or not finite.
         """
-        count = self._begin(seconds, LocalChannel(self.period))
+        count = self._begin(seconds, Channel.local(self.period))
         self._worker = LoopThread(lambda: self._serve(function, count))
         return self
 
@@ -152,7 +152,7 @@ class Clock:
                 or the process ended before the loop started.
             Exception: exception of the factory.
         """
-        count = self._begin(seconds, SharedChannel(self.period))
+        count = self._begin(seconds, Channel.shared(self.period))
         settings = {"period": self.period, "spin": self.spin, "priority": self.priority, "cores": self.cores}
         worker = LoopProcess(_serve_there, settings, self._channel, count, factory, arguments)
         self._worker, self._scheduling = worker, worker.scheduling
@@ -169,7 +169,7 @@ class Clock:
             Exception: exception that ended the loop, unless it was raised before.
         """
         worker = self._worker
-        self._channel.stopped = True
+        self._channel.stopped.value = True
         if worker is None or worker.inside():
             return
         if not worker.ended(timeout):
@@ -225,7 +225,7 @@ class Clock:
     @command.setter
     def command(self, command: Any) -> None:
         self._raise_error()
-        self._channel.command = command
+        self._channel.command.write(command, "command")
         self._command = command
 
     @property
@@ -236,7 +236,7 @@ class Clock:
             Exception: exception that ended the loop, unless it was raised before.
         """
         self._raise_error()
-        return self._channel.state
+        return self._channel.state.read()
 
     def report(self) -> TimingReport:
         """Return the timing statistics of the present loop, or of the last one."""
@@ -252,7 +252,7 @@ class Clock:
             raise ClockError(f"seconds must be finite and not negative, not {seconds}")
         self._raise_error()
         if self._command is not None:
-            channel.command = self._command
+            channel.command.write(self._command, "command")
         self._channel, self._worker = channel, None
         return math.inf if seconds is None else math.ceil(seconds / self.period - 1e-6)
 
@@ -283,7 +283,7 @@ class Clock:
             for tick in self._loop(count):
                 state = function(tick)
                 if state is not None:
-                    self._channel.state = state
+                    self._channel.state.write(state, "state")
 
     def _loop(self, count: float) -> Iterator[Tick]:
         """Iterate over the ticks of `count` deadlines."""
@@ -297,14 +297,14 @@ class Clock:
             record.begun(start, late + skipped * period, skipped)
             due = number + 1
             try:
-                yield Tick(number, number * period, late, skipped, channel.command, self)
+                yield Tick(number, number * period, late, skipped, channel.command.read(), self)
             finally:
                 record.ended(now(), begin + due * period)
 
     def _wait(self, channel: Channel, deadline: float) -> bool:
         """Wait until a deadline (s); return False if the loop is to end."""
         now = time.perf_counter
-        while not channel.stopped:
+        while not channel.stopped.value:
             left = deadline - self.spin - now()
             if left <= 0.0:
                 while now() < deadline:

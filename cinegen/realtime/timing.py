@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -129,12 +130,15 @@ class TimingRecord:
 
     SIZE = _BYTES_OF_NUMBERS + 3 * _BYTES_OF_COUNTS
 
-    def __init__(self, period: float, memory: memoryview[int] | None = None) -> None:
-        whole = memoryview(bytearray(self.SIZE)) if memory is None else memory
-        self.period = period
+    def __init__(self, period: float, memory: Any = None) -> None:
+        self.period, self._memory = period, bytearray(self.SIZE) if memory is None else memory
+        whole = memoryview(self._memory).cast("B")
         self._numbers = whole[:_BYTES_OF_NUMBERS].cast("d")
         ends = range(_BYTES_OF_NUMBERS, self.SIZE, _BYTES_OF_COUNTS)
         self._error, self._late, self._work = (Histogram(whole[end : end + _BYTES_OF_COUNTS].cast("q")) for end in ends)
+
+    def __reduce__(self) -> tuple[type[TimingRecord], tuple[float, Any]]:
+        return TimingRecord, (self.period, self._memory)
 
     def begun(self, start: float, late: float, skipped: int) -> None:
         """Record the start of a tick.

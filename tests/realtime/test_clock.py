@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 
 import cinegen
 from cinegen.realtime import Clock, ClockError, Tick, scheduling
-from cinegen.realtime.channel import LARGEST, Mailbox, SharedChannel
+from cinegen.realtime.channel import LARGEST, Channel, Mailbox
 from cinegen.realtime.timing import BINS, WIDTH, Histogram, TimingRecord
 
 TIMES = st.floats(1e-9, 99.0)
@@ -530,12 +530,12 @@ def test_a_value_that_is_torn_is_not_read():
 
 
 def test_what_cant_be_sent_is_said():
-    channel = SharedChannel(0.001)
+    channel = Channel.shared(0.001)
     with pytest.raises(ClockError, match=rf"a state has \d+ bytes when pickled: at most {LARGEST} can be sent"):
-        channel.state = np.zeros(LARGEST)
+        channel.state.write(np.zeros(LARGEST), "state")
     with pytest.raises(ClockError, match="a command for another process must be picklable, function is not"):
-        channel.command = lambda: None
-    assert channel.state is None
+        channel.command.write(lambda: None, "command")
+    assert channel.state.read() is None
 
 
 # --- processes -------------------------------------------------------------------------------------------------------
