@@ -31,27 +31,4 @@ if TYPE_CHECKING:
     from cinegen.workspace import make_map as make_map
     from raff2urdf.version import __version__ as __version__
 
-__all__, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "cinegen.assembly": ["assembly_modes"],
-        "cinegen.cockpit": ["show"],
-        "cinegen.errors": ["CinegenError", "CinegenWarning", "ClosureError"],
-        "cinegen.ik": [
-            "PersistentSolver",
-            "FrameTask",
-            "Solver",
-            "Status",
-            "Step",
-            "evaluate",
-            "forecast_motion",
-            "inverse_kinematics",
-        ],
-        "cinegen.model": ["Mechanism", "load"],
-        "cinegen.planning": ["plan"],
-        "cinegen.realtime": ["Clock"],
-        "cinegen.singularities": ["singularity"],
-        "cinegen.workspace": ["make_map"],
-        "raff2urdf.version": ["__version__"],
-    },
-)
+__all__, __getattr__, __dir__ = lazy_names(__name__)

@@ -27,15 +27,4 @@ if TYPE_CHECKING:
     from raff2urdf.urdf2raff.conversion import to_raff as to_raff
     from raff2urdf.writer import dumps as dumps
 
-__all__, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "raff2urdf.check": ["check"],
-        "raff2urdf.conversion": ["convert"],
-        "raff2urdf.document": ["Document"],
-        "raff2urdf.errors": ["RaffClosureError", "RaffError", "RaffWarning"],
-        "raff2urdf.reader": ["load", "loads"],
-        "raff2urdf.urdf2raff.conversion": ["to_raff"],
-        "raff2urdf.writer": ["dumps"],
-    },
-)
+__all__, __getattr__, __dir__ = lazy_names(__name__)

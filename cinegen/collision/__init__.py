@@ -16,13 +16,4 @@ if TYPE_CHECKING:
     from cinegen.collision.scene_file import load_scene as load_scene
     from cinegen.collision.scene_file import scene_of as scene_of
 
-__all__, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "cinegen.collision.clearance": ["Clearance", "clearance_of"],
-        "cinegen.collision.errors": ["PlanningError", "SceneError"],
-        "cinegen.collision.obstacle": ["Obstacle"],
-        "cinegen.collision.scene": ["Scene"],
-        "cinegen.collision.scene_file": ["load_scene", "scene_of"],
-    },
-)
+__all__, __getattr__, __dir__ = lazy_names(__name__)

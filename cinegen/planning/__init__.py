@@ -13,12 +13,4 @@ if TYPE_CHECKING:
     from cinegen.planning.rrt_planner import rrt_connect as rrt_connect
     from cinegen.planning.safe_drag import AvoidingSolver as AvoidingSolver
 
-__all__, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "cinegen.planning.attempt": ["PlanStatus"],
-        "cinegen.planning.planner": ["Plan", "plan"],
-        "cinegen.planning.rrt_planner": ["rrt_connect"],
-        "cinegen.planning.safe_drag": ["AvoidingSolver"],
-    },
-)
+__all__, __getattr__, __dir__ = lazy_names(__name__)

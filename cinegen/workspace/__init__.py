@@ -17,14 +17,4 @@ if TYPE_CHECKING:
     from cinegen.workspace.region import line_region as line_region
     from cinegen.workspace.specification import MapSpecification as MapSpecification
 
-__all__, __getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "cinegen.workspace.cells": ["CellStatus"],
-        "cinegen.workspace.errors": ["MapError"],
-        "cinegen.workspace.maps": ["make_map", "open_map"],
-        "cinegen.workspace.quantities": ["QUANTITIES"],
-        "cinegen.workspace.region": ["GridAxis", "Region", "line_region"],
-        "cinegen.workspace.specification": ["MapSpecification"],
-    },
-)
+__all__, __getattr__, __dir__ = lazy_names(__name__)
