@@ -1,19 +1,22 @@
 """Descent of a total potential in joint space: the attraction of the goal and the repulsion of all obstacles.
 
-Equations 1 and 5 of C. De Medio and G. Oriolo, "Robot obstacle avoidance using vortex fields", Advances in Robot
-Kinematics, Springer 1991.
+Equations 1, 3 and 5 of C. De Medio and G. Oriolo, "Robot obstacle avoidance using vortex fields", Advances in Robot
+Kinematics, Springer 1991. FIRAS, the repulsion: O. Khatib, "Real-time obstacle avoidance for manipulators and mobile
+robots", The International Journal of Robotics Research 5(1), 1986. Its potentials are in J and its gradients in N, of
+forces that act on nothing: only their ratios matter.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from itertools import groupby
 from typing import NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import Clearance
@@ -24,7 +27,6 @@ from cinegen.ik.equations import free_motions
 from cinegen.ik.objectives import State
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
-from cinegen.planning.potential_fields import Firas
 
 Array = NDArray[np.float64]
 
@@ -41,6 +43,9 @@ it.
 Tried on 40 scenes of a planar 3R and 40 of a mobile point: 0.01 to 3, also with a half and a quarter of the range.
 Neighbouring values differ by no more than a few scenes; larger ones are worse for arms.
 """
+
+CONTACT = 1e-12
+"""Largest distance, m, that counts as contact."""
 
 _FLAT = 1e-12  # dimensionless gradient that counts as 0
 _AT_LIMIT = 1e-9  # rad or characteristic lengths
@@ -83,6 +88,51 @@ class GoalPotential:
         jacobian = self._mechanism.jacobian(q, self._node)
         error, rows = self._task.equations(self._mechanism.placement(q, self._node), jacobian, np.eye(3))
         return np.asarray(-(self._units**2 * error) @ rows * self._mechanism.scale)
+
+
+def nan_at_contact(distances: ArrayLike) -> Array:
+    """Return distances (m,), m; NaN at contact (up to 1e-12 m) and below, where no field is defined."""
+    d = np.asarray(distances, dtype=float)
+    return np.where(d > CONTACT, d, np.nan)
+
+
+def closeness(distances: ArrayLike, reach: float) -> Array:
+    """Return 1/d - 1/d_r (m,), 1/m, for distances d < d_r; 0 beyond and NaN at contact.
+
+    The bracket of the FIRAS potential (equation 3): continuous, and unbounded toward the obstacle.
+    """
+    return np.maximum(1.0 / nan_at_contact(distances) - 1.0 / reach, 0.0)
+
+
+@dataclass(frozen=True)
+class Firas:
+    """FIRAS potential: U_f = k/2 (1/d - 1/d_r)^2 for 0 < d < d_r, and 0 beyond. It and its gradient are continuous.
+
+    It needs only the distance and the normal, so it fits an obstacle of any shape. Along a flat side its contours are
+    flat at every distance: there the total field has local minima.
+
+    Attributes:
+        strength: k, J m^2, above 0.
+        reach: d_r, m, above 0: range of influence.
+    """
+
+    strength: float
+    reach: float
+
+    def value(self, distances: ArrayLike) -> Array:
+        """Return the potential (m,), J, at distances (m,), m; infinite at contact."""
+        value = 0.5 * self.strength * closeness(distances, self.reach) ** 2
+        return np.where(np.isnan(value), np.inf, value)
+
+    def gradient(self, distances: ArrayLike, normals: ArrayLike) -> Array:
+        """Return -k (1/d - 1/d_r) / d^2 n (m, 3), N; NaN at contact.
+
+        Args:
+            distances: (m,) from the obstacle, m.
+            normals: (m, 3) unit vectors from the nearest point of the obstacle: the gradient of the distance.
+        """
+        slope = -self.strength * closeness(distances, self.reach) / nan_at_contact(distances) ** 2
+        return np.asarray(slope[..., None] * np.asarray(normals, dtype=float))
 
 
 class NearestPoints(NamedTuple):

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from cinegen.collision._kernels.memory import ClearanceMemory
 from cinegen.collision.clearance import Clearance
+from cinegen.collision.errors import PlanningError
 from cinegen.ik.equations import free_motions
 from cinegen.jit.compiled import prepare
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning._kernels.memory import VortexMemory
 from cinegen.planning._kernels.vortex import ACTIVE, AXIS, deflect
 from cinegen.planning.clearance_barrier import stop_distance
-from cinegen.planning.vortex_field import folding, rotation_axis
 
 Array = NDArray[np.float64]
 
 STRENGTH = 1.5
 """Strength of a vortex relative to the attraction at the same point, at the stop distance: above 1, or links would not
 get around."""
+
+_PARALLEL = 1e-9  # sine of the angle to the normal below which a direction does not determine an axis
+_FALLBACK = (np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
 
 
 class DetourDirection(Enum):
@@ -162,6 +166,54 @@ class Vortices:
             twist = clearance.jacobian @ (motion * clearance.moved_by[clearance.joints[body]])
             found += sign * (twist[:3] + np.cross(twist[3:], point))
         return found
+
+
+def folding(point: ArrayLike, base: ArrayLike, axis: ArrayLike | None = None) -> Array:
+    """Return the direction toward the base (3,), m: "folding rather than stretching", which keeps the obstacle from
+    catching the arm.
+
+    Args:
+        point: (3,) where the vortex acts, m.
+        base: (3,) position of the robot's base, m.
+        axis: (3,) axis of the base's joint, if that is revolute: the direction is then perpendicular to it.
+    """
+    offset: Array = np.asarray(base, dtype=float) - np.asarray(point, dtype=float)
+    if axis is None:
+        return offset
+    along = np.asarray(axis, dtype=float)
+    return np.asarray(offset - (offset @ along) / (along @ along) * along)
+
+
+def rotation_axis(normal: ArrayLike, *directions: ArrayLike, plane: ArrayLike | None = None) -> Array:
+    """Return the unit axis w (3,) of a vortex that starts along a direction.
+
+    Args:
+        normal: (3,) outward unit normal n of the obstacle.
+        directions: (3,) directions tau of any size; the first that is not along n is used. If there is none, the vortex
+            starts along z (along x where n is along z).
+        plane: (3,) unit normal of the plane in which everything moves; w is then plus or minus that, plus where no
+            direction is left.
+
+    Raises:
+        PlanningError: the normal is zero or not finite.
+    """
+    n = np.asarray(normal, dtype=float)
+    if not (np.isfinite(n).all() and n.any()):
+        raise PlanningError(f"the normal of an obstacle is {normal!r}; give a unit vector")
+    candidates = (*directions, *(_FALLBACK if plane is None else ()))
+    across = [_cross_unit(n, np.asarray(tau, dtype=float)) for tau in candidates]
+    if plane is not None:
+        up = np.asarray(plane, dtype=float)
+        senses = (float(up @ axis) for axis in across)
+        return np.asarray(math.copysign(1.0, next((s for s in senses if abs(s) > _PARALLEL), 1.0)) * up)
+    sizes = [float(np.linalg.norm(axis)) for axis in across]
+    return next(axis / size for axis, size in zip(across, sizes, strict=True) if size > _PARALLEL)
+
+
+def _cross_unit(normal: Array, direction: Array) -> Array:
+    """Return n x tau / |tau| (3,); 0 where tau is 0."""
+    size = float(np.linalg.norm(direction))
+    return np.cross(normal, direction / size) if size > 0.0 else np.zeros(3)
 
 
 def prepare_vortices() -> Callable[..., Any]:

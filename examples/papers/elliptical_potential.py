@@ -14,9 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import types
 from numpy.typing import ArrayLike, NDArray
+from vortex_field import FieldError, require_positive
 
 from cinegen.jit.compiled import compiled, entry, prepare
-from cinegen.planning.potential_fields import CONTACT, FieldError, nan_at_contact, require_positive
+from cinegen.planning.descent import CONTACT, nan_at_contact
 
 Array = NDArray[np.float64]
 

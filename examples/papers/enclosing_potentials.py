@@ -23,6 +23,7 @@ import pinocchio as pin
 from elliptical_potential import Elliptical
 from enclosures import BoundingBox, Enclosure, capsule_axis
 from numpy.typing import ArrayLike, NDArray
+from vortex_field import require_positive
 
 from cinegen.collision import Clearance, Scene, load_scene
 from cinegen.collision.body import Body
@@ -32,8 +33,7 @@ from cinegen.model import Mechanism
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning import plan
 from cinegen.planning.clearance_barrier import stop_distance
-from cinegen.planning.descent import FADING, STRENGTH, Descent, LinkPoints, Potential
-from cinegen.planning.potential_fields import nan_at_contact, require_positive
+from cinegen.planning.descent import FADING, STRENGTH, Descent, LinkPoints, Potential, nan_at_contact
 
 Array = NDArray[np.float64]
 

@@ -12,13 +12,14 @@ import sys
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from vortex_field import Vortex, facing
 
 from cinegen.collision import Clearance, Scene, load_scene
 from cinegen.ik import State
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning import Plan, plan
 from cinegen.planning.descent import LONGEST, Descent, GoalPotential, LinkPoints
-from cinegen.planning.vortex_field import Vortex, facing, folding, rotation_axis
+from cinegen.planning.vortices import folding, rotation_axis
 
 Array = NDArray[np.float64]
 
@@ -35,7 +36,7 @@ class LiteralVortices:
     All obstacles in range have an active vortex, whether they obstruct the motion or not, in the sense that the first
     link in range determines: toward the base, for a mobile robot along the shorter side. The attraction is that of the
     node that has a goal, also for points of other links. In the plane the weight is the paper's; in space, where the
-    sine of alpha is discontinuous (`cinegen.planning.vortex_field`), it is the one that agrees with it in the plane.
+    sine of alpha is discontinuous (`vortex_field.py`), it is the one that agrees with it in the plane.
     While no vortex is active, steps follow the antigradient of U_a by line search. Self-collision is left to the
     barrier.
 

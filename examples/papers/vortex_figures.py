@@ -18,9 +18,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from elliptical_potential import Elliptical, finite_vector
 from numpy.typing import ArrayLike, NDArray
+from vortex_field import FieldError, Vortex, facing, require_positive
 
-from cinegen.planning.potential_fields import FieldError, nan_at_contact, require_positive
-from cinegen.planning.vortex_field import Vortex, facing, rotation_axis
+from cinegen.planning.descent import nan_at_contact
+from cinegen.planning.vortices import rotation_axis
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

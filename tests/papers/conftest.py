@@ -1,9 +1,8 @@
-"""Reproductions of papers are examples, not part of the library."""
+"""Lines of the varieties are shared with the tests of singularities."""
 
 from __future__ import annotations
 
 import sys
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "papers"))
 sys.path.insert(0, str(Path(__file__).parents[1] / "singularities"))

@@ -11,8 +11,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
+from vortex_field import FieldError
 
-from cinegen.planning.potential_fields import CONTACT, FieldError
+from cinegen.planning.descent import CONTACT
 
 lengths = st.floats(-2.0, 2.0).map(lambda x: round(x, 4))
 points = arrays(float, 3, elements=lengths)

@@ -18,11 +18,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import minimize
+from vortex_field import FieldError
 
 from cinegen.collision.body import Body
 from cinegen.planning import PlanStatus, plan
-from cinegen.planning.descent import GoalPotential, Potential
-from cinegen.planning.potential_fields import CONTACT, FieldError
+from cinegen.planning.descent import CONTACT, GoalPotential, Potential
 
 KINDS = (SphericalPotential, EllipticalPotential)
 points = arrays(float, 3, elements=st.floats(-2.0, 2.0).map(lambda x: round(x, 4)))

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from literal_vortices import plan_literally, scissors
+from vortex_field import facing
 
 from cinegen.collision import load_scene, scene_of
-from cinegen.planning.vortex_field import facing
 
 X, Y, Z = np.eye(3)
 angles = st.floats(-math.pi, math.pi)

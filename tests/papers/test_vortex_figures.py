@@ -14,12 +14,11 @@ from hypothesis.extra.numpy import arrays
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from scipy.integrate import quad
 from scipy.optimize import approx_fprime
+from vortex_field import FieldError, facing
 from vortex_figures import Paraboloid, PointVortex, draw_potentials
 
 from cinegen.collision import PlanningError
 from cinegen.planning.descent import line_search
-from cinegen.planning.potential_fields import FieldError
-from cinegen.planning.vortex_field import facing
 
 lengths = st.floats(-3.0, 3.0).map(lambda x: round(x, 4))
 vectors = arrays(float, 3, elements=lengths)

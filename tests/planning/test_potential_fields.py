@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from polygons import convex, distance, holds, normal
 
-from cinegen.planning.potential_fields import CONTACT, FieldError, Firas
+from cinegen.planning.descent import CONTACT, Firas
 
 lengths = st.floats(-2.0, 2.0).map(lambda x: round(x, 4))
 points = arrays(float, 3, elements=lengths)
@@ -45,15 +45,3 @@ def test_firas_ends_at_its_reach_and_is_continuous_there():
 def test_at_contact_the_potential_is_infinite_and_has_no_gradient(d):
     assert Firas(1.0, 1.0).value(d) == math.inf
     assert np.isnan(Firas(1.0, 1.0).gradient(d, [1.0, 0.0, 0.0])).all()
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: Firas(0.0, 1.0), "strength"),
-        (lambda: Firas(1.0, math.inf), "reach"),
-    ],
-)
-def test_what_is_no_potential_is_refused(make, said):
-    with pytest.raises(FieldError, match=said):
-        make()

@@ -8,10 +8,10 @@ import pytest
 from clearings import among, around, ball, load, measured, point_among
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from vortex_field import Vortex, facing
 
 import cinegen
-from cinegen.planning.potential_fields import closeness
-from cinegen.planning.vortex_field import Vortex, facing
+from cinegen.planning.descent import closeness
 from cinegen.planning.vortices import Vortices
 
 seeds = st.integers(0, 2**32 - 1)

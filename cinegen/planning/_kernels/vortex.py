@@ -1,4 +1,4 @@
-"""The vortex field of links among obstacles, compiled; `cinegen.planning.vortex_field` is its plain form."""
+"""The vortex field of links among obstacles, compiled; `examples/papers/vortex_field.py` is its plain form."""
 
 from __future__ import annotations
 

@@ -10,9 +10,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from polygons import convex, distance, holds, normal
+from vortex_field import Vortex, facing
 
-from cinegen.planning.potential_fields import FieldError
-from cinegen.planning.vortex_field import Vortex, facing, folding, rotation_axis
+from cinegen.collision import PlanningError
+from cinegen.planning.vortices import folding, rotation_axis
 
 X, Y, Z = np.eye(3)
 angles = st.floats(-math.pi, math.pi)
@@ -89,7 +90,7 @@ def test_head_on_the_next_direction_counts():
 
 @pytest.mark.parametrize("n", [[0.0, 0.0, 0.0], [math.nan, 0.0, 1.0]])
 def test_without_a_normal_there_is_no_axis(n):
-    with pytest.raises(FieldError, match="normal"):
+    with pytest.raises(PlanningError, match="normal"):
         rotation_axis(n, X)
 
 

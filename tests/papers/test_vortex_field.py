@@ -10,9 +10,9 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from polygons import NOTCHED, convex, distance, holds, normal
+from vortex_field import FieldError, Vortex
 
-from cinegen.planning.potential_fields import FieldError, Firas
-from cinegen.planning.vortex_field import Vortex
+from cinegen.planning.descent import Firas
 
 Z = np.array([0.0, 0.0, 1.0])
 lengths = st.floats(-2.0, 2.0).map(lambda x: round(x, 4))

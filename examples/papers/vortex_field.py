@@ -1,7 +1,8 @@
-"""The vortex field of an obstacle, in plain numpy: its modulus, its weight and its axis of rotation.
+"""The vortex field of an obstacle, in plain numpy: its modulus and its weight, with the derivation of all of it.
 
 C. De Medio and G. Oriolo, "Robot obstacle avoidance using vortex fields", Advances in Robot Kinematics, Springer 1991,
-equation 4 and the text after it. The compiled field (`cinegen.planning._kernels.vortex`) is tested against this module.
+equation 4 and the text after it. The compiled field (`cinegen.planning._kernels.vortex`) is tested against this module;
+`cinegen.planning.vortices` chooses the axis of rotation.
 
 **Field.** Around a point O of the plane the field is V = (-y, x) / (x^2 + y^2), the gradient of arctan(y / x), which is
 a potential only locally: one revolution around O adds 2 pi. Around any other shape it is tangent to the contours of the
@@ -76,12 +77,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.planning.potential_fields import FieldError, closeness, require_positive
+from cinegen.collision import PlanningError
+from cinegen.planning.descent import closeness
 
 Array = NDArray[np.float64]
 
-_PARALLEL = 1e-9  # sine of the angle to the normal below which a direction does not determine an axis
-_FALLBACK = (np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0]))
+
+class FieldError(PlanningError):
+    """An invalid parameter of a field; the message names it, and the valid values."""
+
+
+def require_positive(name: str, value: float) -> None:
+    """Raise FieldError unless the value is a finite number above 0."""
+    if not (math.isfinite(value) and value > 0.0):
+        raise FieldError(f"{name} is {value!r}; give a finite number above 0")
 
 
 @dataclass(frozen=True)
@@ -132,51 +141,3 @@ def facing(attractions: ArrayLike, normals: ArrayLike) -> Array:
     size = np.linalg.norm(a, axis=-1, keepdims=True)
     unit = a / np.where(size > 0.0, size, 1.0)
     return np.asarray(np.maximum(-(unit * np.asarray(normals, dtype=float)).sum(axis=-1), 0.0))
-
-
-def folding(point: ArrayLike, base: ArrayLike, axis: ArrayLike | None = None) -> Array:
-    """Return the direction toward the base (3,), m: "folding rather than stretching", which keeps the obstacle from
-    catching the arm.
-
-    Args:
-        point: (3,) where the vortex acts, m.
-        base: (3,) position of the robot's base, m.
-        axis: (3,) axis of the base's joint, if that is revolute: the direction is then perpendicular to it.
-    """
-    offset: Array = np.asarray(base, dtype=float) - np.asarray(point, dtype=float)
-    if axis is None:
-        return offset
-    along = np.asarray(axis, dtype=float)
-    return np.asarray(offset - (offset @ along) / (along @ along) * along)
-
-
-def rotation_axis(normal: ArrayLike, *directions: ArrayLike, plane: ArrayLike | None = None) -> Array:
-    """Return the unit axis w (3,) of a vortex that starts along a direction.
-
-    Args:
-        normal: (3,) outward unit normal n of the obstacle.
-        directions: (3,) directions tau of any size; the first that is not along n is used. If there is none, the vortex
-            starts along z (along x where n is along z).
-        plane: (3,) unit normal of the plane in which everything moves; w is then plus or minus that, plus where no
-            direction is left.
-
-    Raises:
-        FieldError: the normal is zero or not finite.
-    """
-    n = np.asarray(normal, dtype=float)
-    if not (np.isfinite(n).all() and n.any()):
-        raise FieldError(f"the normal of an obstacle is {normal!r}; give a unit vector")
-    candidates = (*directions, *(_FALLBACK if plane is None else ()))
-    across = [_cross_unit(n, np.asarray(tau, dtype=float)) for tau in candidates]
-    if plane is not None:
-        up = np.asarray(plane, dtype=float)
-        senses = (float(up @ axis) for axis in across)
-        return np.asarray(math.copysign(1.0, next((s for s in senses if abs(s) > _PARALLEL), 1.0)) * up)
-    sizes = [float(np.linalg.norm(axis)) for axis in across]
-    return next(axis / size for axis, size in zip(across, sizes, strict=True) if size > _PARALLEL)
-
-
-def _cross_unit(normal: Array, direction: Array) -> Array:
-    """Return n x tau / |tau| (3,); 0 where tau is 0."""
-    size = float(np.linalg.norm(direction))
-    return np.cross(normal, direction / size) if size > 0.0 else np.zeros(3)
