@@ -140,8 +140,10 @@ class Dependence:
 
     Attributes:
         rank: of all lines together.
-        sigma: the smallest singular value of all lines: how near to dependent they are.
-        names: of the lines.
+        sigma: the smallest singular value of all lines, 0 if they are dependent. To make them dependent, lines must
+            change by at least as much, all changes together: sum |change|^2 >= sigma^2, in rad for directions and in
+            `length` for moments. So it bounds the distance of a pose from any singularity from below.
+        count: number of lines.
         sets: the sets that are dependent while no fewer of their lines are: all of the smallest size, then larger ones
             until the rank is explained. Those that span the same count as one.
         uncontrolled: screws that span all that is reciprocal to all lines: the motions that they leave free. One if the
@@ -152,7 +154,7 @@ class Dependence:
 
     rank: int
     sigma: float
-    names: tuple[str, ...]
+    count: int
     sets: tuple[DependentSet, ...]
     uncontrolled: tuple[Screw, ...]
     length: float
@@ -168,62 +170,30 @@ class Dependence:
         """The class of the first set."""
         return self.sets[0].grassmann_class
 
-    @property
-    def reason(self) -> str:
-        """The reason as a text, lengths without their unit."""
-        return self.text()
-
-    def text(self, noun: str = "leg", unit: str = "") -> str:
-        """Return the reason as a text.
-
-        Args:
-            noun: what the lines are.
-            unit: of length, as "mm".
-        """
-        reasons = "; ".join(reason.text(some, self.names, noun, unit, self.length) for some in self.sets)
+    def text(self, unit: str = "") -> str:
+        """Return the reason as a text about legs, lengths in a unit such as "mm" or without one."""
+        reasons = "; ".join(reason.text(some, self.count, unit, self.length) for some in self.sets)
         return f"nearly: {reasons}" if self.nearly else reasons
 
 
-def nearness(lines: Sequence[PlueckerLine], length: float, origin: Array | None = None) -> float:
-    """Return the smallest singular value of the lines' (d, m / length), 0 if they are dependent.
-
-    To make them dependent, lines must change by at least as much, all changes together: sum |change|^2 >= sigma^2, in
-    rad for directions and in `length` for moments. So it bounds the distance of a pose from any singularity from below.
-
-    Args:
-        lines: one to six.
-        length: the characteristic length, as the platform's radius.
-        origin: (3,) about which moments are taken; see `classify`.
-    """
-    _check(lines)
-    vectors = LineFrame.of(lines, length, origin).coordinates(lines)
-    return float(np.linalg.svd(vectors, compute_uv=False)[-1])
-
-
-def classify(
-    lines: Sequence[PlueckerLine], length: float, names: Sequence[str] | None = None, tolerance: float = DEPENDENT,
-    origin: Array | None = None,
-) -> Dependence | None:  # fmt: skip
+def classify(lines: Sequence[PlueckerLine], length: float, tolerance: float = DEPENDENT) -> Dependence | None:
     """Return why lines are dependent; None if they are not.
 
+    Moments are taken about the centroid of the points at which the lines were made (`LineFrame.of`).
+
     Args:
         lines: one to six.
         length: the characteristic length, as the platform's radius.
-        names: of the lines, for the text of the reason; "1", "2", ... if not given.
         tolerance: how accurate the lines are: below it a singular value is 0, and lines meet.
-        origin: (3,) about which moments are taken; if not given, the centroid of the points at which the lines were
-            made (`LineFrame.of`).
 
     Raises:
-        PlueckerError: more than six lines, or none; names that are not as many; a tolerance not between 0 and 1.
+        PlueckerError: more than six lines, or none; the length is not positive; a tolerance not between 0 and 1.
     """
-    _check(lines)
+    if not 1 <= len(lines) <= 6:
+        raise PlueckerError(f"{len(lines)} lines were given; one to six can be independent in space")
     if not 0.0 < tolerance < 1.0:
         raise PlueckerError(f"the tolerance is {tolerance}; give one between 0 and 1, as {DEPENDENT}")
-    labels = tuple(names) if names is not None else tuple(str(i + 1) for i in range(len(lines)))
-    if len(labels) != len(lines):
-        raise PlueckerError(f"{len(lines)} lines have {len(labels)} names: {', '.join(labels)}; name each")
-    frame = LineFrame.of(lines, length, origin)
+    frame = LineFrame.of(lines, length)
     vectors = frame.coordinates(lines)
     sigma = np.linalg.svd(vectors, compute_uv=False)
     if sigma[-1] > tolerance:
@@ -233,13 +203,12 @@ def classify(
     accuracy = max(tolerance, _MARGIN * whole.vanishing)
     screws = (frame.screw(s, whole.known(accuracy), whole.contains_line(s, accuracy)) for s in whole.reciprocal)
     sets = (_named(frame, vectors, circuits, tolerance) for circuits in _reasons(vectors, rank, tolerance))
-    return Dependence(rank, float(sigma[-1]), labels, tuple(sets), tuple(screws), frame.length)
+    return Dependence(rank, float(sigma[-1]), len(lines), tuple(sets), tuple(screws), frame.length)
 
 
 def near(
-    lines: Sequence[PlueckerLine], length: float, within: float, names: Sequence[str] | None = None,
-    tolerance: float = DEPENDENT, origin: Array | None = None,
-) -> Dependence | None:  # fmt: skip
+    lines: Sequence[PlueckerLine], length: float, within: float, tolerance: float = DEPENDENT
+) -> Dependence | None:
     """Return the dependence that lines are near to without being in it; None if they are in one, or near to none.
 
     It is classified as if the lines were only known to `within`: the smallest sets whose singular value is at most
@@ -249,19 +218,13 @@ def near(
         lines: one to six.
         length: the characteristic length.
         within: the largest singular value that is near, as 1e-2; more than `tolerance`.
-        names: of the lines.
         tolerance: up to which lines are dependent, not near.
-        origin: (3,) about which moments are taken; see `classify`.
+
+    Raises:
+        PlueckerError: see `classify`.
     """
-    if nearness(lines, length, origin) <= tolerance:
-        return None
-    found = classify(lines, length, names, within, origin)
-    return found and replace(found, nearly=True)
-
-
-def _check(lines: Sequence[PlueckerLine]) -> None:
-    if not 1 <= len(lines) <= 6:
-        raise PlueckerError(f"{len(lines)} lines were given; one to six can be independent in space")
+    found = classify(lines, length, within)
+    return None if found is None or found.sigma <= tolerance else replace(found, nearly=True)
 
 
 # --- dependent sets ---------------------------------------------------------------------------------------------------

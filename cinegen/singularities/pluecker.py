@@ -119,16 +119,6 @@ class Screw:
             screw[3:] += self.pitch * self.axis.direction
         return screw
 
-    @property
-    def rotates(self) -> bool:
-        """True for a pure rotation."""
-        return self.pitch == 0.0
-
-    @property
-    def translates(self) -> bool:
-        """True for a pure translation."""
-        return math.isinf(self.pitch)
-
 
 @dataclass(frozen=True, eq=False)
 class ProjectivePoint:
@@ -164,8 +154,8 @@ class LineFrame:
     length: float
 
     @classmethod
-    def of(cls, lines: Sequence[PlueckerLine], length: float, origin: Array | None = None) -> LineFrame:
-        """Return the frame of some lines. Its origin, if not given, is the centroid of the points at which the lines
+    def of(cls, lines: Sequence[PlueckerLine], length: float) -> LineFrame:
+        """Return the frame of some lines. Its origin is the centroid of the points at which the lines
         were made, for legs that of their middles. So nothing depends on where, in the caller's axes, the lines are.
 
         Raises:
@@ -175,9 +165,7 @@ class LineFrame:
             raise PlueckerError("no lines were given")
         if not (length > 0.0 and math.isfinite(length)):
             raise PlueckerError(f"a characteristic length of {length} was given; give a positive one")
-        if origin is None:
-            origin = np.mean([line.point for line in lines], axis=0)
-        return cls(np.asarray(origin, dtype=float), float(length))
+        return cls(np.mean([line.point for line in lines], axis=0), float(length))
 
     def coordinates(self, lines: Sequence[PlueckerLine]) -> Array:
         """Return the lines' (d, (m - o x d) / length), (n, 6)."""

@@ -20,17 +20,16 @@ _NUMBERS = ("no", "one", "two", "three", "four", "five", "six")
 _DIGITS = 4  # of the characteristic length that are written
 
 
-def text(some: DependentSet, names: Sequence[str], noun: str, unit: str, length: float) -> str:
+def text(some: DependentSet, count: int, unit: str, length: float) -> str:
     """Return why the lines of a set are dependent, as "legs 1, 2, 3 and 5 meet in one point, (0, 0, 3) mm".
 
     Args:
         some: the set.
-        names: of all lines.
-        noun: what a line is, "leg".
+        count: number of all lines.
         unit: of length, or nothing.
         length: the characteristic length: it determines the number of digits.
     """
-    write = _Writer(names, noun, unit, length)
+    write = _Writer(count, unit, length)
     lines, directors, points, planes = write.lines(some.lines), some.directors, some.points, some.planes
     name = some.grassmann_class.name
     if name == "ONE_LINE":
@@ -74,19 +73,19 @@ def text(some: DependentSet, names: Sequence[str], noun: str, unit: str, length:
 class _Writer:
     """Writes lines, points and numbers."""
 
-    def __init__(self, names: Sequence[str], noun: str, unit: str, length: float) -> None:
-        self._names, self._noun, self._length = names, noun, length
+    def __init__(self, count: int, unit: str, length: float) -> None:
+        self._count, self._length = count, length
         self._unit = f" {unit}" if unit else ""
         self.per_radian = f" {unit}/rad" if unit else " per rad"
 
     def lines(self, which: Sequence[int]) -> str:
         """ "legs 1, 2 and 3"; "all six legs"."""
-        if len(which) == len(self._names) > 2:
-            return f"all {_NUMBERS[len(which)]} {self._noun}s"
-        named = [self._names[line] for line in which]
+        if len(which) == self._count > 2:
+            return f"all {_NUMBERS[len(which)]} legs"
+        named = [str(line + 1) for line in which]
         if len(named) == 1:
-            return f"{self._noun} {named[0]}"
-        return f"{self._noun}s {', '.join(named[:-1])} and {named[-1]}"
+            return f"leg {named[0]}"
+        return f"legs {', '.join(named[:-1])} and {named[-1]}"
 
     def length(self, value: float) -> str:
         """A length, with as many digits as the characteristic length justifies."""

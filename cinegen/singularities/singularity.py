@@ -174,8 +174,8 @@ def singularity(
             uncontrolled = _screws(frame, twist / size)
     legs, dependence = leg_lines(mechanism, here), None
     if legs:
-        exact = classify(legs, mechanism.length, tolerance=tolerance)
-        dependence = exact or near(legs, mechanism.length, within, tolerance=tolerance)
+        exact = classify(legs, mechanism.length, tolerance)
+        dependence = exact or near(legs, mechanism.length, within, tolerance)
     return Singularity(
         _kind(first, second, tolerance), _kind(first, second, within), name, first, second, lost[0], lost[1],
         uncontrolled[0], uncontrolled[1], motion, legs, dependence,

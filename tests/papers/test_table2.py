@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from line_geometry import are_coplanar, distance, mutual_moment, transversals
 from scipy.spatial.transform import Rotation
 from table2 import COORDINATES, ROWS, Geometry, GeometryError, concurrency
+from varieties import nearness
 
-from cinegen.singularities.grassmann import GrassmannClass, classify, nearness
+from cinegen.singularities.grassmann import GrassmannClass, classify
 from cinegen.singularities.pluecker import PlueckerLine
 
 # The paper's example (J-P. Merlet, "Symbolic computation for the determination of the minimal direct kinematics
@@ -180,7 +181,7 @@ def test_the_first_row_is_the_printed_one_on_the_papers_robot():
     for pose in PLANE.complete(PAPER, _any_pose(np.random.default_rng(0))):
         assert np.tan(pose[3]) == pytest.approx((ya3 - ya4) / (xa3 + xa4))
         found = classify(PAPER.lines(pose), PAPER.length)
-        assert found.reason.startswith("legs 1, 2, 3 and 5 meet in one point")
+        assert found.text().startswith("legs 1, 2, 3 and 5 meet in one point")
         assert found.sets[0].points[0].xyz == pytest.approx(PAPER.corners(pose)[0])
 
 
@@ -224,7 +225,7 @@ def test_fichter_turns_the_papers_platform_by_a_quarter(psi):
     for pose in poses:
         found = classify(PAPER.lines(pose), PAPER.length)
         assert found.grassmann_class is GrassmannClass.GENERAL_COMPLEX
-        assert found.reason.startswith("all six legs belong to one linear complex, of pitch ")
+        assert found.text().startswith("all six legs belong to one linear complex, of pitch ")
 
 
 def test_fichters_singularity_as_printed():
@@ -257,7 +258,7 @@ def test_hunts_legs_all_meet_a_side_of_the_platform():
             (axis,) = found.sets[0].directors
             assert distance(axis, side) < 1e-8
             assert abs(axis.direction @ side.direction) == pytest.approx(1.0)
-            assert found.uncontrolled[0].rotates
+            assert found.uncontrolled[0].pitch == 0.0
 
 
 def test_the_special_row_has_the_line_from_the_base_lines_crossing():
@@ -339,7 +340,7 @@ def test_four_legs_in_the_base_are_coplanar():
     assert not np.allclose(turned, corners)
     found = classify(PAPER.lines(pose), PAPER.length)
     assert found.grassmann_class is GrassmannClass.PLANE
-    assert found.reason == "legs 1, 2, 3 and 4 lie in one plane, with normal (0, 0, 1) at 0 from the origin"
+    assert found.text() == "legs 1, 2, 3 and 4 lie in one plane, with normal (0, 0, 1) at 0 from the origin"
 
 
 def test_rows_without_a_solution_have_no_poses():

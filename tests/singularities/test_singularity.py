@@ -119,7 +119,7 @@ def test_type_1_of_a_five_bar_is_where_an_arm_is_stretched(robot):
     found = singularity(mechanism, q)
     assert found.kind is SingularityType.TYPE_1
     arm = mechanism.placement(q, "tool").translation - mechanism.placement(q, "link1").translation
-    assert found.lost_dof.translates
+    assert found.lost_dof.pitch == math.inf
     lost = found.lost_dof.axis.coordinates[3:]
     assert abs(lost @ arm) == pytest.approx(np.linalg.norm(arm), rel=1e-9)  # along the stretched arm
     line = found.supported_wrench.axis
@@ -151,7 +151,7 @@ def test_a_3rrr_gains_a_motion_where_its_outer_bars_meet_in_a_point_or_are_paral
     assert found.dependence.grassmann_class is GrassmannClass.FLAT_PENCIL
     assert found.dependence.lines == (0, 1, 2)
     if parallel:
-        assert found.uncontrolled_dof.translates
+        assert found.uncontrolled_dof.pitch == math.inf
         assert abs(found.uncontrolled_dof.axis.coordinates[3:5] @ way) < 1e-7  # across the bars
         assert "parallel" in found.message
     else:

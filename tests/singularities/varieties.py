@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.singularities.grassmann import GrassmannClass
-from cinegen.singularities.pluecker import PlueckerLine
+from cinegen.singularities.pluecker import LineFrame, PlueckerLine
 
 Array = NDArray[np.float64]
 Segment = tuple[Array, Array]  # two points of a line
@@ -280,3 +280,9 @@ def placed(maker, rng, noise=0.0, others=None, clear=0.05):
     result.lines = [PlueckerLine.through(*moved[i]) for i in order]
     result.where = tuple(int(i) for i in np.flatnonzero(order < count))
     return result
+
+
+def nearness(lines, length, origin=None):
+    """The smallest singular value of all lines, moments about an origin or else the middle of the lines."""
+    frame = LineFrame.of(lines, length) if origin is None else LineFrame(origin, length)
+    return float(np.linalg.svd(frame.coordinates(lines), compute_uv=False)[-1])
