@@ -58,39 +58,31 @@ class Body:
 
 def _bounding_ball(shape: coal.CollisionGeometry) -> tuple[Array, float]:
     """Return the centre (3,), in the shape's frame, and the radius of a ball that contains a shape."""
-    middle, swept = np.zeros(3), float(shape.getSweptSphereRadius()) if isinstance(shape, coal.ShapeBase) else 0.0
     match shape:
         case coal.Halfspace() | coal.Plane():
             return np.array(shape.n) * shape.d, np.inf
-        case coal.Sphere():
-            return middle, shape.radius + swept
-        case coal.Capsule():
-            return middle, shape.halfLength + shape.radius + swept
         case coal.Cylinder():
-            return middle, float(np.hypot(shape.halfLength, shape.radius)) + swept
-        case coal.Box():
-            return middle, float(np.linalg.norm(shape.halfSide)) + swept
-        case coal.Convex():
-            corners = np.array(shape.points())
-            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-            return middle, float(np.linalg.norm(corners - middle, axis=1).max()) + swept
-    shape.computeLocalAABB()  # includes the swept radius
-    return np.array(shape.aabb_local.center()), float(shape.aabb_radius)
+            return np.zeros(3), float(np.hypot(shape.halfLength, shape.radius) + shape.getSweptSphereRadius())
+    points, radius = rounded_hull(shape)
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    return middle, float(np.linalg.norm(points - middle, axis=1).max()) + radius
 
 
-def rounded_hull(shape: coal.ShapeBase, sides: int) -> tuple[Array, float]:
+def rounded_hull(shape: coal.CollisionGeometry, sides: int = 32) -> tuple[Array, float]:
     """Return points (n, 3) in the shape's frame and a radius, m: the convex hull of the points, grown by the radius,
     contains the shape.
 
-    It is the shape itself for spheres, capsules, boxes and convex hulls; the circumscribed prism for a cylinder; the
-    bounding box for other shapes.
+    It is the shape itself for spheres, capsules, boxes and convex hulls; the convex hull of a mesh; the circumscribed
+    prism for a cylinder; the bounding box for other shapes.
 
     Args:
         shape: any but a half-space or a plane.
-        sides: number of sides of the prism around a cylinder.
+        sides: number of sides of the prism around a cylinder; with 32 it is half a percent thicker than that.
     """
-    swept = float(shape.getSweptSphereRadius())
+    swept = float(shape.getSweptSphereRadius()) if isinstance(shape, coal.ShapeBase) else 0.0
     match shape:
+        case coal.BVHModelOBBRSS():
+            return np.array(shape.vertices()), swept
         case coal.Sphere():
             return np.zeros((1, 3)), float(shape.radius) + swept
         case coal.Capsule():

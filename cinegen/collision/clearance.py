@@ -4,7 +4,6 @@ motion."""
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache
 from typing import Any, NamedTuple
 
 import coal
@@ -29,8 +28,6 @@ from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 Table = NDArray[np.int64]
-
-_KEPT = 8  # mechanisms
 
 
 class NearPairs(NamedTuple):
@@ -180,13 +177,12 @@ class Clearance:
 def clearance_of(scene: Scene) -> Clearance:
     """Return the clearance of a scene's robot among its obstacles, without the pairs that the scene allows to
     collide."""
-    links, pairs = links_of(scene.mechanism) if scene.bodies is None else (scene.bodies, ())
+    links, pairs = scene.mechanism.derived(links_of) if scene.bodies is None else (scene.bodies, ())
     return Clearance(scene.mechanism, links, scene.obstacles, scene.checked_pairs(links, pairs))
 
 
-@lru_cache(maxsize=_KEPT)
 def links_of(mechanism: Mechanism) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...]]:
-    """Return a mechanism's bodies, and the pairs of them that may collide; kept, because they take a while."""
+    """Return a mechanism's bodies, and the pairs of them that may collide."""
     bodies = link_bodies(mechanism)
     return bodies, collision_pairs(mechanism, bodies)
 

@@ -25,7 +25,6 @@ TIGHT = 1.75
 """Largest volume of a capsule, as a multiple of the convex hull's volume. A long bar of square section gets a capsule
 (1.7), as does a cylinder as wide as it is long (1.7); a cube does not."""
 
-_SIDES = 32  # of the prism around a cylinder, half a percent thicker than that
 _SAME = 1e-9  # m
 
 
@@ -113,7 +112,7 @@ def is_inside(inner: PlacedShape | Body, outer: PlacedShape | Body) -> bool:
 
     Each is a sphere, capsule, box, cylinder or hull; the inner cylinder counts as the prism of 32 sides around it.
     """
-    points, radius = rounded_hull(inner.shape, _SIDES)
+    points, radius = rounded_hull(inner.shape)
     points = points @ inner.placement.rotation.T + inner.placement.translation
     local = (points - outer.placement.translation) @ outer.placement.rotation
     return float(_distances_outside(local, outer.shape).max()) + radius <= _SAME

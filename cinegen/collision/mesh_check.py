@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -25,8 +24,6 @@ Array = NDArray[np.float64]
 
 STEP = 1e-3
 """Of the characteristic length: by how much a shape moves at most from one checked configuration to the next."""
-
-_KEPT = 8  # mechanisms whose meshes are
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +56,7 @@ class MeshCheck:
     def __init__(self, scene: Scene) -> None:
         mechanism = self._mechanism = scene.mechanism
         if scene.bodies is None:
-            self._bodies, pairs, always = _meshes_of(mechanism)
+            self._bodies, pairs, always = mechanism.derived(_meshes_of)
         else:
             self._bodies, pairs, always = scene.bodies, (), ()
         obstacles = [body for obstacle in scene.obstacles for body in obstacle.bodies]
@@ -124,7 +121,6 @@ class MeshCheck:
         return [self._data.oMi[body.joint].copy() for body in self._bodies]
 
 
-@lru_cache(maxsize=_KEPT)
 def _meshes_of(
     mechanism: Mechanism,
 ) -> tuple[tuple[Body, ...], tuple[tuple[int, int], ...], tuple[tuple[int, int], ...]]:
