@@ -46,6 +46,11 @@ class SingularityType(Enum):
     TYPE_2 = "type 2"
     BOTH = "type 1 and type 2"
 
+    @classmethod
+    def of(cls, first: bool, second: bool) -> SingularityType:
+        """Return the type of a configuration that is singular of the first type, of the second, of both or of none."""
+        return (cls.NONE, cls.TYPE_1, cls.TYPE_2, cls.BOTH)[first + 2 * second]
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Singularity:
@@ -183,10 +188,7 @@ def singularity(
 
 
 def _kind(first: Array, second: Array, threshold: float) -> SingularityType:
-    one, two = (bool(len(values)) and float(values[-1]) <= threshold for values in (first, second))
-    if one:
-        return SingularityType.BOTH if two else SingularityType.TYPE_1
-    return SingularityType.TYPE_2 if two else SingularityType.NONE
+    return SingularityType.of(*(bool(len(values)) and float(values[-1]) <= threshold for values in (first, second)))
 
 
 def _images(mechanism: Mechanism, jacobians: CountedJacobians) -> Array:

@@ -229,9 +229,7 @@ class Regularity:
     @property
     def kind(self) -> SingularityType:
         """Types of the singularities."""
-        if self.first:
-            return SingularityType.BOTH if self.second else SingularityType.TYPE_1
-        return SingularityType.TYPE_2 if self.second else SingularityType.NONE
+        return SingularityType.of(self.first, self.second)
 
     def __bool__(self) -> bool:
         """Return whether there are none, and all points are on one branch."""
