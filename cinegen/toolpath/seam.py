@@ -42,7 +42,7 @@ AGAIN = ("stay", "back", "loop")
 
 _MOST = 100_000  # points
 _FAR = 1e6  # m
-_NONE = 1e-9  # m or rad: shorter segments are left out
+_NONE = 1e-9  # m: shorter segments are left out
 
 
 class SpeedProfile(NamedTuple):
@@ -90,7 +90,7 @@ class _Segment(NamedTuple):
     profile: SpeedProfile
     pose: Callable[[float], pin.SE3]  # of the tool, by the distance along the segment
     begin: float  # m of the seam before it
-    gain: float  # m of the seam for each m or rad of the segment
+    gain: float  # m of the seam for each m of the segment
 
 
 class Seam(TimedSensor):
@@ -158,7 +158,8 @@ class Seam(TimedSensor):
         self._segments = self._path(approach)
         self.duration = sum(segment.profile.duration for segment in self._segments)
         if again == "loop":
-            self._segments += self._return()
+            first, last = self._segments[0].pose(0.0), self._segments[-1].pose(self._segments[-1].profile.length)
+            self._segments += self._straight(last, first, pin.SE3.Identity(), self.length, 0.0)
         self._times = np.cumsum([0.0, *(segment.profile.duration for segment in self._segments)]).tolist()
 
     def __repr__(self) -> str:
@@ -246,46 +247,38 @@ class Seam(TimedSensor):
         for i, curve in enumerate(self._curves):
             begin = self._begins[i]
             if i:
-                segments += self._rotation(self._frame(i - 1, self._curves[i - 1].length), self._frame(i, 0.0), begin)
+                before, after = self._frame(i - 1, self._curves[i - 1].length), self._frame(i, 0.0)
+                segments += self._straight(before, after, self._tool, begin, begin)
             profile = SpeedProfile(curve.length, self._speed, self._ramp)
             segments.append(_Segment(profile, partial(self._on_curve, i), begin, 1.0))
-        if approach < _NONE:
-            return segments
-        profile, first, last = SpeedProfile(approach, self._speed, self._ramp), self.at(0.0), self.at(self.length)
-        before = _Segment(profile, lambda far: first * _back(approach - far), 0.0, 0.0)
-        return [before, *segments, _Segment(profile, lambda far: last * _back(far), self.length, 0.0)]
+        first, last, same = self.at(0.0), self.at(self.length), pin.SE3.Identity()
+        away = pin.SE3(np.eye(3), np.array([0.0, 0.0, -approach]))
+        before = self._straight(first * away, first, same, 0.0, 0.0)
+        return [*before, *segments, *self._straight(last, last * away, same, self.length, self.length)]
 
-    def _rotation(self, first: pin.SE3, last: pin.SE3, begin: float) -> list[_Segment]:
-        """Return the rotation about the seam's point between two frames, unless they are the same."""
-        angle = float(np.linalg.norm(pin.log3(first.rotation.T @ last.rotation)))
-        if angle < _NONE:
-            return []
-        line, profile = _line(first, last), SpeedProfile(angle, self._turning, self._ramp)
-        return [_Segment(profile, lambda far: line(far / angle) * self._tool, begin, 0.0)]
+    def _straight(self, here: pin.SE3, there: pin.SE3, tool: pin.SE3, begin: float, end: float) -> list[_Segment]:
+        """Return the motion between two poses that carry the tool, none if they are the same: the origin on a straight
+        line, a rotation about one axis at the same time.
 
-    def _return(self) -> list[_Segment]:
-        """Return the line from the last pose to the first, unless they are the same."""
-        first, last = self._segments[0], self._segments[-1]
-        here, there = last.pose(last.profile.length), first.pose(0.0)
-        angle = float(np.linalg.norm(pin.log3(here.rotation.T @ there.rotation)))
-        far = float(np.linalg.norm(there.translation - here.translation))
-        length = max(far, angle * self._speed / self._turning)  # the angular speed is limited, too
+        Args:
+            here: where it begins.
+            there: where it ends.
+            tool: pose of the tool in these.
+            begin: m of the seam before the motion.
+            end: m of the seam after it.
+        """
+        rotation, step = pin.log3(here.rotation.T @ there.rotation), there.translation - here.translation
+        # neither the speed nor the angular speed is exceeded
+        length = float(max(np.linalg.norm(step), np.linalg.norm(rotation) * self._speed / self._turning))
         if length < _NONE:
             return []
-        line, profile = _line(here, there), SpeedProfile(length, self._speed, self._ramp)
-        return [_Segment(profile, lambda far: line(far / length), self.length, -self.length / length)]
 
+        def pose(far: float) -> pin.SE3:
+            part = far / length
+            return pin.SE3(here.rotation @ pin.exp3(part * rotation), here.translation + part * step) * tool
 
-def _line(first: pin.SE3, last: pin.SE3) -> Callable[[float], pin.SE3]:
-    """Return poses by the part, 0 to 1, between two: the origin on a straight line, a rotation about one axis."""
-    rotation = pin.log3(first.rotation.T @ last.rotation)
-    step = last.translation - first.translation
-    return lambda part: pin.SE3(first.rotation @ pin.exp3(part * rotation), first.translation + part * step)
-
-
-def _back(far: float) -> pin.SE3:
-    """Return the displacement away from the work along the tool's own axis, m."""
-    return pin.SE3(np.eye(3), np.array([0.0, 0.0, -far]))
+        profile = SpeedProfile(length, self._speed, self._ramp)
+        return [_Segment(profile, pose, begin, (end - begin) / length)]
 
 
 def _checked(points: ArrayLike, normals: ArrayLike) -> tuple[Array, Array]:
