@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import concurrent.futures
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -61,14 +62,14 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
 
 
 def each(
-    client: Client, function: Callable[..., object], tasks: Iterable[Task], *first: Any
-) -> Iterator[tuple[Task, Future[Any]]]:
+    client: Client | None, function: Callable[..., object], tasks: Iterable[Task], *first: Any
+) -> Iterator[tuple[Task, Future[Any] | concurrent.futures.Future[Any]]]:
     """Run a function for tasks, and yield these as they are done, in any order, each with its future.
 
     A result stays on its worker until it is asked for. Few tasks are under way at a time, however many there are.
 
     Args:
-        client: of the cluster.
+        client: of the cluster; None for this process alone, which does one task after the other.
         function: called with `first` and a task; its errors that are cinegen's are raised here.
         tasks: one after the other.
         first: arguments for all tasks.
@@ -76,6 +77,12 @@ def each(
     Raises:
         CinegenError: the function raised it, or a task can't be done.
     """
+    if client is None:
+        for task in tasks:
+            done = concurrent.futures.Future[Any]()
+            done.set_result(function(*first, task))
+            yield task, done
+        return
     from distributed import as_completed
 
     left, under_way = iter(tasks), dict[Any, Task]()

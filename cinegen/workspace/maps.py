@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from functools import lru_cache, partial
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
+from functools import lru_cache
 from pathlib import Path
 from socket import gethostname
 from threading import Lock
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,6 @@ _WORTH = 4  # tasks for each process, from which on processes are worth starting
 
 Chunks = list[int]
 Report = Callable[[int, int], None]
-Task = Callable[["MapFolder", Chunks], None]
 
 
 def make_map(
@@ -110,15 +109,22 @@ def _make(store: MapStore, usual: int, workers: int | None, scheduler: str | Non
     complete, size = store.complete(), store.spec.region.size
     left = size - store.done
     wanted = workers or min(os.cpu_count() or 1, max(1, left // (_WORTH * usual)))
+    client: AbstractContextManager[Any] = nullcontext()
     if not left or (scheduler is None and wanted == 1):
-        scheduler, wanted, usual = None, 1, 1  # each chunk is reported
-    with _runner(store, scheduler, wanted) as run:
+        usual = 1  # each chunk is reported
+    else:
+        from cinegen.ik.batch import BatchEvaluator
+
+        BatchEvaluator(store.spec.mechanism, store.spec.node)  # compiles, if necessary, before all processes do at once
+        client = connected(scheduler, wanted)
+    folder = MapFolder(str(store.path), store.digest)
+    with client as shared:
         if left < size:
-            for _ in run(_discard_damaged, _lists(store, np.flatnonzero(complete), _READ)):
+            for _ in each(shared, _discard_damaged, _lists(store, np.flatnonzero(complete), _READ), folder):
                 pass
         done = store.done
         report(done, size)
-        for chunks in run(_evaluate, _lists(store, np.flatnonzero(~store.complete()), usual)):
+        for chunks, _ in each(shared, _evaluate, _lists(store, np.flatnonzero(~store.complete()), usual), folder):
             done += int(store.sizes(np.asarray(chunks)).sum())
             report(done, size)
 
@@ -129,28 +135,6 @@ def _lists(store: MapStore, chunks: NDArray[np.intp], most: int) -> Iterator[Chu
     return (chunks[first : first + count].tolist() for first in range(0, len(chunks), count))
 
 
-@contextmanager
-def _runner(
-    store: MapStore, scheduler: str | None, workers: int
-) -> Iterator[Callable[[Task, Iterable[Chunks]], Iterator[Chunks]]]:
-    """Return what runs a task on lists of chunks and yields each when it is done: this process, others or a cluster."""
-    folder = MapFolder(str(store.path), store.digest, store.chunk_shape)
-    if scheduler is None and workers == 1:
-        yield partial(_in_turn, folder)
-        return
-    from cinegen.ik.batch import BatchEvaluator
-
-    BatchEvaluator(store.spec.mechanism, store.spec.node)  # compiles, if necessary, before all processes do so at once
-    with connected(scheduler, workers) as client:
-        yield lambda task, lists: (chunks for chunks, _ in each(client, task, lists, folder))
-
-
-def _in_turn(folder: MapFolder, task: Task, lists: Iterable[Chunks]) -> Iterator[Chunks]:
-    for chunks in lists:
-        task(folder, chunks)
-        yield chunks
-
-
 # --- tasks, in any process of any machine -----------------------------------------------------------------------
 
 
@@ -159,13 +143,11 @@ class MapFolder(NamedTuple):
 
     Attributes:
         path: its folder.
-        digest: SHA-256 of its specification's text.
-        chunk_shape: number of cells along each axis of a chunk.
+        digest: SHA-256 of its description.
     """
 
     path: str
     digest: str
-    chunk_shape: tuple[int, ...]
 
 
 _ONE = Lock()  # an evaluator has memory of its own, and is used by one thread at a time
@@ -203,7 +185,7 @@ def _store(folder: MapFolder) -> MapStore:
     if not Path(folder.path).exists():
         raise MapError(f"{gethostname()} sees no map at {folder.path}: all machines must see it at the same path")
     store = MapStore(folder.path)
-    if (store.digest, store.chunk_shape) != folder[1:]:
+    if store.digest != folder.digest:
         raise MapError(f"{gethostname()} sees another map at {folder.path}: all machines must see the same one there")
     return store
 

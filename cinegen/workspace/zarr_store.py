@@ -101,8 +101,8 @@ class MapStore:
 
     @property
     def digest(self) -> str:
-        """SHA-256 of the specification's text."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
+        """SHA-256 of the description."""
+        return hashlib.sha256((self.path / "zarr.json").read_bytes()).hexdigest()
 
     @property
     def chunk_counts(self) -> tuple[int, ...]:
