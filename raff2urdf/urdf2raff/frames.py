@@ -9,7 +9,7 @@ Robotics and Automation, 1986). Metres and radians; placements are in the world,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.kleinfinger import Kleinfinger, parameters, remaining_theta, transform
 from raff2urdf.placement import inverse, with_z
+from raff2urdf.readers.urdf import axis, ends, joints, origin
 
 Array = NDArray[np.float64]
 
@@ -52,6 +53,7 @@ class RigidBody:
         children: bodies whose parent it is.
         frame: (4, 4) its frame, once chosen.
         size: number of bodies from here outwards, including itself.
+        number: of its node in RAFF, once it has one.
     """
 
     joint: Any
@@ -61,6 +63,7 @@ class RigidBody:
     children: list[RigidBody] = field(default_factory=list)
     frame: Array = field(default_factory=lambda: np.eye(4))
     size: int = 1
+    number: int = 0
 
     @property
     def own(self) -> Array:
@@ -68,31 +71,27 @@ class RigidBody:
         return self.links[0][1]
 
 
-def gather(
-    root: RigidBody,
-    joints_on: Mapping[str, Sequence[Any]],
-    joint_axis: Callable[[Any], Array | None],
-    child_of: Callable[[Any], tuple[str, Array]],
-) -> list[RigidBody]:
+def gather(root: RigidBody, tree: Any, name: str) -> list[RigidBody]:
     """Return all bodies, parents first.
 
     Args:
         root: with its first link.
-        joints_on: the joints of each link's children, by the link's name.
-        joint_axis: returns the axis (3,) of a joint in its own frame; None if it is fixed.
-        child_of: returns a joint's child, and its placement (4, 4) on the parent.
+        tree: the URDF's root element.
+        name: of the file, in errors.
     """
+    joints_on: dict[str, list[Any]] = {}
+    for joint in joints(tree):
+        joints_on.setdefault(ends(joint)[0], []).append(joint)
     found = [root]
     for body in found:
         for link, placed in body.links:
             for joint in joints_on.get(link, ()):
-                child, relative = child_of(joint)
-                axis = joint_axis(joint)
-                at = placed @ relative
-                if axis is None:
+                child, at = ends(joint)[1], placed @ origin(joint, name)
+                if joint.get("type") == "fixed":
                     body.links.append((child, at))
                     continue
-                moved = RigidBody(joint, body, [(child, at)], at[:3, :3] @ (axis / np.linalg.norm(axis)))
+                direction = axis(joint, name)
+                moved = RigidBody(joint, body, [(child, at)], at[:3, :3] @ (direction / np.linalg.norm(direction)))
                 body.children.append(moved)
                 found.append(moved)
     for body in reversed(found):
@@ -221,8 +220,8 @@ def _on_perpendicular(frame: Array, child: RigidBody, length: float) -> bool:
     return bool(abs(axis[0]) <= EXACT and abs(point[1] * axis[2] - point[2] * axis[1]) <= EXACT * length)
 
 
-def _frame(z: Array, x: Array, origin: Array) -> Array:
-    """Return a placement with that z and origin, and x as near as possible to the given one."""
+def _frame(z: Array, x: Array, at: Array) -> Array:
+    """Return a placement with that z and origin (`at`), and x as near as possible to the given one."""
     frame = np.eye(4)
-    frame[:3, :3], frame[:3, 3] = with_z(z, x), origin
+    frame[:3, :3], frame[:3, 3] = with_z(z, x), at
     return frame

@@ -8,9 +8,10 @@ RAFF's q = URDF's q + offset.
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -38,7 +39,7 @@ from raff2urdf.errors import did_you_mean
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
 from raff2urdf.readers import successive
-from raff2urdf.readers.urdf import axis, default_value, ends, joints, limits, links, origin, root_first, velocity
+from raff2urdf.readers.urdf import default_value, ends, joints, limits, links, origin, root_first, velocity
 from raff2urdf.readers.xml_file import error_at
 from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger
 from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy
@@ -103,15 +104,13 @@ class _Import:
         self.tree, self.name, self.constraints = tree, name, constraints
         self.units = Document("", units=units)
         self.per_metre = UNITS_PER_METRE[units]
-        self.joints_on: dict[str, list[Any]] = {}
-        for joint in joints(tree):
-            self.joints_on.setdefault(ends(joint)[0], []).append(joint)
         self.joint_of = {ends(joint)[1]: (i, joint) for i, joint in enumerate(joints(tree))}
         self.root = root_first(tree)[0]
         self.entries = {entry["name"]: entry for entry in constraints.get("joints", [])}
         self.placing = self.placing_joint(loop_ends)
         own = self.placing is not None and self.placing.get("name") == BASE_JOINT
-        self.numbers = _Numbers(tree, self.placing if own else None)
+        self.numbers = _numbers([joint for joint in joints(tree) if not (own and joint is self.placing)])
+        self.free_numbers = itertools.count(max(self.numbers.values(), default=0) + 1)
         self.names = _Names(str(link.get("name")) for link in links(tree))
         self.parts: list[tuple[float, RaffPart]] = []  # each with its position in the file
         self.placed: dict[int, Array] = {}  # nodes by number, as placed by the written numbers, with joints at 0
@@ -125,18 +124,17 @@ class _Import:
         """Convert body after body, from the base outwards."""
         base, placed, movable = self.root, np.eye(4), False
         if self.placing is not None:  # the root is the world
-            base, placed = self.child_of(self.placing)
+            base, placed = ends(self.placing)[1], origin(self.placing, self.name)
             movable = self.placing.get("type") == "floating"
         root = RigidBody(None, None, [(base, placed)], placed[:3, 2])
-        bodies = gather(root, self.joints_on, self.axis, self.child_of)
+        bodies = gather(root, self.tree, self.name)
         self.length = robot_size(bodies)
         for body in bodies:
             body.frame = choose_frame(body, self.length)
         base_parameters, self.placed[0] = self.written(step(root.frame, self.length))
         self.add_links(root, 0)
-        numbers = {id(root): 0}
         for body in bodies[1:]:
-            numbers[id(body)] = self.add_body(body, numbers[id(body.parent)])
+            self.add_body(body)
         loops = tuple(self.loop(entry) for entry in self.constraints.get("loops", []))
         self.parts.sort(key=lambda pair: pair[0])
         robot = RaffRobot(
@@ -146,34 +144,26 @@ class _Import:
             loops=loops,
             sensor_constraints=tuple(self.sensor_constraints(movable)),
         )
-        sensors = tuple(
-            RaffSensor(sensor["number"], sensor["port"], sensor.get("translation", 3), sensor.get("rotation", 3))
-            for sensor in self.constraints.get("sensors", [])
-        )
+        sensors = tuple(RaffSensor(**sensor) for sensor in self.constraints.get("sensors", []))
         document = Document(str(self.constraints.get("name") or robot.name), (robot,), sensors, self.units.units)
         return RaffImport(document, self.joints, self.offsets, self.nodes, self.notes)
 
     def placing_joint(self, loop_ends: set[str]) -> Any:
         """Return the joint that only places the robot in the world, or lets it move there; None if there is none."""
-        own = self.joints_on.get(self.root, []) if self.root not in loop_ends else []
+        own = [joint for joint in joints(self.tree) if ends(joint)[0] == self.root and self.root not in loop_ends]
         kind = own[0].get("type") if len(own) == 1 else ""
         return own[0] if kind == "floating" or (kind == "fixed" and self.root == WORLD) else None
 
-    def axis(self, joint: Any) -> Array | None:
-        return None if joint.get("type") == "fixed" else axis(joint, self.name)
-
-    def child_of(self, joint: Any) -> tuple[str, Array]:
-        return ends(joint)[1], origin(joint, self.name)
-
     # --- links and frames ---------------------------------------------------------------------------------------
 
-    def add_body(self, body: RigidBody, pred: int) -> int:
-        """Add a body's link and all that is fixed to it; return its number."""
+    def add_body(self, body: RigidBody) -> None:
+        """Add a body's link and all that is fixed to it."""
         joint, position = body.joint, float(self.joint_of[body.links[0][0]][0])
-        own, number = str(joint.get("name")), self.numbers.of(joint)
+        own = str(joint.get("name"))
+        number = body.number = self.numbers[own]
         assert body.parent is not None
         branches = len(body.parent.children) > 1
-        pred, found = self.step(pred, ends(joint)[0], body.frame, own, position - 0.5, branches)
+        pred, found = self.step(body.parent.number, ends(joint)[0], body.frame, own, position - 0.5, branches)
         prismatic = joint.get("type") == "prismatic"
         zero, local = self.written(found)
         self.placed[number] = self.placed[pred] @ local
@@ -196,7 +186,6 @@ class _Import:
         self.offsets[link.joint] = offset
         self.add_note(link, own, zero.r if prismatic else zero.theta)
         self.add_links(body, number, same, link.node)
-        return number
 
     def add_links(self, body: RigidBody, number: int, same: str | None = None, node: str = "base") -> None:
         """Add frames for the links of a body that are not its node itself.
@@ -213,8 +202,8 @@ class _Import:
                 self.number_of[link], self.nodes[link] = number, node
                 continue
             position, joint = self.joint_of.get(link, (-1, None))
-            fixed = joint is not None and joint.get("type") == "fixed" and self.numbers.knows(joint)
-            own = self.numbers.of(joint) if fixed else self.numbers.free()
+            fixed = joint is not None and joint.get("type") == "fixed" and joint.get("name") in self.numbers
+            own = self.numbers[joint.get("name")] if fixed else next(self.free_numbers)
             parent = ends(joint)[0] if fixed else link
             pred, found = self.step(number, parent, there, link, position + 0.2)
             solid = fixed and link == f"link{own}"
@@ -241,7 +230,7 @@ class _Import:
             steps = path(self.placed[node], there, self.length, branches is None or (branches and node == pred))
             if len(steps) == 1:
                 return node, steps[0]
-        between = self.add_frame(steps[0], node, f"{name}_stand", self.numbers.free(), position)
+        between = self.add_frame(steps[0], node, f"{name}_stand", next(self.free_numbers), position)
         return between, step(inverse(self.placed[between]) @ there, self.length)
 
     def add_frame(
@@ -304,7 +293,7 @@ class _Import:
         if self.is_at(carrier, there):
             return carrier
         pred, found = self.step(carrier, end["node"], there, loop, math.inf)
-        number = self.numbers.free()
+        number = next(self.free_numbers)
         return self.add_frame(found, pred, f"frame{number}", number, math.inf)
 
     def node_number(self, link: str, what: str) -> int:
@@ -340,36 +329,14 @@ class _Import:
         return low, high
 
 
-class _Numbers:
-    """Numbers of links and frames: those of `joint5` if all joints have such names, else in file order.
-
-    Args:
-        tree: of the URDF.
-        base: raff2urdf's own joint that only places the base and is not numbered; None without it.
-    """
-
-    def __init__(self, tree: Any, base: Any) -> None:
-        all_joints = [joint for joint in joints(tree) if joint is not base]
-        matches = [re.fullmatch("joint([1-9][0-9]{0,8})", joint.get("name")) for joint in all_joints]
-        if all(matches):
-            self.by_joint = {joint.get("name"): int(m[1]) for joint, m in zip(all_joints, matches, strict=True) if m}
-        else:
-            moving_first = sorted(all_joints, key=lambda joint: joint.get("type") == "fixed")
-            self.by_joint = {joint.get("name"): i + 1 for i, joint in enumerate(moving_first)}
-        self.last = max(self.by_joint.values(), default=0)
-
-    def knows(self, joint: Any) -> bool:
-        """Return whether the child of a joint is a node: that of the joint which places the base is not."""
-        return joint.get("name") in self.by_joint
-
-    def of(self, joint: Any) -> int:
-        """Return the number of the child of a joint."""
-        return int(self.by_joint[joint.get("name")])
-
-    def free(self) -> int:
-        """Return a number that no joint has."""
-        self.last += 1
-        return self.last
+def _numbers(numbered: Sequence[Any]) -> dict[str, int]:
+    """Return the numbers of joints by name: those of `joint5` if all have such names, else in file order, moving ones
+    first. The joint that only places raff2urdf's own base is not numbered."""
+    matches = [re.fullmatch("joint([1-9][0-9]{0,8})", joint.get("name")) for joint in numbered]
+    if all(matches):
+        return {match[0]: int(match[1]) for match in matches if match}
+    moving_first = sorted(numbered, key=lambda joint: joint.get("type") == "fixed")
+    return {joint.get("name"): number for number, joint in enumerate(moving_first, 1)}
 
 
 class _Names:
