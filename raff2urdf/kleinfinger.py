@@ -63,22 +63,24 @@ def parameters(placement: ArrayLike) -> Kleinfinger:
         raise ValueError("a placement must be a (4, 4) array of finite numbers")
     if not np.array_equal(m[3], [0.0, 0.0, 0.0, 1.0]):
         raise ValueError("the last row of a placement must be 0 0 0 1")
-    rotation, p = m[:3, :3], m[:3, 3]
+    rotation = m[:3, :3]
     if np.abs(rotation @ rotation.T - np.eye(3)).max() > 1e-6 or np.linalg.det(rotation) < 0:
         raise ValueError("the rotation of a placement must be orthonormal and right-handed")
-    skew = _by_common_normal(rotation, p)
+    skew = _by_common_normal(m)
     if skew is None:
-        return _by_parallel_axes(rotation, p)
+        return _by_parallel_axes(m)
     if math.hypot(rotation[0, 2], rotation[1, 2]) > _CLEAR:
         return skew
-    return min(skew, _by_parallel_axes(rotation, p), key=lambda found: float(np.abs(transform(found) - m).max()))
+    return min(skew, _by_parallel_axes(m), key=lambda found: float(np.abs(transform(found) - m).max()))
 
 
-def remaining_theta(rotation: Matrix, gamma: float, alpha: float) -> float:
-    """Return the angle (rad) about the last z that completes Rz(gamma) Rx(alpha) to a rotation (3, 3)."""
-    x, y, z = rotation[:, 0].tolist()
+def completed(placement: Matrix, gamma: float, alpha: float, r: float) -> Kleinfinger:
+    """Return the parameters of a placement (4, 4) with the given gamma, alpha (rad) and r (m): theta, epsilon and d
+    follow."""
+    (x, _, _, px), (y, _, _, py), (z, _, _, pz), _ = placement.tolist()
     cg, sg, ca, sa = math.cos(gamma), math.sin(gamma), math.cos(alpha), math.sin(alpha)
-    return math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)
+    theta = math.atan2(ca * (cg * y - sg * x) + sa * z, cg * x + sg * y)
+    return Kleinfinger(gamma, pz - r * ca, alpha, cg * px + sg * py, theta, r)
 
 
 _CLEAR = 1e-3
@@ -87,23 +89,17 @@ more precision than to leave it out: r grows without bound as the angle shrinks,
 position."""
 
 
-def _by_common_normal(rotation: Matrix, p: Matrix) -> Kleinfinger | None:
+def _by_common_normal(m: Matrix) -> Kleinfinger | None:
     """Return parameters for z axes with one common perpendicular; None if they are exactly parallel."""
-    sa = math.hypot(rotation[0, 2], rotation[1, 2])
+    sa = math.hypot(m[0, 2], m[1, 2])
     if sa <= 4.0 * np.finfo(float).eps:  # rounding of sin(pi) and its like
         return None
-    alpha = math.atan2(sa, rotation[2, 2])
-    gamma = math.atan2(rotation[0, 2], -rotation[1, 2])
-    cg, sg = math.cos(gamma), math.sin(gamma)
-    r = (sg * p[0] - cg * p[1]) / sa
-    epsilon = p[2] - r * math.cos(alpha)
-    theta = remaining_theta(rotation, gamma, alpha)
-    return Kleinfinger(gamma, float(epsilon), alpha, float(cg * p[0] + sg * p[1]), theta, float(r))
+    gamma = math.atan2(m[0, 2], -m[1, 2])
+    r = (math.sin(gamma) * m[0, 3] - math.cos(gamma) * m[1, 3]) / sa
+    return completed(m, gamma, math.atan2(sa, m[2, 2]), float(r))
 
 
-def _by_parallel_axes(rotation: Matrix, p: Matrix) -> Kleinfinger:
+def _by_parallel_axes(m: Matrix) -> Kleinfinger:
     """Return parameters for z axes that are parallel, or treated as such."""
-    alpha = 0.0 if rotation[2, 2] > 0 else math.pi
-    d = math.hypot(p[0], p[1])
-    gamma = math.atan2(p[1], p[0]) if d > 0.0 else 0.0
-    return Kleinfinger(gamma, float(p[2]), alpha, d, remaining_theta(rotation, gamma, alpha), 0.0)
+    gamma = math.atan2(m[1, 3], m[0, 3]) if m[:2, 3].any() else 0.0
+    return completed(m, gamma, 0.0 if m[2, 2] > 0 else math.pi, 0.0)

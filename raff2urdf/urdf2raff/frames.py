@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.kleinfinger import Kleinfinger, parameters, remaining_theta, transform
+from raff2urdf.kleinfinger import Kleinfinger, completed, parameters, transform
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers.urdf import axis, ends, joints, origin
 
@@ -173,15 +173,9 @@ def step(relative: Array, length: float) -> Kleinfinger:
         z = np.array([0.0, 0.0, math.copysign(1.0, relative[2, 2])])
         relative = _frame(z, relative[:3, 0], relative[:3, 3])
     alpha = math.atan2(-relative[1, 2], relative[2, 2])
-    d, y, z = relative[:3, 3].tolist()
-    simple = Kleinfinger(
-        gamma=0.0,
-        epsilon=0.0,
-        alpha=alpha,
-        d=d,
-        theta=remaining_theta(relative[:3, :3], 0.0, alpha),
-        r=-math.sin(alpha) * y + math.cos(alpha) * z,
-    )
+    _, y, z = relative[:3, 3].tolist()
+    r = -math.sin(alpha) * y + math.cos(alpha) * z
+    simple = completed(relative, 0.0, alpha, r)._replace(epsilon=0.0)
     if _error(simple, relative) <= EXACT * max(length, 1.0):
         return simple
     found = parameters(relative)
@@ -196,17 +190,9 @@ def _shortened(found: Kleinfinger, relative: Array) -> Kleinfinger:
     """
     sine = math.sin(found.alpha)
     gamma = math.radians(tidy(math.degrees(found.gamma), math.degrees(TIDY) / abs(sine)))
-    cg, sg = math.cos(gamma), math.sin(gamma)
-    px, py, pz = relative[:3, 3].tolist()
-    r = tidy((sg * px - cg * py) / sine, TIDY / abs(sine))
-    return Kleinfinger(
-        gamma=gamma,
-        epsilon=pz - r * math.cos(found.alpha),
-        alpha=found.alpha,
-        d=cg * px + sg * py,
-        theta=remaining_theta(relative[:3, :3], gamma, found.alpha),
-        r=r,
-    )
+    px, py, _ = relative[:3, 3].tolist()
+    r = tidy((math.sin(gamma) * px - math.cos(gamma) * py) / sine, TIDY / abs(sine))
+    return completed(relative, gamma, found.alpha, r)
 
 
 def _error(found: Kleinfinger, relative: Array) -> float:
