@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
 from raff2urdf.document import Document, JointType, RaffRobot
@@ -25,7 +26,7 @@ FORMAT, VERSION = "raff2urdf constraints", 1
 
 Constraints = dict[str, Any]
 
-IDENTITY = np.eye(4).tolist()
+IDENTITY = np.eye(4)
 
 Known = tuple[Sequence[str], Sequence[str]]
 """Names of a URDF's links, and of its joints."""
@@ -70,12 +71,7 @@ def constraints(
             }
         )
     closures = [
-        {
-            "name": name,
-            "kind": kinds[i].name.lower(),
-            "first": {"node": robot.nodes[loop.first].node, "placement": IDENTITY},
-            "second": {"node": robot.nodes[loop.second].node, "placement": IDENTITY},
-        }
+        loop_entry(name, kinds[i].name.lower(), *(robot.nodes[end].node for end in (loop.first, loop.second)))
         for i, (name, loop) in enumerate(zip(robot.loop_names, robot.loops, strict=True))
     ]
     used = {number for constraint in robot.sensor_constraints for number in constraint.sensors}
@@ -101,6 +97,17 @@ def constraints(
             for constraint in robot.sensor_constraints
         ],
     }
+
+
+def loop_entry(
+    name: str, kind: str, first: str, second: str, placements: Sequence[ArrayLike] = (IDENTITY, IDENTITY)
+) -> dict[str, Any]:
+    """Return an entry of a loop between two nodes, whose ends have these placements (4, 4) on them."""
+
+    def end(node: str, placement: ArrayLike) -> dict[str, Any]:
+        return {"node": node, "placement": np.asarray(placement).tolist()}
+
+    return {"name": name, "kind": kind, "first": end(first, placements[0]), "second": end(second, placements[1])}
 
 
 def dumps(values: Constraints) -> str:

@@ -21,7 +21,7 @@ from typing import Any
 import yaml
 from lxml import etree
 
-from raff2urdf.constraints import IDENTITY, Constraints
+from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.graphics.names import find
 from raff2urdf.readers import successive
@@ -91,12 +91,8 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
             raise lists.error(pair, f"the loop joins '{first}' to itself: name two different frames")
         loop_name = f"{frames[0].value}-{frames[1].value}"
         again = sum(loop["name"].partition("#")[0] == loop_name for loop in loops)
-        ends_of_loop = {
-            "first": {"node": first, "placement": IDENTITY},
-            "second": {"node": second, "placement": IDENTITY},
-        }
         own_name = f"{loop_name}#{again + 1}" if again else loop_name
-        loops.append({"name": own_name, "kind": _KINDS[kind.value.lower()], **ends_of_loop})
+        loops.append(loop_entry(own_name, _KINDS[kind.value.lower()], first, second))
     entries = [{"name": joint, **({"actuated": joint in actuated} if actuated else {})} for joint in moving]
     return etree.tostring(tree, encoding="unicode"), {"nodes": nodes, "joints": entries, "loops": loops}
 

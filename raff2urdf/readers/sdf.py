@@ -209,7 +209,7 @@ class _SdfToUrdf:
         ends = [(node, inverse(self.placements[node]) @ at) for node in (first, joint.child)]
         own = self.own.get(joint.name)
         if own is not None and all(own.get(word) in self.placements for word in ("first", "second")):
-            ends = [(own.get(word), np.array(IDENTITY)) for word in ("first", "second")]  # SDF keeps only one of them
+            ends = [(own.get(word), IDENTITY) for word in ("first", "second")]  # SDF keeps only one of them
         self.urdf.add_loop(joint.name, LOOP_KINDS[kind], *ends)
 
     def _visuals(self, link: Any) -> Iterator[yourdfpy.Visual]:

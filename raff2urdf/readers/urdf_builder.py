@@ -10,7 +10,7 @@ import numpy as np
 import yourdfpy
 from numpy.typing import ArrayLike, NDArray
 
-from raff2urdf.constraints import Constraints
+from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.writers.urdf import dumps
@@ -91,11 +91,8 @@ class UrdfBuilder:
 
     def add_loop(self, name: str, kind: str, first: tuple[str, ArrayLike], second: tuple[str, ArrayLike]) -> None:
         """Add a loop between two ends: nodes, and placements (4, 4) on them."""
-        ends = {
-            word: {"node": node, "placement": np.asarray(placement).tolist()}
-            for word, (node, placement) in (("first", first), ("second", second))
-        }
-        self._loops.append({"name": name, "kind": kind, **ends})
+        (one, at), (other, there) = first, second
+        self._loops.append(loop_entry(name, kind, one, other, (at, there)))
 
     def result(self, nodes: Sequence[str], floating: str | None) -> tuple[str, Constraints]:
         """Return the text of the URDF and its constraints."""
