@@ -19,7 +19,7 @@ from ezdxf.document import Drawing
 from ezdxf.entities.dxfgfx import DXFGraphic
 from ezdxf.entities.insert import Insert
 from ezdxf.entities.mesh import Mesh
-from ezdxf.entities.polyline import DXFVertex, Polyline
+from ezdxf.entities.polyline import DXFVertex, Polyface, Polyline
 from ezdxf.entities.solid import Face3d, Solid
 from ezdxf.filemanagement import readfile
 from ezdxf.math import Matrix44, Vec3
@@ -159,15 +159,10 @@ def _faces(entity: DXFGraphic) -> Iterator[tuple[Sequence[Vec3], DXFGraphic]]:
         for face in entity.faces:
             if len(face) > 2:
                 yield [_vertex(points, index, entity) for index in face], entity
-    elif isinstance(entity, Polyline) and entity.is_poly_face_mesh:
-        points = [vertex.dxf.location for vertex in entity.vertices if vertex.is_poly_face_mesh_vertex]
-        for record in entity.vertices:
-            if record.is_face_record:
-                # Counted from 1, negative if an edge is not drawn, 0 or missing if there is no further corner.
-                indices = [abs(record.dxf.get(f"vtx{i}", 0)) for i in range(4)]
-                corners = [_vertex(points, index - 1, entity) for index in indices if index]
-                if len(corners) > 2:
-                    yield corners, record if _has_colour(record) else entity
+    elif isinstance(entity, Polyface):
+        for *corners, record in entity.faces():
+            if len(corners) > 2:
+                yield [corner.dxf.location for corner in corners], record if _has_colour(record) else entity
     elif isinstance(entity, Polyline) and entity.is_polygon_mesh:
         for corners in _grid(entity):
             yield corners, entity
