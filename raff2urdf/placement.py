@@ -54,16 +54,13 @@ def from_origin(xyz: Sequence[float], rpy: Sequence[float]) -> Array:
     )
 
 
-def from_quaternion(w: float, x: float, y: float, z: float) -> Array:
-    """Return the rotation (3, 3) of a quaternion of any length above 0."""
-    w, x, y, z = np.array([w, x, y, z], dtype=float) / math.hypot(w, x, y, z)
-    return np.array(
-        [
-            [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
-            [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
-            [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
-        ]
-    )
+def from_quaternion(xyz: ArrayLike, wxyz: ArrayLike) -> Array:
+    """Return the placement of a frame at a point (3,) whose rotation is a quaternion (4,) of any length above 0."""
+    from scipy.spatial.transform import Rotation  # slow to import, and few files have quaternions
+
+    found = translation(xyz)
+    found[:3, :3] = Rotation.from_quat(np.roll(wxyz, -1)).as_matrix()
+    return found
 
 
 def roll_pitch_yaw(placement: ArrayLike) -> tuple[float, float, float]:

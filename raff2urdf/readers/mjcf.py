@@ -11,7 +11,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -94,12 +93,6 @@ def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, Shape]:
     return found
 
 
-def _numbers(enumeration: Any) -> Any:
-    """Return the values of an enumeration as plain numbers: MuJoCo's own don't equal those in its arrays."""
-    members = {name: int(getattr(enumeration, name)) for name in dir(enumeration) if name.startswith("mj")}
-    return SimpleNamespace(**members)
-
-
 class _Joint(NamedTuple):
     """A joint of one degree of freedom."""
 
@@ -115,12 +108,12 @@ class _Reader:
 
     def __init__(self, mujoco: Any, model: Any, robot: str, meshes: dict[str, Shape], name: str) -> None:
         self.mujoco, self.model, self.meshes, self.name = mujoco, model, meshes, name
-        self.bodies = [WORLD, *self.all_names("BODY", model.nbody, "body")[1:]]
-        self.joint_names = self.all_names("JOINT", model.njnt, "joint")
+        self.bodies = [WORLD, *self.all_names("body", model.nbody)[1:]]
+        self.joint_names = self.all_names("joint", model.njnt)
         self.urdf = UrdfBuilder(robot, [WORLD, *self.bodies, *self.joint_names])
         self.actuated = self.actuated_joints()
         self.floating: str | None = None
-        keys = [self.name_of("KEY", k, "") for k in range(model.nkey)]
+        keys = [model.key(k).name for k in range(model.nkey)]
         self.home = model.key_qpos[keys.index("home") if "home" in keys else 0] if keys else model.qpos0
 
     def read(self) -> tuple[str, Constraints]:
@@ -131,28 +124,28 @@ class _Reader:
         self.add_loops()
         return self.urdf.result(self.bodies, self.floating)
 
-    def name_of(self, kind: str, index: int, word: str) -> str:
-        found = self.mujoco.mj_id2name(self.model, getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}"), index)
-        return str(found or f"{word}{index}")
+    def name_of(self, kind: str, index: int) -> str:
+        """Return the name of an object: a body, a joint, ..."""
+        return getattr(self.model, kind)(index).name or f"{kind}{index}"
 
-    def all_names(self, kind: str, count: int, word: str) -> list[str]:
+    def all_names(self, kind: str, count: int) -> list[str]:
         """Return the names of all objects of a kind; those without one get one that is free."""
-        object_type = getattr(self.mujoco.mjtObj, f"mjOBJ_{kind}")
-        given = [self.mujoco.mj_id2name(self.model, object_type, i) for i in range(count)]
+        given = [getattr(self.model, kind)(i).name for i in range(count)]
         free = UrdfBuilder("", filter(None, given)).free_name
-        return [str(name or free(f"{word}{i}")) for i, name in enumerate(given)]
+        return [name or free(f"{kind}{i}") for i, name in enumerate(given)]
 
     def actuated_joints(self) -> set[int]:
         """Return the joints that an actuator drives, directly or by a tendon."""
-        transmission, model, driven = _numbers(self.mujoco.mjtTrn), self.model, set()
+        transmission, model, driven = self.mujoco.mjtTrn, self.model, set()
         for i in range(len(model.actuator_trnid)):
             target = int(model.actuator_trnid[i, 0])
-            if model.actuator_trntype[i] in (transmission.mjTRN_JOINT, transmission.mjTRN_JOINTINPARENT):
+            kind = transmission(model.actuator_trntype[i])
+            if kind in (transmission.mjTRN_JOINT, transmission.mjTRN_JOINTINPARENT):
                 driven.add(target)
-            elif model.actuator_trntype[i] == transmission.mjTRN_TENDON:
+            elif kind == transmission.mjTRN_TENDON:
                 first, count = model.tendon_adr[target], model.tendon_num[target]
                 wraps = range(first, first + count)
-                joint = _numbers(self.mujoco.mjtWrap).mjWRAP_JOINT
+                joint = int(self.mujoco.mjtWrap.mjWRAP_JOINT)
                 driven |= {int(model.wrap_objid[w]) for w in wraps if model.wrap_type[w] == joint}
         return driven
 
@@ -162,10 +155,10 @@ class _Reader:
         """Add the joints of a body, one after another, each in the frame that the last one moves."""
         model, urdf = self.model, self.urdf
         parent, child = self.bodies[model.body_parentid[body]], self.bodies[body]
-        placed = _placement(model.body_pos[body], model.body_quat[body])
+        placed = from_quaternion(model.body_pos[body], model.body_quat[body])
         first = int(model.body_jntadr[body])
         numbers = range(first, first + int(model.body_jntnum[body]))
-        free = _numbers(self.mujoco.mjtJoint).mjJNT_FREE
+        free = int(self.mujoco.mjtJoint.mjJNT_FREE)
         # A free joint of the only body on the world frees the base.
         if body == 1 and np.count_nonzero(model.body_parentid == 0) == 2 and free in model.jnt_type[numbers]:
             self.floating = self.joint_names[first]
@@ -185,8 +178,8 @@ class _Reader:
 
     def successive(self, j: int) -> Iterator[_Joint]:
         """Yield the joints of one degree of freedom of a joint."""
-        kinds, model = _numbers(self.mujoco.mjtJoint), self.model
-        name, at, kind = self.joint_names[j], int(model.jnt_qposadr[j]), model.jnt_type[j]
+        kinds, model = self.mujoco.mjtJoint, self.model
+        name, at, kind = self.joint_names[j], int(model.jnt_qposadr[j]), kinds(model.jnt_type[j])
         actuated = {"actuated": j in self.actuated} if self.actuated else {}
         if kind == kinds.mjJNT_FREE:
             for axis, letter in zip(np.eye(3), "XYZ", strict=True):
@@ -205,11 +198,11 @@ class _Reader:
     # --- loops --------------------------------------------------------------------------------------------------
 
     def add_loops(self) -> None:
-        model, kinds = self.model, _numbers(self.mujoco.mjtEq)
+        model, kinds = self.model, self.mujoco.mjtEq
         lost = []
         for e in range(model.neq):
-            kind, data = model.eq_type[e], model.eq_data[e]
-            name = self.name_of("EQUALITY", e, "equality")
+            kind, data = kinds(model.eq_type[e]), model.eq_data[e]
+            name = self.name_of("equality", e)
             if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 lost.append(name)
                 continue
@@ -218,15 +211,15 @@ class _Reader:
             connect = kind == kinds.mjEQ_CONNECT
             owners = [int(model.eq_obj1id[e]), int(model.eq_obj2id[e])]
             if model.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
-                placements = [_placement(model.site_pos[site], model.site_quat[site]) for site in owners]
+                placements = [from_quaternion(model.site_pos[site], model.site_quat[site]) for site in owners]
                 owners = [int(model.site_bodyid[site]) for site in owners]
             elif connect:
                 placements = [translation(data[0:3]), translation(data[3:6])]
             else:
-                placements = [_placement(data[3:6], data[6:10]), translation(data[0:3])]
+                placements = [from_quaternion(data[3:6], data[6:10]), translation(data[0:3])]
             first, second = ((self.bodies[o], placement) for o, placement in zip(owners, placements, strict=True))
             self.urdf.add_loop(name, "ball" if connect else "rigid", first, second)
-        lost += [self.name_of("TENDON", t, "tendon") for t in range(model.ntendon) if model.tendon_limited[t]]
+        lost += [self.name_of("tendon", t) for t in range(model.ntendon) if model.tendon_limited[t]]
         if lost:
             listed = ", ".join(f"'{name}'" for name in lost[:8]) + (" and more" if len(lost) > 8 else "")
             warnings.warn(
@@ -238,19 +231,20 @@ class _Reader:
     # --- visuals ------------------------------------------------------------------------------------------------
 
     def visuals(self, body: int) -> Iterator[yourdfpy.Visual]:
-        model, kinds = self.model, _numbers(self.mujoco.mjtGeom)
+        model = self.model
         for g in range(int(model.body_geomadr[body]), int(model.body_geomadr[body]) + int(model.body_geomnum[body])):
             if model.geom_group[g] >= _HIDDEN or body == 0:
                 continue
             own = int(model.geom_matid[g])
             look = material(model.mat_rgba[own] if own >= 0 else model.geom_rgba[g])
-            placed = _placement(model.geom_pos[g], model.geom_quat[g])
-            for shape, offset in self.shapes_of(kinds, g):
+            placed = from_quaternion(model.geom_pos[g], model.geom_quat[g])
+            for shape, offset in self.shapes_of(g):
                 yield yourdfpy.Visual(origin=placed @ offset, geometry=shape, material=look)
 
-    def shapes_of(self, kinds: Any, geom: int) -> Iterator[Shape]:
+    def shapes_of(self, geom: int) -> Iterator[Shape]:
         """Yield the shapes of a geom that URDF has; an ellipsoid becomes the box around it."""
-        mesh = self.meshes.get(self.name_of("GEOM", geom, "geom"))
+        mesh = self.meshes.get(self.name_of("geom", geom))
+        kinds = self.mujoco.mjtGeom
         a, b, c = (2.0 * float(x) for x in self.model.geom_size[geom])
         sizes = {
             kinds.mjGEOM_BOX: ("box", [a, b, c]),
@@ -259,19 +253,13 @@ class _Reader:
             kinds.mjGEOM_CYLINDER: ("cylinder", [a / 2.0, b]),
             kinds.mjGEOM_CAPSULE: ("capsule", [a / 2.0, b]),
         }
-        kind = int(self.model.geom_type[geom])
+        kind = kinds(self.model.geom_type[geom])
         if mesh is not None:
             yield mesh
         elif kind in sizes:
             yield from shapes(*sizes[kind])
 
 
-def _placement(position: Array, quaternion: Array) -> Array:
-    placement = translation(position)
-    placement[:3, :3] = from_quaternion(*quaternion)
-    return placement
-
-
 def _xyz_angles(wxyz: Array) -> list[float]:
     """Return the angles a, b, c of the rotation Rx(a) Ry(b) Rz(c), whose inverse has the angles -a, -b, -c of URDF."""
-    return [0.0 - angle for angle in roll_pitch_yaw(from_quaternion(*wxyz).T)]
+    return [0.0 - angle for angle in roll_pitch_yaw(from_quaternion(np.zeros(3), wxyz).T)]

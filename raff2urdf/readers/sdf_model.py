@@ -180,9 +180,7 @@ def pose(element: Any, name: str) -> Array:
     x, y, z, w = found[3:]
     if math.hypot(x, y, z, w) <= 1e-9:
         raise error_at(name, written, f"the quaternion of the pose '{text}' is 0, which is not a rotation")
-    matrix = np.eye(4)
-    matrix[:3, 3], matrix[:3, :3] = found[:3], from_quaternion(w, x, y, z)
-    return matrix
+    return from_quaternion(found[:3], (w, x, y, z))
 
 
 class SdfPoses:

@@ -23,11 +23,11 @@ import numpy as np
 import yourdfpy
 from lxml import etree
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from raff2urdf.errors import RaffWarning
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.residual import log
 from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
@@ -308,12 +308,10 @@ def pose(placement: Array) -> dict[str, str]:
     return found
 
 
-def quaternion(rotation: Array) -> tuple[float, float, float, float]:
-    """Return a rotation (3, 3) as a unit quaternion w x y z."""
-    vector = log(rotation)
-    half = math.sqrt(float(vector @ vector)) / 2.0
-    x, y, z = (vector * (0.5 if half < 1e-9 else math.sin(half) / (2.0 * half))).tolist()
-    return math.cos(half), x, y, z
+def quaternion(rotation: Array) -> list[float]:
+    """Return a rotation (3, 3) as a unit quaternion w x y z, w >= 0."""
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat(canonical=True).tolist()
+    return [w, x, y, z]
 
 
 def limit(word: str, entry: Mapping[str, Any]) -> dict[str, str]:
