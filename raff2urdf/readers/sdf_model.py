@@ -201,23 +201,23 @@ class SdfPoses:
         for tag in ("link", "model", "frame", "joint"):  # files before 1.7 give a joint and a link the same name
             for element in model.iterchildren(tag):
                 self.elements.setdefault(str(element.get("name", "")), element)
+        for reserved in ("__model__", WORLD, ""):
+            self.elements.pop(reserved, None)
         self._found: dict[Any, Array] = {}
         self._nested: dict[Any, SdfPoses] = {}
         self._pending: set[Any] = set()
 
     def of(self, name: str, where: Any) -> Array:
         """Return the pose of what has this name; `where` is the element that names it."""
+        poses, name = self._owner(name)
         if name in ("__model__", ""):
-            return self.placed
-        element, nested, inner_name = self._find(name)
-        if nested is not None:
-            return nested.of(inner_name, where)
-        if element is not None:
-            return self.of_element(element)
+            return poses.placed
+        if name in poses.elements:
+            return poses.of_element(poses.elements[name])
         if name == WORLD:
             return np.eye(4)
         raise error_at(
-            self.name, where, f"there is no frame '{name}'{did_you_mean(name, [*self.elements, '__model__'])}"
+            self.name, where, f"there is no frame '{name}'{did_you_mean(name, [*poses.elements, '__model__'])}"
         )
 
     def of_element(self, element: Any) -> Array:
@@ -230,7 +230,7 @@ class SdfPoses:
                 )
             self._pending.add(at)
             chain.append(at)
-            at = self._find(self._relative_to(at)[0])[0]
+            at = self.elements.get(self._relative_to(at)[0])
         for one in reversed(chain):
             self._found[one] = self.of(*self._relative_to(one)) @ pose(one, self.name)
         self._pending.difference_update(chain)
@@ -256,10 +256,11 @@ class SdfPoses:
         """
         passed = set()
         while name not in ("__model__", ""):
-            element, nested, inner_name = self._find(name)
-            if nested is not None:
-                return nested.link(inner_name, where, wrong)
-            if element is None and name == WORLD:
+            poses, own = self._owner(name)
+            if poses is not self:
+                return poses.link(own, where, wrong)
+            element = self.elements.get(name)
+            if name == WORLD:
                 return WORLD
             if element is None:
                 near = did_you_mean(name, [WORLD, *self.elements])
@@ -288,16 +289,13 @@ class SdfPoses:
             return self.nested(model).canonical()
         raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link: add one")
 
-    def _find(self, name: str) -> tuple[Any, SdfPoses | None, str]:
-        """Return the element of that name; or else the nested model and the name in it."""
-        if name in ("__model__", WORLD, ""):
-            return None, None, ""
-        if name in self.elements:
-            return self.elements[name], None, ""
-        for model in self.model.iterchildren("model"):
-            if name.startswith(f"{model.get('name')}::"):
-                return None, self.nested(model), name[len(str(model.get("name"))) + 2 :]
-        return None, None, ""
+    def _owner(self, name: str) -> tuple[SdfPoses, str]:
+        """Return the poses of the model, this or a nested one, that a name refers to, and the name in it."""
+        if name not in self.elements:
+            for model in self.model.iterchildren("model"):
+                if name.startswith(f"{model.get('name')}::"):
+                    return self.nested(model)._owner(name[len(str(model.get("name"))) + 2 :])
+        return self, name
 
     def _relative_to(self, element: Any) -> tuple[str, Any]:
         """Return the name of what an element's pose is relative to, and the element that names it."""
