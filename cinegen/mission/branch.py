@@ -34,13 +34,6 @@ class Branch:
         self.mechanism = mechanism
         self._actuated = [mechanism.q_index(name) for name in mechanism.actuated]
         self._forward = ForwardKinematics(mechanism)
-        self._scale = np.ones(mechanism.model.nq)
-        for name in mechanism.joints:
-            self._scale[mechanism.q_index(name)] = mechanism.scale[mechanism.v_index(name)]
-
-    def far(self, first: Array, second: Array) -> float:
-        """Return the distance of two configurations (nq,): the largest of all joints, rad or characteristic lengths."""
-        return float((np.abs(second - first) / self._scale).max(initial=0.0))
 
     def closed(self, q: Array) -> Array:
         """Return a recorded configuration (nq,) with closed loops, with unchanged actuated joints if possible.
@@ -55,7 +48,7 @@ class Branch:
             closed = mechanism.close(q, mechanism.actuated)
         except ClosureError:
             closed = mechanism.close(q)
-        if self.far(q, closed) > _OPEN:
+        if mechanism.distance(q, closed) > _OPEN:
             raise ClosureError(f"loops of {mechanism.name} are open by {mechanism.closure(q):.2g} (rad or lengths)")
         return closed
 
@@ -78,7 +71,7 @@ class Branch:
         try:
             self._forward.q = first
             found = [self._moved(q) for q in along]
-            if self.far(self._moved(second), second) <= _SAME:
+            if self.mechanism.distance(self._moved(second), second) <= _SAME:
                 return np.array(found).reshape(along.shape)
         except ClosureError:
             pass
@@ -89,7 +82,7 @@ class Branch:
         return self._forward.move(dict(values))
 
     def _interpolate_all(self, first: Array, second: Array, along: Array) -> Array:
-        step = self.far(first, second)
+        step = self.mechanism.distance(first, second)
         middle = [first + x * (second - first) for x in (0.25, 0.5, 0.75)]
         found = []
         for q in [*middle, *along]:
@@ -98,7 +91,7 @@ class Branch:
             except ClosureError:
                 step = np.inf
                 break
-            if self.far(q, closed) > _DETOUR * step + _SAME:
+            if self.mechanism.distance(q, closed) > _DETOUR * step + _SAME:
                 step = np.inf
                 break
             found.append(closed)

@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.assembly import AssemblyModes
-from cinegen.joints import translations
+from cinegen.joints import step_scale
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.mission.file_format import MissionError, RecordedTask, RobotSample
 from cinegen.mission.recorder import MissionRecorder
@@ -77,10 +77,7 @@ def passes(mechanism: Mechanism, path: Array) -> Array:
 
 def _velocity_limits(mechanism: Mechanism) -> Array:
     """Return the velocity limits (nv,), rad/s and m/s."""
-    model = mechanism.model
-    default = np.full(model.nv, ANGULAR_SPEED)
-    for joint in model.joints:
-        default[joint.idx_v : joint.idx_v + translations(joint)] = LINEAR_SPEED
+    default = ANGULAR_SPEED * step_scale(mechanism.model, LINEAR_SPEED / ANGULAR_SPEED)
     if mechanism.loops:
         default[mechanism.passive_columns] = np.inf
     return np.where(np.isfinite(mechanism.limits.velocity), mechanism.limits.velocity, default)

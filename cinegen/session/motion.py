@@ -75,7 +75,7 @@ class JointMotion:
         self._mechanism = mechanism
         self._forward = ForwardKinematics(mechanism, q)
         self._q = q.copy()
-        self._speed = joint_speeds(mechanism)
+        self._speeds = _speeds(mechanism)
         self._ends = False
 
     def move(self, joint: str, value: float) -> None:
@@ -91,7 +91,8 @@ class JointMotion:
         """See `RobotMotion`."""
         values = {}
         for joint, goal in self.goal.items():
-            here, most = self._q[self._mechanism.q_index(joint)], self._speed[joint] * dt
+            here = self._q[self._mechanism.q_index(joint)]
+            most = self._speeds[self._mechanism.v_index(joint)] * dt
             if here != goal:
                 values[joint] = float(here + min(max(goal - here, -most), most))
         if not values:
@@ -163,10 +164,10 @@ class ConfigurationMotion(_TimedMotion):
         self.name, self.label = name, label
         self._mechanism, self._goal, self._start = mechanism, goal, q.copy()
         self._forward = ForwardKinematics(mechanism, q)
-        speed = joint_speeds(mechanism)
         self._indices = [(joint, mechanism.q_index(joint)) for joint in mechanism.actuated]
-        longest = max((abs(goal[i] - q[i]) / speed[joint] for joint, i in self._indices), default=0.0)
-        self._seconds = min(max(2.0 * longest, _SHORTEST), _LONGEST)
+        seconds = np.abs(mechanism.difference(q, goal)) / _speeds(mechanism)
+        longest = seconds[[mechanism.v_index(joint) for joint in mechanism.actuated]].max(initial=0.0)
+        self._seconds = min(max(2.0 * float(longest), _SHORTEST), _LONGEST)
 
     def advance(self, dt: float) -> Array | None:
         """See `RobotMotion`."""
@@ -286,14 +287,10 @@ class LineMotion:
         return pin.SE3(rotation, (1.0 - x) * self._from.translation + x * self._to.translation)
 
 
-def joint_speeds(mechanism: Mechanism) -> dict[str, float]:
-    """Return the velocity limit of each joint, or a default, rad/s or m/s."""
-    speeds = {}
-    for joint in mechanism.joints:
-        limit = mechanism.limits[joint].velocity
-        default = _FASTEST * (mechanism.length if mechanism.is_prismatic(joint) else 1.0)
-        speeds[joint] = limit if math.isfinite(limit) else default
-    return speeds
+def _speeds(mechanism: Mechanism) -> Array:
+    """Return the velocity (nv,) at which joints are moved, rad/s and m/s."""
+    limits = mechanism.limits.velocity
+    return np.where(np.isfinite(limits), limits, _FASTEST * mechanism.scale)
 
 
 def _passed_limit(mechanism: Mechanism, q: Array, before: Array) -> str:
