@@ -20,7 +20,7 @@ from cinegen.cockpit.scene import RobotScene
 from cinegen.cockpit.served_map import ServedMap
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import KnownNames, Reporter, RobotReport, SessionRunner, SessionState, Setup
+from cinegen.session import Reporter, RobotReport, SessionRunner, SessionState, Setup
 
 FRAMES = 60
 """States per second that pages are sent."""
@@ -66,7 +66,7 @@ class Cockpit:
         self.scene = draw(self.page, setup)
         self.map = None if setup.map is None else ServedMap(setup.map)
         self.runner = SessionRunner(setup, own_process)
-        self.hub = Hub(KnownNames.of(setup), self.runner.send, self._hello)
+        self.hub = Hub(setup, self.runner.send, self._hello)
         self.server = Server(self.page, self.hub, self.snapshot, host, token, framed, self.map)
         self._over = threading.Event()
         self._reports: dict[str, RobotReport] = {}

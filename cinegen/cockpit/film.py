@@ -22,7 +22,7 @@ from cinegen.cockpit.messages import ReportMessage, StateMessage
 from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
-from cinegen.session import KnownNames, Reporter, SessionRunner, SessionState, Setup
+from cinegen.session import Reporter, SessionRunner, SessionState, Setup
 from raff2urdf.files import write_all
 
 FPS = 30
@@ -92,7 +92,7 @@ def _draw_frames(
     states = list(_played(setup, seconds, report))
     page = Page(title_of(setup))
     draw(page, setup)
-    hub = Hub(KnownNames.of(setup), lambda command: None, lambda client: hello_message(setup, page.title, client))
+    hub = Hub(setup, lambda command: None, lambda client: hello_message(setup, page.title, client))
     server = Server(page, hub, page.html)
     server.start(7600)
     try:

@@ -18,8 +18,8 @@ from cinegen.cockpit.messages import (
     RequestControl,
     StateMessage,
 )
-from cinegen.session import Command, CommandError, KnownNames
-from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, decode
+from cinegen.session import Command, CommandError, Setup
+from cinegen.session.commands import ControlPlayback, EndDrag, EndJointMotion, SetView, check_names, decode
 from cinegen.typed_json import encode
 
 MOST = 100
@@ -77,17 +77,15 @@ class Hub:
     """The clients of a session, and which one has control. For one thread at a time; nothing here waits or raises.
 
     Args:
-        known: names that commands may use.
+        setup: setup of the session.
         send: takes commands.
         hello: returns the first message to a client, by its number.
     """
 
-    def __init__(
-        self, known: KnownNames, send: Callable[[Command], None], hello: Callable[[int], HelloMessage]
-    ) -> None:
+    def __init__(self, setup: Setup, send: Callable[[Command], None], hello: Callable[[int], HelloMessage]) -> None:
         self.clients: dict[int, Client] = {}
         self.controller: int | None = None
-        self._known, self._send, self._hello = known, send, hello
+        self._setup, self._send, self._hello = setup, send, hello
         self._count = 0
         self._state: tuple[int, StateMessage | None] = (0, None)
         self._report: tuple[int, ReportMessage | None] = (0, None)
@@ -133,7 +131,7 @@ class Hub:
             elif isinstance(message, RequestControl):
                 self._request_control(client, message.on)
             else:
-                self._known.check(message)
+                check_names(message, self._setup)
                 self._command(client, message)
         except CommandError as error:
             self.drop(client, str(error))

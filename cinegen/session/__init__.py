@@ -1,6 +1,6 @@
 """Sessions: robots that users and sensors drive together; commands in, states out, at a fixed rate."""
 
-from cinegen.session.commands import Command, CommandError, KnownNames, decode_command
+from cinegen.session.commands import Command, CommandError, decode_command
 from cinegen.session.map_setup import map_setup
 from cinegen.session.report import Reporter, RobotReport
 from cinegen.session.runner import SessionError, SessionRunner
@@ -12,7 +12,6 @@ from cinegen.session.state import SessionState
 __all__ = [
     "Command",
     "CommandError",
-    "KnownNames",
     "Reporter",
     "RobotReport",
     "Session",

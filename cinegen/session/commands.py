@@ -13,8 +13,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
@@ -281,50 +280,26 @@ Command = (
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class KnownNames:
-    """Names that commands may refer to.
+def check_names(command: Command, setup: Setup) -> None:
+    """Check the names in a command to a session. The only node of an obstacle has its name.
 
-    Attributes:
-        nodes: nodes of each robot; the only node of an obstacle has its name.
-        actuated: actuated joints of each robot.
-        sensors: sensors that a node may follow, by robot and node; None: no sensor.
+    Raises:
+        CommandError: one of them does not exist; the message names the field.
     """
-
-    nodes: Mapping[str, Collection[str]]
-    actuated: Mapping[str, Collection[str]] = field(default_factory=dict)
-    sensors: Mapping[tuple[str, str], Collection[str | None]] = field(default_factory=dict)
-
-    @classmethod
-    def of(cls, setup: Setup) -> KnownNames:
-        """Return the names of a session."""
-        return cls(
-            {name: frozenset(mechanism.nodes) for name, mechanism in setup.robots.items()}
-            | {name: frozenset((name,)) for name in setup.obstacles},
-            {name: frozenset(mechanism.actuated) for name, mechanism in setup.robots.items()},
-            {(switch.robot, switch.node): frozenset(switch.choices) for switch in setup.switches},
-        )
-
-    def check(self, command: Command) -> None:
-        """Check the names in a command.
-
-        Raises:
-            CommandError: one of them does not exist; the message names the field.
-        """
-        robot = getattr(command, "robot", None)
-        if robot is None:
-            return
-        node = getattr(command, "node", "")
-        known: dict[str, Collection[str | None]] = {
-            "robot": self.nodes,
-            "node": self.nodes.get(robot, ()),
-            "joint": self.actuated.get(robot, ()),
-            "sensor": self.sensors.get((robot, node), ()),
-        }
-        for name in command.__struct_fields__:
-            value = getattr(command, name)
-            if name in known and value not in known[name]:
-                raise CommandError(f"Unknown {name} {value!r:.80} - at `$.{name}`")
+    robot = getattr(command, "robot", None)
+    if robot is None:
+        return
+    mechanism, switch = setup.robots.get(robot), (robot, getattr(command, "node", ""))
+    known: dict[str, Collection[str | None]] = {
+        "robot": (*setup.robots, *setup.obstacles),
+        "node": (robot,) if mechanism is None else mechanism.nodes,
+        "joint": () if mechanism is None else mechanism.actuated,
+        "sensor": next((one.choices for one in setup.switches if (one.robot, one.node) == switch), ()),
+    }
+    for name in command.__struct_fields__:
+        value = getattr(command, name)
+        if name in known and value not in known[name]:
+            raise CommandError(f"Unknown {name} {value!r:.80} - at `$.{name}`")
 
 
 def decode(message: str | bytes, decoder: msgspec.json.Decoder[_Message]) -> _Message:
@@ -346,14 +321,14 @@ def decode(message: str | bytes, decoder: msgspec.json.Decoder[_Message]) -> _Me
 _COMMANDS: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Command)
 
 
-def decode_command(message: str | bytes, known: KnownNames) -> Command:
+def decode_command(message: str | bytes, setup: Setup) -> Command:
     """Decode a command and check the names in it.
 
     Raises:
-        CommandError: see `decode` and `KnownNames.check`.
+        CommandError: see `decode` and `check_names`.
     """
     command = decode(message, _COMMANDS)
-    known.check(command)
+    check_names(command, setup)
     return command
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from types import SimpleNamespace
 
 import pytest
 from msgspec.structs import replace
@@ -10,11 +11,11 @@ from msgspec.structs import replace
 from cinegen.cockpit import hub as hubs
 from cinegen.cockpit.hub import Hub
 from cinegen.cockpit.messages import PROTOCOL, HelloMessage, ReportMessage, StateMessage, TickRate
-from cinegen.session import KnownNames
 from cinegen.session import commands as c
 from cinegen.session.state import Settings
 
-KNOWN = KnownNames({"delta": {"base", "link5"}}, {"delta": {"joint1"}})
+DELTA = SimpleNamespace(nodes=("base", "link5"), actuated=("joint1",))
+SETUP = SimpleNamespace(robots={"delta": DELTA}, obstacles={}, switches=())
 START = {"type": "start_drag", "robot": "delta", "node": "link5", "point": [0, 0, 0]}
 MOVE = {"type": "move_drag", "position": [0, 0, 0]}
 HELLO = HelloMessage(PROTOCOL, 1, "", (), (), (), (), (), None, (), None)
@@ -50,7 +51,7 @@ class Line:
 @pytest.fixture
 def hub():
     obeyed = []
-    hub = Hub(KNOWN, obeyed.append, lambda number: replace(HELLO, client=number))
+    hub = Hub(SETUP, obeyed.append, lambda number: replace(HELLO, client=number))
     hub.obeyed = obeyed
     return hub
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pinocchio as pin
@@ -13,7 +14,7 @@ from hypothesis import strategies as st
 
 import cinegen
 from cinegen.session import Session, Setup, decode_command
-from cinegen.session.commands import CommandError, KnownNames, MoveTo, Undo
+from cinegen.session.commands import CommandError, MoveTo, Undo
 from cinegen.session.motion import LineMotion
 
 DT = 2e-3
@@ -88,7 +89,7 @@ def test_in_a_session_it_is_an_undo_step(robot):
     session = Session(Setup({"delta4": delta}))
     home = session.robots["delta4"].q
     message = {"type": "move_to", "robot": "delta4", "node": "platform", "q": goal.tolist()}
-    session.obey(decode_command(json.dumps(message), KnownNames.of(session.setup)))
+    session.obey(decode_command(json.dumps(message), session.setup))
     session.tick()
     assert session.state().moving == "move_to"
     for _ in range(4000):
@@ -118,6 +119,8 @@ def test_what_can_not_be_is_said_and_nothing_moves(robot, wrong, words):
 
 @pytest.mark.parametrize("q", [None, 3, "home", [1, "x"], [float("inf")], {"joint1": 1}])
 def test_a_message_without_a_configuration_is_no_command(q):
-    known = KnownNames({"delta4": {"platform"}})
+    setup = SimpleNamespace(
+        robots={"delta4": SimpleNamespace(nodes=("platform",), actuated=())}, obstacles={}, switches=()
+    )
     with pytest.raises(CommandError):
-        decode_command(json.dumps({"type": "move_to", "robot": "delta4", "node": "platform", "q": q}), known)
+        decode_command(json.dumps({"type": "move_to", "robot": "delta4", "node": "platform", "q": q}), setup)

@@ -6,25 +6,30 @@ import contextlib
 import json
 import math
 import re
+from types import SimpleNamespace
 from typing import get_args
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cinegen.session import Command, CommandError, KnownNames, Session, decode_command
+from cinegen.session import Command, CommandError, Session, decode_command
 from cinegen.session import commands as c
+from cinegen.session.setup import SensorSwitch
 
-KNOWN = KnownNames(
-    nodes={"delta": {"base", "link5"}, "arm": {"tool"}},
-    actuated={"delta": {"joint1"}, "arm": set()},
-    sensors={("delta", "link5"): {None, "1"}},
+SETUP = SimpleNamespace(
+    robots={
+        "delta": SimpleNamespace(nodes=("base", "link5"), actuated=("joint1",)),
+        "arm": SimpleNamespace(nodes=("tool",), actuated=()),
+    },
+    obstacles={},
+    switches=(SensorSwitch("delta", "link5", (None, "1")),),
 )
 TYPES = {command.__struct_config__.tag for command in get_args(Command)}
 
 
 def decoded(message):
-    return decode_command(json.dumps(message), KNOWN)
+    return decode_command(json.dumps(message), SETUP)
 
 
 @pytest.mark.parametrize(
@@ -131,7 +136,7 @@ def of(kind, **fields):
 )
 def test_other_commands_are_refused_with_a_reason(message, reason):
     with pytest.raises(CommandError, match=re.escape(reason)):
-        decode_command(message, KNOWN)
+        decode_command(message, SETUP)
 
 
 ANYTHING = st.recursive(st.none() | st.booleans() | st.floats() | st.integers() | st.text(), st.lists, max_leaves=8)
@@ -140,7 +145,7 @@ ANYTHING = st.recursive(st.none() | st.booleans() | st.floats() | st.integers() 
 @given(st.text() | st.binary() | ANYTHING.map(json.dumps))
 def test_nothing_else_is_raised(message):
     with contextlib.suppress(CommandError):
-        decode_command(message, KNOWN)
+        decode_command(message, SETUP)
 
 
 FIELDS = sorted({field for command in get_args(Command) for field in command.__struct_fields__})
@@ -149,7 +154,7 @@ FIELDS = sorted({field for command in get_args(Command) for field in command.__s
 @given(st.sampled_from(sorted(TYPES)), st.dictionaries(st.sampled_from(FIELDS), ANYTHING))
 def test_nor_for_a_known_type(kind, fields):
     with contextlib.suppress(CommandError):
-        assert isinstance(decode_command(of(kind, **fields), KNOWN), Command)
+        assert isinstance(decode_command(of(kind, **fields), SETUP), Command)
 
 
 @given(st.lists(st.floats(-1, 1), min_size=4, max_size=4).filter(lambda x: 0.91 < math.hypot(*x) < 1.09))

@@ -12,7 +12,7 @@ import pytest
 from cinegen.collision import load_scene, scene_of
 from cinegen.collision.links import link_bodies
 from cinegen.mission import Recording
-from cinegen.session import KnownNames, Session, replay_setup, scene_setup
+from cinegen.session import Session, replay_setup, scene_setup
 from cinegen.session import commands as c
 
 SAFETY = 0.02
@@ -333,8 +333,9 @@ def test_names_that_mean_something_to_the_page_or_are_taken_are_changed(session)
     one = session("arm7", {**POLE, "name": "arm7"}, {**FLOOR, "name": "shelf/left\nside"}, {**POLE, "name": "ends'"})
     assert list(one.robots) == ["arm7"]
     assert list(one.obstacles) == ["arm7'", "shelf-left side", "ends'"]
-    known = KnownNames.of(one.setup)
-    assert c.decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', known) == c.Pin("arm7'", "arm7'")
+    assert c.decode_command('{"type": "pin", "robot": "arm7\'", "node": "arm7\'"}', one.setup) == c.Pin(
+        "arm7'", "arm7'"
+    )
     copied = pickle.loads(pickle.dumps(one.setup))
     assert list(copied.obstacles) == list(one.obstacles)
     assert copied.avoidance.scene.safety == SAFETY
