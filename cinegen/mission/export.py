@@ -72,7 +72,7 @@ def export(
         raise MissionError(f"{path}: is the recording itself; name another file (-o FILE)")
     recording = Recording.load(source)
     trajectory = resampled(recording, robot, rate, speed)
-    joints = trajectory.mechanism.joints if all_joints else trajectory.actuated
+    joints = trajectory.mechanism.joints if all_joints else trajectory.mechanism.actuated
     content = form.write(trajectory, joints)
     findings = check(trajectory)
     if findings.serious and not force:

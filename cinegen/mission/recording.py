@@ -18,7 +18,6 @@ from cinegen.mission.file_format import (
     MissionError,
     MissionHeader,
     Moment,
-    RecordedRobot,
     RecordedTask,
     RobotSample,
     decode_header,
@@ -91,19 +90,6 @@ class Recording:
         """Time from the first moment to the last, s."""
         return float(self.times[-1]) if len(self.times) else 0.0
 
-    def actuated(self, name: str) -> tuple[str, ...]:
-        """Return the names of a robot's actuated joints.
-
-        Raises:
-            UnknownNameError: no such robot.
-        """
-        return self._robot(name).actuated
-
-    def _robot(self, name: str) -> RecordedRobot:
-        if name not in self._described:
-            raise UnknownNameError("robot", name, self.robots)
-        return self._described[name]
-
     def mechanism(self, name: str) -> Mechanism:
         """Build a robot from the first line, as it was recorded; once for all calls. Its meshes are only read when they
         are drawn.
@@ -112,7 +98,9 @@ class Recording:
             UnknownNameError: there is no such robot.
             MissionError: its description was changed since, or can't be built any more.
         """
-        robot = self._robot(name)
+        robot = self._described.get(name)
+        if robot is None:
+            raise UnknownNameError("robot", name, self.robots)
         if name not in self._built:
             if fingerprint(robot.urdf, robot.constraints) != robot.hash:
                 raise MissionError(f"{self.path}:1: the description of '{name}' was changed after it was recorded")

@@ -50,11 +50,6 @@ class Trajectory:
         """Duration, s."""
         return float(self.times[-1])
 
-    @property
-    def actuated(self) -> tuple[str, ...]:
-        """Names of the actuated joints."""
-        return self.mechanism.actuated
-
     def positions(self, joints: tuple[str, ...]) -> Array:
         """Return the positions (n, joints) of some joints, rad and m.
 

@@ -57,7 +57,7 @@ class AvoidingRobot(DrivenRobot):
         if np.array_equal(q, here) or is_clear(self._clearance, here, q, self.safety):
             return ""
         pair = int(self._clearance.distances(q).argmin())
-        return f"'{self._link(pair)}' would hit {self._what(pair)}"
+        return f"'{self._clearance.names(pair)[0]}' would hit {self._what(pair)}"
 
     def status(self) -> RobotStatus:
         """See `DrivenRobot`; with the names of obstacles."""
@@ -65,7 +65,7 @@ class AvoidingRobot(DrivenRobot):
         distances = self._clearance.distances(self.q)
         pair = int(distances.argmin()) if len(distances) else -1
         if pair >= 0 and distances[pair] <= 0.0:
-            label = f"'{self._link(pair)}' touches {self._what(pair)}"
+            label = f"'{self._clearance.names(pair)[0]}' touches {self._what(pair)}"
             return RobotStatus("TOUCHING", label, "a link touches an obstacle or another link")
         if self.motion is not None:
             return status
@@ -91,9 +91,6 @@ class AvoidingRobot(DrivenRobot):
         if group < len(self._obstacles):
             return f"'{self._obstacles[group]}'"
         return f"its own '{self._clearance.names(pair)[1]}'"
-
-    def _link(self, pair: int) -> str:
-        return self._clearance.names(pair)[0]
 
     @staticmethod
     def _listed(names: Iterable[str]) -> str:

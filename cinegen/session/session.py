@@ -5,6 +5,7 @@ It has no screen and no socket; `cinegen.session.runner` runs its ticks.
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from pathlib import Path
@@ -113,7 +114,8 @@ class Session:
         self.time += self.dt
         if self._player is not None:
             for name, q in self._player.advance(self.dt).items():
-                self._show(self.robots[name], q)
+                with contextlib.suppress(CinegenError):  # a recording with open loops
+                    self.robots[name].jump_to(q)
             for name, pose in self._player.placements().items():
                 self.obstacles[name].pose = pose
         else:
@@ -142,13 +144,6 @@ class Session:
             base = self.setup.base(name)
             if base.robot is not None and base.node is not None:
                 self.robots[name].set_base(self.robots[base.robot].placement(base.node) * base.placement)
-
-    @staticmethod
-    def _show(robot: DrivenRobot, q: np.ndarray) -> None:
-        try:
-            robot.jump_to(q)
-        except CinegenError:  # a recording with open loops
-            return
 
     # --- the pointer ---------------------------------------------------------------------------------------------
 

@@ -66,10 +66,10 @@ def test_arrays(recording, tmp_path):
     export(path, "npz", tmp_path / "out" / "motion.npz", rate=50.0)
     motion = resampled(Recording.load(path), rate=50.0)
     with np.load(tmp_path / "out" / "motion.npz") as found:
-        assert found["joints"].tolist() == list(motion.actuated)
+        assert found["joints"].tolist() == list(motion.mechanism.actuated)
         assert (found["times"] == motion.times).all()
-        assert (found["q"] == motion.positions(motion.actuated)).all()
-        assert (found["v"] == motion.velocities(motion.actuated)).all()
+        assert (found["q"] == motion.positions(motion.mechanism.actuated)).all()
+        assert (found["v"] == motion.velocities(motion.mechanism.actuated)).all()
         assert (float(found["rate"]), str(found["robot"])) == (50.0, "delta4")
 
 
@@ -81,7 +81,7 @@ def test_a_goal_of_ros_2(recording, name):
     assert report.path.name == "run.yaml"
     (key, goal), *more = yaml.safe_load(report.path.read_text()).items()
     assert (key, more) == ("trajectory", [])
-    assert goal["joint_names"] == list(motion.actuated)
+    assert goal["joint_names"] == list(motion.mechanism.actuated)
     points = goal["points"]
     assert [sorted(point) for point in points] == [["positions", "time_from_start", "velocities"]] * len(motion.times)
     times = [(point["time_from_start"]["sec"], point["time_from_start"]["nanosec"]) for point in points]
@@ -91,7 +91,7 @@ def test_a_goal_of_ros_2(recording, name):
     for key, exact in (("positions", motion.positions), ("velocities", motion.velocities)):
         found = [point[key] for point in points]
         assert all(type(value) is float for row in found for value in row)
-        assert np.array(found) == pytest.approx(exact(motion.actuated), abs=1e-9)
+        assert np.array(found) == pytest.approx(exact(motion.mechanism.actuated), abs=1e-9)
     assert set(points[0]["velocities"]) == set(points[-1]["velocities"]) == {0.0}
     assert report.notes == ()
 
@@ -121,7 +121,7 @@ def test_a_program_in_urscript(recording, rate):
     found = [SERVO.fullmatch(line) for line in servos]
     assert all(found)
     q = np.array([[float(word) for word in match[1].split(",")] for match in (start, *found)])
-    assert q == pytest.approx(motion.positions(motion.actuated), abs=5.1e-7)
+    assert q == pytest.approx(motion.positions(motion.mechanism.actuated), abs=5.1e-7)
     assert all(len(word.rpartition(".")[2]) == 6 for match in found for word in match[1].split(","))
     assert {float(match[2]) for match in found} == {1.0 / rate}
     assert (stop, end) == ("  stopj(2.0)", "end")

@@ -38,7 +38,7 @@ def _steps(trajectory: Trajectory):
 
 
 def _motors(trajectory: Trajectory):
-    return trajectory.positions(trajectory.actuated)
+    return trajectory.positions(trajectory.mechanism.actuated)
 
 
 def _kinds(findings):
