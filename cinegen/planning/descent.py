@@ -12,7 +12,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from itertools import groupby
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -164,25 +163,23 @@ class LinkPoints:
         obstacles = [Obstacle(body.name, (body,)) for body in bodies]
         self._clearance = clearance = Clearance(mechanism, links, obstacles)
         self.mechanism = mechanism
-
-        def key(pair: int) -> tuple[int, int]:
-            return int(clearance.groups[pair]), int(clearance.joints[clearance.pairs[pair, 0]])
-
-        ordered = sorted(range(len(clearance.pairs)), key=key)
-        self._pairs = [(*keys, np.array(list(pairs))) for keys, pairs in groupby(ordered, key)]
+        joints = clearance.joints[clearance.pairs[:, 0]]
+        of_bodies = [np.flatnonzero(clearance.groups == k) for k in range(len(bodies))]
+        self._pairs = [
+            {int(joint): pairs[joints[pairs] == joint] for joint in np.unique(joints[pairs])}
+            for pairs in of_bodies
+            if len(pairs)
+        ]
 
     def near(self, q: Array) -> Iterator[NearestPoints]:
         """Yield the nearest points for each body in turn, at q (nq,)."""
         clearance = self._clearance
         distances = clearance.distances(q)
-        for _, links in groupby(self._pairs, lambda one: one[0]):
-            joints, nearest = [], []
-            for _, joint, pairs in links:
-                joints.append(joint)
-                nearest.append(int(pairs[distances[pairs].argmin()]))
+        for by_joint in self._pairs:
+            nearest = [int(pairs[distances[pairs].argmin()]) for pairs in by_joint.values()]
             found = [clearance.nearest_points(pair) for pair in nearest]
             yield NearestPoints(
-                np.array(joints),
+                np.array(list(by_joint)),
                 distances[nearest],
                 np.array([-normal for _, _, normal in found]),
                 np.array([point for point, _, _ in found]),

@@ -28,19 +28,6 @@ _SAMPLES = 200
 _DISTINCT = 0.1  # rad or characteristic lengths: nearer configurations count as one
 
 
-class GoalConfigurations(NamedTuple):
-    """Configurations in which a goal is reached.
-
-    Attributes:
-        free: (nq,) each, with all distances above the safety distance; the one nearest to the start first, then always
-            the one that differs most from those before.
-        blocked: other configurations, each with its nearest pair of bodies and their distance, m.
-    """
-
-    free: tuple[Array, ...]
-    blocked: tuple[tuple[Array, int, float], ...]
-
-
 class Refusal(NamedTuple):
     """Why no path is searched: START_IN_COLLISION, GOAL_IN_COLLISION or OUT_OF_REACH, with an explanation."""
 
@@ -67,33 +54,36 @@ def free_goals(
     if touching := check.contact(scene.start):
         return Refusal(PlanStatus.START_IN_COLLISION, touching)
     report("searching configurations at the goal")
-    found = goal_configurations(scene, clearance)
-    contacts = [check.contact(q) for q in found.free]
-    free = tuple(q for q, touching in zip(found.free, contacts, strict=True) if not touching)
+    found, blocked = _search(scene, clearance)
+    contacts = [check.contact(q) for q in found]
+    free = tuple(q for q, touching in zip(found, contacts, strict=True) if not touching)
     if free:
         return free
     if contacts:
         return Refusal(PlanStatus.GOAL_IN_COLLISION, contacts[0])
-    if found.blocked:
-        _, pair, distance = max(found.blocked, key=lambda one: one[2])
+    if blocked:
+        distance, pair = max(blocked)
         return Refusal(PlanStatus.GOAL_IN_COLLISION, _too_near(clearance, scene, pair, distance))
     return Refusal(PlanStatus.OUT_OF_REACH, f"no configuration was found in which '{scene.node}' is at the goal")
 
 
-def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> GoalConfigurations:
+def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple[float, int]]]:
     """Search closed configurations within all limits in which the node is at the goal.
 
     The search starts at the scene's start, then at configurations sampled over the whole range of motion: an empty
     result means that none of these leads to the goal.
+
+    Returns:
+        configurations (nq,) with all distances above the safety distance, the one nearest to the start first, then
+        always the one that differs most from those before; and of others the smallest distance, m, and its pair.
     """
-    mechanism, rng = scene.mechanism, np.random.default_rng(seed)
+    mechanism, rng = scene.mechanism, np.random.default_rng(0)
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
     local = LocalIK(mechanism, (task,))
     starts = [scene.start]
     if mechanism.loops:
         starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))
-    free: list[Array] = []
-    blocked: list[tuple[Array, int, float]] = []
+    free, blocked = list[Array](), list[tuple[float, int]]()
     for count in range(_STARTS):
         start = starts[count] if count < len(starts) else local.random_start(rng)
         if not local.solve(start, 1e-10) or local.closure > CLOSURE:
@@ -101,16 +91,14 @@ def goal_configurations(scene: Scene, clearance: Clearance, seed: int = 0) -> Go
         q = local.best
         if any(mechanism.distance(q, other) < _DISTINCT for other in free):
             continue
-        distances = clearance.distances(q)
-        nearest = int(distances.argmin()) if len(distances) else -1
-        if nearest >= 0 and distances[nearest] < scene.safety:
-            if len(blocked) < _ENOUGH:
-                blocked.append((q, nearest, float(distances[nearest])))
+        if clearance.least(q) < scene.safety:
+            distances = clearance.distances(q)
+            blocked.append((float(distances.min()), int(distances.argmin())))
             continue
         free.append(q)
         if len(free) == _ENOUGH:
             break
-    return GoalConfigurations(tuple(_varied(mechanism, scene.start, free)), tuple(blocked))
+    return _varied(mechanism, scene.start, free), blocked[:_ENOUGH]
 
 
 def _varied(mechanism: Mechanism, start: Array, found: list[Array]) -> list[Array]:
