@@ -6,7 +6,7 @@ Chunks and the cells of a chunk are numbered with the last axis fastest.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,26 +17,17 @@ Shape = Sequence[int]
 _ROUNDING = 1e-9
 
 
-def cube_shape(shape: Shape, most: int) -> tuple[int, ...]:
-    """Return the number of cells along each axis of a chunk that is as long as it is wide.
-
-    Cells learn from their neighbours, which are near in such a chunk.
+def chunk_shape(shape: Shape, most: int, cube: bool) -> tuple[int, ...]:
+    """Return the number of cells along each axis of a chunk.
 
     Args:
         shape: number of cells along each axis of the grid.
         most: number of cells of a chunk, at most.
+        cube: whether the chunk is as long as it is wide: cells learn from their neighbours, which are near in it. Else
+            it is of whole lines, as far as they fit: a path through it has few corners.
     """
-    return _divided(shape, most, sorted(range(len(shape)), key=lambda k: shape[k]), cube=True)
-
-
-def line_shape(shape: Shape, most: int) -> tuple[int, ...]:
-    """Return the same for a chunk of whole lines, as far as they fit: a path through it has few corners."""
-    return _divided(shape, most, reversed(range(len(shape))), cube=False)
-
-
-def _divided(shape: Shape, most: int, order: Iterable[int], cube: bool) -> tuple[int, ...]:
-    """Return a chunk of at most so many cells: axis after axis takes an equal share of the room, or else all."""
     width = [1] * len(shape)
+    order = sorted(range(len(shape)), key=lambda k: shape[k]) if cube else reversed(range(len(shape)))
     for left, k in zip(range(len(shape), 0, -1), order, strict=True):
         room = most // math.prod(width)
         wide = max(1, min(shape[k], int(room ** (1.0 / left) + _ROUNDING) if cube else room))

@@ -155,7 +155,7 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     a, b = (_looked_up(dataset, region) for dataset in (first, second))
     in_a, in_b = a["reachable"].values, b["reachable"].values
     (a_low, a_high), (b_low, b_high) = (
-        bounds(region, cells["reachable"].values, cells["status"].values == CellStatus.NOT_EVALUATED)
+        bounds(region.periodic, cells["reachable"].values, cells["status"].values == CellStatus.NOT_EVALUATED)
         for cells in (a, b)
     )
     differences = {}

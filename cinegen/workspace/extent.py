@@ -102,16 +102,21 @@ def extent(dataset: xarray.Dataset, where: xarray.DataArray | None = None) -> Ex
     )  # fmt: skip
 
 
-def bounds(region: Region, counts: Bools, unknown: Bools | None = None) -> tuple[Bools, Bools]:
+def bounds(periodic: Sequence[bool], counts: Bools, unknown: Bools) -> tuple[Bools, Bools]:
     """Return the cells that count for certain as a whole, and those that may count in part, if nothing is thinner than
     a cell.
 
     Args:
-        region: the grid.
-        counts: (*region.shape) bool, the cells that count.
-        unknown: (*region.shape) bool, the cells of which it is not known; none unless given.
+        periodic: for each axis of a grid whether its ends meet.
+        counts: (grid's shape) bool, the cells that count.
+        unknown: (grid's shape) bool, the cells of which it is not known.
     """
-    return _bounds(region.periodic, counts, np.zeros_like(counts) if unknown is None else unknown)
+    modes = ["wrap" if ends_meet else "constant" for ends_meet in periodic]
+
+    def dilated(cells: Bools) -> Bools:
+        return np.asarray(maximum_filter(cells, size=3, mode=modes))
+
+    return ~dilated(unknown | ~counts), dilated(counts | unknown)
 
 
 def extent_of(region: Region, unit: str, counts: Bools, low: Bools, high: Bools) -> Extent:
@@ -144,22 +149,13 @@ def _in_slabs(region: Region, unit: str, slab: Callable[[NDArray[np.intp]], tupl
         rows = np.arange(start - 1, stop + 1)  # with those next to it
         rows = rows % count if first else rows[(rows >= 0) & (rows < count)]
         counts, unknown = slab(rows)
-        low, high = _bounds([False, *others], counts, unknown)
+        low, high = bounds([False, *others], counts, unknown)
         own = slice(int(first or start > 0), None)
         counts, low, high = (part[own][: stop - start] for part in (counts & ~unknown, low, high))
         sizes = (region.sizes[0][start:stop], *region.sizes[1:])
         sums += [_sum(sizes, part) for part in (counts, low & counts, high | counts)]
         cells += int(counts.sum())
     return Extent(float(sums[0]), float(sums[1]), float(sums[2]), unit, cells)
-
-
-def _bounds(periodic: Sequence[bool], counts: Bools, unknown: Bools) -> tuple[Bools, Bools]:
-    modes = ["wrap" if ends_meet else "constant" for ends_meet in periodic]
-
-    def dilated(cells: Bools) -> Bools:
-        return np.asarray(maximum_filter(cells, size=3, mode=modes))
-
-    return ~dilated(unknown | ~counts), dilated(counts | unknown)
 
 
 def _sum(sizes: tuple[NDArray[np.float64], ...], cells: Bools) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.cluster import connected, each
-from cinegen.workspace.chunks import cube_shape, line_shape
+from cinegen.workspace.chunks import chunk_shape
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.evaluator import ChunkEvaluator
 from cinegen.workspace.specification import MapSpecification
@@ -78,8 +78,8 @@ def make_map(
     usual = OVER_JOINTS if spec.over_joints else OVER_POSES
     if min(workers or 1, most or 1) < 1 or 0 in (workers, most):
         raise MapError(f"workers ({workers}) and cells of a chunk ({most}) must be 1 or more")
-    divide = line_shape if spec.over_joints else cube_shape
-    with open_for_writing(where, spec, divide(spec.region.shape, most or chunk_size(spec.region.size, usual))) as store:
+    chunks = chunk_shape(spec.region.shape, most or chunk_size(spec.region.size, usual), cube=not spec.over_joints)
+    with open_for_writing(where, spec, chunks) as store:
         if store.text != spec.text:
             differs = (f"{name} is {there}, not {asked}" for name, there, asked in store.spec.differences(spec))
             raise MapError(f"{where} is another map: {'; '.join(differs)}. Give another -o")

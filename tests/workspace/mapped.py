@@ -7,14 +7,14 @@ import math
 import numpy as np
 
 from cinegen.workspace import GridAxis, MapSpecification, Region
-from cinegen.workspace.chunks import chunk_cells, chunk_counts, cube_shape
+from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.evaluator import ChunkEvaluator
 
 
 def mapped(spec: MapSpecification, most: int = 10**6) -> dict[str, np.ndarray]:
     """By name (*shape, ...), in chunks of at most so many cells."""
     evaluator, region = ChunkEvaluator(spec), spec.region
-    chunks = cube_shape(region.shape, most)
+    chunks = chunk_shape(region.shape, most, cube=True)
     found: dict[str, np.ndarray] = {}
     for chunk in range(math.prod(chunk_counts(region.shape, chunks))):
         cells = chunk_cells(chunk, region.shape, chunks)

@@ -17,7 +17,7 @@ def measured(region, inside):
     """Extent of where a function of all middles holds."""
     middles = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
     cells = inside(*middles)
-    return extent_of(region, "m^2", cells, *bounds(region, cells))
+    return extent_of(region, "m^2", cells, *bounds(region.periodic, cells, np.zeros_like(cells)))
 
 
 def square(half, count, names="xy", shift=0.0):
@@ -121,7 +121,10 @@ def test_where_a_whole_turn_begins_makes_no_difference(turn):
     middles = np.meshgrid(*(axis.middles() for axis in axes), indexing="ij")
     cells = np.hypot(middles[0] - 0.3, middles[1]) < 1.0
     rolled = np.roll(cells, turn, axis=0)
-    one, other = (extent_of(region, "m^2", these, *bounds(region, these)) for these in (cells, rolled))
+    one, other = (
+        extent_of(region, "m^2", these, *bounds(region.periodic, these, np.zeros_like(these)))
+        for these in (cells, rolled)
+    )
     for name in ("value", "low", "high"):
         assert getattr(one, name) == pytest.approx(getattr(other, name))
 
@@ -134,7 +137,7 @@ def test_slabs_count_as_the_whole_does(monkeypatch, names, at_once):
     rng = np.random.default_rng(3)
     u, v = np.meshgrid(*(axis.middles() for axis in region.axes), indexing="ij")
     cells, unknown = (np.abs(u) > 2.0) & (np.abs(v) < 1.0), rng.random(region.shape) < 0.02
-    whole = extent_of(region, "m^2", cells & ~unknown, *bounds(region, cells, unknown))
+    whole = extent_of(region, "m^2", cells & ~unknown, *bounds(region.periodic, cells, unknown))
     monkeypatch.setattr(module, "_AT_ONCE", at_once)
     slabs = module._in_slabs(region, "m^2", lambda rows: (cells[rows], unknown[rows]))
     assert (slabs.value, slabs.low, slabs.high, slabs.cells) == pytest.approx(

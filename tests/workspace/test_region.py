@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cinegen.workspace import GridAxis, MapError, Region, line_region
-from cinegen.workspace.chunks import chunk_cells, chunk_counts, cube_shape, line_shape
+from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 
 HOME = pin.SE3(pin.rpy.rpyToMatrix(0.1, -0.2, 0.3), np.array([0.4, 0.5, 0.6]))
 
@@ -19,11 +19,11 @@ def whole(region):
     return tuple(slice(0, count) for count in region.shape)
 
 
-@pytest.mark.parametrize("divide", [cube_shape, line_shape])
+@pytest.mark.parametrize("cube", [True, False])
 @given(st.lists(st.integers(1, 40), min_size=1, max_size=5), st.integers(1, 5000))
-def test_chunks_cover_each_cell_once_and_are_no_larger_than_asked(divide, counts, most):
+def test_chunks_cover_each_cell_once_and_are_no_larger_than_asked(cube, counts, most):
     region = Region(tuple(GridAxis(name, 0.0, 1.0, n) for name, n in zip("abcde", counts, strict=False)))
-    chunks = divide(region.shape, most)
+    chunks = chunk_shape(region.shape, most, cube)
     assert math.prod(chunks) <= most
     covered = np.zeros(region.shape, dtype=int) if region.size <= 10**5 else None
     total = 0

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 from mapped import mapped
 
 from cinegen.workspace import MapError, make_map, open_map
-from cinegen.workspace.chunks import chunk_cells, chunk_counts, cube_shape
+from cinegen.workspace.chunks import chunk_cells, chunk_counts, chunk_shape
 from cinegen.workspace.evaluator import ChunkEvaluator
 from cinegen.workspace.maps import chunk_size
 from cinegen.workspace.zarr_store import _ENCODING, MapStore, _is_sound
@@ -120,7 +120,7 @@ def test_a_chunk_with_any_bit_wrong_or_any_byte_missing_is_not_sound(seed, dtype
 def test_a_chunk_comes_to_the_same_whatever_was_made_before(robot, name, of):
     spec = of(robot(name))
     shape = spec.region.shape
-    chunks = cube_shape(shape, 40)
+    chunks = chunk_shape(shape, 40, cube=True)
     cells = [chunk_cells(chunk, shape, chunks) for chunk in range(math.prod(chunk_counts(shape, chunks)))]
     one, other = ChunkEvaluator(spec), ChunkEvaluator(spec)
     forth = [one.values(chunk) for chunk in cells]
