@@ -189,16 +189,12 @@ def links_of(mechanism: Mechanism) -> tuple[tuple[Body, ...], tuple[tuple[int, i
 
 def _groups(pairs: Table, links: Sequence[Body], obstacles: Sequence[Obstacle]) -> Table:
     """Return `Clearance.groups`."""
-    owner = [i for i, obstacle in enumerate(obstacles) for _ in obstacle.pieces]
-    met = dict[tuple[int, int], int]()
-    found = []
-    for first, second in pairs.tolist():
-        if second >= len(links):
-            found.append(owner[second - len(links)])
-        else:
-            joints = links[first].joint, links[second].joint
-            found.append(met.setdefault(joints, len(obstacles) + len(met)))
-    return np.array(found, dtype=np.int64)
+    joints = np.array([link.joint for link in links], dtype=np.int64)
+    owner = np.array([i for i, obstacle in enumerate(obstacles) for _ in obstacle.pieces], dtype=np.int64)
+    own, found = pairs[:, 1] < len(links), np.zeros(len(pairs), dtype=np.int64)
+    found[~own] = owner[pairs[~own, 1] - len(links)]
+    found[own] = len(obstacles) + np.unique(joints[pairs[own]], axis=0, return_inverse=True)[1].ravel()
+    return found
 
 
 def _capsule_ends(bodies: Sequence[Body]) -> tuple[Array, Array]:

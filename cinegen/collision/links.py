@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.collision.body import Body, PlacedShape, rounded_hull
+from cinegen.collision.body import Body, PlacedShape, bounding_box_corners, rounded_hull
 from cinegen.collision.capsule import BoundingCapsule, bounding_capsule
 from cinegen.collision.convex_hull import hull, simplified
 from cinegen.model.mechanism import Mechanism
@@ -87,8 +87,7 @@ def convex_shape(drawn: coal.CollisionGeometry, placement: pin.SE3) -> PlacedSha
         case coal.BVHModelOBBRSS() | coal.Convex():
             exact = hull(np.array(drawn.vertices() if isinstance(drawn, coal.BVHModelOBBRSS) else drawn.points()))
             return _tighter(bounding_capsule(exact.corners), simplified(exact).shape, exact.volume, placement)
-    drawn.computeLocalAABB()
-    low, high = np.array(drawn.aabb_local.min_), np.array(drawn.aabb_local.max_)
+    low, *_, high = bounding_box_corners(drawn)
     return convex_shape(coal.Box(high - low), placement * pin.SE3(np.eye(3), (low + high) / 2.0))
 
 

@@ -23,7 +23,7 @@ from cinegen.planning.attraction import Attraction, ConfigurationAttraction, Def
 from cinegen.planning.clearance_barrier import path_clearance
 from cinegen.planning.descent import AvoidanceField, Descent, Potential
 from cinegen.planning.goal_configurations import TOLERANCE, Refusal, free_goals
-from cinegen.planning.vortices import DetourDirection, Vortices
+from cinegen.planning.vortices import STRENGTH, DetourDirection, Vortices
 
 Array = NDArray[np.float64]
 FieldFunction = Callable[[Scene, Clearance, float], Objective]
@@ -183,10 +183,10 @@ def _strategies(
     reach = scene.influence or _REACH * scene.mechanism.length
     if field in (AvoidanceField.VORTEX, AvoidanceField.NONE):
         for attraction, direction in _detours(scene, field, task, goals):
-            if direction is None:
-                vortices = Vortices(clearance, reach, scene.safety, strength=0.0)
-            else:
-                vortices = Vortices(clearance, reach, scene.safety, direction, up=scene.up)
+            strength = 0.0 if direction is None else STRENGTH
+            vortices = Vortices(
+                clearance, reach, scene.safety, direction or DetourDirection.SHORTER, strength, scene.up
+            )
             label = f"{attraction.label}, {'no field' if direction is None else direction.value}"
             yield label, DeflectedAttraction(attraction, vortices), attraction.remaining
     elif isinstance(field, AvoidanceField):

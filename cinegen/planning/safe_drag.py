@@ -132,7 +132,7 @@ class AvoidingSolver(Solver):
         self._targets: tuple[Array, ...] = ()
         self._quiet = 0
         self._begin_strategy()
-        self._suspend(False)
+        self._suspend_tasks(False)
 
     def _begin_strategy(self) -> None:
         """Begin the first of the strategies that are left."""
@@ -142,11 +142,6 @@ class AvoidingSolver(Solver):
         self.vortices.deactivate()
         if self._strategies:
             self.vortices.direction = self._strategies[0].direction
-
-    def _suspend(self, suspended: bool) -> None:
-        """Suspend the tasks, or resume them."""
-        self._suspended = suspended
-        self._suspend_tasks(suspended)
 
     def _guide(self) -> None:
         """Find out before a tick what obstructs the tasks, and set the objectives that get around it."""
@@ -173,14 +168,14 @@ class AvoidingSolver(Solver):
         deflected = self.vortices.deflect(q, motion, lambda: self._obstructing)
         is_deflected = len(self.vortices.active) > 0
         self._quiet = 0 if is_deflected else self._quiet + 1
-        if self._suspended:
+        if self._memory.tasks_are_suspended:
             self._detour = (_Motion(deflected),)
         elif is_deflected:
             self._detour = (*self._objectives, _Motion(deflected - motion))
         if is_deflected or configuration is not None:
             self._check_progress(tasks, configuration)
-        elif self._suspended and self._quiet * self.dt >= _QUIET:
-            self._suspend(False)
+        elif self._memory.tasks_are_suspended and self._quiet * self.dt >= _QUIET:
+            self._suspend_tasks(False)
 
     def _have_moved(self, targets: tuple[Array, ...]) -> bool:
         """Return whether targets moved away from where the present strategies began."""
@@ -220,19 +215,19 @@ class AvoidingSolver(Solver):
             if remaining < _AT_CONFIGURATION:
                 self._strategies = [_Strategy(None, DetourDirection.SHORTER)]
                 self._begin_strategy()
-                self._suspend(False)
+                self._suspend_tasks(False)
                 return
         self._since += 1
         if remaining < (1.0 - _PROGRESS) * self._nearest:
             self._nearest, self._since = remaining, 0
         still = self._still * self.dt >= _STILL
-        if not self._suspended and (still or self._since * self.dt >= _TASKS_PATIENCE):
-            self._suspend(True)
+        if not self._memory.tasks_are_suspended and (still or self._since * self.dt >= _TASKS_PATIENCE):
+            self._suspend_tasks(True)
             self._since, self._still = 0, 0
-        elif self._suspended and (still or self._since * self.dt >= _STRATEGY_PATIENCE):
+        elif self._memory.tasks_are_suspended and (still or self._since * self.dt >= _STRATEGY_PATIENCE):
             self._strategies.pop(0)
             self._begin_strategy()
-            self._suspend(bool(self._strategies))
+            self._suspend_tasks(bool(self._strategies))
 
     def _remaining(self, tasks: Sequence[FrameTask]) -> float:
         """Return the sum of all errors of tasks, characteristic lengths and rad."""
@@ -255,7 +250,7 @@ class AvoidingSolver(Solver):
             self._strategies = [_Strategy(q, direction) for q in nearest for direction in _FIRST]
             self._strategies += [_Strategy(None, direction) for direction in others]
             self._begin_strategy()
-            self._suspend(bool(self._strategies))
+            self._suspend_tasks(bool(self._strategies))
 
 
 def _configurations(clearance: Clearance, tasks: Sequence[FrameTask], safety: float) -> Iterator[list[Array] | None]:
