@@ -4,6 +4,7 @@ using vortex fields", Advances in Robot Kinematics, Springer 1991; and its clear
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -90,11 +91,9 @@ class _Layout:
         self.plan = plan
         normal = motion_plane(mechanism)
         self.views: tuple[Projection, ...] = _THREE_VIEWS if normal is None else (along(normal),)
-        clearance = clearance_of(scene)
-        self.robot = clearance.links
-        self.path = refined(mechanism, plan.path)
-        self.trace = np.array([mechanism.placement(q, scene.node).translation for q in self.path])
-        self.clearances = np.array([clearance.least(q) for q in self.path])
+        self.robot = clearance_of(scene).links
+        fine = replace(plan, path=refined(mechanism, plan.path))
+        self.path, self.trace, self.clearances = fine.path, fine.trace, fine.clearances
         steps = [np.linalg.norm(mechanism.scaled_difference(a, b)) for a, b in itertools.pairwise(self.path)]
         self.travel = np.cumsum([0.0, *steps])
         wanted = np.linspace(0.0, self.travel[-1], _MOMENTS if normal is not None else _FEWER)
