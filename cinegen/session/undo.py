@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
@@ -98,8 +99,8 @@ class UndoHistory:
         self._robots, self._sensors, self._new_id = robots, sensors, new_id
         self._every = max(1, round(rate / _RATE))
         self._ticks = 0
-        self._done: list[UndoStep] = []
-        self._undone: list[UndoStep] = []
+        self._done: deque[UndoStep] = deque(maxlen=_MOST)
+        self._undone: deque[UndoStep] = deque()
         self._open: tuple[Snapshot, MotionTrace] | None = None
         self._goal: Snapshot | None = None  # of an undo or redo in progress
 
@@ -144,19 +145,11 @@ class UndoHistory:
 
     def undo(self) -> None:
         """Undo the last step, which may be in progress."""
-        self._finish()
-        if self._done:
-            step = self._done.pop()
-            self._undone.append(step)
-            self._move(step, step.before, backwards=True)
+        self._retrace(self._done, self._undone, backwards=True)
 
     def redo(self) -> None:
         """Redo the step that was undone last."""
-        self._finish()
-        if self._undone:
-            step = self._undone.pop()
-            self._done.append(step)
-            self._move(step, step.after, backwards=False)
+        self._retrace(self._undone, self._done, backwards=False)
 
     def _close(self) -> None:
         """Close the step in progress; it is kept if it changed anything."""
@@ -167,8 +160,8 @@ class UndoHistory:
         trace.note(self._robots)
         after = Snapshot.of(self._robots)
         if not after.is_same(before):
-            self._done = [*self._done[1 - _MOST :], UndoStep(before, after, trace)]
-            self._undone = []
+            self._done.append(UndoStep(before, after, trace))
+            self._undone.clear()
 
     def _finish(self) -> None:
         """End every motion in progress."""
@@ -179,7 +172,14 @@ class UndoHistory:
             robot.motion = None
         self._close()
 
-    def _move(self, step: UndoStep, goal: Snapshot, backwards: bool) -> None:
+    def _retrace(self, source: deque[UndoStep], target: deque[UndoStep], backwards: bool) -> None:
+        """Move the robots through the last step of one list, if there is one, and put it into the other."""
+        self._finish()
+        if not source:
+            return
+        step = source.pop()
+        target.append(step)
+        goal = step.before if backwards else step.after
         name, label = ("undo", "undoing") if backwards else ("redo", "redoing")
         for key, robot in self._robots.items():
             for pin in robot.tasks_of(PIN):
