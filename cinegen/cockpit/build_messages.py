@@ -13,8 +13,6 @@ from numpy.typing import NDArray
 from cinegen.cockpit.messages import (
     PROTOCOL,
     HelloMessage,
-    JointDescription,
-    LoopDescription,
     NodeDescription,
     NodeSensor,
     ObstacleDescription,
@@ -62,7 +60,6 @@ def hello_message(setup: Setup, title: str, client: int, playback: PlaybackStatu
 
 def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
     base = setup.base(name)
-    joints = [describe_joint(mechanism, joint) for joint in mechanism.joints]
     return RobotDescription(
         name=name,
         robot=mechanism.name,
@@ -71,8 +68,8 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
         end=mechanism.end,
         base=None if base.robot is None or base.node is None else (base.robot, base.node),
         nodes=tuple(_nodes(mechanism)),
-        joints=msgspec.convert(joints, tuple[JointDescription, ...]),
-        loops=msgspec.convert([describe_loop(loop) for loop in mechanism.loops], tuple[LoopDescription, ...]),
+        joints=tuple(describe_joint(mechanism, joint) for joint in mechanism.joints),
+        loops=tuple(map(describe_loop, mechanism.loops)),
     )
 
 

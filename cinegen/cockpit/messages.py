@@ -11,6 +11,7 @@ from typing import Literal
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
+from cinegen.model.description import JointDescription, LoopDescription
 from cinegen.session.commands import Command, CommandFrame, TypedMessage
 from cinegen.session.report import RobotReport
 from cinegen.session.setup import SensorSwitch
@@ -58,44 +59,6 @@ class NodeDescription(Struct, frozen=True):
     parent: str | None
     joint: str | None
     kind: Literal["base", "link", "frame"]
-
-
-class JointDescription(Struct, frozen=True):
-    """A joint of a robot; null where it has no limit.
-
-    Attributes:
-        name: name of the joint.
-        type: revolute or prismatic.
-        home: value at home, rad or m.
-        lower: lower limit, rad or m.
-        upper: upper limit, rad or m.
-        velocity: velocity limit, rad/s or m/s.
-        actuated: whether it is actuated.
-    """
-
-    name: str
-    type: Literal["revolute", "prismatic"]
-    home: float
-    lower: float | None
-    upper: float | None
-    velocity: float | None
-    actuated: bool
-
-
-class LoopDescription(Struct, frozen=True):
-    """A loop of a robot.
-
-    Attributes:
-        name: name of the loop.
-        kind: rigid, prismatic, revolute or ball.
-        first: first node that it connects.
-        second: second node.
-    """
-
-    name: str
-    kind: str
-    first: str
-    second: str
 
 
 class RobotDescription(Struct, frozen=True):

@@ -2,12 +2,51 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from msgspec import Struct, to_builtins
 
 from cinegen.loops.closed_loops import LoopConstraint
 from cinegen.model.mechanism import Mechanism
+
+
+class JointDescription(Struct, frozen=True):
+    """A joint of a robot; null where it has no limit.
+
+    Attributes:
+        name: name of the joint.
+        type: revolute or prismatic.
+        home: value at home, rad or m.
+        lower: lower limit, rad or m.
+        upper: upper limit, rad or m.
+        velocity: velocity limit, rad/s or m/s.
+        actuated: whether it is actuated.
+    """
+
+    name: str
+    type: Literal["revolute", "prismatic"]
+    home: float
+    lower: float | None
+    upper: float | None
+    velocity: float | None
+    actuated: bool
+
+
+class LoopDescription(Struct, frozen=True):
+    """A loop of a robot.
+
+    Attributes:
+        name: name of the loop.
+        kind: rigid, prismatic, revolute or ball.
+        first: first node that it connects.
+        second: second node.
+    """
+
+    name: str
+    kind: str
+    first: str
+    second: str
 
 
 def describe(mechanism: Mechanism) -> dict[str, Any]:
@@ -27,8 +66,8 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     return {
         "robot": mechanism.name,
         "nodes": list(mechanism.nodes),
-        "joints": [describe_joint(mechanism, joint) for joint in mechanism.joints],
-        "loops": [describe_loop(loop) for loop in mechanism.loops],
+        "joints": [to_builtins(describe_joint(mechanism, joint)) for joint in mechanism.joints],
+        "loops": [to_builtins(describe_loop(loop)) for loop in mechanism.loops],
         "loop_rows": sum(loop.rows for loop in mechanism.loops),
         "loop_rank": mechanism.loop_rank,
         "mobility": mechanism.mobility,
@@ -43,19 +82,14 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     }
 
 
-def describe_loop(loop: LoopConstraint) -> dict[str, str]:
-    """Return a loop's name, its kind, and the two nodes that it joins."""
-    return {"name": loop.name, "kind": loop.kind.name.lower(), "first": loop.first, "second": loop.second}
+def describe_loop(loop: LoopConstraint) -> LoopDescription:
+    """Describe a loop."""
+    return LoopDescription(loop.name, loop.kind.name.lower(), loop.first, loop.second)
 
 
-def describe_joint(mechanism: Mechanism, joint: str) -> dict[str, Any]:
-    """Return a joint's name, type, home, limits (None where there are none; rad, m, s), and whether it is actuated."""
-    limits = mechanism.limits[joint]
-    bounds = {"lower": limits.lower, "upper": limits.upper, "velocity": limits.velocity}
-    return {
-        "name": joint,
-        "type": "prismatic" if mechanism.is_prismatic(joint) else "revolute",
-        "home": float(mechanism.q_home[mechanism.q_index(joint)]),
-        **{word: value if np.isfinite(value) else None for word, value in bounds.items()},
-        "actuated": joint in mechanism.actuated,
-    }
+def describe_joint(mechanism: Mechanism, joint: str) -> JointDescription:
+    """Describe a joint."""
+    lower, upper, velocity = (bound if np.isfinite(bound) else None for bound in mechanism.limits[joint][:3])
+    kind: Literal["prismatic", "revolute"] = "prismatic" if mechanism.is_prismatic(joint) else "revolute"
+    home = float(mechanism.q_home[mechanism.q_index(joint)])
+    return JointDescription(joint, kind, home, lower, upper, velocity, joint in mechanism.actuated)
