@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.document import LoopKind
+from raff2urdf.residual import ROWS
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -247,7 +248,7 @@ def why_open(
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]
     for weaker in (LoopKind.REVOLUTE, LoopKind.BALL):
-        changed = [i for i in open_loops if _dof(kinds[i]) < _dof(weaker) and kinds[i] is not LoopKind.BALL]
+        changed = [i for i in open_loops if ROWS[kinds[i]] > ROWS[weaker]]
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
         if changed and close_from_afar(relaxed(trial), start).closed:
             kind = weaker.name.lower()
@@ -260,10 +261,6 @@ def why_open(
     else:
         lines.append("neither revolute nor ball joints there would close it")
     return "\n  ".join(lines)
-
-
-def _dof(kind: LoopKind) -> int:
-    return {LoopKind.RIGID: 0, LoopKind.PRISMATIC: 1, LoopKind.REVOLUTE: 1, LoopKind.BALL: 3}[kind]
 
 
 def _largest(values: Array) -> float:

@@ -34,6 +34,7 @@ from raff2urdf.readers.urdf import numbers
 from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
+from raff2urdf.writers.tree_at_home import SIZES
 
 Array = NDArray[np.float64]
 
@@ -219,8 +220,7 @@ class _SdfToUrdf:
                 yield yourdfpy.Visual(origin=origin, geometry=shape, material=_material(visual))
 
 
-_SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "mesh": ["scale"]}
-_SIZES["capsule"] = _SIZES["cylinder"]
+_SIZES = {**SIZES, "capsule": SIZES["cylinder"]}
 
 
 def _geometry(geometry: Any) -> Iterator[Shape]:

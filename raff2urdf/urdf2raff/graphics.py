@@ -24,7 +24,7 @@ from raff2urdf.graphics.names import find
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.readers.urdf import links, numbers, origin, three
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.writers.tree_at_home import shape_of
+from raff2urdf.writers.tree_at_home import SIZES, shape_of
 
 Array = NDArray[np.float64]
 
@@ -195,8 +195,9 @@ class GraphicsExport:
 
     def _is_like(self, visual: Any, drawn: Any) -> bool:
         shape, (kind, sizes, _) = _shape(visual), shape_of(drawn.geometry)
-        words = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"]}[kind]
-        found = [] if shape is None else [value for word in words for value in numbers(shape.get(word, "nan")) or []]
+        found = (
+            [] if shape is None else [value for word in SIZES[kind] for value in numbers(shape.get(word, "nan")) or []]
+        )
         if shape is None or shape.tag != kind or len(found) != len(sizes):
             return False
         size = float(np.abs(sizes).max())

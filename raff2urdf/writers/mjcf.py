@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -64,19 +64,18 @@ End = tuple[str, Array]
 
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
     """Return the robot, and those of its meshes that MuJoCo can't read as they are, as binary STL."""
-    tree, readable = TreeAtHome(translation), _ReadableMeshes(translation, stem)
+    tree, meshes = TreeAtHome(translation), _MeshAssets(translation, stem)
     masses = inertias(translation.model, options.density, translation.surface, tree.moving)
-    text = text_of(_Writer(tree, masses, readable).root())
-    readable.warn()
-    return {f"{stem}.xml": text.encode(), **readable.converted}
+    text = text_of(_Writer(tree, masses, meshes).root())
+    meshes.warn()
+    return {f"{stem}.xml": text.encode(), **meshes.converted}
 
 
 @dataclass
 class _Writer:
     tree: TreeAtHome
     inertias: Inertias
-    readable: _ReadableMeshes
-    meshes: dict[tuple[str, tuple[float, ...]], str] = field(default_factory=dict)
+    meshes: _MeshAssets
 
     def __post_init__(self) -> None:
         self.inertia = dict(self.inertias.links)
@@ -101,9 +100,9 @@ class _Writer:
         )
         self.add_custom(custom)
         self.add_bodies(world, equality)
-        for (filename, scale), name in self.meshes.items():
+        for name, (file, scale) in self.meshes.files.items():
             # A shell has moments even if a thin or open surface encloses nothing; the masses are those of the bodies.
-            mesh = etree.SubElement(asset, "mesh", name=name, file=filename, inertia="shell")
+            mesh = etree.SubElement(asset, "mesh", name=name, file=file, inertia="shell")
             if scale != (1.0, 1.0, 1.0):
                 mesh.set("scale", numerals(scale))
         qpos, ctrl = self.home(world), self.add_actuators(actuator)
@@ -188,7 +187,7 @@ class _Writer:
     def add_shapes(self, body: etree._Element, link: yourdfpy.Link) -> None:
         for shape in link.visuals:
             kind, size, file = shape_of(shape.geometry)
-            mesh = self.mesh(file, tuple(size.tolist())) if kind == "mesh" else ""
+            mesh = self.meshes.name(file, tuple(size.tolist())) if kind == "mesh" else ""
             if mesh is None:
                 continue
             half = {"box": (0.5, 0.5, 0.5), "cylinder": (1.0, 0.5)}.get(kind, (1.0,))
@@ -197,13 +196,6 @@ class _Writer:
             geom.attrib.update(pose(np.eye(4) if shape.origin is None else shape.origin))
             if shape.material is not None:
                 geom.set("rgba", numerals(shape.material.color.rgba))
-
-    def mesh(self, file: str, scale: tuple[float, ...]) -> str | None:
-        """Return the name of a mesh in the assets; None if MuJoCo can't read it."""
-        readable = self.readable(file)
-        if readable is not None and (readable, scale) not in self.meshes:
-            self.meshes[readable, scale] = unique_name(PurePosixPath(readable).stem, self.meshes.values())
-        return None if readable is None else self.meshes[readable, scale]
 
     def home(self, world: etree._Element) -> list[float]:
         """Return the values at home, in MuJoCo's order: that of the joints in the file."""
@@ -336,23 +328,28 @@ def add_inertial(body: etree._Element, inertia: Inertia) -> None:
 # --- meshes ------------------------------------------------------------------------------------------------------
 
 
-class _ReadableMeshes:
-    """Finds a mesh that MuJoCo reads in the place of each mesh of a robot.
+class _MeshAssets:
+    """The meshes of a robot as assets that MuJoCo reads.
 
     Attributes:
-        converted: contents of those that were converted, by name.
+        files: of the assets, with their scales, by name.
+        converted: contents of the files that were converted, by name.
     """
 
     def __init__(self, translation: Translation, stem: str) -> None:
         self.translation, self.folder = translation, f"meshes/{stem}"
+        self.files: dict[str, tuple[str, tuple[float, ...]]] = {}
         self.converted: dict[str, bytes] = {}
-        self.found: dict[str, str | None] = {}
+        self.names: dict[str, str | None] = {}
 
-    def __call__(self, mesh: str) -> str | None:
-        """Return the name of a mesh that MuJoCo reads; None if there can be none."""
-        if mesh not in self.found:
-            self.found[mesh] = mesh if self._is_readable(mesh) else self._convert(mesh)
-        return self.found[mesh]
+    def name(self, mesh: str, scale: tuple[float, ...]) -> str | None:
+        """Return the name of a mesh in the assets; None if MuJoCo can't read it."""
+        if mesh not in self.names:
+            self.names[mesh] = None
+            if file := mesh if self._is_readable(mesh) else self._convert(mesh):
+                name = self.names[mesh] = unique_name(PurePosixPath(file).stem, self.files)
+                self.files[name] = file, scale
+        return self.names[mesh]
 
     def _is_readable(self, mesh: str) -> bool:
         suffix = PurePosixPath(mesh).suffix.lower()
@@ -373,7 +370,7 @@ class _ReadableMeshes:
 
     def warn(self) -> None:
         """Warn of meshes that were left out."""
-        if lost := [mesh for mesh, name in self.found.items() if name is None]:
+        if lost := [mesh for mesh, name in self.names.items() if name is None]:
             reason = f"MuJoCo reads meshes from {_LEAST_VERTICES} vertices on up to {_MOST_FACES} faces"
             robot = self.translation.model.name
             warnings.warn(f"robot '{robot}': left out {', '.join(lost)}: {reason}", RaffWarning, stacklevel=3)

@@ -97,19 +97,20 @@ class TreeAtHome:
         ]
 
 
+SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "mesh": ["scale"]}
+"""The sizes of each kind of shape in a URDF, by their names there and in SDF."""
+
+
 def shape_of(geometry: yourdfpy.Geometry) -> tuple[str, Array, str]:
     """Return kind, sizes and file of a shape.
 
     Sizes are the sides (3,) of a box, radius and length of a cylinder along z, the radius of a sphere, m; and the
     scales (3,) of a mesh, which alone has a file.
     """
-    kind = next(kind for kind in _SIZES if getattr(geometry, kind) is not None)
+    kind = next(kind for kind in SIZES if getattr(geometry, kind) is not None)
     solid = getattr(geometry, kind)
-    sizes = np.hstack([getattr(solid, word) for word in _SIZES[kind]]).astype(float)
+    sizes = np.hstack([getattr(solid, word) for word in SIZES[kind]]).astype(float)
     return kind, sizes, getattr(solid, "filename", "")
-
-
-_SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("scale",)}
 
 
 def unique_name(name: str, taken: Collection[str]) -> str:
