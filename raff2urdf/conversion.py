@@ -58,7 +58,8 @@ class Translation:
         Raises:
             RaffError: it can't be read.
         """
-        path, pending = self._pending(mesh)
+        path = Path(os.path.normpath((self.out or Path()).resolve() / mesh))  # the folder need not exist yet
+        pending = {one.resolve(): content for one, content in self.meshes.items()}.get(path)
         return read_bytes(path) if pending is None else pending
 
     def surface(self, mesh: str) -> Any:
@@ -69,12 +70,7 @@ class Translation:
         """
         from raff2urdf.writers.inertia import load_surface
 
-        return load_surface(*self._pending(mesh))
-
-    def _pending(self, mesh: str) -> tuple[Path, bytes | None]:
-        """Return the path of a mesh, and its content if it is not written yet."""
-        path = Path(os.path.normpath((self.out or Path()).resolve() / mesh))  # the folder need not exist yet
-        return path, {one.resolve(): content for one, content in self.meshes.items()}.get(path)
+        return load_surface(mesh, self.content(mesh))
 
 
 @dataclass(frozen=True, slots=True)
