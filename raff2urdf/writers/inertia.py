@@ -22,6 +22,7 @@ import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.files import read_bytes
 from raff2urdf.writers import DENSITY
 from raff2urdf.writers.tree_at_home import shape_of
 
@@ -117,7 +118,7 @@ def inertias(
     model: yourdfpy.Robot,
     density: float | None = None,
     read: Reader | None = None,
-    moving: Iterable[tuple[str, Iterable[tuple[str, Array]]]] = (),
+    moving: Mapping[str, Iterable[tuple[str, Array]]] | None = None,
 ) -> Inertias:
     """Return the inertia of every link, estimated from its graphics.
 
@@ -125,8 +126,8 @@ def inertias(
         model: the robot's tree.
         density: of the links, kg/m3; `DENSITY` if None.
         read: reads a mesh by its name; by default, as a file.
-        moving: the bodies that move: of each, the link that represents it, and the links fixed to it with their
-            placements.
+        moving: the bodies that move, by the link that represents each: their links, this one too, with their
+            placements on it.
 
     Raises:
         RaffError: the density is not a number above 0.
@@ -151,9 +152,8 @@ def inertias(
     for name, body in found.items():
         if body.mass > 0.0:
             found[name] = least(name, body)
-    for carrier, fixed in moving:
-        own = found[carrier]
-        whole = own + sum_of(found[name].in_frame(placement) for name, placement in fixed)
+    for carrier, parts in (moving or {}).items():
+        own, whole = found[carrier], sum_of(found[name].in_frame(placement) for name, placement in parts)
         enough = least(carrier, whole)
         if enough is not whole:
             second = own.second + enough.second - whole.second
@@ -211,16 +211,15 @@ def load_surface(path: str | Path, content: bytes | None = None) -> Any:
 
     Args:
         path: of the file.
-        content: of the file, if it is not written yet.
+        content: of the file, if it need not be read.
 
     Raises:
         RaffError: it can't be read.
     """
     import trimesh
 
+    content = read_bytes(path) if content is None else content
     try:
-        if content is None:
-            return trimesh.load(str(path), force="mesh")
         return trimesh.load(BytesIO(content), file_type=Path(path).suffix[1:].lower(), force="mesh")
     except Exception as error:  # every reader has errors of its own
         raise RaffError(f"{path}: unreadable: {error}") from None

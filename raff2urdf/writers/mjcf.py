@@ -251,10 +251,9 @@ class _Writer:
         body = etree.SubElement(self.element[first[0]], "body", name=body_name, **placed)
         etree.SubElement(body, "joint", name=body_name, type="slide", axis="0 0 1", ref=numeral(height))
         carrier, on_it = second
-        parts = [(carrier, np.eye(4)), *self.tree.rigid[carrier]]
-        whole = sum_of(self.inertia[link].in_frame(placement) for link, placement in parts)
-        if carrier in dict(self.tree.moving):
-            for link, _ in parts:
+        whole = sum_of(self.inertia[link].in_frame(placement) for link, placement in self.tree.rigid[carrier])
+        if carrier in self.tree.moving:
+            for link, _ in self.tree.rigid[carrier]:
                 self.inertia[link] = self.inertia[link].share(0.5)
             whole = whole.share(0.5)
         elif whole.mass <= 0.0:  # it is welded to something fixed: its mass moves nothing

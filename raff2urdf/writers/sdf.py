@@ -95,9 +95,8 @@ class _Writer:
         joint = tree.joint_of.get(name)
         if joint is not None:
             add_pose(link, tree.placed(joint), joint.parent if joint.parent != WORLD else None)
-        parts = [(name, np.eye(4)), *tree.rigid[name]]
-        add_inertial(link, sum_of(self.inertias.links[part].in_frame(placement) for part, placement in parts))
-        for part, placement in parts:
+        add_inertial(link, sum_of(self.inertias.links[part].in_frame(at) for part, at in tree.rigid[name]))
+        for part, placement in tree.rigid[name]:
             for number, shape in enumerate(tree.link[part].visuals, 1):
                 add_shape(etree.SubElement(link, "visual", name=f"{part}_visual{number}"), shape, placement)
 

@@ -79,22 +79,17 @@ class TreeAtHome:
 
     @cached_property
     def rigid(self) -> Mapping[str, list[tuple[str, Array]]]:
-        """Rigid bodies by the link that represents them: the other links fixed to it, with their placements."""
+        """Rigid bodies by the link that represents them: their links, this one first, with their placements on it."""
         found: dict[str, list[tuple[str, Array]]] = {}
         for name, (carrier, placement) in self.carriers.items():
-            fixed = found.setdefault(carrier, [])
-            if name != carrier:
-                fixed.append((name, placement))
+            found.setdefault(carrier, []).append((name, placement))
         return found
 
     @cached_property
-    def moving(self) -> list[tuple[str, list[tuple[str, Array]]]]:
+    def moving(self) -> Mapping[str, list[tuple[str, Array]]]:
         """The bodies of `rigid` that can move."""
-        return [
-            (carrier, fixed)
-            for carrier, fixed in self.rigid.items()
-            if carrier != self.root and self.joint_of[carrier].type != "fixed"
-        ]
+        fixed = {self.root, *(joint.child for joint in self.order if joint.type == "fixed")}
+        return {carrier: parts for carrier, parts in self.rigid.items() if carrier not in fixed}
 
 
 SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "mesh": ["scale"]}

@@ -52,6 +52,10 @@ def assert_physical(body: Inertia) -> None:
     assert a + b >= c * (1.0 - 1e-12)
 
 
+ALONE = {"a": [("a", np.eye(4))]}
+"""A body of one link that moves."""
+
+
 def drawn(*visuals: Visual) -> yourdfpy.Robot:
     return yourdfpy.Robot(name="r", links=[yourdfpy.Link(name="a", visuals=list(visuals))])
 
@@ -195,7 +199,7 @@ def test_a_density_that_is_none_is_refused(density: float) -> None:
 
 
 def test_a_body_that_moves_has_a_least_mass_and_is_named() -> None:
-    found = inertias(drawn(), RHO, moving=[("a", [])])
+    found = inertias(drawn(), RHO, moving=ALONE)
     assert found.raised == ("a",)
     assert found.links["a"].mass == LEAST_MASS
     np.testing.assert_allclose(found.links["a"].matrix, LEAST_MOMENT * np.eye(3))
@@ -205,14 +209,14 @@ def test_a_body_that_moves_has_a_least_mass_and_is_named() -> None:
 def test_one_that_is_fixed_on_something_heavy_needs_none() -> None:
     model = drawn()
     model.links.append(yourdfpy.Link(name="b", visuals=[Visual(geometry=box(1.0, 1.0, 1.0))]))
-    found = inertias(model, RHO, moving=[("a", [("b", shift("x", 1.0))])])
+    found = inertias(model, RHO, moving={"a": [*ALONE["a"], ("b", shift("x", 1.0))]})
     assert found.raised == ()
     assert found.links["a"].mass == 0.0
 
 
 def test_a_body_that_is_raised_stays_physical() -> None:
     needle = drawn(Visual(geometry=cylinder(1e-6, 1e-1), origin=turn("x", 1.0)))
-    found = inertias(needle, RHO, moving=[("a", [])])
+    found = inertias(needle, RHO, moving=ALONE)
     assert found.raised == ("a",)
     assert_physical(found.links["a"])
     assert np.linalg.eigvalsh(found.links["a"].matrix)[0] >= LEAST_MOMENT * (1 - 1e-9)
