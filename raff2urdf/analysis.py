@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.check import check_sizes
-from raff2urdf.closure import close_from_afar, close_within, generic_rank, passive, why_open
+from raff2urdf.closure import close_from_afar, close_within, gaps, generic_rank, passive, why_open
 from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
@@ -103,11 +103,11 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     if robot.loops:
         origins = np.array([placed[:3, 3] for placed in placements(document, robot).values()])
         for cluster in clusters(document, robot, kinds, characteristic_length(origins)):
-            gap = max(gap, *cluster.gaps(cluster.home))
+            gap = max(gap, *gaps(cluster, cluster.home))
             closing = close_from_afar(cluster, cluster.home)
             if not closing.closed:
                 names = [robot.loop_names[i] for i in cluster.loops]
-                why = why_open(names, cluster.kinds, cluster.gaps, cluster.relaxed, cluster.home, closing)
+                why = why_open(cluster, names, cluster.home, closing)
                 problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
                 continue
             bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)

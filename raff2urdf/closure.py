@@ -8,7 +8,7 @@ by the characteristic length, and so is the variable of a prismatic joint. The a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -40,6 +40,19 @@ class LoopSystem(Protocol):
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return the configuration reached from q (nq,) by a dimensionless step (nv,)."""
+        ...
+
+
+class KindedLoops(LoopSystem, Protocol):
+    """The loops of a mechanism and their kinds, in the order of their residuals."""
+
+    @property
+    def kinds(self) -> Sequence[LoopKind]:
+        """Kinds of all loops."""
+        ...
+
+    def with_kinds(self, kinds: Sequence[LoopKind]) -> LoopSystem:
+        """Return the same loops, closed by other kinds of joints."""
         ...
 
 
@@ -219,27 +232,24 @@ def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
     return chosen
 
 
-def why_open(
-    names: Sequence[str],
-    kinds: Sequence[LoopKind],
-    gaps: Callable[[Array], Sequence[float]],
-    relaxed: Callable[[Sequence[LoopKind]], LoopSystem],
-    start: Array,
-    best: Closing,
-) -> str:
+def gaps(loops: KindedLoops, q: Array) -> list[float]:
+    """Return the largest residual of each loop at q (nq,), in rad or characteristic lengths."""
+    ends = np.cumsum([ROWS[kind] for kind in loops.kinds])
+    return [_largest(part) for part in np.split(loops.evaluate(q)[0], ends)[:-1]]
+
+
+def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closing) -> str:
     """Return the text of an error: which loops can't be closed, and which weaker kinds would close them.
 
     Args:
+        loops: that can't be closed.
         names: of all loops.
-        kinds: of all loops.
-        gaps: returns the largest residual of each loop at a configuration.
-        relaxed: returns the same mechanism with other kinds of loops.
         start: (nq,) the configuration as written.
         best: the best attempt.
     """
-    remaining = gaps(best.q)
+    kinds, remaining = loops.kinds, gaps(loops, best.q)
     open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
-    jacobian = relaxed(kinds).evaluate(best.q)[1]
+    jacobian = loops.evaluate(best.q)[1]
     listed = ", ".join(f"'{names[i]}' ({kinds[i].name.lower()}, {remaining[i]:.3g})" for i in open_loops[:8])
     more = f" and {len(open_loops) - 8} more" if len(open_loops) > 8 else ""
     lines = [
@@ -250,7 +260,7 @@ def why_open(
     for weaker in (LoopKind.REVOLUTE, LoopKind.BALL):
         changed = [i for i in open_loops if ROWS[kinds[i]] > ROWS[weaker]]
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
-        if changed and close_from_afar(relaxed(trial), start).closed:
+        if changed and close_from_afar(loops.with_kinds(trial), start).closed:
             kind = weaker.name.lower()
             typed = " ".join(f"--loop {names[i]}={kind}" for i in changed)
             python = ", ".join(f'"{names[i]}": "{kind}"' for i in changed)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffBase, RaffLink, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
-from raff2urdf.residual import ROWS, loop_residual
+from raff2urdf.residual import loop_residual
 
 WORLD = "world"
 """The link that does not move: the root of a URDF whose base is not at the world's origin."""
@@ -126,7 +126,7 @@ class Cluster:
         signs = {part.number: -1.0 for part in first} | {part.number: 1.0 for part in second}
         return np.array([signs.get(joint.number, 0.0) for joint in self.joints]).reshape(-1, 1)
 
-    def relaxed(self, kinds: Sequence[LoopKind]) -> Cluster:
+    def with_kinds(self, kinds: Sequence[LoopKind]) -> Cluster:
         """Return the same loops, closed by other kinds of joints."""
         by_loop = dict(zip(self.loops, kinds, strict=True))
         return Cluster(self.document, self.robot, self.loops, by_loop, self.length)
@@ -153,12 +153,6 @@ class Cluster:
             residuals.append(residual)
             blocks.append(derivative @ np.vstack([first[:3, :3].T @ linear.T, first[:3, :3].T @ angular.T]))
         return np.concatenate(residuals), np.vstack(blocks) * self.scale
-
-    def gaps(self, q: Array) -> list[float]:
-        """Return the largest residual of each loop."""
-        residual = self.evaluate(q)[0]
-        ends = np.cumsum([ROWS[kind] for kind in self.kinds])[:-1]
-        return [float(np.abs(part).max()) for part in np.split(residual, ends)]
 
 
 def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:

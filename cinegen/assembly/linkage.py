@@ -249,7 +249,7 @@ class Linkage:
         free[[mechanism.v_index(name) for name in self.locked]] = False
         found = (closure.close(mechanism.system, start, free) for start in starts)
         best = min(found, key=lambda closing: closing.gap)
-        gaps = zip(mechanism.loops, mechanism.system.gaps(best.q), strict=True)
+        gaps = zip(mechanism.loops, closure.gaps(mechanism.system, best.q), strict=True)
         listed = ", ".join(f"'{loop.name}' by {gap:.3g}" for loop, gap in gaps if gap > closure.CLOSED)
         unit = f"(rad, or lengths of {mechanism.length:.4g} m)"
         return NearestConfiguration(best.q, best.gap, message or f"open stay {listed} {unit}")

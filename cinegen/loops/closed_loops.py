@@ -72,6 +72,7 @@ class ClosedLoops:
     Attributes:
         scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
+        kinds: of the loops.
         rows: number of equations.
         data: Pinocchio's, with the placements and Jacobians of the joints at the last evaluated q.
     """
@@ -84,6 +85,7 @@ class ClosedLoops:
             for loop in self.loops
         ]
         self.data = model.createData()
+        self.kinds = [loop.kind for loop in self.loops]
         self.rows = sum(loop.rows for loop in self.loops)
         self._constraints: list[Any] = [pin.FrameAnchorConstraintModel(model, *anchor) for anchor in self.anchors]
         self._datas = [constraint.createData() for constraint in self._constraints]
@@ -122,11 +124,6 @@ class ClosedLoops:
                 jacobian[rows, moving] = by_twist @ (twist * self.scale[moving])
             row += loop.rows
         return residual, jacobian
-
-    def gaps(self, q: Array) -> list[float]:
-        """Return the largest residual of each loop at q (nq,), in rad or characteristic lengths."""
-        parts = np.split(self.evaluate(q)[0], np.cumsum([loop.rows for loop in self.loops])[:-1])
-        return [float(np.abs(part).max()) for part in parts] if self.loops else []
 
 
 def _anchor(model: pin.Model, node: str, placement: pin.SE3) -> tuple[int, pin.SE3]:

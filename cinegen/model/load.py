@@ -165,7 +165,7 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
     determined: set[str] = set()
     if loops:
         system = ClosedLoops(model, loops, length)
-        gap = max(system.gaps(q))
+        gap = max(closure.gaps(system, q))
         q = _home(system, q, Limits(model, tuple(actuated)), f"{name}: robot '{constraints['robot']}'")
         rank, generic = closure.generic_rank(system, q)
         if None in actuated.values():
@@ -273,8 +273,7 @@ def _home(system: ClosedLoops, written: Array, limits: Limits, name: str) -> Arr
     """Return the closed configuration (nq,) nearest to the written one, within the limits if possible."""
     closing = closure.close_from_afar(system, written)
     if not closing.closed:
-        names, kinds = [loop.name for loop in system.loops], [loop.kind for loop in system.loops]
-        why = closure.why_open(names, kinds, system.gaps, system.with_kinds, written, closing)
+        why = closure.why_open(system, [loop.name for loop in system.loops], written, closing)
         raise ClosureError(f"{name}: {why}")
     home = closure.close_within(system, closing.q, limits.lower, limits.upper)
     beyond = limits.exceeded(home)

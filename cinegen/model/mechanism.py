@@ -387,7 +387,7 @@ class Mechanism:
 
     def closure(self, q: ArrayLike) -> float:
         """Return the largest residual of all loops at q (nq,), in rad or characteristic lengths; 0 without loops."""
-        return max(self.system.gaps(self.checked(q)), default=0.0)
+        return max(closure.gaps(self.system, self.checked(q)), default=0.0)
 
     def close(self, q: ArrayLike, locked: Iterable[str] = ()) -> Array:
         """Return the closed configuration that Gauss-Newton steps reach from q (`raff2urdf.closure.close`), a nearby
@@ -417,7 +417,7 @@ class Mechanism:
         if closing.closed:
             return closing.q
         self.checked(start)
-        gaps = zip(self.loops, self.system.gaps(closing.q), strict=True)
+        gaps = zip(self.loops, closure.gaps(self.system, closing.q), strict=True)
         listed = ", ".join(f"'{loop.name}' by {gap:.2g}" for loop, gap in gaps if gap > closure.CLOSED)
         condition = f" with {len(set(names))} joints locked" if names else ""
         raise ClosureError(

@@ -38,6 +38,7 @@ from strategies import examples
 import raff2urdf
 from raff2urdf import RaffError, loads
 from raff2urdf.analysis import Analysis, analyse, loop_kinds
+from raff2urdf.closure import gaps
 from raff2urdf.document import UNITS_PER_METRE, Document, LoopKind, Parameters
 from raff2urdf.tree import clusters
 
@@ -394,7 +395,7 @@ def gap_at(text: str, home: Mapping[str, float], loops: Mapping[str, str] | None
     kinds = loop_kinds(document.robot(), loops)
     found = [0.0]
     for cluster in clusters(document, document.robot(), kinds, 1.0):
-        found += cluster.gaps(np.array([home[joint.joint] for joint in cluster.joints]))
+        found += gaps(cluster, np.array([home[joint.joint] for joint in cluster.joints]))
     return max(found)
 
 
