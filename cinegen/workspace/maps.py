@@ -10,7 +10,7 @@ from functools import lru_cache
 from pathlib import Path
 from socket import gethostname
 from threading import Lock
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,14 +117,14 @@ def _make(store: MapStore, usual: int, workers: int | None, scheduler: str | Non
 
         BatchEvaluator(store.spec.mechanism, store.spec.node)  # compiles, if necessary, before all processes do at once
         client = connected(scheduler, wanted)
-    folder = MapFolder(str(store.path), store.digest)
+    folder = str(store.path), store.digest
     with client as shared:
         if left < size:
-            for _ in each(shared, _discard_damaged, _lists(store, np.flatnonzero(complete), _READ), folder):
+            for _ in each(shared, _discard_damaged, _lists(store, np.flatnonzero(complete), _READ), *folder):
                 pass
         done = store.done
         report(done, size)
-        for chunks, _ in each(shared, _evaluate, _lists(store, np.flatnonzero(~store.complete()), usual), folder):
+        for chunks, _ in each(shared, _evaluate, _lists(store, np.flatnonzero(~store.complete()), usual), *folder):
             done += int(store.sizes(np.asarray(chunks)).sum())
             report(done, size)
 
@@ -138,58 +138,47 @@ def _lists(store: MapStore, chunks: NDArray[np.intp], most: int) -> Iterator[Chu
 # --- tasks, in any process of any machine -----------------------------------------------------------------------
 
 
-class MapFolder(NamedTuple):
-    """A map as tasks find it.
-
-    Attributes:
-        path: its folder.
-        digest: SHA-256 of its description.
-    """
-
-    path: str
-    digest: str
-
-
 _ONE = Lock()  # an evaluator has memory of its own, and is used by one thread at a time
 
 
-def _evaluate(folder: MapFolder, chunks: Chunks) -> None:
+def _evaluate(path: str, digest: str, chunks: Chunks) -> None:
     """Evaluate and write chunks, unless they are complete.
 
     Raises:
         MapError: the map can't be read or written.
     """
     with _ONE:
-        store = _store(folder)
+        store = _store(path, digest)
         for chunk in chunks:
             if not store.is_complete(chunk):  # a process that was thought dead may have written it
-                store.write(chunk, _evaluator(folder).values(store.cells(chunk)))
+                store.write(chunk, _evaluator(path, digest).values(store.cells(chunk)))
 
 
-def _discard_damaged(folder: MapFolder, chunks: Chunks) -> None:
+def _discard_damaged(path: str, digest: str, chunks: Chunks) -> None:
     """Read complete chunks, and mark as incomplete those whose files are damaged.
 
     Raises:
         MapError: the map can't be read or written.
     """
-    store = _store(folder)
+    store = _store(path, digest)
     for chunk in chunks:
         if not store.is_sound(chunk):
             store.discard(chunk)
 
 
 @lru_cache(maxsize=2)
-def _store(folder: MapFolder) -> MapStore:
+def _store(path: str, digest: str) -> MapStore:
+    """Return the map at a path, with the digest of its description."""
     from cinegen.workspace.zarr_store import MapStore
 
-    if not Path(folder.path).exists():
-        raise MapError(f"{gethostname()} sees no map at {folder.path}: all machines must see it at the same path")
-    store = MapStore(folder.path)
-    if store.digest != folder.digest:
-        raise MapError(f"{gethostname()} sees another map at {folder.path}: all machines must see the same one there")
+    if not Path(path).exists():
+        raise MapError(f"{gethostname()} sees no map at {path}: all machines must see it at the same path")
+    store = MapStore(path)
+    if store.digest != digest:
+        raise MapError(f"{gethostname()} sees another map at {path}: all machines must see the same one there")
     return store
 
 
 @lru_cache(maxsize=2)
-def _evaluator(folder: MapFolder) -> ChunkEvaluator:
-    return ChunkEvaluator(_store(folder).spec)
+def _evaluator(path: str, digest: str) -> ChunkEvaluator:
+    return ChunkEvaluator(_store(path, digest).spec)
