@@ -126,9 +126,6 @@ class _Reading:
         if len(self.problems) >= MOST_PROBLEMS:
             raise _StopReadingError
 
-    def report_missing(self, message: str, location: SourceLocation) -> None:
-        self.missing.append(self.source.problem(message, location))
-
     def stop(self, message: str, token: Token) -> NoReturn:
         """Report an error after which nothing more can be understood."""
         self.report(message, token.location)
@@ -206,8 +203,11 @@ class _Reading:
         if follows[-1:] == ["{"]:
             while not self.ends(inner):
                 self.statement(inner)
+            for name, one in STATEMENTS[inner.kind].items():
+                if one.required is not None and name not in inner.values:
+                    self.missing.append(self.source.problem(f"{inner.label} has no '{name}'{one.required}", location))
             arguments = [inner, *arguments]
-        block.add(self, statement, word, statement.value(self, *arguments), location)
+        block.add(self.report, statement, word, statement.value(self.report, *arguments), location)
 
     def ends(self, block: Block) -> bool:
         """Return whether a block ends here, and read its closing brace."""

@@ -12,9 +12,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from raff2urdf.document import (
     UNITS_PER_METRE,
@@ -78,14 +78,8 @@ def tokens(lines: Sequence[str]) -> Iterator[Token]:
 # --- values -------------------------------------------------------------------------------------------------------
 
 
-class Reports(Protocol):
-    """Takes problems."""
-
-    def report(self, message: str, location: SourceLocation) -> None:
-        """Take a problem and its location."""
-
-    def report_missing(self, message: str, location: SourceLocation) -> None:
-        """Take a problem that counts only if there are no others: a statement that a block lacks."""
+Report = Callable[[str, SourceLocation], None]
+"""Takes a problem and its location."""
 
 
 @dataclass(slots=True)
@@ -106,30 +100,16 @@ class Block:
     values: dict[str, Any] = field(default_factory=dict)
     locations: dict[str, SourceLocation] = field(default_factory=dict)
 
-    def add(self, reports: Reports, statement: Statement, word: Token, value: Any, location: SourceLocation) -> None:
+    def add(self, report: Report, statement: Statement, word: Token, value: Any, location: SourceLocation) -> None:
         """Add the value of a statement; of statements that may not be repeated, the first counts."""
         name = statement.name or word.text
         if statement.repeats:
             self.values.setdefault(name, []).append(value)
         elif name in self.values:
             first = self.locations[name].line
-            reports.report(f"'{word.text}' is given twice in {self.label}: first on line {first}", location)
+            report(f"'{word.text}' is given twice in {self.label}: first on line {first}", location)
         else:
             self.values[name], self.locations[name] = value, location
-
-    def numbered(self, reports: Reports, number: Token, **required: str) -> dict[str, Any]:
-        """Return the values of a block with a number, and the locations.
-
-        Args:
-            reports: takes problems.
-            number: of the block.
-            required: words that the block must have, and their meanings.
-        """
-        for word, meaning in required.items():
-            if word not in self.values:
-                reports.report_missing(f"{self.label} has no '{word}'{meaning}", number.location)
-        locations = {**self.locations, "number": number.location}
-        return {"number": whole(reports, number, 1), **self.node, "locations": locations}
 
     @property
     def node(self) -> dict[str, Any]:
@@ -139,20 +119,20 @@ class Block:
         return {**self.values, "filenames": tuple(name for names in self.values["filenames"] for name in names)}
 
 
-def finite(reports: Reports, token: Token) -> float:
+def finite(report: Report, token: Token) -> float:
     """Return the number of a token."""
     value = float(token.text)
     if not math.isfinite(value):
-        reports.report(f"'{token.text}' is too large for a number: the largest is 1.8e308", token.location)
+        report(f"'{token.text}' is too large for a number: the largest is 1.8e308", token.location)
         return 0.0
     return value
 
 
-def whole(reports: Reports, token: Token, least: int = 0) -> int:
+def whole(report: Report, token: Token, least: int = 0) -> int:
     """Return the whole number of a token, from `least` on."""
-    value = finite(reports, token)
+    value = finite(report, token)
     if value != int(value) or value < least:
-        reports.report(f"'{token.text}' must be a whole number from {least}", token.location)
+        report(f"'{token.text}' must be a whole number from {least}", token.location)
         return least
     return int(value)
 
@@ -162,27 +142,27 @@ def _choice(what: str, meanings: type[IntEnum] | Sequence[str], make: Callable[[
     words = [kind.name.lower() for kind in meanings] if isinstance(meanings, type) else meanings
     known = ", ".join(f"{i} {word}" for i, word in enumerate(words))
 
-    def value(reports: Reports, token: Token) -> Any:
-        found = finite(reports, token)
+    def value(report: Report, token: Token) -> Any:
+        found = finite(report, token)
         if found != int(found) or not 0 <= found < len(words):
-            reports.report(f"{what} {token.text} is unknown (known: {known})", token.location)
+            report(f"{what} {token.text} is unknown (known: {known})", token.location)
             found = 0
         return make(int(found))
 
     return value
 
 
-def _units(reports: Reports, token: Token) -> str:
+def _units(report: Report, token: Token) -> str:
     if token.text not in UNITS_PER_METRE:
-        reports.report(f"unknown unit '{token.text}' (known: {', '.join(UNITS_PER_METRE)})", token.location)
+        report(f"unknown unit '{token.text}' (known: {', '.join(UNITS_PER_METRE)})", token.location)
     return token.text
 
 
-def _strings(_: Reports, *found: Token) -> tuple[str, ...]:
+def _strings(_: Report, *found: Token) -> tuple[str, ...]:
     return tuple(token.string for token in found)
 
 
-def _robot(_: Reports, block: Block, name: Token) -> RaffRobot:
+def _robot(_: Report, block: Block, name: Token) -> RaffRobot:
     values = block.values
     constraints = values.pop("constraints", [])
     return RaffRobot(
@@ -195,39 +175,33 @@ def _robot(_: Reports, block: Block, name: Token) -> RaffRobot:
     )
 
 
-def _link(reports: Reports, block: Block, number: Token) -> RaffLink:
-    values = block.numbered(reports, number, type=" (0 fixed, 1 prismatic, 2 revolute)", pred=_PRED)
-    return RaffLink(**{**_DEFAULTS, "type": JointType.FIXED, **values})
+def _numbered(kind: Callable[..., Any], **defaults: Any) -> Callable[..., Any]:
+    """Return the value of a block with a number, an object of a kind; defaults are for statements that it lacks."""
+
+    def value(report: Report, block: Block, number: Token) -> Any:
+        locations = {**block.locations, "number": number.location}
+        return kind(**{**defaults, **block.node, "number": whole(report, number, 1), "locations": locations})
+
+    return value
 
 
-def _frame(reports: Reports, block: Block, number: Token) -> RaffFrame:
-    return RaffFrame(**{**_DEFAULTS, **block.numbered(reports, number, pred=_PRED)})
-
-
-def _sensor(reports: Reports, block: Block, number: Token) -> RaffSensor:
-    return RaffSensor(**{"port": "", **block.numbered(reports, number, port="")})
-
-
-def _constraint(reports: Reports, block: Block, keyword: Token) -> RaffLoop | SensorConstraint:
+def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | SensorConstraint:
     nodes, values, locations = block.values.get("nodes", []), block.values, block.locations
     at = min([*(at for _, at in nodes), *locations.values()], default=keyword.location)
     if "sensor" in values:
         if len(nodes) != 1 or "type" in values:
-            reports.report("a constraint with sensors must name one node, and no type", at)
+            report("a constraint with sensors must name one node, and no type", at)
         own = {f"sensor {number}": location for number, location in values["sensor"]}
         node = nodes[0] if nodes else (0, at)
         numbers = tuple(number for number, _ in values["sensor"])
         return SensorConstraint(node[0], numbers, {**locations, **own, "node": node[1]})
     if len(nodes) != 2:
-        reports.report("a constraint must name two nodes (a loop), or one node and the sensors that it may follow", at)
+        report("a constraint must name two nodes (a loop), or one node and the sensors that it may follow", at)
         return RaffLoop(0, 0)
     (first, first_at), (second, second_at) = nodes
     kind = values.get("type", LoopKind.RIGID)
     return RaffLoop(first, second, kind, {**locations, "first": first_at, "second": second_at})
 
-
-_PRED = ": the number of its parent (0: the base)"
-_DEFAULTS: dict[str, Any] = {"parameters": Parameters(), "pred": 0}
 
 # --- statements ---------------------------------------------------------------------------------------------------
 
@@ -239,51 +213,55 @@ class Statement:
     Attributes:
         follows: tokens: NUMBER, STRING, WORD, NAME (WORD or STRING), braces and parentheses; `+` and `*` repeat. A
             brace at the end opens a block of the same name as the word.
-        value: returns the value of the tokens, braces and parentheses left out, as `value(reports, *tokens)`;
-            of a block, `value(reports, block, *tokens)`, with the word itself if no other token precedes the brace.
+        value: returns the value of the tokens, braces and parentheses left out, as `value(report, *tokens)`;
+            of a block, `value(report, block, *tokens)`, with the word itself if no other token precedes the brace.
         name: of the value; the word itself if empty.
         repeats: whether the statement may be repeated.
+        required: what its word means, if the block must have it.
     """
 
     follows: str
     value: Callable[..., Any]
     name: str = ""
     repeats: bool = False
+    required: str | None = None
 
 
 _NUMBER = Statement("NUMBER", finite)
 _TEXT = Statement("STRING", lambda _, token: token.string)
 _PARAMETERS = Statement("{", lambda _, block, __: Parameters(**block.values))
 _FILES = Statement("{ STRING* }", _strings, "filenames", repeats=True)
-_PRED_OF = Statement("NUMBER", whole)
-_NODE = Statement("NUMBER", lambda reports, number: (whole(reports, number), number.location), "nodes", repeats=True)
+_PRED = Statement("NUMBER", whole, required=": the number of its parent (0: the base)")
+_NODE = Statement("NUMBER", lambda report, number: (whole(report, number), number.location), "nodes", repeats=True)
+_JOINT_TYPES = " (0 fixed, 1 prismatic, 2 revolute)"
+_DEFAULTS: dict[str, Any] = {"parameters": Parameters(), "pred": 0}
 _DOF = ["none", "one", "two", "three"]
 
 STATEMENTS: dict[str, dict[str, Statement]] = {
     "": {
         "robot": Statement("NAME {", _robot, "robots", repeats=True),
-        "sensor": Statement("NUMBER {", _sensor, "sensors", repeats=True),
+        "sensor": Statement("NUMBER {", _numbered(RaffSensor, port=""), "sensors", repeats=True),
         "units": Statement("WORD", _units),  # mm (default), um, cm or m
     },
     "robot": {
         "path": _TEXT,  # the folder of the graphic files
         "base": Statement("{", lambda _, block, __: RaffBase(**block.node, locations=block.locations)),
-        "link": Statement("NUMBER {", _link, "parts", repeats=True),
-        "frame": Statement("NUMBER {", _frame, "parts", repeats=True),
+        "link": Statement("NUMBER {", _numbered(RaffLink, type=JointType.FIXED, **_DEFAULTS), "parts", repeats=True),
+        "frame": Statement("NUMBER {", _numbered(RaffFrame, **_DEFAULTS), "parts", repeats=True),
         "constraint": Statement("{", _constraint, "constraints", repeats=True),
     },
     "base": {"parameters": _PARAMETERS, "filename": _FILES},
     "link": {
         "parameters": _PARAMETERS,
-        "type": Statement("NUMBER", _choice("joint type", JointType, JointType)),
-        "pred": _PRED_OF,  # the number of the parent
-        "limits": Statement("{ NUMBER NUMBER }", lambda reports, *ends: tuple(finite(reports, end) for end in ends)),
+        "type": Statement("NUMBER", _choice("joint type", JointType, JointType), required=_JOINT_TYPES),
+        "pred": _PRED,  # the number of the parent
+        "limits": Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(report, end) for end in ends)),
         "velocity": _NUMBER,  # velocity limit, degrees or lengths per second
         "actuated": Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool)),
         "name": _TEXT,
         "filename": _FILES,
     },
-    "frame": {"parameters": _PARAMETERS, "pred": _PRED_OF, "name": _TEXT, "filename": _FILES},
+    "frame": {"parameters": _PARAMETERS, "pred": _PRED, "name": _TEXT, "filename": _FILES},
     "parameters": dict.fromkeys(["theta", "r", "d", "alpha", "gamma", "epsilon"], _NUMBER),
     "constraint": {
         "link": _NODE,
@@ -291,11 +269,11 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "base": Statement("", lambda _, word: (0, word.location), "nodes", repeats=True),
         "type": Statement("NUMBER", _choice("loop type", LoopKind, LoopKind)),
         "sensor": Statement(  # sensors that the node may follow; 0: left free
-            "( NUMBER+ )", lambda reports, *found: [(whole(reports, one), one.location) for one in found]
+            "( NUMBER+ )", lambda report, *found: [(whole(report, one), one.location) for one in found]
         ),
     },
     "sensor": {
-        "port": _TEXT,
+        "port": replace(_TEXT, required=""),
         "translation": Statement("NUMBER", _choice("'translation'", _DOF)),  # number of degrees of freedom
         "rotation": Statement("NUMBER", _choice("'rotation'", _DOF)),
     },
