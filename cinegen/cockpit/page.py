@@ -1,9 +1,7 @@
-"""`Page`: meshcat's messages, kept for browsers that connect later, and written as one file.
+"""`Page`: drawing commands of meshcat's viewer, kept for browsers that connect later, and written as one file.
 
-A `Page` stands where meshcat's ViewerWindow stands: `meshcat.Visualizer(window=page)` draws into it. It keeps the
-newest of everything drawn, so that a browser that comes late sees the whole scene. meshcat's stock server is not
-used: it listens on all interfaces and queues up behind a slow browser; here each browser gets the newest state, as
-fast as it takes it (`cinegen.cockpit.server`).
+It keeps the newest of everything drawn, so that a browser that comes late sees the whole scene. Each browser gets the
+newest state, as fast as it takes it (`cinegen.cockpit.server`).
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from __future__ import annotations
 import base64
 import html
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from typing import Any
 
@@ -71,12 +69,11 @@ class Page:
         self._kept: dict[Key, bytes] = {}
         self._feeds: set[PageFeed] = set()
 
-    def send(self, command: Any) -> None:
-        """Take one meshcat command; called by meshcat's Visualizer."""
-        values = command.lower()
-        kind, path = values["type"], values["path"]
-        key = (path, kind, values.get("property", ""))
-        message = umsgpack.packb(values)
+    def send(self, command: Mapping[str, Any]) -> None:
+        """Take a drawing command (`cinegen.cockpit.drawing`)."""
+        kind, path = command["type"], command["path"]
+        key = (path, kind, command.get("property", ""))
+        message = umsgpack.packb(command)
         with self.lock:
             if kind in ("set_object", "delete"):  # removes what was drawn below
                 below = [k for k in self._kept if k[0] == path or (kind == "delete" and k[0].startswith(path + "/"))]
@@ -116,5 +113,5 @@ class Page:
 
 
 def viewer() -> str:
-    """Return meshcat's viewer, from the installed package."""
-    return files("meshcat").joinpath("viewer/dist/main.min.js").read_text(encoding="utf-8")
+    """Return meshcat's viewer, a script."""
+    return files("cinegen.cockpit").joinpath("static/vendor/meshcat-0.3.2/main.min.js").read_text(encoding="utf-8")

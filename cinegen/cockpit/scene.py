@@ -7,15 +7,15 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import coal
-import meshcat
-import meshcat.geometry as shape
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from cinegen.cockpit import drawing
+from cinegen.cockpit.drawing import Json, SceneNode, mesh, triad
 from cinegen.cockpit.page import Page
 from cinegen.collision.body import bounding_box_corners
 from cinegen.mission.drawn_obstacle import DrawnObstacle
@@ -55,7 +55,7 @@ class RobotScene:
     ) -> None:
         self.page, self.mechanisms = page, dict(mechanisms)
         self.bases = {name: pin.SE3.Identity() for name in mechanisms} | dict(bases or {})
-        self._root = meshcat.Visualizer(window=page)["cinegen"]
+        self._root = SceneNode(page)["cinegen"]
         self._targets: set[str] = set()
         drawn = {name: (one, _geometry(one)) for name, one in (obstacles or {}).items()}
         self._fit(drawn.values())
@@ -87,9 +87,8 @@ class RobotScene:
         size = 0.12 * self.mechanisms[name].length
         if path not in self._targets:
             self._targets.add(path)
-            self._root[path].set_object(shape.triad(size))
-            ball = shape.MeshLambertMaterial(color=_TARGET, opacity=0.85)
-            self._root[path]["ball"].set_object(shape.Sphere(0.12 * size), ball)
+            self._root[path].set_object(triad(size))
+            self._root[path]["ball"].set_object(mesh(drawing.sphere(0.12 * size), drawing.material(_TARGET, 0.85)))
         self._root[path].set_transform(placement.homogeneous)
 
     def goal(self, name: str, placement: pin.SE3, whole: bool) -> None:
@@ -97,9 +96,8 @@ class RobotScene:
         path = f"{name}/goal"
         size = 0.02 * self._radius
         if whole:
-            self._root[path].set_object(shape.triad(4.0 * size))
-        ball = shape.MeshLambertMaterial(color=_GOAL, opacity=0.85)
-        self._root[path]["ball"].set_object(shape.Sphere(size), ball)
+            self._root[path].set_object(triad(4.0 * size))
+        self._root[path]["ball"].set_object(mesh(drawing.sphere(size), drawing.material(_GOAL, 0.85)))
         self._root[path].set_transform(placement.homogeneous)
 
     def _fit(self, obstacles: Iterable[tuple[DrawnObstacle, list[pin.GeometryObject]]]) -> None:
@@ -124,7 +122,7 @@ class RobotScene:
         self._root.set_transform(whole)
         floor = np.eye(4)
         floor[2, 3] = scale * float(points[:, 2].min() - centre[2]) - 0.05
-        window = meshcat.Visualizer(window=self.page)
+        window = SceneNode(self.page)
         window["/Grid"].set_transform(floor)
         window["/Cameras/default/rotated/<object>"].set_property("position", list(_EYE))
         window["/Cameras/default/rotated/<object>"].set_property("zoom", _ZOOM)
@@ -140,20 +138,21 @@ class RobotScene:
             if node is not None:
                 self._put(self._root[name][node], [solid], model.frames[solid.parentFrame].placement, i)
         for node in {mechanism.nodes[-1], *(node for node, _ in mechanism.sensor_constraints)}:
-            self._root[name][node]["triad"].set_object(shape.triad(0.15 * mechanism.length))
+            self._root[name][node]["triad"].set_object(triad(0.15 * mechanism.length))
         for loop in mechanism.loops:
             mark = self._root[name][loop.first][f"loop {loop.name}"]
-            ball = shape.MeshLambertMaterial(color=_LOOP, opacity=0.6)
-            mark.set_object(shape.Sphere(0.05 * mechanism.length), ball)
+            mark.set_object(mesh(drawing.sphere(0.05 * mechanism.length), drawing.material(_LOOP, 0.6)))
             mark.set_transform(loop.first_placement.homogeneous)
 
-    def _put(self, path: Any, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN, first: int = 0) -> None:
+    def _put(
+        self, path: SceneNode, objects: Iterable[pin.GeometryObject], frame: pin.SE3 = _ORIGIN, first: int = 0
+    ) -> None:
         """Draw geometry objects below a path of the page's scene, as seen from a frame."""
         for i, solid in enumerate(objects, first):
             placement = frame.actInv(solid.placement).homogeneous
             for k, (geometry, material, extra) in enumerate(_drawn(solid)):
                 place = path[f"{i}.{k}" if k else str(i)]
-                place.set_object(geometry, material)
+                place.set_object(mesh(geometry, material))
                 place.set_transform(placement @ extra)
 
 
@@ -178,11 +177,11 @@ def _extent(mechanism: Mechanism) -> Iterator[Array]:
             yield bounding_box_corners(solid.geometry, placement * in_node)
 
 
-def _material(rgba: ArrayLike) -> shape.MeshLambertMaterial:
+def _material(rgba: ArrayLike) -> Json:
     """Return a material; any four numbers are valid, as in a URDF."""
     red, green, blue, opacity = np.clip(np.nan_to_num(rgba, nan=0.5), 0.0, 1.0)
     colour = (round(255 * red) << 16) + (round(255 * green) << 8) + round(255 * blue)
-    return shape.MeshLambertMaterial(color=colour, opacity=float(opacity))
+    return drawing.material(colour, float(opacity))
 
 
 @cache
@@ -209,8 +208,8 @@ def _is_file(solid: pin.GeometryObject) -> bool:
     return bool(solid.meshPath) and solid.meshPath not in ("BOX", "CYLINDER", "SPHERE", "CAPSULE", "CONE", "CONVEX")
 
 
-def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
-    """Yield a Pinocchio shape as meshcat's geometry, material, and the transform (4, 4) between them.
+def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Json, Json, Array]]:
+    """Yield a Pinocchio shape as geometry, material, and the transform (4, 4) between them.
 
     Nothing for unknown shapes; several for a mesh with several colours.
     """
@@ -222,23 +221,21 @@ def _drawn(solid: pin.GeometryObject) -> Iterator[tuple[Any, Any, Array]]:
         for surface in surfaces:
             colour = solid.meshColor if surface.colour is None else np.array(surface.colour) / 255.0
             corners = surface.triangles.reshape(-1, 3)
-            triangles = np.arange(len(corners), dtype=np.uint32).reshape(-1, 3)
-            yield shape.TriangularMeshGeometry(corners, triangles), _material(colour), extra
-        kinds = {".stl": shape.StlMeshGeometry, ".obj": shape.ObjMeshGeometry, ".dae": shape.DaeMeshGeometry}
-        kind = kinds.get(path.suffix.lower())
-        if kind is not None and not surfaces:
-            yield kind.from_file(solid.meshPath), material, extra
+            faces = np.arange(len(corners)).reshape(-1, 3)
+            yield drawing.triangles(corners, faces), _material(colour), extra
+        if path.suffix[1:].lower() in drawing.FORMATS and not surfaces:
+            yield drawing.mesh_file(path), material, extra
     elif isinstance(geometry, coal.Box):
-        yield shape.Box((2.0 * geometry.halfSide).tolist()), material, extra
+        yield drawing.box(2.0 * geometry.halfSide), material, extra
     elif isinstance(geometry, coal.Sphere):
-        yield shape.Sphere(float(geometry.radius)), material, extra
+        yield drawing.sphere(float(geometry.radius)), material, extra
     elif isinstance(geometry, coal.Convex):
-        yield shape.TriangularMeshGeometry(*_triangles(geometry)), material, extra
+        yield drawing.triangles(*_triangles(geometry)), material, extra
     elif isinstance(geometry, coal.Capsule):
-        yield _capsule(geometry), material, extra
+        yield drawing.triangles(*_capsule(geometry)), material, extra
     elif isinstance(geometry, coal.Cylinder):
         extra[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]  # three.js's cylinders are along y
-        yield shape.Cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra
+        yield drawing.cylinder(2.0 * float(geometry.halfLength), float(geometry.radius)), material, extra
 
 
 def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:
@@ -248,12 +245,13 @@ def _triangles(hull: coal.Convex) -> tuple[Array, NDArray[np.uint32]]:
     return points[faces.ravel()], np.arange(faces.size, dtype=np.uint32).reshape(-1, 3)
 
 
-def _capsule(capsule: coal.Capsule) -> Any:
+def _capsule(capsule: coal.Capsule) -> tuple[Array, NDArray[np.int64]]:
+    """Return corners (n, 3) and triangles (m, 3)."""
     import trimesh
 
-    mesh = trimesh.creation.capsule(2.0 * float(capsule.halfLength), float(capsule.radius), count=[32, 16])
-    points = np.asarray(mesh.vertices) - mesh.bounds.mean(axis=0)  # some versions of trimesh begin at the origin
-    return shape.TriangularMeshGeometry(points, np.asarray(mesh.faces))
+    made = trimesh.creation.capsule(2.0 * float(capsule.halfLength), float(capsule.radius), count=[32, 16])
+    points = np.asarray(made.vertices) - made.bounds.mean(axis=0)  # some versions of trimesh begin at the origin
+    return points, np.asarray(made.faces)
 
 
 def make_page(mechanisms: Mapping[str, Mechanism]) -> tuple[Page, RobotScene]:

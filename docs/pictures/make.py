@@ -9,7 +9,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import meshcat
 import numpy as np
 import pinocchio as pin
 from PIL import Image, ImageChops
@@ -17,6 +16,7 @@ from PIL import Image, ImageChops
 import cinegen
 import raff2urdf
 from cinegen.cockpit import make_page
+from cinegen.cockpit.drawing import SceneNode
 
 PICTURES = Path(__file__).resolve().parent
 ROBOTS = PICTURES.parent.parent / "robots"
@@ -47,7 +47,7 @@ def picture(name):
     for key, mechanism in mechanisms.items():
         if name in PULLED:
             scene.show(key, pulled(mechanism, PULLED[name]))
-    window = meshcat.Visualizer(window=page)
+    window = SceneNode(page)
     window["/Grid"].set_property("visible", False)
     window["/Background"].set_property("top_color", [1.0, 1.0, 1.0])
     window["/Cameras/default/rotated/<object>"].set_property("position", [3.8, 3.0, 4.9])  # m, y up

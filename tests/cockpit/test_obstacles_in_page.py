@@ -26,12 +26,11 @@ def setup(robot):
 
 @pytest.mark.parametrize(("radius", "length"), [(0.1, 0.5), (1.0, 1e-3)])
 def test_a_capsule_is_drawn_with_its_round_ends(radius, length):
-    drawn = _capsule(coal.Capsule(radius, length))
-    points = np.array(drawn.vertices)
+    points, faces = _capsule(coal.Capsule(radius, length))
     beyond = points - np.stack([0.0 * points[:, 0], 0.0 * points[:, 1], points[:, 2].clip(-length / 2, length / 2)], 1)
     assert np.linalg.norm(beyond, axis=1) == pytest.approx(radius)
     assert np.ptp(points[:, 2]) == pytest.approx(length + 2.0 * radius)
-    mesh = trimesh.Trimesh(points, drawn.faces)
+    mesh = trimesh.Trimesh(points, faces)
     mesh.update_faces(mesh.nondegenerate_faces())  # a ring at each end is a point
     assert mesh.is_watertight
     volume = np.pi * radius**2 * (length + 4.0 / 3.0 * radius)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import meshcat
-import meshcat.geometry
 import numpy as np
 import pytest
 import umsgpack
 
 from cinegen.cockpit import Page, RobotScene
+from cinegen.cockpit.drawing import SceneNode, box, material, mesh
 
 
 def _taken(feed):
@@ -17,8 +16,8 @@ def _taken(feed):
 
 
 def _box(page, path, x=0.0):
-    place = meshcat.Visualizer(window=page)[path]
-    place.set_object(meshcat.geometry.Box([1, 1, 1]))
+    place = SceneNode(page)[path]
+    place.set_object(mesh(box([1, 1, 1]), material(0xFFFFFF)))
     matrix = np.eye(4)
     matrix[0, 3] = x
     place.set_transform(matrix)
@@ -55,7 +54,7 @@ def test_what_is_deleted_is_not_sent_any_more():
     page = Page()
     _box(page, "a/b")
     _box(page, "ab")
-    meshcat.Visualizer(window=page)["a"].delete()
+    SceneNode(page)["a"].delete()
     assert [path for path, _, _ in page.scene()] == ["/meshcat/ab", "/meshcat/ab"]
 
 
