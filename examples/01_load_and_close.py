@@ -4,7 +4,7 @@ import numpy as np
 
 import cinegen
 
-delta = cinegen.load("robots/delta4.raff")
+delta = cinegen.load("delta4")
 print(delta)
 print(f"motors: {', '.join(delta.actuated)}")
 print(f"open as written: {delta.gap_as_written:.1e}, at home: {delta.closure(delta.q_home) < 1e-12 and 'closed'}")

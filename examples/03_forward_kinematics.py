@@ -4,7 +4,7 @@ import math
 
 import cinegen
 
-delta = cinegen.load("robots/delta4.raff")
+delta = cinegen.load("delta4")
 q = delta.q_home
 for degrees in range(0, -50, -10):
     motors = {"joint1": math.radians(degrees + 5.0), "joint6": math.radians(degrees), "joint12": math.radians(degrees)}

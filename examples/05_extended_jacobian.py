@@ -4,7 +4,7 @@ import numpy as np
 
 import cinegen
 
-arm = cinegen.load("robots/planar_hybrid.raff")
+arm = cinegen.load("planar_hybrid")
 J = arm.extended_jacobian(arm.q_home, "tool")
 print(J.compact())  # rows that are exactly zero left out: the arm is planar
 

@@ -2,7 +2,7 @@
 
 import cinegen
 
-delta = cinegen.load("robots/delta4.raff")
+delta = cinegen.load("delta4")
 solver = cinegen.Solver(delta, dt=1 / 240)
 hand = solver.add_task("platform", rotation=0)
 for tick in range(1, 841):

@@ -6,7 +6,7 @@ from pathlib import Path
 import cinegen
 from cinegen.cockpit import make_page
 
-gough = cinegen.load("robots/gough.raff")
+gough = cinegen.load("gough")
 page, scene = make_page({"gough": gough})
 
 solver = cinegen.Solver(gough, dt=1 / 60)

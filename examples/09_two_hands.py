@@ -2,7 +2,7 @@
 
 import cinegen
 
-arm = cinegen.load("robots/arm7.raff")
+arm = cinegen.load("arm7")
 solver = cinegen.Solver(arm, dt=1 / 240)
 tool = solver.add_task("tool")
 tool.weight = 100.0  # where both can't be had, the tool counts more

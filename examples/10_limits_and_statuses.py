@@ -5,7 +5,7 @@ import pinocchio as pin
 
 import cinegen
 
-arm = cinegen.load("robots/planar_3r.raff")  # its links are 0.9 m long together
+arm = cinegen.load("planar_3r")  # its links are 0.9 m long together
 solver = cinegen.Solver(arm, dt=1 / 240)
 hand = solver.add_task("tool", rotation=0)
 

@@ -10,7 +10,7 @@ from cinegen.realtime import Tick
 
 PERIOD = 1e-3  # s
 
-delta = cinegen.load("robots/delta4.raff")
+delta = cinegen.load("delta4")
 solver = cinegen.Solver(delta, PERIOD)
 hand = solver.add_task("platform")
 

@@ -5,7 +5,7 @@ import math
 import cinegen
 from cinegen.ik import LimitMargin, Manipulability, Objective, Posture, State
 
-arm = cinegen.load("robots/arm7.raff")
+arm = cinegen.load("arm7")
 solver = cinegen.Solver(arm, dt=1 / 240)
 tool = solver.add_task("tool")
 home = arm.placement(arm.q_home, "link4").translation

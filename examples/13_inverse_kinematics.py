@@ -5,7 +5,7 @@ import pinocchio as pin
 
 import cinegen
 
-platform = cinegen.load("robots/gough.raff")
+platform = cinegen.load("gough")
 home = platform.placement(platform.q_home, "platform")
 
 for tilt in (0, 10, 20, 30, 40, 50):

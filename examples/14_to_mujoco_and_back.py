@@ -7,9 +7,9 @@ import mujoco
 import cinegen
 import raff2urdf
 
-delta = cinegen.load("robots/delta4.raff")
+delta = cinegen.load("delta4")
 with tempfile.TemporaryDirectory() as folder:
-    (made,) = raff2urdf.convert("robots/delta4.raff", folder, format="mjcf")
+    (made,) = raff2urdf.convert("delta4", folder, format="mjcf")
     model = mujoco.MjModel.from_xml_path(str(made.file))
     back = cinegen.load(made.file)
 

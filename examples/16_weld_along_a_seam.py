@@ -17,7 +17,7 @@ normals = [plate.rotation[:, 2]] * len(points)
 seam = Seam(points, normals, GAP, WORK, TRAVEL, speed=0.05, approach=0.03, roll=np.pi)
 print(seam)
 
-arm = cinegen.load("robots/rx90.raff")
+arm = cinegen.load("rx90")
 solver = cinegen.Solver(arm, dt=1 / 240)
 tool = solver.add_task("tool")
 

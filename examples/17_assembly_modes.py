@@ -4,7 +4,7 @@ import numpy as np
 
 import cinegen
 
-robot = cinegen.load("robots/gough.raff")
+robot = cinegen.load("gough")
 lengths = [0.96, 1.0, 1.05, 1.05, 1.1, 1.0]  # m, from the encoders, in the order of robot.actuated
 
 modes = cinegen.assembly_modes(robot, lengths)

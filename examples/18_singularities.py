@@ -9,7 +9,7 @@ import pinocchio as pin
 import cinegen
 from cinegen.mission import MissionRecorder, Recording, RobotSample, check, resampled
 
-robot = cinegen.load("robots/tssm.raff")
+robot = cinegen.load("tssm")
 pose = robot.placement(robot.q_home, "platform")
 q = robot.q_home
 

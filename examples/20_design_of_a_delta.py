@@ -15,7 +15,7 @@ wanted = WantedBox({"x": (-0.8, 0.8), "y": (-0.8, 0.8), "z": (-2.4, -1.6)})
 # %% What varies: the forearms of all three arms together, so that the robot stays symmetric. A map for each.
 forearms = Variation.parse("link4.d+link9.d+link15.d=2750..3750:5")  # mm
 folder = Path(tempfile.mkdtemp())
-table = sweep("robots/delta4.raff", [forearms], region, folder, box=wanted)
+table = sweep("delta4", [forearms], region, folder, box=wanted)
 
 # %% What was found. 1/condition is 1 where the platform moves equally well in all directions, and 0 where it is stuck.
 print(table.text())

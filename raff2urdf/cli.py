@@ -41,7 +41,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @app.command()
 def raff2urdf(
-    files: Annotated[list[str], Argument(metavar="FILE...", help="RAFF files", show_default=False)],
+    files: Annotated[
+        list[str], Argument(metavar="FILE...", help="RAFF files, or names of shipped robots", show_default=False)
+    ],
     out: Annotated[str, Option("--out", "-o", metavar="DIR", help="folder to write to")] = "generated",
     format: Annotated[
         Literal["urdf", "sdf", "mjcf"],
@@ -142,8 +144,9 @@ def counted(number: int, plural: str) -> str:
 def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
     from raff2urdf.check import check
     from raff2urdf.reader import parse, read
+    from raff2urdf.shipped import find_robot
 
-    document = parse(read(name), name)
+    document = parse(read(find_robot(name)), name)
     check(document)
     robots = [document.robot(robot)] if robot is not None else document.robots
     return [

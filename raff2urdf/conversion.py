@@ -20,6 +20,7 @@ from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import read_bytes, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.reader import parse, read
+from raff2urdf.shipped import find_robot
 from raff2urdf.tree import limits
 from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.urdf import dumps, tree
@@ -183,7 +184,7 @@ def convert(
     written, so that a failure leaves existing files untouched.
 
     Args:
-        path: the RAFF file.
+        path: the RAFF file, or the name of a shipped robot.
         out: the folder to write to; made if it does not exist.
         robot: convert only the robot of this name.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
@@ -194,7 +195,7 @@ def convert(
     Raises:
         RaffError: the file is wrong, its loops can't be closed, there is no such format, or `out` can't be written.
     """
-    path, out = Path(path), Path(out)
+    path, out = find_robot(path), Path(out)
     document = parse(read(path), str(path))
     check(document)
     robots = [document.robot(robot)] if robot is not None else list(document.robots)

@@ -12,6 +12,7 @@ from raff2urdf.check import check_tree
 from raff2urdf.document import Document, JointType, LoopKind, SourceText
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 from raff2urdf.files import read_bytes
+from raff2urdf.shipped import find_robot
 from raff2urdf.syntax import STATEMENTS, Block, Token, tokens
 
 LONGEST_LINE = 10_000  # characters: no person writes such a line, and no error could show it
@@ -41,11 +42,12 @@ def read(path: str | Path) -> str:
 
 
 def load(path: str | Path) -> Document:
-    """Read a RAFF file; see `loads`.
+    """Read a RAFF file, or that of a shipped robot by its name; see `loads`.
 
     Raises:
         RaffError: the file can't be read, or with every problem found in it.
     """
+    path = find_robot(path)
     return loads(read(path), str(path))
 
 

@@ -60,6 +60,18 @@ def run(
 
         loaded_scene = load_scene(scene, robots.ignore_loops)
         setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, record)
+    return serve(setup, page, (scene or [*files, Path()][0]).stem, snapshot)
+
+
+def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = None) -> int:
+    """Describe a session, then serve its page until it ends, or only write it; return the exit code.
+
+    Args:
+        setup: of the session.
+        page: options of the page.
+        stem: of the page that is written without a terminal.
+        snapshot: file that the page is written to.
+    """
     _describe(setup)
     if snapshot and page.seconds is None and not page.video:
         from cinegen.cockpit import Page, draw, title_of
@@ -68,7 +80,7 @@ def run(
         draw(drawing, setup)
         write_page(snapshot, drawing.html())
         return 0
-    return page.show(setup, (scene or [*files, Path()][0]).stem, snapshot)
+    return page.show(setup, stem, snapshot)
 
 
 def _shape(follow: str) -> str | None:

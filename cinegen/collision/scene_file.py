@@ -23,6 +23,7 @@ from cinegen.model import Mechanism, load
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.readers.xml_file import read_text
+from raff2urdf.shipped import find_scene
 
 Array = NDArray[np.float64]
 
@@ -36,13 +37,16 @@ def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
     """Return the scene of a file.
 
     Args:
-        path: a .toml or .json file.
+        path: a .toml or .json file, or the name of a shipped scene, such as "disc".
         ignore_loops: as for `cinegen.load`, for the robot of the scene.
 
     Raises:
         SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
     """
-    path = Path(path)
+    try:
+        path = find_scene(path)
+    except RaffError as error:
+        raise SceneError(str(error)) from None
     parse = {".toml": _toml, ".json": _json}.get(path.suffix.lower())
     if parse is None:
         raise SceneError(f"{path}: a scene is a .toml or a .json file")

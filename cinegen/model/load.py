@@ -25,6 +25,7 @@ from raff2urdf.json_lines import line_of
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import UNLIMITED, joints, parse
 from raff2urdf.readers.xml_file import read_text
+from raff2urdf.shipped import find_robot
 from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
@@ -42,9 +43,9 @@ def load(
     """Load a mechanism and close its loops.
 
     Args:
-        path: a RAFF file, URDF, SDF or MJCF. What a URDF cannot express is read from a sidecar file:
-            `<stem>.constraints.json` as raff2urdf writes it, or `robot.yaml` as Gepetto's example-parallel-robots has
-            it.
+        path: a RAFF file, URDF, SDF or MJCF, or the name of a shipped robot, such as "delta4". What a URDF cannot
+            express is read from a sidecar file: `<stem>.constraints.json` as raff2urdf writes it, or `robot.yaml` as
+            Gepetto's example-parallel-robots has it.
         robot: name of one robot of a file that holds several; the first unless given.
         loops: kinds of closure (rigid, prismatic, revolute, ball) that replace those of the file, by the loop's name.
         ignore_loops: leave all loops open, also those that a URDF declares in elements that are not read. Every joint
@@ -57,7 +58,7 @@ def load(
             are not read, and `ignore_loops` is false.
         UnknownNameError: no such loop.
     """
-    path = Path(path)
+    path = find_robot(path)
     if loops and ignore_loops:
         raise LoadError(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
@@ -90,7 +91,8 @@ def robots(path: str | Path) -> list[str | None]:
     Raises:
         raff2urdf.RaffError: the file is wrong.
     """
-    if Path(path).suffix.lower() in readers.ENDINGS:
+    path = find_robot(path)
+    if path.suffix.lower() in readers.ENDINGS:
         return [None]
     return [robot.name for robot in raff2urdf.load(path).robots] or [None]
 

@@ -1,0 +1,64 @@
+"""Robots, scenes and examples that are shipped: inside the installed packages, or in a clone next to them."""
+
+from __future__ import annotations
+
+import ast
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from raff2urdf.errors import RaffError, did_you_mean
+
+
+def folder(package: str, name: str) -> Path:
+    """Return a folder that is shipped with a package."""
+    root = Path(str(files(package)))
+    return root / name if (root / name).is_dir() else root.parent / name
+
+
+def robots() -> dict[str, Path]:
+    """Return the RAFF files of the shipped robots by name."""
+    return {path.stem: path for path in sorted(folder("raff2urdf", "robots").glob("*.raff"))}
+
+
+def scenes() -> dict[str, Path]:
+    """Return the files of the shipped scenes by name."""
+    return {path.stem: path for path in sorted(folder("raff2urdf", "robots").glob("scenes/*.toml"))}
+
+
+def find_robot(path: str | Path) -> Path:
+    """Return the file at a path; or, if there is none and the path is the name of a shipped robot, that robot's file.
+
+    Raises:
+        RaffError: the path is a name, and neither a file nor a robot has it.
+    """
+    return _found(Path(path), robots(), "robot")
+
+
+def find_scene(path: str | Path) -> Path:
+    """Return the file at a path; or, if there is none and the path is the name of a shipped scene, that scene's file.
+
+    Raises:
+        RaffError: the path is a name, and neither a file nor a scene has it.
+    """
+    return _found(Path(path), scenes(), "scene")
+
+
+def description(path: Path) -> str:
+    """Return what a file says about itself: the first line of a program's docstring; of a RAFF or TOML file the comment
+    at its top, up to the first colon or full stop."""
+    content = path.read_text(encoding="utf-8")
+    if path.suffix == ".py":
+        return (ast.get_docstring(ast.parse(content)) or "").partition("\n")[0]
+    found = re.search(r"^(?://|#) (.+(?:\n(?://|#) .+)*)", content, flags=re.MULTILINE)
+    text = re.sub(r"\n(//|#) ", " ", found[1]) if found else ""
+    return re.split(r"[.:](?:\s|$)", text, maxsplit=1)[0]
+
+
+def _found(path: Path, known: dict[str, Path], what: str) -> Path:
+    if path.name != str(path) or path.suffix or path.exists():
+        return path
+    if path.name not in known:
+        near = did_you_mean(path.name, tuple(known))
+        raise RaffError(f"{path}: there is no such file, and no {what} of this name is shipped{near}")
+    return known[path.name]
