@@ -15,9 +15,10 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 OWN = {"cinegen", "raff2urdf"}
 POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios", "tty"}
-UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}, "distributed": {"distributed", "cryptography"}}
-"""Distributions of packages whose metadata don't name them: cmeel puts them in a folder of its own; distributed needs
-cryptography for certificates, but does not require it."""
+UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}}
+"""Distributions of packages whose metadata don't name them: cmeel puts them in a folder of its own."""
+
+EXTRAS = ("plot", "maps", "cluster", "mjcf", "dxf", "film", "sampling")
 
 
 installed = cache(packages_distributions)
@@ -38,7 +39,8 @@ def required() -> set[str]:
 
 
 def optional(*extras: str) -> set[str]:
-    return {normal(entry) for extra in extras for entry in project()["optional-dependencies"][extra]}
+    entries = {entry for extra in extras for entry in project()["optional-dependencies"][extra]}
+    return {normal(entry) for entry in entries if not entry.startswith("cinegen[")}
 
 
 @cache
@@ -68,18 +70,29 @@ def undeclared(found: dict[str, set[str]], declared: set[str]) -> dict[str, list
 
 
 def test_what_the_packages_import_is_declared():
-    assert undeclared(imports(*OWN), required() | optional("film", "sampling")) == {}
+    assert undeclared(imports(*OWN), required() | optional(*EXTRAS)) == {}
 
 
 def test_what_the_tests_import_is_declared():
     local = {path.stem for folder in ("tests", "examples", "benchmarks") for path in (ROOT / folder).rglob("*.py")}
     found = {package: files for package, files in imports("tests").items() if package not in local}
-    assert undeclared(found, required() | optional("test")) == {}
+    assert undeclared(found, required() | optional("test", *EXTRAS)) == {}
 
 
 def test_what_is_declared_is_imported():
     used = set().union(*(distributions(package) for package in imports(*OWN)))
-    assert (required() | optional("film", "sampling")) - used == set()
+    assert (required() | optional(*EXTRAS)) - used == set()
+
+
+def test_the_core_requires_nothing_that_an_extra_installs():
+    assert required() & optional(*EXTRAS) == set()
+
+
+def test_the_extra_all_is_every_extra():
+    (everything,) = project()["optional-dependencies"]["all"]
+    named = set(re.search(r"\[(.*)\]", everything)[1].split(","))
+    assert named == set(EXTRAS) - {"maps"}  # which cluster includes
+    assert set(project()["optional-dependencies"]) == {*EXTRAS, "all", "test"}
 
 
 def test_what_is_declared_is_pinned():
@@ -89,7 +102,7 @@ def test_what_is_declared_is_pinned():
 
 @pytest.mark.parametrize("package", ["lxml", "coal", "umsgpack", "google_crc32c", "filelock"])
 def test_an_import_that_is_not_declared_is_found(package):
-    declared = (required() | optional("film", "sampling")) - distributions(package)
+    declared = (required() | optional(*EXTRAS)) - distributions(package)
     assert set(undeclared(imports(*OWN), declared)) == {package}
 
 

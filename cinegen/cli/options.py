@@ -11,6 +11,7 @@ import typer
 
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
+from raff2urdf.extras import needs
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -33,12 +34,22 @@ def flag(name: str, help: str, **settings: Any) -> Any:
     return typer.Option(False, name, metavar="", help=help, **settings)
 
 
-FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file")
-FILES = typer.Argument((), metavar="FILE", help="RAFF, URDF, SDF or MJCF files", show_default=False)
+def _check_drawable(picture: Path | None) -> Path | None:
+    """Check that pictures can be drawn before anything is computed."""
+    if picture is not None:
+        with needs("plot", "pictures"):
+            import matplotlib  # noqa: F401
+    return picture
+
+
+FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file, or the name of a shipped robot")
+FILES = typer.Argument(
+    (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
+)
 IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even if loops or couplings can't be read")
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node to report (default: the robot's end)")
-PLOT = option("FILE", "draw a picture: .png, .svg or .pdf")
+PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
 SECONDS = option("S", "stop after this time, s (default: at Ctrl-C)", min=0, max=10_000_000)
 VIEW = flag("--view", "show the result in the page")
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import concurrent.futures
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from itertools import islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, warn
+from raff2urdf.extras import install, needs
 
 if TYPE_CHECKING:
     from distributed import Client, Future
@@ -33,6 +36,16 @@ class ClusterError(CinegenError):
     """A cluster that does not answer, can't be started, or can't do a task."""
 
 
+def default_workers(worth: int) -> int:
+    """Return the number of processes to use where none is given: one for each core, but at most `worth`; this process
+    alone where Dask is not installed."""
+    wanted = min(os.cpu_count() or 1, max(1, worth))
+    if wanted > 1 and find_spec("distributed") is None:
+        warn(f"one process alone does this work; for all {os.cpu_count()} cores: {install('cluster')}")
+        return 1
+    return wanted
+
+
 @contextmanager
 def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
     """Yield a Dask client: of the scheduler at an address, or else of so many processes on this machine.
@@ -41,10 +54,13 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
 
     Raises:
         ClusterError: no scheduler answers there; or processes can't be started.
+        MissingExtraError: Dask is not installed.
     """
-    import dask
-    from distributed import Client
-    from distributed.utils import silence_logging_cmgr
+    with needs("cluster", "several processes"):
+        import cryptography  # noqa: F401 - distributed needs it for certificates, and does not require it
+        import dask
+        from distributed import Client
+        from distributed.utils import silence_logging_cmgr
 
     with dask.config.set(_SETTINGS), silence_logging_cmgr("CRITICAL"):
         if scheduler is None:

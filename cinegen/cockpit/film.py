@@ -23,6 +23,7 @@ from cinegen.cockpit.page import Page
 from cinegen.cockpit.server import Server
 from cinegen.errors import CinegenError
 from cinegen.session import Reporter, SessionRunner, SessionState, Setup
+from raff2urdf.extras import install, needs
 from raff2urdf.files import write_all
 
 FPS = 30
@@ -65,14 +66,13 @@ def film(
         The path.
 
     Raises:
+        MissingExtraError: Playwright is not installed.
         FilmError: there is no browser or no ffmpeg, or the film can't be written.
         CinegenError: the session can't be constructed.
     """
     path, report = Path(path), progress or (lambda fraction: None)
-    try:
+    with needs("film", "films"):
         import playwright.sync_api  # noqa: F401
-    except ImportError:
-        raise FilmError("films need the package playwright: pip install 'cinegen[film]'") from None
     if not path.suffix:
         _draw_frames(setup, path, seconds, size, aids, report)
         return path
@@ -180,5 +180,5 @@ def _ffmpeg() -> str:
 
             found = imageio_ffmpeg.get_ffmpeg_exe()
         except (ImportError, RuntimeError):
-            raise FilmError("films need ffmpeg: pip install 'cinegen[film]'; or name a folder for the frames") from None
+            raise FilmError(f"films need ffmpeg: {install('film')}; or name a folder for the frames") from None
     return str(found)

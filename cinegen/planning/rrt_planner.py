@@ -22,6 +22,7 @@ from cinegen.planning.attempt import Attempt, PlanStatus, checked
 from cinegen.planning.goal_configurations import Refusal, free_goals
 from cinegen.planning.planner import Plan
 from cinegen.tolerances import CLOSURE
+from raff2urdf.extras import needs
 
 Array = NDArray[np.float64]
 
@@ -61,12 +62,11 @@ def rrt_connect(
         by `plan`, START_IN_COLLISION, GOAL_IN_COLLISION or OUT_OF_REACH. Without a path, `path` is the start alone.
 
     Raises:
-        PlanningError: OMPL is not installed; or seconds or seed is invalid.
+        MissingExtraError: OMPL is not installed.
+        PlanningError: seconds or seed is invalid.
     """
-    try:
+    with needs("sampling", "sampling planners"):
         from cinegen.planning.ompl_trees import connect
-    except ImportError:
-        raise PlanningError('RRT-Connect needs the package ompl: pip install "cinegen[sampling]"') from None
     if not (math.isfinite(seconds) and seconds > 0.0):
         raise PlanningError(f"seconds must be above 0, not {seconds}")
     if seed < 0:

@@ -22,6 +22,7 @@ from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
 from cinegen.plotting.units import rounded, value_text
 from cinegen.plotting.view import Projection, views
+from raff2urdf.extras import needs
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +59,8 @@ def draw_modes(modes: AssemblyModes, node: str | None = None, name: str | None =
         DrawingError: there is no mode.
         UnknownNameError: no such node.
     """
-    from matplotlib.figure import Figure
+    with needs("plot", "pictures"):
+        from matplotlib.figure import Figure
 
     mechanism, count = modes.mechanism, len(modes)
     if not count:

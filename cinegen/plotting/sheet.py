@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from raff2urdf.extras import needs
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -40,7 +42,8 @@ def sheet(wide: float, tall: float, first: str, second: str) -> tuple[Figure, An
         first: bold title.
         second: second title.
     """
-    from matplotlib.figure import Figure
+    with needs("plot", "pictures"):
+        from matplotlib.figure import Figure
 
     first = wrapped(first, _INK * wide, _LARGE, "bold")
     second = wrapped(second, _INK * wide, _SMALL)

@@ -28,6 +28,7 @@ _LEAN = {"solutions", "sigma_1", "sigma_2", "margin", "solid_angle", "clearance"
 _REACHABLE = [int(status) for status in CellStatus if status.reachable]
 _TRIED = 200  # cells of a chunk that is tried for an estimate
 _TRIALS = 5
+_SIZES = ("B", "KiB", "MiB", "GiB", "TiB", "PiB")
 _UNITS = (("years", 3.156e7), ("days", 86400.0), ("hours", 3600.0), ("minutes", 60.0))
 
 
@@ -85,12 +86,11 @@ class Estimate:
 
     def text(self, cores: int = 1) -> str:
         """Return the estimate for people, for some number of cores."""
-        from dask.utils import format_bytes
-
         on = f"{cores} core{'s' * (cores != 1)}"
         seconds = self.seconds / cores
         unit, length = next((one for one in _UNITS if seconds >= 2.0 * one[1]), ("s", 1.0))
-        size = format_bytes(int(self.size))
+        power = min(max(0, int(math.log2(max(1.0, self.size / 0.9)) // 10)), len(_SIZES) - 1)
+        size = f"{self.size / 2 ** (10 * power):.{2 if power else 0}f} {_SIZES[power]}"
         return f"{self.cells:.3g} cells take about {seconds / length:,.0f} {unit} on {on}, and up to {size}"
 
 

@@ -20,19 +20,22 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import google_crc32c
 import numpy as np
-import zarr
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
-from zarr.codecs import Crc32cCodec, ZstdCodec
-from zarr.storage import LocalStore, MemoryStore
 
 from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.chunks import chunk_cells, chunk_counts
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.quantities import QUANTITIES
 from cinegen.workspace.specification import VERSION, MapSpecification
+from raff2urdf.extras import needs
+
+with needs("maps", "maps"):
+    import google_crc32c
+    import zarr
+    from zarr.codecs import Crc32cCodec, ZstdCodec
+    from zarr.storage import LocalStore, MemoryStore
 
 if TYPE_CHECKING:
     from zarr.abc.store import ByteRequest
@@ -240,7 +243,8 @@ def open_dataset(path: Path) -> Any:
     Raises:
         MapError: there is no map; or, later, where values are loaded, a file is damaged.
     """
-    import xarray
+    with needs("maps", "maps"):
+        import xarray
 
     store = MapStore(path)
     try:

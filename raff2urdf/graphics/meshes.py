@@ -22,6 +22,7 @@ import numpy as np
 
 from raff2urdf.document import RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
+from raff2urdf.extras import needs
 from raff2urdf.files import write_all
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
@@ -163,8 +164,9 @@ def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
     from raff2urdf.graphics.surface import fewer_colours
 
     kind, omitted = path.suffix.lower(), None
-    reader = import_module(f"raff2urdf.graphics.{_READERS.get(kind, 'scene')}")  # those of trimesh are slow to import
-    surfaces = reader.read(path)
+    with needs("dxf" if kind == ".dxf" else "meshes", f"{kind} files"):
+        reader = import_module(f"raff2urdf.graphics.{_READERS.get(kind, 'scene')}")  # trimesh is slow to import
+        surfaces = reader.read(path)
     if kind == ".dxf":
         surfaces, omitted = surfaces
     if not surfaces:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.constraints import Constraints
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.extras import needs
 from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
@@ -35,14 +36,11 @@ def read(path: Path) -> tuple[str, Constraints]:
     Meshes are not read, only named: they may be missing.
 
     Raises:
-        RaffError: MuJoCo can't read it, for the reason that it gives; or the package `mujoco` is missing.
+        RaffError: MuJoCo can't read it, for the reason that it gives.
+        MissingExtraError: MuJoCo is not installed.
     """
-    try:
+    with needs("mjcf", f"{path}: MJCF files"):
         import mujoco
-    except ImportError:
-        raise RaffError(
-            f"{path}: MJCF is read by the package 'mujoco', which is not installed: pip install mujoco"
-        ) from None
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)  # its warnings concern simulation; it would write them to a file
     try:

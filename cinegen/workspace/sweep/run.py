@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import raff2urdf
-from cinegen.cluster import connected, each
+from cinegen.cluster import connected, default_workers, each
 from cinegen.errors import ClosureError
 from cinegen.model.load import load
 from cinegen.workspace.errors import MapError
@@ -26,6 +26,7 @@ from cinegen.workspace.sweep.variants import Variation, variants
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.files import write_all
 from raff2urdf.reader import parse, read
+from raff2urdf.shipped import find_robot
 from raff2urdf.writer import dumps
 
 _KIND, _VERSION = "cinegen sweep", 2
@@ -77,7 +78,7 @@ def sweep(
     """
     if workers is not None and workers < 1:
         raise MapError(f"workers ({workers}) must be 1 or more")
-    source, here = Path(path), Path(out).absolute()
+    source, here = find_robot(path), Path(out).absolute()
     document = parse(read(source), str(source))
     raff2urdf.check(document)
     found = variants(document, variations, robot)
@@ -133,7 +134,7 @@ def _rows(
     """Return the result of each variant. Several processes work on different variants or, if there are fewer variants
     than processes, together on one after the other."""
     size = plan.region.size
-    wanted = workers or min(os.cpu_count() or 1, max(1, len(tasks) * size // OVER_POSES // _WORTH))
+    wanted = workers or default_workers(len(tasks) * size // OVER_POSES // _WORTH)
     report(0, len(tasks) * size)
     if scheduler is None and wanted == 1:
         return list(_in_turn(plan, tasks, size, report))

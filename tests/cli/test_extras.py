@@ -1,0 +1,82 @@
+"""Without the packages of the extras commands work, and those that need one say which."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+PROGRAM = """
+import contextlib, io, json, sys
+
+class Missing:
+    names = {"matplotlib", "xarray", "zarr", "google_crc32c", "dask", "distributed", "cryptography", "mujoco", "ezdxf",
+             "playwright", "imageio_ffmpeg", "ompl", "pandas"}
+
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in self.names:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+sys.meta_path.insert(0, Missing())
+from cinegen.cli import main
+from raff2urdf.cli import main as raff2urdf
+found = []
+for words in json.loads(sys.argv[1]):
+    with contextlib.redirect_stdout(io.StringIO()) as out, contextlib.redirect_stderr(io.StringIO()) as err:
+        code = raff2urdf(words[1:]) if words[0] == "raff2urdf" else main(words)
+    found.append([code, out.getvalue(), err.getvalue()])
+print(json.dumps(found))
+"""
+
+WORK = {
+    "info": ["info", "rx90"],
+    "modes": ["modes", "four_bar"],
+    "drive": ["drive", "delta4", "--seconds", "0.2", "--no-browser"],
+    "demo": ["demo", "--seconds", "0.2", "--no-browser"],
+    "snapshot": ["drive", "gough", "--snapshot", "gough.html"],
+    "plan": ["plan", "disc"],
+    "convert": ["raff2urdf", "gough"],
+    "sdf": ["raff2urdf", "delta4", "--format", "sdf"],
+}
+NEED = {
+    "plot": ["modes", "four_bar", "--plot", "modes.png"],
+    "maps": ["map", "four_bar", "--over", "joint1", "--yes"],
+    "mjcf": ["info", "robot.xml"],
+    "film": ["drive", "four_bar", "--video", "film.mp4", "--seconds", "1"],
+    "sampling": ["plan", "disc", "--planner", "rrtconnect"],
+}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
+    """What commands return and print in one process that can't import the packages of the extras."""
+    folder = tmp_path_factory.mktemp("without extras")
+    (folder / "robot.xml").write_text("<mujoco/>")
+    calls = {**WORK, **NEED, "dxf": ["raff2urdf", "rx90"]}
+    command = [sys.executable, "-c", PROGRAM, json.dumps(list(calls.values()))]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=True)
+    return dict(zip(calls, json.loads(done.stdout), strict=True))
+
+
+@pytest.mark.parametrize("name", WORK)
+def test_the_core_is_enough(found, name):
+    code, _, err = found[name]
+    assert code == 0, err
+
+
+@pytest.mark.parametrize("extra", NEED)
+def test_a_command_says_what_to_install(found, extra):
+    code, _, err = found[extra]
+    assert code == 1
+    last = err.splitlines()[-1]
+    assert last.startswith("cinegen: ")
+    assert " need the package " in last
+    assert last.endswith(f'install "cinegen[{extra}]"')
+
+
+def test_graphics_that_need_an_extra_are_replaced_and_it_is_said(found):
+    code, _, err = found["dxf"]
+    assert code == 0
+    assert 'install "cinegen[dxf]"' in err
