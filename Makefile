@@ -17,29 +17,29 @@ INSTALL := $(PIP) install --quiet --no-deps
 unexport PYTHONPATH
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
-.PHONY: help demo test coverage mutations check bounds javascript kernels studies bench generated clean lock FORCE
+.PHONY: help demo test coverage mutations check bounds javascript kernels bench generated clean lock FORCE
 .DEFAULT_GOAL := help
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 
-demo: kernels ## make a robot from its description, and drive it in the browser
+demo: .venv/runtime-installed ## make a robot from its description, and drive it in the browser
 	$(BIN)/raff2urdf robots/delta4.raff
 	$(BIN)/cinegen drive generated/delta4.urdf
 
-test: check javascript kernels studies ## run every check, then the tests
+test: check javascript kernels ## run every check, then the tests
 	@.ci/chromium
 	$(BIN)/pytest -n $(WORKERS)
 
 # The table is printed where tests fail too, least covered files first; what fails is still an error.
-coverage: .venv/test-installed kernels studies ## measure which lines the tests run, and list the least covered files
+coverage: .venv/test-installed kernels ## measure which lines the tests run, and list the least covered files
 	@.ci/chromium
 	@status=0; $(BIN)/pytest -n $(WORKERS) --cov --cov-report= $(TESTS) || status=$$?; \
 	$(BIN)/coverage report --sort=cover --skip-covered | awk 'NR <= 2 + $(LEAST) || /^TOTAL/' && exit $$status
 
 mutations: export OMP_NUM_THREADS := 1
 mutations: export OPENBLAS_NUM_THREADS := 1
-mutations: .venv/test-installed build/cosmic-ray/installed kernels studies ## put SAMPLE random faults into the core, and list those that no test notices
+mutations: .venv/test-installed build/cosmic-ray/installed kernels ## put SAMPLE random faults into the core, and list those that no test notices
 	@nice $(BIN)/python benchmarks/mutations.py --sample $(SAMPLE) --seed $(SEED)
 
 check: .venv/test-installed ## run the linters of the Python code only
@@ -49,16 +49,14 @@ check: .venv/test-installed ## run the linters of the Python code only
 	$(BIN)/lint-imports --no-cache # a cached graph does not notice a module that is gone
 
 # Kernels do not check indices; here they do, and IndexError is raised. Numba keeps both kinds under one name: hence a
-# cache of its own. `python -m cinegen.assembly` calls each kernel of assembly modes once.
+# cache of its own. `cinegen compile` calls each kernel of assembly modes once.
 BOUNDED := tests/loops tests/ik/test_kernel.py tests/ik/test_weights.py tests/robots/test_evaluate.py \
 	tests/model/test_close.py tests/model/test_forward.py tests/collision/test_clearance.py \
 	tests/planning/test_vortex_kernel.py tests/papers/test_elliptical_potential.py
 bounds: export NUMBA_BOUNDSCHECK := 1
 bounds: export NUMBA_CACHE_DIR := $(CURDIR)/build/bounds
 bounds: .venv/test-installed ## run the tests of the kernels with bounds checking (2 minutes of CPU)
-	@$(BIN)/python -m cinegen.ik
-	@$(BIN)/python -m cinegen.assembly
-	@$(BIN)/python -m cinegen.planning
+	@$(BIN)/cinegen compile
 	$(BIN)/pytest -n $(WORKERS) $(BOUNDED)
 	$(BIN)/pytest -n 0 tests/jit/test_bounds.py
 
@@ -67,7 +65,7 @@ javascript: ## lint, type-check and test the page's JavaScript, where node and n
 
 bench: export OMP_NUM_THREADS := 1
 bench: export OPENBLAS_NUM_THREADS := 1
-bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, maps, and beside placo, pink and mink
+bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots grow, of the cockpit, of assembly modes, ways round obstacles, maps, and beside placo, pink and mink
 	$(BIN)/python benchmarks/tick.py
 	$(BIN)/python benchmarks/scaling.py
 	$(BIN)/python benchmarks/inverse_kinematics.py
@@ -84,12 +82,8 @@ bench: .venv/test-installed kernels studies ## measure the speed: of a tick, as 
 	$(BIN)/python benchmarks/compare.py
 
 # Nothing else waits for the compiler then, a minute where a kernel has changed.
-kernels: .venv/runtime-installed ## compile what a tick needs, if it has changed
-	@$(BIN)/python -m cinegen.ik
-
-studies: .venv/runtime-installed ## compile what assembly modes and planning need, if it has changed
-	@$(BIN)/python -m cinegen.assembly
-	@$(BIN)/python -m cinegen.planning
+kernels: .venv/runtime-installed ## compile all kernels that have changed
+	@$(BIN)/cinegen compile
 
 generated: .venv/runtime-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff

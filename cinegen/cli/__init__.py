@@ -6,7 +6,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from cinegen.cli import close, compare, demo, drive, export, info, map, modes, plan, replay, sensors, singular
+from cinegen.cli import close, compare, compile, demo, drive, export, info, map, modes, plan, replay, sensors, singular
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
 from raff2urdf import output
@@ -18,7 +18,7 @@ app = new_app(
     help="Kinematics of serial, tree and closed-loop mechanisms described in RAFF, URDF, SDF or MJCF.",
     epilog="Exit codes: 0 done; 1 the input is bad, or the answer is no; 2 a wrong call.",
 )
-for _command in (demo, info, modes, singular, map, compare, plan, drive, replay, export, close, sensors):
+for _command in (demo, info, modes, singular, map, compare, plan, drive, replay, export, close, sensors, compile):
     app.command(_command.__name__.rpartition(".")[2], cls=NumberLists)(expand(_command.run))
 
 

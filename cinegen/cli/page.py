@@ -111,6 +111,8 @@ class PageOptions:
 
 def _wait(cockpit: Cockpit, seconds: float | None) -> None:
     """Wait until the time is over or Ctrl-C; at a terminal, with a line about the state."""
+    from cinegen.jit.starting import COMPILATION
+
     if not sys.stderr.isatty():
         cockpit.wait(seconds)
         return
@@ -121,6 +123,8 @@ def _wait(cockpit: Cockpit, seconds: float | None) -> None:
         text = ", ".join(
             f"{name}: {robot.status.label}, closure {robot.closure:.0e}" for name, robot in state.robots.items()
         )
+        if not state.compiled:
+            text = f"compiling {COMPILATION.fraction:.0%}, Python computes: {text}"
         print(f"\r{state.time:5.0f} s  {text[:110]:<110}", end="", file=sys.stderr, flush=True)
 
 

@@ -35,6 +35,10 @@ class Progress:
         """Show which fraction is done, 0 to 1."""
         self._show("", fraction, 1.0)
 
+    def steps(self, text: str, done: int, total: int) -> None:
+        """Show what is being done, and how many steps are done."""
+        self._show(text, done, total)
+
     def cells(self, done: int, total: int) -> None:
         """Show how many cells are done, and how fast."""
         self._first = done if self._first is None else self._first

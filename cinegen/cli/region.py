@@ -61,8 +61,12 @@ def region(
 
 
 def _translations(mechanism: Mechanism, node: str | None, given: dict[str, float]) -> list[str]:
-    """Return the translations that the node can make, without those whose value is given."""
+    """Return the translations that the node can make, without those whose value is given; with mobility 1 the actuated
+    joint, whose range is all of the motion."""
     from cinegen.workspace import MapError
+
+    if mechanism.mobility == 1 and len(mechanism.actuated) == 1 and not given:
+        return list(mechanism.actuated)
     from cinegen.workspace.default_range import default_range
 
     found = []

@@ -1,6 +1,6 @@
 """The cockpit: robots in a page, and the server from which they are driven."""
 
-from cinegen.cockpit.cockpit import Cockpit, base_poses_at_home, draw, title_of
+from cinegen.cockpit.cockpit import Cockpit, base_poses_at_start, draw, title_of
 from cinegen.cockpit.film import film
 from cinegen.cockpit.notebook import show, show_map
 from cinegen.cockpit.page import Page
@@ -10,7 +10,7 @@ __all__ = [
     "Cockpit",
     "Page",
     "RobotScene",
-    "base_poses_at_home",
+    "base_poses_at_start",
     "draw",
     "film",
     "make_page",

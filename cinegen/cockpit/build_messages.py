@@ -24,6 +24,7 @@ from cinegen.cockpit.messages import (
     TickRate,
 )
 from cinegen.devices.kinds import what_is
+from cinegen.jit.starting import COMPILATION
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
 from cinegen.session import RobotReport, SessionState, Setup
@@ -157,6 +158,7 @@ def report_message(
         switches=tuple(NodeSensor(robot, node, sensor) for (robot, node), sensor in state.switches.items()),
         rate=TickRate(*rate),
         clients=clients,
+        compilation=None if state.compiled else COMPILATION.fraction,
         **_fields(SessionInfo, state),
     )
 

@@ -205,7 +205,9 @@ def title_of(setup: Setup) -> str:
 
 def draw(page: Page, setup: Setup) -> RobotScene:
     """Draw the robots and obstacles of a session into a page, as it begins."""
-    scene = RobotScene(page, setup.robots, base_poses_at_home(setup), setup.obstacles)
+    scene = RobotScene(page, setup.robots, base_poses_at_start(setup), setup.obstacles)
+    for name, q in setup.starts.items():
+        scene.show(name, q)
     avoidance = setup.avoidance
     if avoidance is not None:
         scene.show(avoidance.robot, avoidance.scene.start)
@@ -213,13 +215,13 @@ def draw(page: Page, setup: Setup) -> RobotScene:
     return scene
 
 
-def base_poses_at_home(setup: Setup) -> dict[str, pin.SE3]:
-    """Return the base poses of a session's robots in the world, if all are at home."""
+def base_poses_at_start(setup: Setup) -> dict[str, pin.SE3]:
+    """Return the base poses of a session's robots in the world at the start."""
     placed: dict[str, pin.SE3] = {}
     for name in setup.order():
         base = setup.base(name)
         placed[name] = base.placement
         if base.robot is not None and base.node is not None:
-            carrier = setup.robots[base.robot]
-            placed[name] = placed[base.robot] * carrier.placement(carrier.q_home, base.node) * base.placement
+            mounting = setup.robots[base.robot].placement(setup.start(base.robot), base.node)
+            placed[name] = placed[base.robot] * mounting * base.placement
     return placed

@@ -193,12 +193,14 @@ class ReportMessage(SessionInfo, frozen=True, kw_only=True):
         switches: sensor that each node follows.
         rate: timing of the ticks.
         clients: number of clients.
+        compilation: fraction of the kernels that are compiled, 0 to 1; only while solvers are interpreted, else null.
     """
 
     robots: dict[str, RobotReport]
     switches: tuple[NodeSensor, ...]
     rate: TickRate
     clients: int
+    compilation: float | None = None
 
 
 class StateMessage(TypedMessage, frozen=True):

@@ -20,6 +20,7 @@ from cinegen.cockpit.page import Page
 from cinegen.collision.body import bounding_box_corners
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
+from cinegen.model.motion_plane import motion_plane
 
 if TYPE_CHECKING:  # trimesh takes its time
     from raff2urdf.graphics.surface import ColouredSurface
@@ -28,7 +29,8 @@ Array = NDArray[np.float64]
 
 _ORIGIN = pin.SE3.Identity()
 _SHOWN = 1.6  # m: radius at which everything is drawn, so that robots of any size fill the view
-_EYE, _ZOOM = (3.8, 3.0, 4.9), 2.2  # position of the camera, m, y up; far away, for little perspective distortion
+_EYE, _ZOOM = np.array([3.8, -4.9, 3.0]), 2.2  # position of the camera, m; far away, for little perspective distortion
+_TILT = 1e-3  # of a camera that looks straight down, so that it has an upper side
 _LOOP = 0xCC79A7  # Okabe and Ito's reddish purple: closed loops
 _TARGET = 0xD55E00  # vermillion: targets
 _GOAL = 0x009E73  # bluish green: the goal of a scene
@@ -124,11 +126,20 @@ class RobotScene:
         floor[2, 3] = scale * float(points[:, 2].min() - centre[2]) - 0.05
         window = SceneNode(self.page)
         window["/Grid"].set_transform(floor)
-        window["/Cameras/default/rotated/<object>"].set_property("position", list(_EYE))
+        window["/Cameras/default/rotated/<object>"].set_property("position", self._eye())
         window["/Cameras/default/rotated/<object>"].set_property("zoom", _ZOOM)
         window["/Axes"].set_property("visible", False)
         window["/Background"].set_property("top_color", [0.92, 0.95, 0.98])
         window["/Background"].set_property("bottom_color", [1.0, 1.0, 1.0])
+
+    def _eye(self) -> list[float]:
+        """Return the position of the camera, m, y up: facing the plane in which all robots move, if any."""
+        eye = _EYE
+        planes = [(self.bases[name].rotation, motion_plane(one)) for name, one in self.mechanisms.items()]
+        normals = [rotation @ normal for rotation, normal in planes if normal is not None]
+        if len(normals) == len(planes) and all(abs(normal @ normals[0]) > 1.0 - 1e-9 for normal in normals):
+            eye = np.linalg.norm(eye) * np.copysign(1.0, normals[0] @ eye) * normals[0] + [0.0, -_TILT, 0.0]
+        return [float(eye[0]), float(eye[2]), float(-eye[1])]
 
     def _draw(self, name: str, mechanism: Mechanism) -> None:
         model = mechanism.model

@@ -8,6 +8,9 @@ from collections.abc import Callable, Iterable, Mapping
 from ipaddress import ip_address
 from pathlib import Path as File
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cinegen.devices.gamepad import Gamepad
 from cinegen.devices.json_socket import JsonSocket
 from cinegen.devices.replay import Replay
@@ -19,6 +22,8 @@ from cinegen.model import Mechanism
 from cinegen.sensor import Sensor, SensorError
 from cinegen.toolpath.seam_file import open_seam
 from raff2urdf.errors import did_you_mean
+
+Array = NDArray[np.float64]
 
 
 def _serial(url: str, *_: object) -> Sensor:
@@ -32,13 +37,13 @@ def _tcp(url: str, *_: object) -> Sensor:
     return JsonSocket(url, found[1].strip("[]") or "127.0.0.1", int(found[2]))
 
 
-def _path(url: str, mechanism: Mechanism | None, node: str | None) -> Sensor:
+def _path(url: str, mechanism: Mechanism | None, node: str | None, q: Array | None) -> Sensor:
     shape = url.removeprefix("path:")
     if shape not in SHAPES:
         raise SensorError(f"'{url}': no path '{shape}'{did_you_mean(shape, tuple(SHAPES))}")
     if mechanism is None:
         raise SensorError(f"'{url}': a path needs a robot")
-    return ScriptedSensor(fit_path(mechanism, node or mechanism.end, shape))
+    return ScriptedSensor(fit_path(mechanism, node or mechanism.end, shape, q=q))
 
 
 def _gamepad(url: str, *_: object) -> Sensor:
@@ -47,7 +52,7 @@ def _gamepad(url: str, *_: object) -> Sensor:
     return Gamepad()
 
 
-KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None], Sensor], str]] = {
+KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None, Array | None], Sensor], str]] = {
     "": (_serial, "/dev/ttyUSB0, COM3 - a Magellan (SpaceMouse) or Spaceball on a serial port"),
     "spnav": (lambda url, *_: Spacenav(url), "spnav: - USB and wireless 3D mice, through the spacenav daemon"),
     "tcp": (_tcp, "tcp://127.0.0.1:7070 - a program that sends lines of JSON"),
@@ -74,8 +79,9 @@ def scheme(url: str) -> str:
 
 
 def open_sensor(
-    url: str, number: int | None = None, mechanism: Mechanism | None = None, node: str | None = None
-) -> Sensor:
+    url: str, number: int | None = None, mechanism: Mechanism | None = None, node: str | None = None,
+    q: Array | None = None,
+) -> Sensor:  # fmt: skip
     """Return a sensor by its URL, not started yet. A serial port that does not exist only causes a warning.
 
     Args:
@@ -83,6 +89,7 @@ def open_sensor(
         number: number of the sensor in its file, for messages.
         mechanism: mechanism that it moves; a scripted path is fitted to it.
         node: node that it moves; the mechanism's end unless given.
+        q: (nq,) configuration at the start of a scripted path; home unless given.
 
     Raises:
         SensorError: no such kind, or the URL is malformed.
@@ -96,7 +103,7 @@ def open_sensor(
     missing = why_missing(url, number)
     if missing:
         warnings.warn(missing, CinegenWarning, stacklevel=2)
-    return KINDS[kind][0](url, mechanism, node)
+    return KINDS[kind][0](url, mechanism, node, q)
 
 
 def what_is(url: str) -> str | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.html import table
-from cinegen.ik._kernels.local_ik import nearest_start
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status
@@ -133,7 +132,6 @@ class _GlobalIK:
         count = _CLOSED_SAMPLES if mechanism.loops else _SAMPLES
         self._samples = closing.samples(count, np.random.default_rng(seed))
         self._features = np.array([self._feature(self._local.placements(q)) for q in self._samples])
-        self._used = np.zeros(len(self._samples))
 
     def _feature(self, placements: Sequence[pin.SE3]) -> Array:
         """Return the constrained parts of some placements as one point; its distances are dimensionless."""
@@ -149,20 +147,16 @@ class _GlobalIK:
             task.target = target
         goal = 0.5 * min(tolerance, tolerance / self._mechanism.length)  # of each of up to three residuals
         rng: np.random.Generator | None = None  # anew in each call: results do not depend on earlier calls
-        point = self._feature(targets)
-        self._used[:] = 0.0
+        nearest = self._nearest(targets)
         iterations = 0
         best: tuple[float, Array] = (np.inf, self._mechanism.q_home)
         for count in range(starts):
             if count == 0 and q is not None:
                 start = q
             else:
-                nearest = -1
-                if count < _NEAREST or count % 2 == 0:
-                    nearest = nearest_start(self._features, point, self._used)
-                if nearest >= 0:
-                    start = self._samples[nearest]
-                    self._used[nearest] = 1.0
+                known = next(nearest, None) if count < _NEAREST or count % 2 == 0 else None
+                if known is not None:
+                    start = known
                 else:
                     rng = rng or np.random.default_rng(self._seed)
                     start = local.random_start(rng)
@@ -173,6 +167,11 @@ class _GlobalIK:
             if local.closure <= CLOSURE and local.cost < best[0]:
                 best = local.cost, local.best
         return self._approached(best[1], starts, iterations)
+
+    def _nearest(self, targets: Sequence[pin.SE3]) -> Iterator[Array]:
+        """Yield the samples (nq,), those whose nodes are nearest to the targets first."""
+        distances = ((self._features - self._feature(targets)) ** 2).sum(axis=1)
+        yield from self._samples[np.argsort(distances, kind="stable")]
 
     def _approached(self, q: Array, starts: int, iterations: int) -> IKResult:
         """Return the configuration as near to the targets as ticks from q come."""

@@ -3,15 +3,17 @@ starts."""
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.ik._kernels.local_ik import nearest_start, solve
+from cinegen.ik._kernels.local_ik import solve
 from cinegen.ik._kernels.memory import LocalIKMemory
 from cinegen.ik.setup import set_up, set_up_tasks
 from cinegen.ik.task import FrameTask
-from cinegen.jit.compiled import prepare
+from cinegen.jit.starting import start
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -36,7 +38,7 @@ class LocalIK:
     """
 
     def __init__(self, mechanism: Mechanism, tasks: tuple[FrameTask, ...] = (), limits: bool = True) -> None:
-        self._solve = prepare(solve, LocalIKMemory)
+        self._solve = start(solve, LocalIKMemory, install=partial(setattr, self, "_solve"))
         self.mechanism = mechanism
         self.tasks = tuple(task.copy(mechanism.frame_id(task.node)) for task in tasks)
         fixed = 6 if mechanism.floating and all(task.node != mechanism.nodes[0] for task in tasks) else 0
@@ -116,7 +118,7 @@ class LocalIK:
                 break
             wanted = self.random_start(rng)[self._at] / self._scale
             known = np.array(points)
-            nearest = nearest_start(known, wanted, np.zeros(len(known)))
+            nearest = ((known - wanted) ** 2).sum(axis=1).argmin()
             direction = wanted - known[nearest]
             start = home.copy()
             part = min(1.0, _STRIDE / max(float(np.abs(direction).max()), 1e-12))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +23,9 @@ from cinegen.ik.setup import make_room_for_barriers, set_up_solver, set_up_solve
 from cinegen.ik.step import Layout, Step
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import BEGIN, CLEARANCE_NEEDED, DONE, ERROR_CAP, PROPOSED, RANK_NEEDED, STEP_CAP
-from cinegen.jit.compiled import prepare
+from cinegen.jit.compiled import is_cached
 from cinegen.jit.foreign import SE3_DISTANCE
+from cinegen.jit.starting import InterpretedKernel, start
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
@@ -82,7 +84,7 @@ class Solver:
     ) -> None:
         if not (np.isfinite(dt) and dt > 0.0):
             raise CinegenError(f"dt must be a positive time in seconds, not {dt}")
-        self._tick = prepare(tick, SolverMemory)
+        self._tick = start(tick, SolverMemory, install=partial(setattr, self, "_tick"))
         self.mechanism, self.dt = mechanism, dt
         self._model = mechanism.model
         self._tasks: list[FrameTask] = []
@@ -582,6 +584,11 @@ class Solver:
         self._caught += (error,)
         self.exception_log.report(source, error)
 
+    @property
+    def is_compiled(self) -> bool:
+        """True if ticks run as machine code; False while that is being compiled, and Python computes the same."""
+        return not isinstance(self._tick, InterpretedKernel)
+
     # --- one tick ------------------------------------------------------------------------------------------------
 
     def step(self) -> Step:
@@ -616,6 +623,11 @@ class Solver:
             caught, self._caught = self._caught, ()
             return Step(record, self._layout, caught)
         return Step(record, self._layout)
+
+
+def tick_is_compiled() -> bool:
+    """Return whether the kernel of a tick is compiled on this machine; if not, solvers begin in Python."""
+    return is_cached(tick, SolverMemory)
 
 
 def _checked(bounds: Bounds, nv: int) -> Bounds:

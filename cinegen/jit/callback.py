@@ -34,3 +34,10 @@ def call_python(_typing: Any, _address: Any, _operation: Any, first: Any, second
         return context.get_dummy_value()
 
     return types.void(types.int64, types.int64, first, second, third), generate
+
+
+def _call(address: int, operation: int, *arrays: Any) -> None:
+    CALLBACK(address)(operation, *[array.ctypes.data for array in arrays])
+
+
+call_python.in_python = _call

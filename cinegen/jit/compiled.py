@@ -6,12 +6,14 @@ import hashlib
 import logging
 import re
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any, TypeVar, cast, get_type_hints
 
 import numpy as np
+from filelock import FileLock
 from numba import njit, types
+from numba.core.registry import cpu_target
 from numpy.typing import NDArray
 
 from cinegen.jit.memory import Memory
@@ -32,7 +34,7 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-_IMPORTED = re.compile(r"^from ((?:cinegen|raff2urdf)\.[\w.]+) import", re.MULTILINE)
+_IMPORTED = re.compile(r"^from (cinegen[\w.]*) import (\([^)]*\)|[^\n]*)", re.MULTILINE)
 
 _ENTRIES: list[str] = []
 _HELPERS: list[Any] = []
@@ -94,40 +96,71 @@ def together() -> AbstractContextManager[None]:
 
 
 def _stamp(own: Path) -> str:
-    """Return a digest of a kernel's file and of all files it may inline: those that it imports, and all of jit."""
-    here, root = Path(__file__).parent, Path(__file__).parents[2]
-    taken, left = set(here.glob("*.py")), [own]
+    """Return a digest of a kernel's file and of all that it may inline."""
+    digest = hashlib.sha256()
+    for path in sorted(_stamp_files(own)):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _stamp_files(own: Path) -> set[Path]:
+    """Return a kernel's file and all files of the package that it imports, directly or through others."""
+    root = Path(__file__).parents[2]
+    taken, left = set[Path](), [own]
     while left:
         path = left.pop()
         if path not in taken:
             taken.add(path)
-            for module in _IMPORTED.findall(path.read_text()):
-                left += [file for file in [root.joinpath(*module.split(".")).with_suffix(".py")] if file.exists()]
-    digest = hashlib.sha256()
-    for path in sorted(taken):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+            for package, names in _IMPORTED.findall(path.read_text()):
+                folder = root.joinpath(*package.split("."))
+                modules = [folder, *(folder / name for name in re.findall(r"\w+", names))]
+                left += [file for module in modules if (file := module.with_suffix(".py")).exists()]
+    return taken
 
 
 def prepare(function: Callable[..., Any], *arguments: types.Type | type[Memory]) -> Callable[..., Any]:
     """Compile an `entry` for arguments of these types, or load it from disk.
 
+    While another process compiles a kernel of the same folder, it waits.
+
     Returns:
         the machine code as a function that takes a memory's `handle`. It skips numba's dispatch on argument types.
     """
     kernel: Any = function
-    signature = tuple(getattr(argument, "numba_type", argument) for argument in arguments)
+    signature = _signature(arguments)
     if signature not in kernel.overloads:
-        if not _is_kept(kernel):
-            logging.getLogger("cinegen").warning("compiling %s, once: this takes a while ...", kernel.__name__)
-        kernel.compile(signature)
+        if is_cached(function, *arguments):
+            kernel.compile(signature)
+        else:
+            with _one_at_a_time(kernel):
+                if not is_cached(function, *arguments):
+                    logging.getLogger("cinegen").warning("compiling %s, once: this takes a while ...", kernel.__name__)
+                kernel.compile(signature)
     return cast(Callable[..., Any], kernel.overloads[signature].entry_point)
 
 
-def _is_kept(function: Any) -> bool:
-    """Return whether a function's machine code is cached on disk; True if that can't be known."""
-    kept = getattr(getattr(function, "_cache", None), "_cache_file", None)
-    try:
-        return kept is None or bool(kept._load_index())
-    except (AttributeError, OSError, ValueError):
+def is_cached(function: Callable[..., Any], *arguments: types.Type | type[Memory]) -> bool:
+    """Return whether the machine code is on disk; True if there is no place for it: no other process can compile it."""
+    cache: Any = getattr(function, "_cache", None)
+    if getattr(cache, "_cache_file", None) is None:
         return True
+    try:
+        key = cache._index_key(_signature(arguments), cpu_target.target_context.codegen())
+        name = cache._cache_file._load_index().get(key)
+        return name is not None and Path(cache._cache_file._data_path(name)).exists()
+    except (AttributeError, OSError, ValueError):  # another numba: it knows better
+        return True
+
+
+def _signature(arguments: Sequence[types.Type | type[Memory]]) -> tuple[types.Type, ...]:
+    return tuple(getattr(argument, "numba_type", argument) for argument in arguments)
+
+
+def _one_at_a_time(kernel: Any) -> AbstractContextManager[Any]:
+    """Return a lock that one process at a time holds while it compiles a kernel of this kernel's folder."""
+    cache: Any = getattr(kernel, "_cache", None)
+    if getattr(cache, "_cache_file", None) is None:
+        return nullcontext()
+    folder = Path(cache.cache_path)
+    folder.mkdir(parents=True, exist_ok=True)
+    return FileLock(folder / "compiling.lock", is_singleton=True)

@@ -46,6 +46,9 @@ def frame_at(_typing: Any, _address: Any) -> Any:
     return kind(types.int64), generate
 
 
+frame_at.in_python = lambda begin: numbers_at(begin, (4, 3))
+
+
 # --- SE3 --------------------------------------------------------------------------------------------------------------
 
 

@@ -28,6 +28,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar, cast
+from weakref import WeakValueDictionary
 
 import numpy as np
 from llvmlite import ir
@@ -50,6 +51,8 @@ from numba.np.numpy_support import from_dtype
 from numpy.typing import NDArray
 
 _ALIGNED = 64  # bytes
+
+_MEMORIES: WeakValueDictionary[int, Memory] = WeakValueDictionary()
 
 AnyMemory = TypeVar("AnyMemory", bound="Memory")
 
@@ -144,6 +147,7 @@ class Memory:
         self.words = np.zeros(len(self.fields), dtype=np.int64)
         self._numbers = {"l": self.words, "d": self.words.view(np.float64)}
         self.handle = self.words.ctypes.data
+        _MEMORIES[self.handle] = self
         for name, field in self.fields.items():
             if field.shape is None:
                 setattr(self, name, field.default)
@@ -212,6 +216,11 @@ class Memory:
         return self.handle
 
 
+def memory_at(handle: int) -> Memory:
+    """Return the memory of a handle."""
+    return _MEMORIES[int(handle)]
+
+
 def view(declaration: type[AnyMemory]) -> Callable[[int], AnyMemory]:
     """Return a function for kernels that converts a handle to its memory."""
 
@@ -222,6 +231,7 @@ def view(declaration: type[AnyMemory]) -> Callable[[int], AnyMemory]:
 
         return declaration.numba_type(types.int64), generate
 
+    memory_of.in_python = memory_at
     return cast(Callable[[int], AnyMemory], memory_of)
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.jit.compiled import prepare
+from cinegen.jit.starting import start
 from cinegen.loops._kernels.closure import close_from_trial
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
@@ -24,7 +26,7 @@ class Closer:
     """
 
     def __init__(self, system: ClosedLoops, rank: int) -> None:
-        self._close = prepare(close_from_trial, LoopMemory)
+        self._close = start(close_from_trial, LoopMemory, install=partial(setattr, self, "_close"))
         self._memory = set_up(LoopMemory(), system, rank)
         self._idle = ~self._memory.loop_signs.any(axis=0)  # joints in no loop: they do not change at all
         self._locked: Array | None = None

@@ -5,13 +5,14 @@ from __future__ import annotations
 import contextlib
 import math
 from collections.abc import Mapping
+from functools import partial
 from numbers import Real
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError, ClosureError, ConfigurationError, UnknownNameError
-from cinegen.jit.compiled import prepare
+from cinegen.jit.starting import start
 from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
 from cinegen.loops.arrays import actuate, set_up
@@ -66,7 +67,7 @@ class ForwardKinematics:
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
         self._goal = memory.goal
         if mechanism.loops:
-            self._follow_goal = prepare(follow, LoopMemory)
+            self._follow_goal = start(follow, LoopMemory, install=partial(setattr, self, "_follow_goal"))
         self.q = mechanism.q_home if q is None else q
 
     def __reduce__(self) -> tuple[type[ForwardKinematics], tuple[Mechanism, Array]]:

@@ -8,9 +8,11 @@ import multiprocessing.connection
 import warnings
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Self
 
 from cinegen.errors import CinegenError, CinegenWarning
+from cinegen.ik import tick_is_compiled
 from cinegen.realtime import Clock, Tick, TimingReport
 from cinegen.session.commands import Command
 from cinegen.session.session import Session
@@ -19,6 +21,9 @@ from cinegen.session.state import SessionState
 
 FRAMES = 120
 """States per second."""
+
+INTERPRETED_RATE = 60.0
+"""Highest rate, ticks per second, of a session that begins before its kernels are compiled."""
 
 _MOST = 100  # commands that are carried out in a tick
 _PATIENCE = 10.0  # s that a session has to end
@@ -39,11 +44,16 @@ class SessionRunner:
         setup: setup of the session.
         own_process: run it in a process of its own; otherwise in a thread, which other Python code delays.
 
+    Attributes:
+        setup: as given; with a rate of at most `INTERPRETED_RATE` if kernels are not compiled yet.
+
     Raises:
         CinegenError: the session can't be constructed, or its process not started.
     """
 
     def __init__(self, setup: Setup, own_process: bool = True) -> None:
+        if not tick_is_compiled():
+            setup = replace(setup, rate=min(setup.rate, INTERPRETED_RATE))
         self.setup = setup
         self._clock = Clock(1.0 / setup.rate, priority=setup.priority)
         if own_process:

@@ -48,9 +48,9 @@ class SessionSensors:
         self._suspended: set[tuple[str, str]] = set()  # nodes that are dragged
         for device in setup.devices:
             robot = robots.get(device.robot or "")
-            mechanism = robot.mechanism if robot is not None else None
+            mechanism, q = (robot.mechanism, robot.solver.q) if robot is not None else (None, None)
             number = int(device.name) if device.name.isdecimal() else None
-            self._sensors[device.name] = open_sensor(device.url, number, mechanism, device.node)
+            self._sensors[device.name] = open_sensor(device.url, number, mechanism, device.node, q)
 
     def close(self) -> None:
         """Close all sensors."""

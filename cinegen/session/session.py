@@ -342,6 +342,7 @@ class Session:
             playback=None
             if player is None
             else PlaybackStatus(str(player.recording.path), player.seconds, player.time, player.playing, player.speed),
+            compiled=all(robot.solver.is_compiled for robot in self._driven.values()),
             notices=tuple(self._notices),
             answered=self._answered,
         )
@@ -361,5 +362,5 @@ def _robots(setup: Setup, dt: float) -> dict[str, DrivenRobot]:
         if setup.avoidance is not None and setup.avoidance.robot == name:
             robots[name] = AvoidingRobot(name, setup.avoidance.scene, tuple(setup.obstacles), dt)
         else:
-            robots[name] = DrivenRobot(name, Solver(mechanism, dt))
+            robots[name] = DrivenRobot(name, Solver(mechanism, dt, setup.start(name)))
     return robots

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 from msgspec import Struct
+from numpy.typing import NDArray
 
 from cinegen.collision import Scene
 from cinegen.devices.kinds import listens_for_others, overrides, why_missing
@@ -21,6 +22,7 @@ from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
+from cinegen.session.regular_start import regular_start
 
 RATE = 1000.0
 """Ticks per second."""
@@ -32,6 +34,8 @@ _ROOM = 0.3  # characteristic lengths, around robots that are placed side by sid
 
 PATH = "path"
 """Name of the script that moves a robot until a user drags it."""
+
+Array = NDArray[np.float64]
 
 
 class SetupError(CinegenError):
@@ -112,6 +116,7 @@ class Setup:
 
     Attributes:
         robots: robots by name.
+        starts: (nq,) configurations of robots at the start, by name; home unless given.
         obstacles: obstacles by name; no robot has the same.
         bases: base poses of the robots that are not in the world's origin.
         devices: sensors.
@@ -139,6 +144,7 @@ class Setup:
     map: MapOverlay | None = None
     priority: int = 0
     obstacles: Mapping[str, DrawnObstacle] = field(default_factory=dict)
+    starts: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.robots:
@@ -149,6 +155,10 @@ class Setup:
         self.order()
         if not 1.0 <= self.rate <= 1e5:
             raise SetupError(f"a session's rate must be 1 to 100,000 ticks per second, not {self.rate}")
+
+    def start(self, robot: str) -> Array:
+        """Return the configuration (nq,) of a robot at the start."""
+        return self.starts.get(robot, self.robots[robot].q_home)
 
     def base(self, robot: str) -> BasePose:
         """Return the base pose of a robot."""
@@ -292,7 +302,8 @@ def arrange(
     devices[GAMEPAD] = Device(GAMEPAD, "gamepad:")
     placed = _side_by_side(robots, files)
     placed |= dict(map(parse_base_pose, bases))
-    return Setup(dict(robots), placed, tuple(devices.values()), tuple(switches), rate, record)
+    starts = {name: regular_start(mechanism) for name, mechanism in robots.items()} if follow is not None else {}
+    return Setup(dict(robots), placed, tuple(devices.values()), tuple(switches), rate, record, starts=starts)
 
 
 def replay_setup(path: str | Path, speed: float = 1.0, stops: Sequence[tuple[float, str]] = ()) -> Setup:

@@ -197,6 +197,7 @@ class SessionInfo(Struct, frozen=True, kw_only=True):
         moving: home, move_to, undo, redo or joints during such a motion; None: tasks move the robots.
         recording: recording that is being made, or None.
         playback: recording that is replayed, or None.
+        compiled: whether solvers run as machine code; False while their kernels are interpreted, see `cinegen compile`.
     """
 
     sensors: tuple[SensorReport, ...]
@@ -207,6 +208,7 @@ class SessionInfo(Struct, frozen=True, kw_only=True):
     moving: str | None
     recording: RecordingStatus | None
     playback: PlaybackStatus | None
+    compiled: bool = True
 
 
 class SessionState(SessionInfo, frozen=True, kw_only=True):

@@ -1,4 +1,4 @@
-"""Meshes in the page: in the colour that the URDF says, or in their own, base_poses_at_home on the floor."""
+"""Meshes in the page: in the colour that the URDF says, or in their own, base_poses_at_start on the floor."""
 
 from __future__ import annotations
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cinegen import Solver
+from cinegen import Solver, load
 from cinegen.devices import SHAPES, fit_path
 from cinegen.errors import UnknownNameError
 
@@ -25,11 +25,53 @@ def test_a_fitted_circle_is_followed_all_the_way_round(robot, name):
         assert step.closure <= 1e-12
 
 
-def test_a_node_with_one_freedom_gets_a_line(robot):
+def follow(mechanism, path, seconds):
+    """Largest lag (m), and largest speed of a joint (rad/s or m/s), while the node follows the path from the start."""
+    solver = Solver(mechanism, 0.01)
+    task = solver.add_task(path.node, rotation=path.rotation)
+    lag = speed = 0.0
+    for tick in range(round(100 * seconds)):
+        task.target = path.target(0.01 * tick)
+        step = solver.step()
+        lag, speed = max(lag, step.errors[0][0]), max(speed, np.abs(step.v).max())
+    return lag, speed
+
+
+def test_the_crank_of_a_four_bar_revolves(robot):
     bar = robot("four_bar")
     path = fit_path(bar, "tool", "figure8")
-    assert path.shape == "line"
-    assert path.size > 0.0
+    assert path.shape == "sweep"
+    assert path.closed
+    assert path.size > 0.25  # m: all that the tool can reach
+    assert path.target(0.0).isApprox(bar.placement(bar.q_home, "tool"), 1e-9)
+    lag, speed = follow(bar, path, 2.0 * path.period)
+    assert lag < 1e-3 * bar.length
+    assert speed < 3.0
+
+
+HINGE = """<robot name="hinge">
+  <link name="base"/><link name="arm"/><link name="tip"/>
+  <joint name="hinge" type="revolute">
+    <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+    <limit lower="-0.5" upper="2" velocity="0.4" effort="1"/>
+  </joint>
+  <joint name="end" type="fixed"><parent link="arm"/><child link="tip"/><origin xyz="0.5 0 0"/></joint>
+</robot>"""
+
+
+def test_a_joint_with_limits_moves_to_and_fro_between_them_and_keeps_its_velocity_limit(tmp_path):
+    (tmp_path / "hinge.urdf").write_text(HINGE)
+    hinge = load(tmp_path / "hinge.urdf")
+    path = fit_path(hinge, "tip")
+    assert not path.closed
+    angles = [np.arctan2(*path.target(t).translation[1::-1]) for t in np.arange(0.0, 2.0 * path.period, 0.02)]
+    assert angles[0] == pytest.approx(0.0, abs=1e-12)
+    assert -0.5 <= min(angles) < -0.3
+    assert 1.8 < max(angles) <= 2.0
+    assert np.abs(np.diff(angles)).max() / 0.02 <= 0.4
+    lag, speed = follow(hinge, path, 2.0 * path.period)
+    assert lag < 1e-6
+    assert speed <= 0.4 + 1e-9
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from cinegen.ik._kernels.local_ik import nearest_start
+from cinegen.hexapod._kernels.taylor import polish, tracking_scratch
 
 ROOT = Path(__file__).resolve().parents[2]
 ENTRY = re.compile(r"^@entry\ndef (\w+)", re.MULTILINE)
@@ -19,12 +19,10 @@ pytestmark = pytest.mark.skipif(not config.BOUNDSCHECK, reason="make bounds runs
 
 
 def test_a_kernel_that_reads_out_of_bounds_raises():
-    features, used = np.zeros((3, 4)), np.zeros(3)
-    assert nearest_start(features, np.zeros(4), used) == 0
+    equations, solutions = np.ones((6, 16), dtype=complex), np.ones((2, 8), dtype=complex)
+    polish(equations, solutions, np.zeros(2), tracking_scratch())
     with pytest.raises(IndexError):
-        nearest_start(features, np.zeros(3), used)
-    with pytest.raises(IndexError):
-        nearest_start(features, np.zeros(4), used[:2])
+        polish(equations, solutions, np.zeros(1), tracking_scratch())
 
 
 def test_every_entry_was_compiled_with_bounds_checking():

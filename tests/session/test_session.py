@@ -18,7 +18,7 @@ DT = 1e-3
 
 @pytest.fixture
 def session(robot):
-    """`session("delta4", "arm7")`: these robots, base_poses_at_home still."""
+    """`session("delta4", "arm7")`: these robots, base_poses_at_start still."""
     opened = []
 
     def open_session(*names, **options):

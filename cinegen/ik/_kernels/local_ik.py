@@ -12,7 +12,7 @@ import math
 
 from cinegen.ik._kernels.memory import LocalIKMemory
 from cinegen.ik._kernels.tasks import aim_tasks, read_tasks
-from cinegen.jit.compiled import Array, compiled, entry
+from cinegen.jit.compiled import compiled, entry
 from cinegen.jit.factor import cholesky
 from cinegen.jit.vectors import copy, inner
 from cinegen.loops._kernels.kinematics import evaluate, integrate
@@ -151,17 +151,3 @@ def _is_blocked(memory: LocalIKMemory, j: int, direction: float) -> bool:
     return bool(
         (memory.q[i] >= memory.upper[j] and direction > 0.0) or (memory.q[i] <= memory.lower[j] and direction < 0.0)
     )
-
-
-@entry
-def nearest_start(features: Array, goal: Array, used: Array) -> int:
-    """Return the index of the unused row of features (count, width) nearest to goal (width,); -1 if there is none."""
-    best, nearest = -1, math.inf
-    for i in range(features.shape[0]):
-        if used[i] == 0.0:
-            s = 0.0
-            for k in range(features.shape[1]):
-                s += (features[i, k] - goal[k]) * (features[i, k] - goal[k])
-            if s < nearest:
-                best, nearest = i, s
-    return best

@@ -50,7 +50,7 @@ export class Footer {
   }
 
   /** @param {import("../base/link.js").Report} report */
-  #show({ robots = {}, rate, clients }) {
+  #show({ robots = {}, rate, clients, compilation }) {
     const gaps = this.session.robots.map((robot) => [robots[robot.name]?.closure ?? 0, robot.length]);
     const [gap, length] = gaps.reduce((one, other) => (other[0] > one[0] ? other : one), [0, 1]);
     const none = !this.session.robots.some((robot) => robot.loops.length > 0);
@@ -59,7 +59,9 @@ export class Footer {
       none ? "no loops" : gap < CLOSED ? units.length(0) : `${units.length(gap * length)} (${gap.toExponential(0)})`,
     );
     byId("gap").classList.toggle("bad", gap >= CLOSED);
-    write(byId("rate"), Number.isFinite(rate?.ticks) ? `${Math.round(rate.ticks)} /s` : "–");
+    const interpreted = typeof compilation === "number" ? ` in Python, compiling ${Math.round(100 * compilation)} %` : "";
+    write(byId("rate"), Number.isFinite(rate?.ticks) ? `${Math.round(rate.ticks)} /s${interpreted}` : "–");
+    byId("rate").classList.toggle("warn", interpreted !== "");
     if (Number.isFinite(rate?.late)) byId("rate").title = `99 % begin ${fixed(rate.late, 2)} ms late at most`;
     write(byId("delay"), this.#delay === null ? "–" : `${fixed(this.#delay, 0)} ms`);
     write(byId("pictures"), this.view.resolution.mean === null ? "–" : `${fixed(this.view.resolution.mean, 0)} ms`);

@@ -244,10 +244,12 @@ export interface ReportMessage {
   moving: string | null;
   recording: RecordingStatus | null;
   playback: PlaybackStatus | null;
+  compiled?: boolean;
   robots: Record<string, RobotReport>;
   switches: NodeSensor[];
   rate: TickRate;
   clients: number;
+  compilation?: number | null;
 }
 
 export interface SensorReport {

@@ -1,8 +1,13 @@
-// The first view: when the scene is complete, the robots fill it. Then data-view on the root element is "ready", and only
-// the user moves the camera.
+// The first view: when the scene is complete, the robots fill it. Then data-view on the root element is "ready". For some
+// seconds the camera moves back when a robot leaves the view, unless the user has done something; then only the user moves
+// it.
+
+import { Box3 } from "three";
 
 const QUIET = 250; // ms without a command of the scene: it is there
 const LATEST = 5000;
+const WATCHED = 10000; // ms
+const OFTEN = 100; // ms
 
 /**
  * @param {import("./view.js").View} view
@@ -24,9 +29,22 @@ export function frameFirstView(view, session, still, field) {
     clearInterval(timer);
     if (!still) {
       // else the camera is the server's
-      view.frame();
+      const shown = new Box3();
+      view.frame(shown);
       view.keepCamera();
+      keepInView(view, shown);
     }
     document.documentElement.dataset.view = "ready";
   }, 30);
+}
+
+/**
+ * @param {import("./view.js").View} view
+ * @param {Box3} shown everything that was in the view
+ */
+function keepInView(view, shown) {
+  const timer = setInterval(() => view.frame(shown), OFTEN);
+  const stop = () => clearInterval(timer);
+  setTimeout(stop, WATCHED);
+  for (const event of ["pointerdown", "wheel", "keydown"]) window.addEventListener(event, stop, { once: true });
 }

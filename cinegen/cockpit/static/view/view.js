@@ -197,9 +197,13 @@ export class View {
     return behind ? null : where;
   }
 
-  /** Moves the camera along its line of sight so that all robots fill the view. */
-  frame() {
-    const box = new Box3();
+  /**
+   * Moves the camera along its line of sight so that all robots fill the view.
+   *
+   * @param {Box3} box is in the view, too; becomes all that is. If that was so before, the camera stays.
+   */
+  frame(box = new Box3()) {
+    const before = box.clone();
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
       if (this.background.has(robot.name)) continue;
@@ -208,7 +212,7 @@ export class View {
       });
     }
     this.also?.(box);
-    if (box.isEmpty()) return;
+    if (box.isEmpty() || box.equals(before)) return;
     const { camera, controls } = this;
     camera.updateWorldMatrix(true, false);
     const tall = Math.tan((camera.fov * Math.PI) / 360) / (camera.zoom || 1);

@@ -1,0 +1,86 @@
+"""All kernels, and how to compile them: `python -m cinegen.kernels`, or `cinegen compile`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from cinegen.assembly import assembly_modes
+from cinegen.collision.clearance import prepare_clearance
+from cinegen.hexapod import TSSM, Hexapod
+from cinegen.ik._kernels.batch import measure_all
+from cinegen.ik._kernels.local_ik import solve
+from cinegen.ik._kernels.memory import BatchMemory, LocalIKMemory, SolverMemory
+from cinegen.ik._kernels.tick import tick
+from cinegen.jit.compiled import prepare, together
+from cinegen.loops._kernels.closure import close_from_trial
+from cinegen.loops._kernels.follow import follow
+from cinegen.loops._kernels.memory import LoopMemory
+from cinegen.model.load import build
+from cinegen.planning.vortices import prepare_vortices
+from raff2urdf import loads
+from raff2urdf.conversion import translate
+
+_FOUR_BAR = """RAFF FourBar
+robot linkage {
+  base { }
+  link 1 { parameters { theta 50 } type 2 pred 0 actuated 1 }
+  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
+  link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
+  frame 4 { parameters { d 360 } pred 2 }
+  frame 5 { parameters { d 240 } pred 3 }
+  constraint { frame 4 frame 5 type 2 }
+}
+"""
+
+
+def _assembly_modes() -> None:
+    document = loads(_FOUR_BAR)
+    made = translate(document, document.robot(), Path())
+    assembly_modes(build(made.urdf, made.constraints))
+
+
+def _platforms() -> None:
+    base, platform = np.random.default_rng(0).normal(size=(2, 6, 3))
+    Hexapod(base, platform).modes(np.full(6, 4.0))
+    TSSM(base, platform[:3]).modes(np.full(6, 4.0))
+
+
+_KERNELS: dict[str, Callable[[], object]] = {
+    "close": lambda: prepare(close_from_trial, LoopMemory),
+    "follow": lambda: prepare(follow, LoopMemory),
+    "tick": lambda: prepare(tick, SolverMemory),
+    "solve": lambda: prepare(solve, LocalIKMemory),
+    "measure": lambda: prepare(measure_all, BatchMemory),
+    "clearance": prepare_clearance,
+    "vortices": prepare_vortices,
+    "modes": _assembly_modes,
+    "platforms": _platforms,
+}
+_TOGETHER = 5  # of them, which share helpers
+
+
+def compile_kernels() -> Iterator[tuple[str, int, int]]:
+    """Compile all kernels that are not cached on disk, those that move a robot first.
+
+    Yields:
+        before each kernel its name, how many are done, and how many there are; in the end "", and all are done.
+    """
+    names = list(_KERNELS)
+    with together():
+        for done, name in enumerate(names[:_TOGETHER]):
+            yield name, done, len(names)
+            _KERNELS[name]()
+    for done, name in enumerate(names[_TOGETHER:], _TOGETHER):
+        yield name, done, len(names)
+        _KERNELS[name]()
+    yield "", len(names), len(names)
+
+
+if __name__ == "__main__":
+    for _, *counts in compile_kernels():
+        sys.stdout.write("{} {}\n".format(*counts))
+        sys.stdout.flush()
