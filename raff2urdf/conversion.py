@@ -10,8 +10,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import yourdfpy
-
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.check import check, check_sizes
 from raff2urdf.constraints import Constraints, constraints
@@ -22,6 +20,7 @@ from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.reader import parse, read
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import limits
+from raff2urdf.urdf_model import UrdfRobot
 from raff2urdf.writers import WriteOptions, files
 from raff2urdf.writers.urdf import dumps, tree
 
@@ -41,7 +40,7 @@ class Translation:
     """
 
     robot: RaffRobot
-    model: yourdfpy.Robot
+    model: UrdfRobot
     constraints: Constraints
     analysis: Analysis
     missing: tuple[str, ...]
@@ -158,7 +157,7 @@ def describe(
 
 def _tree(
     document: Document, robot: RaffRobot, graphics: Graphics, out: Path | None = None
-) -> tuple[yourdfpy.Robot, tuple[str, ...]]:
+) -> tuple[UrdfRobot, tuple[str, ...]]:
     """Return the tree and the graphics that can't be shown; one warning lists them."""
     model, missing = tree(document, robot, graphics, out)
     if missing:

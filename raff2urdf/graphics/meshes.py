@@ -24,10 +24,9 @@ from raff2urdf.document import RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
 from raff2urdf.files import write_all
+from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
 
 if TYPE_CHECKING:  # slow to import, and only needed where there are graphics
-    import yourdfpy
-
     from raff2urdf.graphics.surface import Colour, ColouredSurface
 
 SHOWN = (".stl", ".obj", ".dae")  # URDF viewers, Pinocchio and browsers read them
@@ -42,19 +41,17 @@ class Drawing:
     path: Path
     colour: Colour | None = None
 
-    def visual(self, out: Path | None, scale: float) -> yourdfpy.Visual:
+    def visual(self, out: Path | None, scale: float) -> UrdfVisual:
         """Return the mesh as a visual of a URDF.
 
         Args:
             out: the folder of the URDF, relative to which the file is named; an absolute name if None.
             scale: metres in the file's unit of length.
         """
-        import yourdfpy
-
         path = self.path.resolve()
         name = str(path) if out is None else Path(os.path.relpath(path, out.resolve())).as_posix()
-        mesh = yourdfpy.Mesh(filename=name, scale=np.full(3, scale))
-        return yourdfpy.Visual(geometry=yourdfpy.Geometry(mesh=mesh), material=_material(self.colour))
+        mesh = UrdfMesh(filename=name, scale=np.full(3, scale))
+        return UrdfVisual(geometry=UrdfGeometry(mesh=mesh), material=_material(self.colour))
 
 
 class Graphics:
@@ -180,16 +177,15 @@ def _is_empty(path: Path) -> bool:
     return bool(trimesh.load(path, force="mesh").is_empty)
 
 
-def _material(colour: Colour | None) -> yourdfpy.Material | None:
+def _material(colour: Colour | None) -> UrdfMaterial | None:
     """Return a material named by its colour, so that a name never has two meanings."""
-    import yourdfpy
 
     if colour is None:
         return None
     red, green, blue, opacity = colour
     name = f"rgb{red:02x}{green:02x}{blue:02x}" + (f"{opacity:02x}" if opacity < 255 else "")
     rgba = np.array([round(channel / 255.0, 4) for channel in colour])
-    return yourdfpy.Material(name=name, color=yourdfpy.Color(rgba=rgba))
+    return UrdfMaterial(name, rgba)
 
 
 def _summary(error: RaffError) -> str:

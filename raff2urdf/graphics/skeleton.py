@@ -13,11 +13,11 @@ from dataclasses import dataclass
 from statistics import median
 
 import numpy as np
-from yourdfpy import Box, Color, Cylinder, Geometry, Material, Sphere, Visual
 
 from raff2urdf.document import Document, JointType, RaffFrame, RaffLink, RaffNode, RaffPart, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger
 from raff2urdf.tree import home, kleinfinger
+from raff2urdf.urdf_model import UrdfBox, UrdfCylinder, UrdfGeometry, UrdfMaterial, UrdfSphere, UrdfVisual
 
 # Okabe and Ito's colours, which colour-blind people can distinguish: one for each branch of the tree.
 _BRANCHES = ((0.0, 0.45, 0.7), (0.9, 0.6, 0.0), (0.0, 0.62, 0.45), (0.8, 0.4, 0.0), (0.8, 0.6, 0.7), (0.35, 0.7, 0.9))
@@ -46,7 +46,7 @@ class SkeletonDrawing:
             branch[part.number] = last if forks else branch[part.pred]
             self.colours[part.number] = _BRANCHES[branch[part.number] % len(_BRANCHES)]
 
-    def draw(self, node: RaffNode) -> list[Visual]:
+    def draw(self, node: RaffNode) -> list[UrdfVisual]:
         """Return the shapes of one node, in its own frame."""
         style = _Style(self.radius, self.colours[node.number])
         shapes = list(self._joint(node, style))
@@ -56,7 +56,7 @@ class SkeletonDrawing:
             shapes.append(_ball(np.zeros(3), 1.2, style))
         return shapes
 
-    def _joint(self, node: RaffNode, style: _Style) -> Iterator[Visual]:
+    def _joint(self, node: RaffNode, style: _Style) -> Iterator[UrdfVisual]:
         marker = _Style(style.radius, _JOINT)
         if not isinstance(node, RaffLink) or node.type is JointType.FIXED:
             return
@@ -65,11 +65,11 @@ class SkeletonDrawing:
             yield from _bar(-half, half, 1.5, marker)
         else:
             size = np.array([2.6, 2.6, 3.2]) * style.radius
-            yield _visual(Geometry(box=Box(size=_round(size, style))), np.eye(4), marker)
+            yield _visual(UrdfGeometry(box=UrdfBox(size=_round(size, style))), np.eye(4), marker)
             rod = np.array([0.0, 0.0, -0.62 * home(self.document, node)])
             yield from _bar(rod, np.zeros(3), 0.6, style)
 
-    def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[Visual]:
+    def _bars_to(self, child: RaffPart, style: _Style) -> Iterator[UrdfVisual]:
         """Yield bars from the node's origin to a child's joint."""
         gamma, epsilon, alpha, d, _, r = self.parameters[child.number]
         thickness = 0.6 if isinstance(child, RaffFrame) else 1.0
@@ -99,7 +99,7 @@ def _typical(parameters: Sequence[Kleinfinger]) -> float:
     return median(lengths) if lengths else 1.0
 
 
-def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[Visual]:
+def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) -> Iterator[UrdfVisual]:
     """Yield a cylinder from one point to another; nothing if they coincide."""
     vector = end - start
     length = math.sqrt(math.fsum(x * x for x in vector.tolist()))
@@ -110,20 +110,19 @@ def _bar(start: np.ndarray, end: np.ndarray, thickness: float, style: _Style) ->
     y = np.cross(z, aside)
     y /= math.sqrt(math.fsum(x * x for x in y.tolist()))
     placement = _at((start + end) / 2.0, np.column_stack([np.cross(y, z), y, z]), style)
-    shape = Cylinder(radius=_digits(thickness * style.radius), length=_digits(length))
-    yield _visual(Geometry(cylinder=shape), placement, style)
+    shape = UrdfCylinder(radius=_digits(thickness * style.radius), length=_digits(length))
+    yield _visual(UrdfGeometry(cylinder=shape), placement, style)
 
 
-def _ball(centre: np.ndarray, thickness: float, style: _Style) -> Visual:
-    ball = Geometry(sphere=Sphere(radius=_digits(thickness * style.radius)))
+def _ball(centre: np.ndarray, thickness: float, style: _Style) -> UrdfVisual:
+    ball = UrdfGeometry(sphere=UrdfSphere(radius=_digits(thickness * style.radius)))
     return _visual(ball, _at(centre, np.eye(3), style), style)
 
 
-def _visual(geometry: Geometry, placement: np.ndarray, style: _Style) -> Visual:
+def _visual(geometry: UrdfGeometry, placement: np.ndarray, style: _Style) -> UrdfVisual:
     r, g, b = style.colour
     name = f"c{round(255 * r):02x}{round(255 * g):02x}{round(255 * b):02x}"
-    colour = Color(rgba=np.array([r, g, b, 1.0]))
-    return Visual(origin=placement, geometry=geometry, material=Material(name=name, color=colour))
+    return UrdfVisual(origin=placement, geometry=geometry, material=UrdfMaterial(name, np.array([r, g, b, 1.0])))
 
 
 def _at(point: np.ndarray, rotation: np.ndarray, style: _Style) -> np.ndarray:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.constraints import Constraints
@@ -24,6 +23,7 @@ from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
 from raff2urdf.tree import WORLD
+from raff2urdf.urdf_model import UrdfVisual
 
 Array = NDArray[np.float64]
 
@@ -228,7 +228,7 @@ class _Reader:
 
     # --- visuals ------------------------------------------------------------------------------------------------
 
-    def visuals(self, body: int) -> Iterator[yourdfpy.Visual]:
+    def visuals(self, body: int) -> Iterator[UrdfVisual]:
         model = self.model
         for g in range(int(model.body_geomadr[body]), int(model.body_geomadr[body]) + int(model.body_geomnum[body])):
             if model.geom_group[g] >= _HIDDEN or body == 0:
@@ -237,7 +237,7 @@ class _Reader:
             look = material(model.mat_rgba[own] if own >= 0 else model.geom_rgba[g])
             placed = from_quaternion(model.geom_pos[g], model.geom_quat[g])
             for shape, offset in self.shapes_of(g):
-                yield yourdfpy.Visual(origin=placed @ offset, geometry=shape, material=look)
+                yield UrdfVisual(origin=placed @ offset, geometry=shape, material=look)
 
     def shapes_of(self, geom: int) -> Iterator[Shape]:
         """Yield the shapes of a geom that URDF has; an ellipsoid becomes the box around it."""

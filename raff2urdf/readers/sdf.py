@@ -13,7 +13,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import yourdfpy
 from lxml import etree
 from numpy.typing import NDArray
 
@@ -34,6 +33,7 @@ from raff2urdf.readers.urdf import numbers
 from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, material, shapes
 from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
+from raff2urdf.urdf_model import UrdfMaterial, UrdfVisual
 from raff2urdf.writers.tree_at_home import SIZES
 
 Array = NDArray[np.float64]
@@ -213,11 +213,11 @@ class _SdfToUrdf:
             ends = [(own.get(word), IDENTITY) for word in ("first", "second")]  # SDF keeps only one of them
         self.urdf.add_loop(joint.name, LOOP_KINDS[kind], *ends)
 
-    def _visuals(self, link: Any) -> Iterator[yourdfpy.Visual]:
+    def _visuals(self, link: Any) -> Iterator[UrdfVisual]:
         for visual in link.iterchildren("visual"):
             for shape, offset in _geometry(visual.find("geometry")):
                 origin = pose(visual, self.name) @ offset
-                yield yourdfpy.Visual(origin=origin, geometry=shape, material=_material(visual))
+                yield UrdfVisual(origin=origin, geometry=shape, material=_material(visual))
 
 
 _SIZES = {**SIZES, "capsule": SIZES["cylinder"]}
@@ -232,7 +232,7 @@ def _geometry(geometry: Any) -> Iterator[Shape]:
         yield from shapes(shape.tag, sizes, shape.findtext("uri", "").strip())
 
 
-def _material(visual: Any) -> yourdfpy.Material | None:
+def _material(visual: Any) -> UrdfMaterial | None:
     for word in ("diffuse", "ambient"):
         found = numbers(visual.findtext(f"material/{word}", "none"))
         if found is not None and len(found) in (3, 4):

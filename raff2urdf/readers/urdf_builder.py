@@ -7,19 +7,31 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import yourdfpy
 from numpy.typing import ArrayLike, NDArray
 
 from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
+from raff2urdf.urdf_model import (
+    UrdfBox,
+    UrdfCylinder,
+    UrdfGeometry,
+    UrdfJoint,
+    UrdfLimit,
+    UrdfLink,
+    UrdfMaterial,
+    UrdfMesh,
+    UrdfRobot,
+    UrdfSphere,
+    UrdfVisual,
+)
 from raff2urdf.writers.urdf import dumps
 
 Array = NDArray[np.float64]
 
 UNBOUNDED = (-math.inf, math.inf)
 
-Shape = tuple[yourdfpy.Geometry, Array]
+Shape = tuple[UrdfGeometry, Array]
 """A shape, and its placement (4, 4) in the visual."""
 
 
@@ -32,7 +44,7 @@ class UrdfBuilder:
 
     def __init__(self, robot: str, taken: Iterable[str]) -> None:
         self.taken = set(taken)
-        self._robot = yourdfpy.Robot(name=robot, links=[], joints=[])
+        self._robot = UrdfRobot(name=robot, links=[], joints=[])
         self._entries: list[dict[str, Any]] = []
         self._loops: list[dict[str, Any]] = []
 
@@ -43,13 +55,13 @@ class UrdfBuilder:
         self.taken.add(name)
         return name
 
-    def add_link(self, name: str, visuals: Iterable[yourdfpy.Visual] = ()) -> None:
+    def add_link(self, name: str, visuals: Iterable[UrdfVisual] = ()) -> None:
         """Add a link."""
-        self._robot.links.append(yourdfpy.Link(name=name, visuals=list(visuals)))
+        self._robot.links.append(UrdfLink(name=name, visuals=list(visuals)))
 
     def add_fixed(self, name: str, parent: str, child: str, origin: Array, kind: str = "fixed") -> None:
         """Add a fixed joint, or a floating one."""
-        self._robot.joints.append(yourdfpy.Joint(name=name, type=kind, parent=parent, child=child, origin=origin))
+        self._robot.joints.append(UrdfJoint(name=name, type=kind, parent=parent, child=child, origin=origin))
 
     def add_joint(
         self,
@@ -81,11 +93,11 @@ class UrdfBuilder:
         """
         axis = np.array(axis, dtype=float)
         kind = "prismatic" if prismatic else "continuous" if limits == UNBOUNDED else "revolute"
-        limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(velocity, UNLIMITED))
+        limit = UrdfLimit(effort=UNLIMITED, velocity=min(velocity, UNLIMITED))
         if kind != "continuous":
             limit.lower, limit.upper = max(limits[0], -UNLIMITED), min(limits[1], UNLIMITED)
         origin = placed @ inverse(joint_motion(prismatic, axis / np.linalg.norm(axis), zero))
-        joint = yourdfpy.Joint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
+        joint = UrdfJoint(name, kind, *ends, axis=axis, origin=origin, limit=limit)
         self._robot.joints.append(joint)
         self._entries.append({"name": name, "home": home, **({} if actuated is None else {"actuated": actuated})})
 
@@ -122,13 +134,13 @@ def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> 
         for end in (-0.5, 0.5):
             yield from shapes("sphere", values[:1], height=end * float(values[1]))
         return
-    make = {"box": yourdfpy.Box, "cylinder": yourdfpy.Cylinder, "sphere": yourdfpy.Sphere, "mesh": yourdfpy.Mesh}[kind]
+    make = {"box": UrdfBox, "cylinder": UrdfCylinder, "sphere": UrdfSphere, "mesh": UrdfMesh}[kind]
     arguments = {"box": (values,), "mesh": (file, values)}.get(kind, values.tolist())
-    yield yourdfpy.Geometry(**{kind: make(*arguments)}), translation((0.0, 0.0, height))
+    yield UrdfGeometry(**{kind: make(*arguments)}), translation((0.0, 0.0, height))
 
 
-def material(rgba: ArrayLike) -> yourdfpy.Material:
+def material(rgba: ArrayLike) -> UrdfMaterial:
     """Return a colour, from 0 to 1, as a material that is named by it, so that a name never has two meanings."""
     clipped = np.clip(np.asarray(rgba, dtype=float), 0.0, 1.0)
     name = "".join(f"{round(255 * value):02x}" for value in clipped.tolist())
-    return yourdfpy.Material(name=f"c{name}", color=yourdfpy.Color(rgba=clipped))
+    return UrdfMaterial(f"c{name}", clipped)

@@ -208,7 +208,7 @@ class GraphicsExport:
             and np.abs(placed[:3, :3]).max() <= _NEAR
             and np.abs(placed[:3, 3]).max() <= _NEAR * size
             and colour is not None
-            and np.abs(np.array(colour) - drawn.material.color.rgba).max() <= 1.0 / 255.0
+            and np.abs(np.array(colour) - drawn.material.rgba).max() <= 1.0 / 255.0
         )
 
 

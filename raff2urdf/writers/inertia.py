@@ -18,11 +18,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
 from raff2urdf.files import read_bytes
+from raff2urdf.urdf_model import UrdfGeometry, UrdfRobot
 from raff2urdf.writers import DENSITY
 from raff2urdf.writers.tree_at_home import shape_of
 
@@ -115,7 +115,7 @@ class Inertias:
 
 
 def inertias(
-    model: yourdfpy.Robot,
+    model: UrdfRobot,
     density: float | None = None,
     read: Reader | None = None,
     moving: Mapping[str, Iterable[tuple[str, Array]]] | None = None,
@@ -169,7 +169,7 @@ def sum_of(bodies: Iterable[Inertia]) -> Inertia:
     return total
 
 
-def of_geometry(geometry: yourdfpy.Geometry, density: float, surface: Reader | None = None) -> Inertia:
+def of_geometry(geometry: UrdfGeometry, density: float, surface: Reader | None = None) -> Inertia:
     """Return the inertia of a URDF's shape as a solid body, in the shape's own axes."""
     kind, size, file = shape_of(geometry)
     if kind == "mesh":

@@ -20,7 +20,6 @@ from pathlib import PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yourdfpy
 from lxml import etree
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -29,6 +28,7 @@ from raff2urdf.errors import RaffWarning
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
+from raff2urdf.urdf_model import UrdfJoint, UrdfLink
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
@@ -175,7 +175,7 @@ class _Writer:
         add_inertial(ground, Inertia())
         return ground
 
-    def add_joint(self, body: etree._Element, joint: yourdfpy.Joint) -> None:
+    def add_joint(self, body: etree._Element, joint: UrdfJoint) -> None:
         entry = self.tree.entries.get(joint.name)
         if entry is not None:
             kind = "slide" if joint.type == "prismatic" else "hinge"
@@ -184,7 +184,7 @@ class _Writer:
         elif joint.type == "floating":
             etree.SubElement(body, "freejoint", name=joint.name)
 
-    def add_shapes(self, body: etree._Element, link: yourdfpy.Link) -> None:
+    def add_shapes(self, body: etree._Element, link: UrdfLink) -> None:
         for shape in link.visuals:
             kind, size, file = shape_of(shape.geometry)
             mesh = self.meshes.name(file, tuple(size.tolist())) if kind == "mesh" else ""
@@ -195,7 +195,7 @@ class _Writer:
             geom.set(*(("mesh", mesh) if mesh else ("size", numerals(size * half))))
             geom.attrib.update(pose(np.eye(4) if shape.origin is None else shape.origin))
             if shape.material is not None:
-                geom.set("rgba", numerals(shape.material.color.rgba))
+                geom.set("rgba", numerals(shape.material.rgba))
 
     def home(self, world: etree._Element) -> list[float]:
         """Return the values at home, in MuJoCo's order: that of the joints in the file."""
@@ -274,7 +274,7 @@ class _Writer:
                 targets.append(self.tree.home[joint.name])
         return targets
 
-    def moved_inertia(self, joint: yourdfpy.Joint) -> float:
+    def moved_inertia(self, joint: UrdfJoint) -> float:
         """Return the inertia that the joint moves at home, of the tree alone: kg m2 about its axis, or kg."""
         moved = {joint.child: None}  # in order
         for other in self.tree.order:

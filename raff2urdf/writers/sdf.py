@@ -21,12 +21,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yourdfpy
 from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.tree import BASE_JOINT, WORLD
+from raff2urdf.urdf_model import UrdfJoint
 from raff2urdf.writers.inertia import Inertia, Inertias, inertias, sum_of
 from raff2urdf.writers.tree_at_home import TreeAtHome, shape_of, unique_name
 from raff2urdf.writers.xml_text import comment, numeral, numerals, text_of
@@ -107,7 +107,7 @@ class _Writer:
         etree.SubElement(joint, "child").text = child
         return joint
 
-    def add_joint(self, model: etree._Element, joint: yourdfpy.Joint) -> None:
+    def add_joint(self, model: etree._Element, joint: UrdfJoint) -> None:
         entry = self.tree.entries.get(joint.name)  # none of a fixed joint
         kind = "fixed" if entry is None else entry["type"]
         element = self.new_joint(model, joint.name, kind, self.tree.carriers[joint.parent][0], joint.child)
@@ -187,4 +187,4 @@ def add_shape(element: etree._Element, shape: Any, placement: Array) -> None:
     if shape.material is not None:
         painted = etree.SubElement(element, "material")
         for light in ("ambient", "diffuse"):
-            etree.SubElement(painted, light).text = numerals(shape.material.color.rgba)
+            etree.SubElement(painted, light).text = numerals(shape.material.rgba)

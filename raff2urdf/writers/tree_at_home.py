@@ -11,11 +11,11 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-import yourdfpy
 from numpy.typing import NDArray
 
 from raff2urdf.placement import joint_motion
 from raff2urdf.tree import WORLD
+from raff2urdf.urdf_model import UrdfGeometry, UrdfJoint, UrdfLink
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
@@ -45,14 +45,14 @@ class TreeAtHome:
         self.model, self.home = translation.model, translation.analysis.home
         self.entries = {entry["name"]: entry for entry in translation.constraints["joints"]}
         self.loops = translation.constraints["loops"]
-        self.link: dict[str, yourdfpy.Link] = {link.name: link for link in self.model.links}
-        self.joint_of: dict[str, yourdfpy.Joint] = {joint.child: joint for joint in self.model.joints}
+        self.link: dict[str, UrdfLink] = {link.name: link for link in self.model.links}
+        self.joint_of: dict[str, UrdfJoint] = {joint.child: joint for joint in self.model.joints}
         self.root = next(iter(self.link))
         children = [part.node for part in translation.robot.outward]
         self.order = [self.joint_of[child] for child in ("base", *children) if child in self.joint_of]
         self.floating = self.joint_of["base"] if translation.robot.movable else None
 
-    def placed(self, joint: yourdfpy.Joint) -> Array:
+    def placed(self, joint: UrdfJoint) -> Array:
         """Return the placement (4, 4) of the joint's child on its parent at closed home."""
         origin = np.asarray(joint.origin, dtype=float)
         if joint.name not in self.home:
@@ -96,7 +96,7 @@ SIZES = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"]
 """The sizes of each kind of shape in a URDF, by their names there and in SDF."""
 
 
-def shape_of(geometry: yourdfpy.Geometry) -> tuple[str, Array, str]:
+def shape_of(geometry: UrdfGeometry) -> tuple[str, Array, str]:
     """Return kind, sizes and file of a shape.
 
     Sizes are the sides (3,) of a box, radius and length of a cylinder along z, the radius of a sphere, m; and the

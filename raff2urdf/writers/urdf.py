@@ -1,4 +1,4 @@
-"""Write a robot as URDF, built with yourdfpy's classes, and its constraints file.
+"""Write a robot as URDF, and its constraints file.
 
 Joint variables keep RAFF's own zero: the joint of a revolute link is placed at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d)
 Tz(r) and rotates by theta about its z; that of a prismatic link at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) and
@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yourdfpy
 from lxml import etree
 from numpy.typing import NDArray
 
@@ -30,6 +29,7 @@ from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
+from raff2urdf.urdf_model import UrdfJoint, UrdfLimit, UrdfLink, UrdfRobot, to_xml
 from raff2urdf.writers.xml_text import numerals, text_of
 
 if TYPE_CHECKING:
@@ -69,8 +69,8 @@ def add_constraints(root: etree._Element, values: Mapping[str, Any]) -> None:
 
 def tree(
     document: Document, robot: RaffRobot, graphics: Graphics, out: Path | None = None
-) -> tuple[yourdfpy.Robot, list[str]]:
-    """Return the robot's tree as yourdfpy's classes.
+) -> tuple[UrdfRobot, list[str]]:
+    """Return the tree of a robot.
 
     Args:
         document: that holds the robot.
@@ -86,54 +86,43 @@ def tree(
     skeleton = SkeletonDrawing(document, robot)
     links, joints = [], []
 
-    def body(node: RaffNode) -> yourdfpy.Link:
+    def body(node: RaffNode) -> UrdfLink:
         drawings, reasons = graphics.of(node)
         if reasons:
             missing.append(f"{node.node}: {', '.join(reasons)}")
         visuals = [drawing.visual(out, document.metres(1.0)) for drawing in drawings]
         if not visuals and node.filenames != ():  # `filename { }` shows nothing
             visuals = skeleton.draw(node)
-        return yourdfpy.Link(name=node.node, visuals=visuals)
+        return UrdfLink(name=node.node, visuals=visuals)
 
     placement = transform(kleinfinger(document, robot.base.parameters))
     if robot.movable or not np.array_equal(placement, np.eye(4)):
-        links.append(yourdfpy.Link(name=WORLD))
+        links.append(UrdfLink(name=WORLD))
         kind = "floating" if robot.movable else "fixed"
-        joints.append(yourdfpy.Joint(name=BASE_JOINT, type=kind, parent=WORLD, child="base", origin=placement))
+        joints.append(UrdfJoint(name=BASE_JOINT, type=kind, parent=WORLD, child="base", origin=placement))
     links.append(body(robot.base))
     for part in robot.parts:
         links.append(body(part))
         joints.append(_joint(document, robot, part))
-    return yourdfpy.Robot(name=robot.name, links=links, joints=joints), missing
+    return UrdfRobot(name=robot.name, links=links, joints=joints), missing
 
 
-def dumps(model: yourdfpy.Robot) -> str:
+def dumps(model: UrdfRobot) -> str:
     """Return the text of a URDF."""
-    null = yourdfpy.filename_handler_null  # mesh names are right as they are
-    return text_of(_ExactWriter(model, build_scene_graph=False, filename_handler=null).write_xml())
+    return text_of(to_xml(model))
 
 
-def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> yourdfpy.Joint:
+def _joint(document: Document, robot: RaffRobot, part: RaffPart) -> UrdfJoint:
     parameters = kleinfinger(document, part.parameters)
     origin, parent = transform(moved(part, parameters, 0.0)), robot.nodes[part.pred].node
-    joint = yourdfpy.Joint(part.joint, type="fixed", parent=parent, child=part.node, origin=origin)
+    joint = UrdfJoint(part.joint, type="fixed", parent=parent, child=part.node, origin=origin)
     if isinstance(part, RaffLink) and part.type is not JointType.FIXED:
         joint.axis = np.array([0.0, 0.0, 1.0])
         low, high = limits(document, part)
-        joint.limit = yourdfpy.Limit(effort=UNLIMITED, velocity=min(velocity(document, part), UNLIMITED))
+        joint.limit = UrdfLimit(effort=UNLIMITED, velocity=min(velocity(document, part), UNLIMITED))
         joint.type = part.type.name.lower()
         if part.type is JointType.REVOLUTE and math.isinf(low):
             joint.type = "continuous"
         else:
             joint.limit.lower, joint.limit.upper = (min(max(x, -UNLIMITED), UNLIMITED) for x in (low, high))
     return joint
-
-
-class _ExactWriter(yourdfpy.URDF):  # type: ignore[misc]
-    """yourdfpy's writer, with exact angles: its own lose nine digits at a pitch near 90 degrees."""
-
-    def _write_origin(self, xml_parent: etree._Element, origin: np.ndarray | None) -> None:
-        if origin is not None:
-            vectors = {"xyz": origin[:3, 3].tolist(), "rpy": roll_pitch_yaw(origin)}
-            texts = {word: " ".join(repr(value + 0.0) for value in vector) for word, vector in vectors.items()}
-            etree.SubElement(xml_parent, "origin", **texts)  # + 0.0: no -0.0

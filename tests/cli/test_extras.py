@@ -13,7 +13,8 @@ import contextlib, io, json, sys
 
 class Missing:
     names = {"matplotlib", "xarray", "zarr", "google_crc32c", "dask", "distributed", "cryptography", "mujoco", "ezdxf",
-             "playwright", "imageio_ffmpeg", "ompl", "pandas"}
+             "playwright", "imageio_ffmpeg", "ompl", "pandas", "PIL", "IPython", "networkx", "collada", "meshcat",
+             "yourdfpy", "shapely"}
 
     def find_spec(self, name, path=None, target=None):
         if name.partition(".")[0] in self.names:
