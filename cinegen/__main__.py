@@ -1,7 +1,5 @@
 """`python -m cinegen`."""
 
-import sys
+from raff2urdf.entry import cinegen
 
-from cinegen.cli import main
-
-sys.exit(main())
+cinegen()

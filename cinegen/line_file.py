@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from cinegen.errors import CinegenError
-from raff2urdf.files import is_stream, open_stream, write_all
+from raff2urdf.errors import RaffError
+from raff2urdf.files import is_stream, open_stream, read_bytes, write_all
 
 _FULL = (errno.ENOSPC, errno.EDQUOT)
 _H = TypeVar("_H")
@@ -97,9 +98,9 @@ def read_lines(
         failure: the file can't be read, or a line is wrong; names the line.
     """
     try:
-        first, *lines = Path(path).read_bytes().split(b"\n")
-    except OSError as error:
-        raise failure(f"{path}: can't be read: {reason(error)}") from None
+        first, *lines = read_bytes(path).split(b"\n")
+    except RaffError as error:
+        raise failure(str(error)) from None
     try:
         header = decode_header(first)
     except CinegenError as error:

@@ -1,7 +1,5 @@
 """`python -m raff2urdf`."""
 
-import sys
+from raff2urdf.entry import raff2urdf
 
-from raff2urdf.cli import main
-
-sys.exit(main())
+raff2urdf()

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from raff2urdf.command_line import UsageError, Version, new_app, run_app
+from raff2urdf.command_line import UsageError, Version, new_app, print_error, run_app
 from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.files import is_stream, output_path
 from raff2urdf.output import run
 from raff2urdf.writers import DENSITY, FORMATS
 
@@ -31,6 +32,10 @@ Loops = Annotated[
     ),
 ]
 
+Output = Annotated[
+    str, Option("--output", "-o", metavar="FILE", help="file to write; a folder if it exists or ends with /; -: stdout")
+]
+Force = Annotated[bool, Option("--force", help="replace an existing file that was not generated")]
 Json = Annotated[bool, Option("--json", help="print the result as JSON; SI units and radians")]
 
 
@@ -44,7 +49,8 @@ def raff2urdf(
     files: Annotated[
         list[str], Argument(metavar="FILE...", help="RAFF files, or names of shipped robots", show_default=False)
     ],
-    out: Annotated[str, Option("--out", "-o", metavar="DIR", help="folder to write to")] = "generated",
+    output: Output = "generated/",
+    force: Force = False,
     format: Annotated[
         Literal["urdf", "sdf", "mjcf"],
         Option(help="urdf: URDF and a constraints file; sdf: for Gazebo; mjcf: for MuJoCo, as NAME.xml"),
@@ -73,6 +79,7 @@ def raff2urdf(
         raise UsageError("--density is for --format sdf or mjcf: a URDF of RAFF has no masses")
     if constraint_elements and format != "urdf":
         raise UsageError(f"--constraint-elements is for --format urdf: {format} has its own elements for loops")
+    out, target = _target(output, files, format, json)
     from raff2urdf.conversion import convert
 
     def process(name: str) -> list[dict[str, Any]]:
@@ -80,8 +87,9 @@ def raff2urdf(
             return _check(name, robot)
         loops = parse_loops(loop)
         found = convert(
-            name, out, robot, loops, format=format, density=density, constraint_elements=constraint_elements
-        )
+            name, out, robot, loops, format=format, density=density, constraint_elements=constraint_elements,
+            file=target, overwrite=force,
+        )  # fmt: skip
         return [_report(name, format, one) for one in found]
 
     reports: list[dict[str, Any]] = []
@@ -97,14 +105,33 @@ def raff2urdf(
                 reports += found
                 stems[Path(name).stem] = name
                 if not json:
-                    print(*map(_summary, found), sep="\n")
+                    print(*map(_summary, found), sep="\n", file=sys.stderr if output == "-" else sys.stdout)
             except RaffError as error:
                 failed = True
                 reports.append({"file": name, "errors": [str(problem) for problem in error.problems]})
-                print(error, file=sys.stderr)
+                print_error(str(error))
     if json:
         print_json(reports)
     return 1 if failed else 0
+
+
+def _target(output: str, files: list[str], format: str, json: bool) -> tuple[str, str | None]:
+    """Return the folder of --output, and the name of its file; None for a folder.
+
+    Raises:
+        UsageError: the name fits neither the files nor the format.
+    """
+    path = output_path(output, "")
+    if output == "-" and json:
+        raise UsageError("only one output can go to standard output: leave out --json, or name a file instead of -")
+    if output != "-" and (output.endswith("/") or path.is_dir()):
+        return output, None
+    if len(files) > 1:
+        raise UsageError(f"--output: {len(files)} files need a folder: write '{output}/'")
+    suffix = {"urdf": ".urdf", "sdf": ".sdf", "mjcf": ".xml"}[format]
+    if output == "-" or is_stream(path) or path.suffix == suffix:
+        return str(path.parent), path.name
+    raise UsageError(f"--output: '{output}' is neither a {suffix} file nor a folder: write '{output}/' for a folder")
 
 
 @contextmanager

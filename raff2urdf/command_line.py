@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields, is_dataclass
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
@@ -32,7 +35,9 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the name of the command, the command, and its arguments."""
         if args[0] not in self.commands:
-            ctx.fail(f"unknown command '{args[0]}'{_suggestion(args[0], list(self.commands))}")
+            known = list(self.commands)
+            meant = f" (did you mean '{known[0]} {args[0]}'?)" if Path(args[0]).suffix else _suggestion(args[0], known)
+            ctx.fail(f"unknown command '{args[0]}'{meant}")
         return super().resolve_command(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -69,11 +74,19 @@ def run_app(app: typer.Typer, program: str, arguments: Sequence[str] | None = No
     except TyperException as error:
         if message := _message(error):  # none if help was shown instead
             path = " ".join(filter(None, [program, getattr(error, "command", None)]))
-            print(f"{path}: {message}\nTry '{path} --help'.", file=sys.stderr)
+            print_error(f"{path}: {message}\nTry '{path} --help'.")
         return error.exit_code
     if code == STOPPED:  # Typer makes an exit code of Ctrl-C
         raise KeyboardInterrupt
     return code or 0
+
+
+def print_error(text: str) -> None:
+    """Print an error on standard error: at a terminal, its place in red, unless `NO_COLOR` is set."""
+    if sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb":
+        place, colon, rest = text.partition(": ")
+        text = f"\x1b[1;31m{place}{colon}\x1b[0m{rest}"
+    print(text, file=sys.stderr)
 
 
 def expand(function: Callable[..., int]) -> Callable[..., int]:
@@ -128,4 +141,6 @@ def _message(error: TyperException) -> str:
         name = getattr(error, "option_name", "")
         return f"unknown option '{name}'{_suggestion(name, error.possibilities or ())}"
     text = error.format_message().replace("Value error, ", "").strip().removesuffix(".")
+    if choice := re.search(r": '(.*)' is not one of (.*)$", text):
+        text += _suggestion(choice[1], re.findall(r"'([^']*)'", choice[2]))
     return text[:1].lower() + text[1:]

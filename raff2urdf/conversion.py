@@ -15,7 +15,7 @@ from raff2urdf.check import check, check_sizes
 from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.files import read_bytes, write_all
+from raff2urdf.files import GENERATED, STANDARD, check_new, is_stream, read_bytes, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.reader import parse, read
 from raff2urdf.shipped import find_robot
@@ -176,6 +176,8 @@ def convert(
     format: str = "urdf",
     density: float | None = None,
     constraint_elements: bool = False,
+    file: str | None = None,
+    overwrite: bool = True,
 ) -> list[Conversion]:
     """Convert a RAFF file to `<stem>.urdf` and `<stem>.constraints.json` in the folder `out`, or to another format.
 
@@ -189,6 +191,8 @@ def convert(
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
         format: urdf; sdf, as `<stem>.sdf`; or mjcf, as `<stem>.xml`.
         density: of the links, kg/m3, for formats that need masses; 1000 by default.
+        file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
+        overwrite: whether to replace files that were not generated; see `raff2urdf.files.check_new`.
         constraint_elements: also write the loops into the URDF, as a proposal to ROS defines them.
 
     Raises:
@@ -199,15 +203,26 @@ def convert(
     check(document)
     robots = [document.robot(robot)] if robot is not None else list(document.robots)
     options = WriteOptions(density, constraint_elements)
+    if file is not None and len(robots) > 1:
+        names = ", ".join(one.name for one in robots)
+        raise RaffError(f"{path}: holds several robots ({names}): name one with --robot, or a folder to write to")
+    streamed = file is not None and _is_stream(out / file)
+    stem = "stdin" if path == STANDARD else path.stem
     conversions = []
     contents: dict[Path, bytes] = {}
     for one in robots:
-        stem = path.stem if len(document.robots) == 1 else f"{path.stem}.{one.name}"
-        made = translate(document, one, path.parent, out, loops, out / "meshes" / stem)
+        name = stem if len(document.robots) == 1 else f"{stem}.{one.name}"
+        name = name if file is None else Path(file).stem
+        made = translate(document, one, path.parent, out, loops, None if streamed else out / "meshes" / name)
         if format != "urdf":
             _warn_outside_limits(document, made)
-        written = {out / name: content for name, content in files(format, made, stem, options).items()}
-        sidecar = out / f"{stem}.constraints.json"
+        own, *others = files(format, made, name, options).items()
+        if streamed and made.constraints["loops"] and others:
+            message = f"{out / str(file)}: its loops are left out: a constraints file needs a file to be next to"
+            warnings.warn(f"robot '{one.name}': {message}", RaffWarning, stacklevel=2)
+        written = {out / (file or own[0]): _marked(own[1])}
+        written |= {out / key: content for key, content in (() if streamed else others)}
+        sidecar = out / f"{name}.constraints.json"
         conversion = Conversion(
             robot=one.name,
             file=next(iter(written)),
@@ -221,11 +236,26 @@ def convert(
         conversions.append(conversion)
         contents |= made.meshes  # first, so that a robot's own file never exists without its meshes
         contents |= dict(reversed(written.items()))
+        if not overwrite:
+            for target in (conversion.file, *(() if conversion.file.exists() else conversion.files)):
+                check_new(target)
     try:
         write_all(contents)
     except OSError as error:
-        raise RaffError(f"{out}: can't be written: {error.filename}: {error.strerror}") from None
+        raise RaffError(f"{error.filename}: can't be written: {error.strerror}") from None
     return conversions
+
+
+def _marked(content: bytes) -> bytes:
+    """Return an XML file with a comment that it may be replaced, after the declaration."""
+    return content.replace(b"?>\n", f"?>\n<!-- {GENERATED}: raff2urdf replaces this file -->\n".encode(), 1)
+
+
+def _is_stream(path: Path) -> bool:
+    try:
+        return is_stream(path)
+    except OSError:  # reported when it is written
+        return False
 
 
 def _warn_outside_limits(document: Document, made: Translation) -> None:

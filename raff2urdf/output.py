@@ -1,22 +1,27 @@
-"""Run a command so that it ends in order where its standard streams are closed, broken or full."""
+"""Run a command so that it ends in order: after a signal, and if its standard streams are closed, broken or full."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any, TextIO
 
 STOPPED = 130
 """Exit code after Ctrl-C, by the convention of command interpreters: 128 + SIGINT."""
+
+TERMINATED = 143
+"""Exit code after SIGTERM: 128 + SIGTERM."""
 
 NO_READER = 141
 """Exit code if the reader of standard output has gone (`| head -1`): 128 + SIGPIPE, by the same convention."""
 
 
 class OutputLostError(Exception):
-    """Standard output no longer reaches a reader, so that a command that streams its results can stop."""
+    """Standard output no longer reaches a reader: a command that streams its results, or writes a file there, stops."""
 
 
 def run(program: str, command: Callable[[], int]) -> int:
@@ -27,27 +32,36 @@ def run(program: str, command: Callable[[], int]) -> int:
     with a line on standard error. A standard stream that is closed from the beginning (`>&-`) is taken for the null
     device, as Python's own `print` takes it. Failures of standard error are ignored.
 
+    Ctrl-C raises KeyboardInterrupt in the command, SIGTERM SystemExit, so that files are completed and devices closed;
+    the exit code is `STOPPED` or `TERMINATED`.
+
     Args:
         program: its name, for messages.
         command: what to run.
 
     Raises:
-        SystemExit: the command did, as argparse does for `--help` and for wrong calls.
+        SystemExit: the command did.
     """
     _open_closed()
     output, errors = _Stream(sys.stdout), _Stream(sys.stderr)
     code = 0
     end: SystemExit | None = None
-    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors):
+    with contextlib.redirect_stdout(output), contextlib.redirect_stderr(errors), _stoppable():
         try:
             code = command()
         except SystemExit as error:
             end = error
         except KeyboardInterrupt:
-            sys.stderr.write(f"{program}: stopped\n")
             code = STOPPED
         except OutputLostError:
-            pass
+            code = 0 if output.failure else NO_READER
+        except Exception:
+            if not _stopping:  # else some library made it of the signal's exception
+                raise
+        if _stopping:
+            code, end = 128 + _stopping[-1], None
+        if code == STOPPED:
+            sys.stderr.write(f"{program}: stopped\n")
         output.flush()
         if output.failure is not None and not isinstance(output.failure, BrokenPipeError):
             reason = output.failure.strerror or output.failure
@@ -60,6 +74,60 @@ def run(program: str, command: Callable[[], int]) -> int:
     if output.failure is None:
         return code
     return code or (NO_READER if isinstance(output.failure, BrokenPipeError) else 1)
+
+
+@contextlib.contextmanager
+def until_stopped() -> Iterator[None]:
+    """Run a block that Ctrl-C ends, and nothing else."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        _stopping.clear()
+
+
+_AGAIN = 0.5  # s until an exception that some library swallowed is raised again
+_stopping: list[int] = []
+"""Signals that ask the command to stop, and that it has not answered yet."""
+
+
+@contextlib.contextmanager
+def _stoppable() -> Iterator[None]:
+    """Have SIGINT raise KeyboardInterrupt and SIGTERM raise SystemExit; a second SIGTERM ends the process at once.
+
+    C libraries swallow exceptions while they are imported. An exception that nobody handles is raised again.
+    """
+    numbers = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it is ignored in background jobs of sh
+        numbers.append(signal.SIGINT)
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        yield  # only the main thread may handle signals
+        return
+
+    def stop(number: int, _: object) -> None:
+        if number == signal.SIGTERM:
+            signal.signal(number, signal.SIG_DFL)
+        _stopping.append(number)
+        check()
+
+    def check(*_: object) -> None:
+        if _stopping:
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+            if sys.exc_info()[0] is None:
+                raise KeyboardInterrupt if _stopping[-1] == signal.SIGINT else SystemExit(TERMINATED)
+
+    before = {number: signal.signal(number, stop) for number in numbers}
+    before[signal.SIGALRM] = signal.signal(signal.SIGALRM, check)
+    hooks = sys.excepthook, sys.unraisablehook
+    sys.excepthook = lambda *error: None if _stopping else hooks[0](*error)  # which C libraries call
+    sys.unraisablehook = lambda error: None if _stopping else hooks[1](error)
+    try:
+        yield
+    finally:
+        sys.excepthook, sys.unraisablehook = hooks
+        _stopping.clear()
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def write_at_once(text: str) -> None:

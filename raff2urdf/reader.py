@@ -163,7 +163,8 @@ class _Reading:
         """Return the name in the first line."""
         first = self.token
         if first.kind != "END" and first.text != "RAFF":
-            self.stop(f"a RAFF file begins with 'RAFF <name>', not with '{first.text}'", first)
+            xml = ": a URDF, SDF or MJCF is read by its ending" if first.text.startswith("<") else ""
+            self.stop(f"a RAFF file begins with 'RAFF <name>', not with '{first.text}'{xml}", first)
         self.take()
         if self.token.kind == "END":
             self.stop("the file ends too early: a RAFF file begins with 'RAFF <name>'", self.token)

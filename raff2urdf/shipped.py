@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.files import STANDARD, similar_file
 
 
 def folder(package: str, name: str) -> Path:
@@ -56,9 +57,9 @@ def description(path: Path) -> str:
 
 
 def _found(path: Path, known: dict[str, Path], what: str) -> Path:
-    if path.name != str(path) or path.suffix or path.exists():
+    if path.name != str(path) or path.suffix or path == STANDARD or path.exists():
         return path
     if path.name not in known:
-        near = did_you_mean(path.name, tuple(known))
+        near = similar_file(path) or did_you_mean(path.name, tuple(known))
         raise RaffError(f"{path}: there is no such file, and no {what} of this name is shipped{near}")
     return known[path.name]

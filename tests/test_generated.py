@@ -15,7 +15,7 @@ def files_in(folder: Path) -> dict[str, bytes]:
 
 
 def test_generated_is_what_the_converter_makes_today(root, tmp_path):
-    assert main([*map(str, sorted((root / "robots").glob("*.raff"))), "--out", str(tmp_path)]) == 0
+    assert main([*map(str, sorted((root / "robots").glob("*.raff"))), "--output", str(tmp_path)]) == 0
     made, kept = files_in(tmp_path), files_in(root / "generated")
     assert any(name.startswith("meshes/") for name in made)
     stale = [name for name in made if kept.get(name) != made[name]]
@@ -37,5 +37,5 @@ def test_every_robot_ends_in_a_tool_or_a_platform_last_in_its_file(root):
 @pytest.mark.parametrize("options", [[], ["--check"]])
 def test_no_robot_of_ours_is_warned_of(root, options, tmp_path, capsys):
     files = map(str, sorted((root / "robots").glob("*.raff")))
-    assert main([*files, "--out", str(tmp_path), *options]) == 0
+    assert main([*files, "--output", str(tmp_path), *options]) == 0
     assert "warning" not in capsys.readouterr().err

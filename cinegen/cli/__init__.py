@@ -10,7 +10,7 @@ from cinegen.cli import close, compare, compile, demo, drive, export, info, map,
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
 from raff2urdf import output
-from raff2urdf.command_line import Version, expand, new_app, run_app
+from raff2urdf.command_line import Version, expand, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
 
 app = new_app(
@@ -38,7 +38,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         try:
             return run_app(app, "cinegen", arguments)
         except (RaffError, CinegenError) as error:
-            print(f"cinegen: {error}", file=sys.stderr)
+            print_error(f"cinegen: {error}")
         except UnicodeEncodeError as error:  # bytes of a file's name
             print(f"cinegen: '{error.object}' is not valid UTF-8: rename the file", file=sys.stderr)
         return 1

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from pathlib import Path
 
 from cinegen.cli.files import read
 from cinegen.cli.options import FILE, RobotOptions, option
-from raff2urdf.output import write_at_once
+from cinegen.errors import CinegenError
+from raff2urdf.output import until_stopped, write_at_once
 
 
 def run(
@@ -26,8 +26,11 @@ def run(
     from cinegen.devices import Lines, start_from
     from cinegen.model import ForwardKinematics
 
-    motion = ForwardKinematics(mechanism) if start is None else start_from(mechanism, read(start))
+    try:
+        motion = ForwardKinematics(mechanism) if start is None else start_from(mechanism, read(start))
+    except CinegenError as error:
+        raise CinegenError(f"--start {start}: {error}: name a line that `cinegen close` wrote") from None
     if sys.stdin is not None:
-        with contextlib.suppress(KeyboardInterrupt):
+        with until_stopped():
             Lines(motion).serve(sys.stdin.buffer, write_at_once)
     return 0

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import typer
 
-from cinegen.cli.files import print_result, write_figure
-from cinegen.cli.options import JSON, PLOT, option
+from cinegen.cli.files import check_outputs, print_result, write_figure
+from cinegen.cli.options import FORCE, JSON, PLOT, option
 
 _MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
 
@@ -18,11 +18,13 @@ def run(
     plot: Path | None = PLOT,
     show: str | None = option("NAME", "quantity whose difference is drawn"),
     json: bool = JSON,
+    force: bool = FORCE,
 ) -> int:
     """Compare two maps: cells that both or only one reaches, and differences of quantities."""
     from cinegen.workspace import open_map
     from cinegen.workspace.comparison import compare
 
+    check_outputs(plot, force=force, json=json)
     one, other = open_map(first), open_map(second)
     found = compare(one, other)
     print_result(found.as_dict(), found, json)

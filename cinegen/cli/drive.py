@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from cinegen.cli.files import count
+from cinegen.cli.files import check_outputs, count, empty
 from cinegen.cli.options import FILES, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions, write_page
 from raff2urdf.command_line import UsageError
@@ -23,12 +23,12 @@ def run(
         None,
         "path of the robot's end, as large as workspace and limits allow (default: circle; in a scene still: none)",
     ),
-    node: str | None = option("NAME", "node that follows it (default: its sensor's, or the last of the file)"),
+    node: str | None = option("NAME", "node that follows it (default: the last of the file)"),
     sensor: list[str] = option("N=URL", "another port for sensor N of the files; NODE=URL: a sensor for any node", ()),
     base: list[str] = option(
         "NAME=POSE", "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m, degrees), or ROBOT.NODE@x,y,z...", ()
     ),
-    record: str | None = option("FILE.jsonl", "record the motion, for `cinegen replay` and `export`"),
+    record: Path | None = option("FILE.jsonl", "record the motion, for `cinegen replay` and `export`"),
     snapshot: Path | None = option("FILE.html", "write a page that needs no server: now, or after --seconds"),
     rate: float = option("HZ", "ticks per second, Hz", 1000.0, min=10, max=10_000),
 ) -> int:
@@ -38,6 +38,8 @@ def run(
     it, the end of each robot follows a path. In a scene, the robot keeps clear of the obstacles, which can be dragged
     too.
     """
+    check_outputs(snapshot, force=page.force)
+    check_outputs(record, force=page.force, remakeable=False)
     if scene is None:
         if not files:
             raise UsageError("nothing to drive: name a file of a robot, or a scene with --scene SCENE.toml")
@@ -48,7 +50,7 @@ def run(
             {name: mechanism for name, (mechanism, _) in loaded.items()},
             files={name: str(file) for name, (_, file) in loaded.items()},
             sensors=sensor, follow=_shape(follow or "circle"), node=node, bases=base, rate=rate,
-            record=record,
+            record=str(record) if record else None,
         )  # fmt: skip
     else:
         if files:
@@ -59,7 +61,10 @@ def run(
         from cinegen.session import scene_setup
 
         loaded_scene = load_scene(scene, robots.ignore_loops)
-        setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, record)
+        recorded = str(record) if record else None
+        setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
+    if record:
+        empty(record)
     return serve(setup, page, (scene or [*files, Path()][0]).stem, snapshot)
 
 

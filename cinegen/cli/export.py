@@ -6,7 +6,9 @@ from pathlib import Path
 
 import typer
 
-from cinegen.cli.options import flag, option
+from cinegen.cli.files import check_outputs
+from cinegen.cli.options import FORCE, flag, option
+from raff2urdf.files import output_path
 
 FORMATS = ("csv", "npz", "ros2", "urscript")
 """Names in `cinegen.mission.FORMATS`, whose import takes longer than help may."""
@@ -18,12 +20,13 @@ SPEED = option("X", "playback speed, times that of the recording", 1.0)
 def run(
     recording: Path = RECORDING,
     to: str = option("FORMAT", f"format: {', '.join(FORMATS)}", ...),
-    output: Path | None = option("FILE", "file to write (default: next to the recording)", None, "-o", "--output"),
+    output: str | None = option("FILE", "file to write (default: next to the recording)", None, "-o", "--output"),
     robot: str | None = option("NAME", "robot of the recording, if it has several"),
     rate: float = option("HZ", "samples per second, Hz", 125.0),
     speed: float = SPEED,
     all_joints: bool = flag("--all-joints", "write passive joints too"),
-    force: bool = flag("--force", "write the motion even if its check fails"),
+    unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),
+    force: bool = FORCE,
 ) -> int:
     """Export a recorded motion as CSV, NPZ, a ROS 2 goal or URScript.
 
@@ -31,8 +34,12 @@ def run(
     singularities between the samples too) and written.
     """
     from cinegen.mission import export, report_text
+    from cinegen.mission.formats import format_of
 
+    path = recording.with_suffix(format_of(to).suffix)
+    path = output_path(output, path.name) if output else path
+    check_outputs(path, force=force or path == recording, remakeable=False)
     print(report_text(export(
-        recording, to, output=output, robot=robot, rate=rate, speed=speed, all_joints=all_joints, force=force
+        recording, to, output=path, robot=robot, rate=rate, speed=speed, all_joints=all_joints, unsafe=unsafe
     )))  # fmt: skip
     return 0

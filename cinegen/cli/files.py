@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import io
 import json
+import os
+import sys
 from collections.abc import Sized
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.errors import CinegenError
-from raff2urdf.files import write_all
+from raff2urdf.command_line import UsageError
+from raff2urdf.files import GENERATED, STANDARD, check_new, is_stream, read_bytes, write_all
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -19,12 +22,31 @@ def read(file: Path) -> str:
     """Return a file's text.
 
     Raises:
-        CinegenError: it can't be read.
+        raff2urdf.RaffError: it can't be read.
     """
-    try:
-        return file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CinegenError(f"{file}: can't be read: {error}") from None
+    return read_bytes(file).decode(errors="replace")
+
+
+def check_outputs(*paths: Path | None, force: bool = False, json: bool = False, remakeable: bool = True) -> None:
+    """Refuse files that would replace others, before anything is computed; if one is `-`, print to standard error.
+
+    Args:
+        paths: files to be written; None is left out.
+        force: whether any file may be replaced.
+        json: whether JSON is printed to standard output.
+        remakeable: whether files of this type can be made again, see `raff2urdf.files.check_new`.
+
+    Raises:
+        UsageError: two outputs go to standard output.
+        raff2urdf.RaffError: a file exists.
+    """
+    given = [path for path in paths if path is not None]
+    if STANDARD in given:
+        if json or given.count(STANDARD) > 1 or sys.stdout is sys.stderr:
+            raise UsageError("only one output can go to standard output (-): name a file for the other")
+        sys.stdout = sys.stderr  # `raff2urdf.output.run` restores it
+    for path in given if not force else ():
+        check_new(path, remakeable)
 
 
 def write(path: Path, content: str | bytes) -> None:
@@ -39,6 +61,19 @@ def write(path: Path, content: str | bytes) -> None:
         raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
 
 
+def empty(path: Path) -> None:
+    """Empty a recording that `check_outputs` allowed to replace: recorders replace no other.
+
+    Raises:
+        CinegenError: it can't be written.
+    """
+    try:
+        if path.is_file() and not is_stream(path):
+            os.truncate(path, 0)
+    except OSError as error:
+        raise CinegenError(f"{path}: can't be written: {error.strerror}") from None
+
+
 def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
     """Write a picture in the format of the path's suffix, PNG without one; print its path unless `quiet`.
 
@@ -47,7 +82,9 @@ def write_figure(path: Path, figure: Figure, quiet: bool = False) -> None:
     """
     picture = io.BytesIO()
     try:
-        figure.savefig(picture, format=path.suffix[1:] or "png", dpi=150)
+        form = path.suffix[1:].lower() or "png"
+        key = {"png": "Software", "svg": "Creator", "pdf": "Creator"}.get(form)
+        figure.savefig(picture, format=form, dpi=150, metadata={key: GENERATED} if key else None)
     except ValueError as error:  # matplotlib lists the formats
         raise CinegenError(f"{path}: can't be written: {error}") from None
     write(path, picture.getvalue())

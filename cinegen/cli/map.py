@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import sys
 import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.files import print_result, write_figure
+from cinegen.cli.files import check_outputs, print_result, write_figure
 from cinegen.cli.numbers import interval, named, point
 from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.cli.region import region
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, UnknownNameError
+from raff2urdf.command_line import UsageError
+from raff2urdf.files import STANDARD, output_path
 
 if TYPE_CHECKING:
     import xarray
@@ -70,9 +73,9 @@ class MapOptions:
         "parameters together (link2.d+link5.d=...), or independently (--vary twice)", (),
     )  # fmt: skip
     box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm (m)", "")
-    output: Path | None = option("FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output")
+    output: str | None = option("FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output")
     plot: Path | None = PLOT
-    show: str | None = option("NAME", "quantity to draw and to show (sigma_1)")
+    show: str | None = option("NAME", "quantity to draw and to show (default: the first of --quantity)")
     view: bool = VIEW
     json: bool = JSON
     workers: int | None = option("N", "processes on this machine (default: its cores)")
@@ -90,13 +93,18 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     from cinegen.workspace import make_map
 
     exclude(json=options.json, view=options.view)
+    check_outputs(options.plot, force=page.force, json=options.json)
     name, mechanism = robots.load_one(file)
     spec = specification(mechanism, options, robots.ignore_loops)
+    shown = (*spec.quantities, "reachable", "status")
+    if options.show not in (None, *shown):
+        raise UnknownNameError("quantity", options.show, shown)
+    show = options.show or shown[0]
     if options.vary:
         return _sweep(name, spec, file, robots, options)
     if options.box:
         raise CinegenError("--box is for variants of a robot: add --vary, or leave it out")
-    path = options.output or Path(f"{name}-map.zarr")
+    path = _folder(options.output, f"{name}-map.zarr")
     if not options.yes and not path.exists():
         _confirm(spec, options)
     try:
@@ -107,17 +115,19 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
         raise
     result = summary(found, spec)
     if not result["reachable"]:
+        found.close()
+        shutil.rmtree(path, ignore_errors=True)
         raise CinegenError(f"{name}: no cell of this region is reached ({_counts(result)}). {_home(spec)}")
     text = "\n".join([*_lines(name, spec, result), f"map: {path}"])
     print_result({"map": str(path), **result}, text, options.json)
     if options.plot:
         from cinegen.plotting.map import draw_map
 
-        write_figure(options.plot, draw_map(found, options.show, name=name), options.json)
+        write_figure(options.plot, draw_map(found, show, name=name), options.json)
     if options.view:
         from cinegen.session import map_setup
 
-        return page.show(map_setup(path, options.show, mechanism), name)
+        return page.show(map_setup(path, show if spec.quantities else None, mechanism), name)
     return 0
 
 
@@ -172,7 +182,7 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     variations = [Variation.parse(text) for text in options.vary]
     if options.plot:
         check_drawable(variations)
-    folder = options.output or Path(f"{name}-sweep")
+    folder = _folder(options.output, f"{name}-sweep")
     if not options.yes and not folder.exists():
         _confirm(spec, options, math.prod(len(variation.values) for variation in variations))
     box = {key: interval(ends, "--box") for key, ends in named(options.box, "--box", "x=-0.3..0.3").items()}
@@ -186,6 +196,15 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     if options.plot:
         write_figure(options.plot, draw_sweep(table), options.json)
     return 0
+
+
+def _folder(output: str | None, name: str) -> Path:
+    """Return the folder of a map or of variants, which --output names as it names files."""
+    path = Path(output or name)
+    if path == STANDARD:
+        raise UsageError("-o -: a map is a folder, which can't go to standard output")
+    own = path.suffix == ".zarr" or any((path / file).exists() for file in ("zarr.json", "sweep.json"))
+    return path if own else output_path(output, name)
 
 
 def _confirm(spec: MapSpecification, options: MapOptions, maps: int = 1) -> None:

@@ -8,7 +8,7 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from cinegen.cli.files import count, print_result, write_figure
+from cinegen.cli.files import check_outputs, count, print_result, write_figure
 from cinegen.cli.numbers import mm_and_degrees, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions
@@ -65,6 +65,7 @@ def run(
     """
     exclude(lengths=lengths, at=at)
     exclude(json=json, view=view)
+    check_outputs(plot, force=page.force, json=json)
     single = lengths or at or plot or view
     found = dict([robots.load_one(file)]) if single else {key: one for key, (one, _) in robots.load([file]).items()}
     from cinegen.assembly import assembly_modes
@@ -89,7 +90,7 @@ def run(
         if view and len(modes):
             return _show(name, modes, page)
     if json:
-        print_result(reports if len(reports) > 1 else reports[0], None, json)
+        print_result(reports, None, json)
     return 0 if every else 1
 
 

@@ -12,6 +12,7 @@ import typer
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
 from raff2urdf.extras import needs
+from raff2urdf.files import STANDARD
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -46,6 +47,7 @@ FILE = typer.Argument(..., metavar="FILE", help="RAFF, URDF, SDF or MJCF file, o
 FILES = typer.Argument(
     (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
 )
+FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
 IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even if loops or couplings can't be read")
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node to report (default: the robot's end)")
@@ -83,7 +85,8 @@ class RobotOptions:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
                 mechanism = load(file, robot, loops, self.ignore_loops)
-                stem = file.stem.encode(errors="replace").decode()  # a file's name need not be UTF-8
+                stem = "stdin" if file == STANDARD else file.stem
+                stem = stem.encode(errors="replace").decode()  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:
                     name += "'"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import re
@@ -12,10 +11,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cinegen.cli.files import write
-from cinegen.cli.options import SECONDS, flag, option
+from cinegen.cli.files import check_outputs, write
+from cinegen.cli.options import FORCE, SECONDS, flag, option
 from cinegen.cli.progress import Progress
 from raff2urdf.command_line import UsageError
+from raff2urdf.output import until_stopped
 
 if TYPE_CHECKING:
     from cinegen.cockpit import Cockpit
@@ -31,7 +31,7 @@ class PageOptions:
     """The page of a session."""
 
     seconds: float | None = SECONDS
-    port: int = option("PORT", "first port to try", 7000, **_PANEL)
+    port: int = option("PORT", "first port to try", 7000, min=1, max=65535, **_PANEL)
     host: str = option(
         "ADDRESS", "address to listen on; other machines need the token that is printed", "127.0.0.1", **_PANEL
     )
@@ -45,6 +45,7 @@ class PageOptions:
         "FILE.mp4", "film --seconds of the session, as fast as it can be drawn; a folder for its frames", **_PANEL
     )
     size: str = option("WxH", "size of the film, pixels", "1280x720", **_PANEL)
+    force: bool = FORCE
     aids: bool = flag("--aids", "draw the visual aids in the film", **_PANEL)
 
     def show(self, setup: Setup, stem: str, snapshot: Path | None = None) -> int:
@@ -64,13 +65,15 @@ class PageOptions:
         if self.realtime:
             setup = replace(setup, priority=_REALTIME)
         if self.video:
+            check_outputs(self.video, force=self.force)
             return self._film(setup, self.video)
         seconds = self.seconds
         if seconds is None and not (sys.stdin is not None and sys.stdin.isatty()):
             seconds, snapshot = _UNATTENDED, snapshot or Path(f"{stem}.html")
+            check_outputs(snapshot, force=self.force)
         with Cockpit(setup, host=self.host, port=self.port, token=self.token) as cockpit:
             self._announce(cockpit, seconds)
-            with contextlib.suppress(KeyboardInterrupt):
+            with until_stopped():
                 _wait(cockpit, seconds)
             state = cockpit.state
             print(f"stopped; loops closed to {max(robot.closure for robot in state.robots.values()):.1g}", flush=True)

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
-from cinegen.cli.files import count, print_result, write_figure
+from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
 from cinegen.cli.options import IGNORE_LOOPS, JSON, PLOT, VIEW, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
-from raff2urdf.files import is_stream
+from raff2urdf.files import output_path
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from cinegen.collision import Scene
     from cinegen.planning import Plan
 
-_SEARCH = 10.0  # s
 _SHOWN = 4.0  # s: a shorter motion is shown slower
 _WIDTH = 100  # columns
 
@@ -35,13 +34,14 @@ def run(
     field: Literal["vortex", "firas"] = option(
         None, "field around obstacles; for comparison: firas, a repulsive potential", "vortex"
     ),
+    timeout: float = option("S", "time for the search of rrtconnect, s", 10.0, min=0, max=10_000_000),
     planner: Literal["vortex", "rrtconnect"] = option(
         None,
-        "rrtconnect samples configurations, for --seconds at most (10); it finds paths that no field finds",
+        "rrtconnect samples configurations, for --timeout at most; it finds paths that no field finds",
         "vortex",
     ),
     ignore_loops: bool = IGNORE_LOOPS,
-    output: Path | None = option(
+    output: str | None = option(
         "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output"
     ),
     plot: Path | None = PLOT,
@@ -58,31 +58,31 @@ def run(
     exclude(json=json, view=view)
     if planner != "vortex" and field != "vortex":
         raise CinegenError(f"--field {field}: --planner {planner} follows no field; leave one out")
-    if output and output.is_file() and not is_stream(output):
-        raise CinegenError(f"{output}: exists already; name another file, or remove it first")
+    recording = output_path(output, f"{scene.stem}.jsonl") if output else None
+    check_outputs(plot, force=page.force, json=json)
+    check_outputs(recording, force=page.force, json=json, remakeable=False)
     loaded = load_scene(scene, ignore_loops)
     if not json:
         print("\n".join(_task(loaded)), flush=True)
-    seconds = _SEARCH if page.seconds is None else page.seconds
     with Progress() as progress:
         from cinegen.planning import plan, rrt_connect
 
         if planner == "rrtconnect":
-            found = rrt_connect(loaded, seconds=seconds, report=progress.text)
+            found = rrt_connect(loaded, seconds=timeout, report=progress.text)
         else:
             found = plan(loaded, field=field, report=progress.text)
     if json:
         print_result({"file": str(scene), "planner": planner, **_document(found)}, None, json)
     else:
-        advice = [] if found else textwrap.wrap(_advice(found, field, seconds), _WIDTH)
+        advice = [] if found else textwrap.wrap(_advice(found, field, timeout), _WIDTH)
         print("\n".join(["", *_result(found), "", *advice]).rstrip(), flush=True)
     if plot:
         from cinegen.plotting import draw_plan
 
         write_figure(plot, draw_plan(found), quiet=json)
     moves = bool((found.path[1:] != found.path[0]).any())
-    if output:
-        message = _record(found, output) if moves else f"there is no path: {output} is not written"
+    if recording:
+        message = _record(found, recording) if moves else f"there is no path: {recording} is not written"
         if not json:
             print(message)
     if view:
@@ -195,7 +195,7 @@ def _advice(found: Plan, field: str, seconds: float) -> str:
         case PlanStatus.OUT_OF_REACH:
             return "Bring the goal nearer, or leave more of it free: its orientation, or z."
         case PlanStatus.TIME_LIMIT:
-            return f"Try --seconds {6.0 * seconds:g}, or a smaller safety distance (safety): there may be no path."
+            return f"Try --timeout {6.0 * seconds:g}, or a smaller safety distance (safety): there may be no path."
         case _ if field != "vortex":
             return (
                 "Try --field vortex, or --planner rrtconnect: it samples configurations instead of following a field."
@@ -291,6 +291,7 @@ def _record(found: Plan, path: Path) -> str:
 
     setup = scene_setup(found.scene)
     name = next(iter(setup.robots))
+    empty(path)
     times = record_plan(found, path, name, setup.robots[name])
     return f"recorded: {path}, {times[-1]:.1f} s" + ("" if found else ", up to where the path ends")
 

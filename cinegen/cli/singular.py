@@ -7,11 +7,12 @@ import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from cinegen.cli.files import print_result, write, write_figure
+from cinegen.cli.files import check_outputs, print_result, write, write_figure
 from cinegen.cli.numbers import interval, mm_and_degrees, parts, values
-from cinegen.cli.options import FILE, JSON, RobotOptions, option
+from cinegen.cli.options import FILE, FORCE, JSON, RobotOptions, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
+from raff2urdf.files import GENERATED, output_path
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -27,18 +28,19 @@ def run(
     at: str = option(
         "POSE", "where: x=0,y=100,rz=15 of the node, or joint3=700 of actuated joints (mm, degrees; default: home)", ""
     ),
-    scan: str | None = option(
+    over: str | None = option(
         "AXES", "two coordinates, such as x,y or x=-300..300,rz=-90..90, or two actuated joints (mm, degrees)"
     ),
     grid: int = option("N", "points along each axis", 61),
     plot: Path | None = option("FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)"),
-    output: Path | None = option("FILE", "the scan as JSON, m and rad (ROBOT-singular.json)", None, "-o", "--output"),
+    output: str | None = option("FILE", "the scan as JSON, m and rad (ROBOT-singular.json)", None, "-o", "--output"),
     json: bool = JSON,
+    force: bool = FORCE,
 ) -> int:
     """Find singularities: at a pose, over a slice of the workspace, or along a recorded motion.
 
     Reports whether a mechanism is singular at a pose, of which type, which degrees of freedom are lost or uncontrolled
-    there and, for legs that are lines, the geometric reason. With --scan, finds, draws and writes all singularities on
+    there and, for legs that are lines, the geometric reason. With --over, finds, draws and writes all singularities on
     a slice. For a recording (FILE.jsonl), finds where the motion passes through one, between the samples too.
     """
     recordings = [file for file in files if file.suffix == ".jsonl"]
@@ -46,12 +48,14 @@ def run(
         _check_recordings(recordings, robots.robot, json)
         return 0
     found = {name: mechanism for name, (mechanism, _) in robots.load(files).items()}
-    if scan is not None:
+    if over is not None:
+        if len(found) > 1 and (plot or output):
+            raise CinegenError(f"{files[0]}: --plot and --output need one robot: name one with --robot")
         for name, mechanism in found.items():
-            alone = len(found) == 1
-            picture = plot if plot and alone else Path(f"{name}-singular{(plot and plot.suffix) or '.png'}")
-            numbers = output if output and alone else Path(f"{name}-singular.json")
-            _scan(mechanism, name, scan, at, node, grid, picture, numbers)
+            picture = plot or Path(f"{name}-singular.png")
+            numbers = output_path(output, f"{name}-singular.json")
+            check_outputs(picture, numbers, force=force, json=json)
+            _scan(mechanism, name, over, at, node, grid, picture, numbers)
         return 0
     from cinegen.singularities import singularity
 
@@ -92,13 +96,13 @@ def _scan(
 
     names = parts(axes)
     if len(names) != 2:
-        raise CinegenError(f"--scan {axes}: name two coordinates, such as x,y or x=-300..300,rz=-90..90")
+        raise CinegenError(f"--over {axes}: name two coordinates, such as x,y or x=-300..300,rz=-90..90")
     first, second = (_axis(mechanism, text, node) for text in names)
     of = Slice(mechanism, (first, second), values(at, "--at", _EXAMPLE, mm_and_degrees(mechanism)), node)
     with Progress() as progress:
         loci = singular_loci(of, grid, progress.fraction)
     figure = draw_loci(loci)
-    write(numbers, json_text.dumps(loci.as_dict(), ensure_ascii=False) + "\n")
+    write(numbers, json_text.dumps({"origin": GENERATED, **loci.as_dict()}, ensure_ascii=False) + "\n")
     write_figure(picture, figure, quiet=True)
     share = f"{100.0 * loci.reached.mean():.0f} % of the slice over {first.name} and {second.name}"
     print(f"{name}: {share} is reached from home on its branch")
@@ -117,7 +121,7 @@ def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
     name, equals, ends = text.partition("=")
     if not equals:
         return about_home(mechanism, name, node)
-    return Axis(name, *interval(ends, "--scan", mm_and_degrees(mechanism)(name)))
+    return Axis(name, *interval(ends, "--over", mm_and_degrees(mechanism)(name)))
 
 
 def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:

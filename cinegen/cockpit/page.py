@@ -15,7 +15,10 @@ from typing import Any
 
 import umsgpack
 
+from raff2urdf.files import GENERATED
+
 _PAGE = """<!DOCTYPE html>
+<!-- {generated} -->
 <html lang="en">
 <head><meta charset="utf-8"><title>{title}</title>
 <style>
@@ -101,7 +104,7 @@ class Page:
     def html(self) -> str:
         """Return the present scene as an HTML page that needs no server."""
         blobs = ",\n".join(f'"{base64.b64encode(message).decode()}"' for message in self.scene().values())
-        return _PAGE.format(title=html.escape(self.title), viewer=viewer(), blobs=blobs)
+        return _PAGE.format(title=html.escape(self.title), generated=GENERATED, viewer=viewer(), blobs=blobs)
 
     def scene(self) -> dict[Key, bytes]:
         """Return all messages, objects before their properties."""

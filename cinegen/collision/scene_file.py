@@ -22,6 +22,7 @@ from cinegen.errors import CinegenError, ClosureError
 from cinegen.model import Mechanism, load
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.files import STANDARD
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_scene
 
@@ -37,7 +38,7 @@ def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
     """Return the scene of a file.
 
     Args:
-        path: a .toml or .json file, or the name of a shipped scene, such as "disc".
+        path: a .toml or .json file, or the name of a shipped scene, such as "disc"; `-` is standard input.
         ignore_loops: as for `cinegen.load`, for the robot of the scene.
 
     Raises:
@@ -48,13 +49,16 @@ def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
     except RaffError as error:
         raise SceneError(str(error)) from None
     parse = {".toml": _toml, ".json": _json}.get(path.suffix.lower())
-    if parse is None:
+    if parse is None and path != STANDARD:
         raise SceneError(f"{path}: a scene is a .toml or a .json file")
     try:
         text = read_text(path)
     except RaffError as error:
         raise SceneError(str(error)) from None
-    return _scene(SceneTable(parse(text, path), str(path)), path.stem, path, path.parent, None, ignore_loops)
+    if parse is None:
+        parse = _json if text.lstrip().startswith("{") else _toml
+    name = "stdin" if path == STANDARD else path.stem
+    return _scene(SceneTable(parse(text, path), str(path)), name, path, path.parent, None, ignore_loops)
 
 
 def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:

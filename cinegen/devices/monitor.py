@@ -16,6 +16,7 @@ from cinegen.devices.spacenav import socket_path
 from cinegen.errors import UnknownNameError
 from cinegen.model.load import load, robots
 from cinegen.sensor import NO_TWIST, Reading, Sensor, SensorError, SensorState, SensorStatus
+from raff2urdf.output import until_stopped
 
 Write = Callable[[str], object]
 
@@ -131,12 +132,11 @@ def monitor(url: str, write: Write, seconds: float | None = None, as_json: bool 
     sensor = open_sensor(url)
     sensor.start()
     try:
-        if as_json:
-            _record(sensor, write, seconds)
-        else:
-            _show(sensor, write, seconds, rewrite)
-    except KeyboardInterrupt:
-        pass
+        with until_stopped():
+            if as_json:
+                _record(sensor, write, seconds)
+            else:
+                _show(sensor, write, seconds, rewrite)
     finally:
         sensor.close()
 

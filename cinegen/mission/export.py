@@ -47,7 +47,7 @@ def export(
     rate: float = 125.0,
     speed: float = 1.0,
     all_joints: bool = False,
-    force: bool = False,
+    unsafe: bool = False,
 ) -> ExportReport:
     """Write a robot's recorded motion to a file, completely or not at all. An existing file is replaced.
 
@@ -59,7 +59,7 @@ def export(
         rate: samples per second.
         speed: speed relative to the recording, as far as limits allow.
         all_joints: write passive joints, too.
-        force: write the motion even if its check has serious findings.
+        unsafe: write the motion even if its check has serious findings.
 
     Raises:
         MissionError: the recording can't be read or exported; its motion leaves loops open, violates limits or passes a
@@ -75,7 +75,7 @@ def export(
     joints = trajectory.mechanism.joints if all_joints else trajectory.mechanism.actuated
     content = form.write(trajectory, joints)
     findings = check(trajectory)
-    if findings.serious and not force:
+    if findings.serious and not unsafe:
         raise MissionError(_refused(source, trajectory, findings))
     try:
         write_all({path: content})
@@ -95,7 +95,7 @@ def _refused(source: Path, trajectory: Trajectory, findings: Findings) -> str:
         [
             f"{source}: the motion of {trajectory.name} must not be sent to a robot:",
             *listed,
-            "record another motion, or write this one with --force",
+            "record another motion, or write this one with --unsafe",
         ]
     )
 

@@ -214,7 +214,7 @@ def decode_header(first: bytes) -> MissionHeader:
         kind = _FileKind()
     if kind.cinegen != "mission":
         readings = " It is a recording of sensor readings." if kind.cinegen == "readings" else ""
-        raise MissionError(f'not a mission (its first line would be {{"cinegen":"mission", ...}}).{readings}')
+        raise MissionError(f"not a mission: record one with `cinegen drive --record FILE.jsonl`{readings}")
     if kind.version != VERSION:
         raise MissionError(f"a mission of version {kind.version}; only version {VERSION} can be read")
     try:

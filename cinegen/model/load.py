@@ -63,7 +63,7 @@ def load(
         raise LoadError(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
-    if path.suffix.lower() in readers.ENDINGS:
+    if readers.holds_xml(path):
         return _load_xml(path, robot, loops, ignore_loops)
     from raff2urdf.conversion import describe
     from raff2urdf.reader import parse as parse_raff
@@ -92,7 +92,7 @@ def robots(path: str | Path) -> list[str | None]:
         raff2urdf.RaffError: the file is wrong.
     """
     path = find_robot(path)
-    if path.suffix.lower() in readers.ENDINGS:
+    if readers.holds_xml(path):
         return [None]
     return [robot.name for robot in raff2urdf.load(path).robots] or [None]
 

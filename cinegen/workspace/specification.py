@@ -82,7 +82,7 @@ class MapSpecification:
         if not self.along:
             axes = (2, 0, 1) if DIRECTED & set(self.quantities) else (2,)
             default = np.eye(3)[next((k for k in axes if self._moves(k)), 2)]
-            object.__setattr__(self, "along", tuple(default))
+            object.__setattr__(self, "along", tuple(map(float, default)))
         length = math.hypot(*self.along)
         if not (len(self.along) == 3 and 0.0 < length < math.inf):
             raise MapError(f"along {self.along}: give a direction, three numbers")

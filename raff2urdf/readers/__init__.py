@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from raff2urdf.errors import RaffWarning
+from raff2urdf.files import STANDARD, read_bytes
 from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
 if TYPE_CHECKING:  # each format is imported when it is read
@@ -23,6 +24,11 @@ Description = tuple[str, "Constraints | None"]
 
 ENDINGS = (".urdf", ".xml", ".sdf", ".world", ".mjcf")
 """Endings of files that are read here. They hold XML; the root element determines the format."""
+
+
+def holds_xml(path: Path) -> bool:
+    """Return whether a file is read here: by its ending; of standard input (`-`) by its first character."""
+    return path.suffix.lower() in ENDINGS or (path == STANDARD and read_bytes(path).lstrip()[:1] == b"<")
 
 
 def read(path: Path, robot: str | None = None, ignore_loops: bool = False) -> Description:

@@ -1,7 +1,5 @@
 """`python -m raff2urdf.urdf2raff`."""
 
-import sys
+from raff2urdf.entry import urdf2raff
 
-from raff2urdf.urdf2raff.cli import main
-
-sys.exit(main())
+urdf2raff()

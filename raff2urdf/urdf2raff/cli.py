@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from raff2urdf.cli import Json, Loops, counted, parse_loops, print_json, warnings_printed
-from raff2urdf.command_line import Version, new_app, run_app
+from raff2urdf.cli import Force, Json, Loops, counted, parse_loops, print_json, warnings_printed
+from raff2urdf.command_line import UsageError, Version, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
+from raff2urdf.files import STANDARD, output_path
 from raff2urdf.output import run
 
 if TYPE_CHECKING:
@@ -28,9 +29,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 @app.command()
 def urdf2raff(
     file: Annotated[str, Argument(metavar="FILE", help="URDF, SDF or MJCF", show_default=False)],
-    out: Annotated[
-        str | None, Option("--out", "-o", metavar="FILE", help="RAFF file to write [FILE's name with .raff, here]")
+    output: Annotated[
+        str | None,
+        Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="RAFF file to write; a folder if it exists or ends with /; -: stdout [FILE's name with .raff, here]",
+        ),
     ] = None,
+    force: Force = False,
     robot: Annotated[str | None, Option(metavar="NAME", help="which model of an SDF with several")] = None,
     units: Annotated[
         Literal["um", "mm", "cm", "m"] | None, Option(help="unit of lengths [that of most meshes, else mm]")
@@ -54,23 +62,23 @@ def urdf2raff(
 
     Loops of a URDF are read from NAME.constraints.json or robot.yaml next to it.
     """
-    path = Path(out or f"{Path(file).stem}.raff")
+    path = output_path(output, f"{'stdin' if Path(file) == STANDARD else Path(file).stem}.raff")
+    if path == STANDARD and json:
+        raise UsageError("only one output can go to standard output: leave out --json, or name a file instead of -")
     with warnings_printed():
         try:
-            if not out and path.exists():
-                raise RaffError(f"{path} exists: overwrite it with -o {path}")
             from raff2urdf.urdf2raff.conversion import to_raff
 
             loops = parse_loops(loop)
-            found = to_raff(file, path, units, free_mimic, not no_graphics, robot, loops, ignore_loops)
+            found = to_raff(file, path, units, free_mimic, not no_graphics, robot, loops, ignore_loops, force)
         except RaffError as error:
-            print(error, file=sys.stderr)
+            print_error(str(error))
             return 1
     report = _report(file, path, found)
     if json:
         print_json(report)
     else:
-        print(_summary(report))
+        print(_summary(report), file=sys.stderr if path == STANDARD else sys.stdout)
     return 0
 
 

@@ -11,7 +11,7 @@ from raff2urdf import readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.check import check
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
-from raff2urdf.files import is_stream, write_all
+from raff2urdf.files import check_new, is_stream, write_all
 from raff2urdf.readers.urdf import joints, lacks_limits, listed, parse
 from raff2urdf.urdf2raff.graphics import GraphicsExport, units_of
 from raff2urdf.urdf2raff.robot import RaffImport, import_tree
@@ -27,6 +27,7 @@ def to_raff(
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
     ignore_loops: bool = False,
+    overwrite: bool = True,
 ) -> RaffImport:
     """Describe a robot in RAFF, from a URDF, SDF or MJCF.
 
@@ -42,6 +43,7 @@ def to_raff(
         robot: which model of an SDF with several; the first by default.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
         ignore_loops: leave all loops open, including those that a URDF declares in elements that are not read.
+        overwrite: whether to replace a RAFF file.
 
     Returns:
         the document, and how its joints, zeros and nodes correspond to the URDF's.
@@ -70,6 +72,8 @@ def to_raff(
         raise RaffError(f"{path}: RAFF has no notation for it: {problems}") from None
     if out is None:
         return found
+    if not overwrite:
+        check_new(out, remakeable=False)
     try:
         folder = None if is_stream(out) else out.parent
     except OSError as error:

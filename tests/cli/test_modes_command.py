@@ -91,7 +91,7 @@ def test_another_node_may_be_asked_for(robot, typed):
 
 
 def test_json_is_what_python_gives(robot, typed):
-    assert json.loads(typed("gough", "--json")) == assembly_modes(robot("gough")).as_dict()
+    assert json.loads(typed("gough", "--json")) == [assembly_modes(robot("gough")).as_dict()]
 
 
 @pytest.mark.parametrize(
@@ -104,16 +104,16 @@ def test_json_is_what_python_gives(robot, typed):
 )
 def test_lengths_are_typed_with_blanks_or_commas_in_mm(robot, typed, values):
     expected = assembly_modes(robot("gough"), [0.9, 0.95, 1.0, 1.05, 1.0, 1.01]).as_dict()
-    assert json.loads(typed("gough", "--lengths", *values, "--json")) == expected
+    assert json.loads(typed("gough", "--lengths", *values, "--json")) == [expected]
 
 
 def test_motors_that_turn_are_typed_in_degrees_and_some_by_name(robot, typed):
     bar = robot("five_bar")
     home = bar.q_home[bar.q_index("joint1")]
     expected = assembly_modes(bar, [home, math.radians(-10.0)]).as_dict()
-    assert json.loads(typed("five_bar", "--values", "joint3=-10", "--json")) == expected
+    assert json.loads(typed("five_bar", "--values", "joint3=-10", "--json")) == [expected]
     expected = assembly_modes(bar, np.radians([125.0, -10.5])).as_dict()
-    assert json.loads(typed("five_bar", "--values", "125", "-10.5", "--json")) == expected
+    assert json.loads(typed("five_bar", "--values", "125", "-10.5", "--json")) == [expected]
 
 
 @pytest.mark.parametrize(
@@ -137,9 +137,9 @@ def test_modes_at_a_mode_that_was_listed_contain_it(typed, name, mode):
 
 def test_a_pose_may_be_typed_by_name_and_without_orientation(robot, typed):
     gough = robot("gough")
-    found = json.loads(typed("gough", "--at", "x=-20", "y=30,z=880", "--json"))
+    found = json.loads(typed("gough", "--at", "x=-20", "y=30,z=880", "--json"))[0]
     assert min(math.dist(mode["position"], (-0.02, 0.03, 0.88)) for mode in found["modes"]) < 1e-4
-    found = json.loads(typed("gough", "--at", "rz=25", "--json"))
+    found = json.loads(typed("gough", "--at", "rz=25", "--json"))[0]
     home = pose_numbers(gough.placement(gough.q_home, "platform"))
     turned = pin.rpy.rpyToMatrix(np.radians([*home[3:5], 25.0]))
     assert min(np.abs(np.array(mode["rotation"]) - turned).max() for mode in found["modes"]) < 1e-4
@@ -159,7 +159,7 @@ def test_where_there_is_no_mode_it_says_what_stays_open(typed):
     assert "There is none." in said
     assert "The closest configuration" in said
     assert rows(said) == []
-    assert json.loads(typed("gough", *asked, "--json", code=1))["modes"] == []
+    assert json.loads(typed("gough", *asked, "--json", code=1))[0]["modes"] == []
     assert typed("gough", *asked, "--view", code=1) == said
 
 
@@ -171,7 +171,7 @@ def test_what_is_not_proved_is_not_called_all(typed):
     assert "There may be more. Monodromy: 4 complex solutions" in said
     assert "the last 6 monodromy loops found no more; trace test satisfied to " in said
     assert said.endswith("not excluded: solutions on curves that nothing met, and branches of free motion.")
-    found = json.loads(typed(path, "--json"))
+    found = json.loads(typed(path, "--json"))[0]
     assert (found["complete"], found["trace_test"]) == (False, True)
 
 

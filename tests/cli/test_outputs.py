@@ -67,8 +67,8 @@ def _is_raff(content: bytes) -> bool:
 
 # A name for the target, the command (TARGET is where it writes, HERE the folder with its inputs), what it writes.
 COMMANDS = {
-    "singular -o": ("t.json", "singular five_bar.raff --scan x,y --grid 5 --plot p.png -o TARGET", _is_json),
-    "singular --plot": ("t.svg", "singular five_bar.raff --scan x,y --grid 5 -o n.json --plot TARGET", _is_svg),
+    "singular -o": ("t.json", "singular five_bar.raff --over x,y --grid 5 --plot p.png -o TARGET", _is_json),
+    "singular --plot": ("t.svg", "singular five_bar.raff --over x,y --grid 5 -o n.json --plot TARGET", _is_svg),
     "modes --plot": ("t.pdf", "modes four_bar.raff --plot TARGET", _is_pdf),
     "modes --plot, no suffix": ("t", "modes four_bar.raff --plot TARGET", _is_png),
     "drive --snapshot": ("t.html", "drive planar_3r.raff --snapshot TARGET", _is_page),
@@ -125,13 +125,13 @@ def command(root, inputs, tmp_path, monkeypatch):
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
 
-    def run(name: str, target: Path) -> int:
+    def run(name: str, target: Path, *options: str) -> int:
         program, *words = COMMANDS[name][1].split()
         arguments = [
             str(root / "robots" / word) if word.endswith((".raff", ".toml")) else word.replace("HERE", str(inputs))
             for word in words
         ]
-        arguments = [str(target) if word == "TARGET" else word for word in arguments]
+        arguments = [*(str(target) if word == "TARGET" else word for word in arguments), *options]
         if program == "urdf2raff":
             return raff2urdf.urdf2raff.cli.main(arguments)
         return cinegen.cli.main([program, *arguments])
@@ -147,11 +147,11 @@ def test_a_link_stays_a_link(command, name, tmp_path):
     assert command(name, link) == 0  # it dangles
     assert link.is_symlink()
     assert is_right((tmp_path / "target").read_bytes())
-    if name == "plan -o":  # a recording is never overwritten
-        return
     (tmp_path / "target").write_bytes(b"old")
     (tmp_path / "target").chmod(0o640)
-    assert command(name, link) == 0
+    assert command(name, link) == 1
+    assert (tmp_path / "target").read_bytes() == b"old"
+    assert command(name, link, "--force") == 0
     assert link.is_symlink()
     assert is_right((tmp_path / "target").read_bytes())
     assert stat.S_IMODE((tmp_path / "target").stat().st_mode) == 0o640
@@ -181,9 +181,15 @@ def test_a_fifo_is_written_through(command, name, fifo):
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_a_folder_is_an_error(command, name, tmp_path, capsys):
+def test_a_folder_gets_an_output_but_no_picture(command, name, tmp_path, capsys):
     (tmp_path / "folder").mkdir()
-    assert command(name, tmp_path / "folder") == 1
+    code = command(name, tmp_path / "folder")
+    if "--plot" not in name and "--snapshot" not in name:
+        (file,) = (tmp_path / "folder").iterdir()
+        assert code == 0
+        assert COMMANDS[name][2](file.read_bytes())
+        return
+    assert code == 1
     assert "folder: can't be written: is a directory" in capsys.readouterr().err.lower()
     assert not list((tmp_path / "folder").iterdir())
 
@@ -201,8 +207,8 @@ def test_raff2urdf_writes_through_links_in_its_folder(root, device, fifo, tmp_pa
     constraints.unlink()
     constraints.symlink_to(device("full"))
     (tmp_path / "far.urdf").write_bytes(b"older")
-    assert raff2urdf.cli.main(call) == 1
-    assert "four_bar.constraints.json: No space left on device" in capsys.readouterr().err
+    assert raff2urdf.cli.main([*call, "--force"]) == 1
+    assert "four_bar.constraints.json: can't be written: No space left on device" in capsys.readouterr().err
     assert (tmp_path / "far.urdf").read_bytes() == b"older"  # all or none
     assert stat.S_ISCHR((tmp_path / "device full").lstat().st_mode)
     assert urdf.is_symlink()
@@ -211,7 +217,7 @@ def test_raff2urdf_writes_through_links_in_its_folder(root, device, fifo, tmp_pa
 
 def test_a_folder_of_outputs_that_is_a_dangling_link(root, tmp_path):
     (tmp_path / "out").symlink_to("made")
-    assert raff2urdf.cli.main([str(root / "robots/four_bar.raff"), "-o", str(tmp_path / "out")]) == 0
+    assert raff2urdf.cli.main([str(root / "robots/four_bar.raff"), "-o", f"{tmp_path}/out/"]) == 0
     assert (tmp_path / "made" / "four_bar.urdf").is_file()
     assert (tmp_path / "out").is_symlink()
 

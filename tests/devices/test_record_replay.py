@@ -158,7 +158,7 @@ def test_what_is_no_recording(tmp_path, text, why):
 
 
 def test_no_file(tmp_path):
-    with pytest.raises(RecordError, match="no such file"):
+    with pytest.raises(RecordError, match="No such file"):
         Replay(tmp_path / "none")
     with pytest.raises(RecordError, match="can't be written"):
         ReadingRecorder(tmp_path)

@@ -166,12 +166,12 @@ def test_what_must_not_be_sent_is_not_written(forbidden):
     words = str(refused.value)
     assert re.search(r"at 0\.\d+ s joint1 is 0\.5 rad beyond its upper limit", words)
     assert "record another motion" in words
-    assert "--force" in words
+    assert "--unsafe" in words
     assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
 
 
-def test_unless_it_is_forced(forbidden):
-    report = export(forbidden, "csv", force=True)
+def test_unless_that_is_asked_for(forbidden):
+    report = export(forbidden, "csv", unsafe=True)
     assert report.path.exists()
     assert "DO NOT SEND THIS TO A ROBOT: at 0.5" in report_text(report)
     assert "checked" not in report_text(report)

@@ -140,7 +140,7 @@ def test_the_command_says_what_is_singular_at_a_pose(root, capsys):
 def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     file = str(root / "robots/five_bar.raff")
-    assert main(["singular", file, "--scan", "x=-650..650,y=-500..650", "--grid", "9"]) == 0
+    assert main(["singular", file, "--over", "x=-650..650,y=-500..650", "--grid", "9"]) == 0
     said = capsys.readouterr().out
     assert "five_bar-singular.png and five_bar-singular.json are written" in said
     assert (tmp_path / "five_bar-singular.png").read_bytes().startswith(b"\x89PNG")
@@ -170,9 +170,9 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["--scan", "x"], "--scan x: name two coordinates"),
-        (["--scan", "x=1,y"], "'1': write LOW..HIGH"),
-        (["--scan", "x=1..b,y"], "--scan: 'b' is not a number"),
+        (["--over", "x"], "--over x: name two coordinates"),
+        (["--over", "x=1,y"], "'1': write LOW..HIGH"),
+        (["--over", "x=1..b,y"], "--over: 'b' is not a number"),
         (["--at", "x"], "'x': write NAME=VALUE, such as x=100 or rz=15 (mm, degrees)"),
         (["--at", "x=1,y"], "'y': write NAME=VALUE, such as x=100 or rz=15 (mm, degrees)"),
         (["--at", "x=nan"], "--at: 'nan' is not a number"),
@@ -183,10 +183,10 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
         (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
         (["--at", "nose=10"], "no coordinate 'nose' here: there are"),
         (["--at", "x=1,x=2"], "--at: x is given twice"),
-        (["--at", "jont1=10", "--scan", "x,y"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
-        (["--scan", "jont1,joint3"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
+        (["--at", "jont1=10", "--over", "x,y"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
+        (["--over", "jont1,joint3"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
         (["--at", "x=9000"], "--at x=9000 can't be reached along a straight line from home on its branch"),
-        (["--scan", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
+        (["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
     ],
 )
 def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, arguments, words):
