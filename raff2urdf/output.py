@@ -94,7 +94,7 @@ _stopping: list[int] = []
 def _stoppable() -> Iterator[None]:
     """Have SIGINT raise KeyboardInterrupt and SIGTERM raise SystemExit; a second SIGTERM ends the process at once.
 
-    C libraries swallow exceptions while they are imported. An exception that nobody handles is raised again.
+    C libraries swallow exceptions while they are imported. An exception that was not handled is raised again.
     """
     numbers = [signal.SIGTERM]
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # it is ignored in background jobs of sh
