@@ -23,9 +23,8 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 
-demo: .venv/runtime-installed ## make a robot from its description, and drive it in the browser
-	$(BIN)/raff2urdf robots/delta4.raff
-	$(BIN)/cinegen drive generated/delta4.urdf
+demo: .venv/core-installed ## install the core, and drive a robot in the browser
+	$(BIN)/cinegen demo
 
 test: check javascript kernels ## run every check, then the tests
 	@.ci/chromium
@@ -82,10 +81,10 @@ bench: .venv/test-installed kernels ## measure the speed: of a tick, as robots g
 	$(BIN)/python benchmarks/compare.py
 
 # Nothing else waits for the compiler then, a minute where a kernel has changed.
-kernels: .venv/runtime-installed ## compile all kernels that have changed
+kernels: .venv/core-installed ## compile all kernels that have changed
 	@$(BIN)/cinegen compile
 
-generated: .venv/runtime-installed ## make the URDF of every robot again
+generated: .venv/test-installed ## make the URDF of every robot again
 	$(BIN)/raff2urdf robots/*.raff
 
 clean: ## remove the environment and all caches
@@ -94,27 +93,28 @@ clean: ## remove the environment and all caches
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # --- The environment ---------------------------------------------------------------------------------------------
-# Two stamps in .venv say what is installed: the runtime lock with the project itself, and the test lock on top of it.
-# A stamp holds the folder it was made for. While pip works .venv/unfinished exists; if it is still there at the next
-# start, or Python does not run or has changed, or the folder has moved, then .venv is made again from nothing.
+# Two stamps in .venv say what is installed: the core's lock with the project itself, and on top of it the lock of all
+# extras and the tests. A stamp holds the folder it was made for. While pip works .venv/unfinished exists; if it is still
+# there at the next start, or Python does not run or has changed, or the folder has moved, then .venv is made again from
+# nothing.
 VENV_OK := $(shell test ! -e .venv/unfinished \
 	&& $(BIN)/python -c 'import os, sysconfig; os.stat(sysconfig.get_path("purelib"))' 2>/dev/null \
-	&& { test ! -e .venv/runtime-installed || grep -qxF '$(CURDIR)' .venv/runtime-installed; } && echo yes)
+	&& { test ! -e .venv/core-installed || grep -qxF '$(CURDIR)' .venv/core-installed; } && echo yes)
 ifneq ($(VENV_OK),yes)
-.venv/runtime-installed: FORCE
+.venv/core-installed: FORCE
 endif
 
-.venv/runtime-installed: requirements/runtime.txt pyproject.toml
+.venv/core-installed: requirements/core.txt pyproject.toml
 	@$(PYTHON) -c "$$CHECK_PYTHON"
 	@test "$(VENV_OK)" || rm -rf .venv
 	@mkdir -p .venv && touch .venv/unfinished
 	@test "$(VENV_OK)" || $(PYTHON) -m venv --without-pip .venv
 	@echo "installing into .venv: the locked packages and cinegen itself (the first time takes minutes) ..."
-	@$(INSTALL) -r requirements/runtime.txt
+	@$(INSTALL) -r requirements/core.txt
 	@$(INSTALL) --no-build-isolation --editable .
 	@echo '$(CURDIR)' >$@ && rm .venv/unfinished
 
-.venv/test-installed: requirements/test.txt .venv/runtime-installed
+.venv/test-installed: requirements/test.txt .venv/core-installed
 	@$(PYTHON) -c "$$CHECK_PYTHON"
 	@touch .venv/unfinished
 	@echo "installing into .venv: what the tests need ..."
@@ -133,7 +133,7 @@ endif
 
 # It never meets the tests: a folder of its own keeps its versions of other packages from them. mutations.txt holds what
 # `pip install cosmic-ray` gives in an empty environment.
-build/cosmic-ray/installed: requirements/mutations.txt .venv/runtime-installed
+build/cosmic-ray/installed: requirements/mutations.txt .venv/core-installed
 	@rm -rf build/cosmic-ray
 	@$(PIP) install --quiet --no-deps --target build/cosmic-ray -r requirements/mutations.txt
 	@touch $@
@@ -151,9 +151,10 @@ endef
 export CHECK_PYTHON
 
 # --- The locks ---------------------------------------------------------------------------------------------------
-# Fresh pins for all that pyproject.toml asks for, and all that asks for in turn; test.txt holds what runtime.txt does
-# not. The build backend is pinned too. embreex is left out: trimesh only gets faster by it, and it does not exist for
-# every machine. Run this with the oldest Python we support, so that every pin exists for it.
+# Fresh pins for all that pyproject.toml asks for, and all that asks for in turn: core.txt for what `pip install cinegen`
+# installs, test.txt for what all extras and the tests need besides. The build backend is pinned too. embreex is left
+# out: yourdfpy, with which the tests read URDFs, only gets faster by it, and it does not exist for every machine. Run
+# this with the oldest Python we support, so that every pin exists for it.
 lock: ## pin the newest versions of all dependencies in requirements/
 	@$(PYTHON) -c "$$CHECK_PYTHON"
 	@set -eu; tmp=$$(mktemp -d); trap 'rm -rf "$$tmp"' EXIT; export LC_ALL=C; \
@@ -165,7 +166,7 @@ lock: ## pin the newest versions of all dependencies in requirements/
 		awk -F== '{ n = tolower($$1); gsub(/[-_.]+/, "-", n); print n "==" $$2 }' "$$tmp/frozen" | sort >"$$tmp/$$venv.txt"; \
 	}; \
 	pins all --editable '.[test]'; \
-	pins runtime --editable . --constraint "$$tmp/all.txt"; \
-	comm -23 "$$tmp/all.txt" "$$tmp/runtime.txt" >requirements/test.txt; \
-	cp "$$tmp/runtime.txt" requirements/runtime.txt
+	pins core --editable . --constraint "$$tmp/all.txt"; \
+	comm -23 "$$tmp/all.txt" "$$tmp/core.txt" >requirements/test.txt; \
+	cp "$$tmp/core.txt" requirements/core.txt
 	@wc -l requirements/*.txt

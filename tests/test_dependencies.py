@@ -18,7 +18,7 @@ POSIX = {"fcntl", "grp", "posix", "pty", "pwd", "resource", "syslog", "termios",
 UNTOLD = {"pinocchio": {"pin"}, "coal": {"coal"}}
 """Distributions of packages whose metadata don't name them: cmeel puts them in a folder of its own."""
 
-EXTRAS = ("plot", "maps", "cluster", "mjcf", "dxf", "film", "sampling")
+EXTRAS = ("plot", "maps", "cluster", "mjcf", "dxf", "meshes", "film", "sampling")
 
 
 installed = cache(packages_distributions)
@@ -96,7 +96,7 @@ def test_the_extra_all_is_every_extra():
 
 
 def test_what_is_declared_is_pinned():
-    pinned = {normal(line) for line in (ROOT / "requirements/runtime.txt").read_text(encoding="utf-8").split()}
+    pinned = {normal(line) for line in (ROOT / "requirements/core.txt").read_text(encoding="utf-8").split()}
     assert required() - pinned == set()
 
 

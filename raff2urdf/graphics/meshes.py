@@ -22,7 +22,7 @@ import numpy as np
 
 from raff2urdf.document import RaffNode, RaffRobot
 from raff2urdf.errors import RaffError
-from raff2urdf.extras import needs
+from raff2urdf.extras import check_mesh_reader, needs
 from raff2urdf.files import write_all
 from raff2urdf.urdf_model import UrdfGeometry, UrdfMaterial, UrdfMesh, UrdfVisual
 
@@ -161,9 +161,9 @@ def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
     from raff2urdf.graphics.surface import fewer_colours
 
     kind, omitted = path.suffix.lower(), None
-    with needs("dxf" if kind == ".dxf" else "meshes", f"{kind} files"):
+    with needs("dxf", "DXF files"):
         reader = import_module(f"raff2urdf.graphics.{_READERS.get(kind, 'scene')}")  # trimesh is slow to import
-        surfaces = reader.read(path)
+    surfaces = reader.read(path)
     if kind == ".dxf":
         surfaces, omitted = surfaces
     if not surfaces:
@@ -174,6 +174,7 @@ def _surfaces(path: Path) -> tuple[list[ColouredSurface], str | None]:
 def _is_empty(path: Path) -> bool:
     import trimesh  # 0.5 s
 
+    check_mesh_reader(path.suffix.lower())
     return bool(trimesh.load(path, force="mesh").is_empty)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from raff2urdf.extras import check_mesh_reader
 from raff2urdf.graphics.surface import Colour, ColouredSurface, solid
 
 
@@ -18,6 +19,7 @@ def read(path: str | Path) -> list[ColouredSurface]:
     Raises:
         Exception: of any type, depending on the reader.
     """
+    check_mesh_reader(Path(path).suffix.lower())
     scene: Any = trimesh.load_scene(path)
     found: list[ColouredSurface] = []
     for mesh in scene.dump():

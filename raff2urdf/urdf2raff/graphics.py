@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.document import UNITS_PER_METRE, Document, RaffRobot
 from raff2urdf.errors import RaffError
+from raff2urdf.extras import check_mesh_reader
 from raff2urdf.graphics.meshes import CONVERTED, SHOWN
 from raff2urdf.graphics.names import find
 from raff2urdf.graphics.skeleton import SkeletonDrawing
@@ -174,6 +175,7 @@ class GraphicsExport:
         import trimesh
 
         path = self._path(mesh)
+        check_mesh_reader(Path(path).suffix.lower())
         try:
             scene = trimesh.load_scene(path)
             if scene.is_empty:

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.errors import RaffError
+from raff2urdf.extras import check_mesh_reader
 from raff2urdf.files import read_bytes
 from raff2urdf.urdf_model import UrdfGeometry, UrdfRobot
 from raff2urdf.writers import DENSITY
@@ -218,6 +219,7 @@ def load_surface(path: str | Path, content: bytes | None = None) -> Any:
     """
     import trimesh
 
+    check_mesh_reader(Path(path).suffix.lower())
     content = read_bytes(path) if content is None else content
     try:
         return trimesh.load(BytesIO(content), file_type=Path(path).suffix[1:].lower(), force="mesh")
