@@ -35,8 +35,11 @@ class Commands(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the name of the command, the command, and its arguments."""
         if args[0] not in self.commands:
-            known = list(self.commands)
-            meant = f" (did you mean '{known[0]} {args[0]}'?)" if Path(args[0]).suffix else _suggestion(args[0], known)
+            meant = _suggestion(args[0], list(self.commands))
+            for name, command in self.commands.items() if Path(args[0]).suffix else ():
+                if any(one.name in ("file", "files") for one in command.params):
+                    meant = f" (did you mean '{name} {args[0]}'?)"
+                    break
             ctx.fail(f"unknown command '{args[0]}'{meant}")
         return super().resolve_command(ctx, args)
 

@@ -21,7 +21,7 @@ def run(
     scene: Path | None = option("SCENE.toml", "drive a robot among obstacles, instead of FILE"),
     follow: Literal["circle", "figure8", "line", "still"] | None = option(
         None,
-        "path of the robot's end, as large as workspace and limits allow (default: circle; in a scene still: none)",
+        "path of the end effector, as large as workspace and limits allow (default: circle; in a scene still: none)",
     ),
     node: str | None = option("NAME", "node that follows it (default: the last of the file)"),
     sensor: list[str] = option("N=URL", "another port for sensor N of the files; NODE=URL: a sensor for any node", ()),

@@ -58,7 +58,7 @@ class MapOptions:
         "if rx, ry or rz is given", "free",
     )  # fmt: skip
     centre: str | None = option("X,Y,Z", "centre of azimuth, elevation and radius, m (default: 0,0,0)")
-    node: str | None = option("NAME", "node to reach with (default: the robot's end)")
+    node: str | None = option("NAME", "node to reach with (default: the last of the file)")
     grid: int | None = option("N", "cells along each axis without a count (80 for two axes)")
     quantity: list[str] = option(
         "NAMES", f"quantities of each cell: {', '.join(QUANTITIES)}; or all, without {' and '.join(_SLOW)} "

@@ -50,7 +50,7 @@ FILES = typer.Argument(
 FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
 IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even if loops or couplings can't be read")
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
-NODE = option("NAME", "node to report (default: the robot's end)")
+NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
 PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
 SECONDS = option("S", "stop after this time, s (default: at Ctrl-C)", min=0, max=10_000_000)
 VIEW = flag("--view", "show the result in the page")

@@ -24,7 +24,7 @@ _EXAMPLE = "x=100 or rz=15 (mm, degrees)"
 def run(
     robots: RobotOptions,
     files: list[Path] = FILE,
-    node: str | None = option("NAME", "node whose motion is analysed (default: the robot's end)"),
+    node: str | None = option("NAME", "node whose motion is analysed (default: the last of the file)"),
     at: str = option(
         "POSE", "where: x=0,y=100,rz=15 of the node, or joint3=700 of actuated joints (mm, degrees; default: home)", ""
     ),

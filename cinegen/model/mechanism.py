@@ -182,8 +182,8 @@ class Mechanism:
 
     @property
     def end(self) -> str:
-        """The node that is driven unless another is named: the first that may follow a sensor, else the last node."""
-        return next((node for node, _ in self.sensor_constraints), self.nodes[-1])
+        """The end effector, unless another node is named: the last node of the file."""
+        return self.nodes[-1]
 
     # --- names ---------------------------------------------------------------------------------------------------
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
+import shlex
+import signal
 import stat
 import subprocess
 import sys
+import time
 
 import pytest
 
 import raff2urdf.cli
-from raff2urdf.output import NO_READER, OutputLostError, run, write_at_once
+from raff2urdf.output import NO_READER, TERMINATED, OutputLostError, run, write_at_once
 
 FULL = "standard output can't be written: No space left on device"
 
@@ -154,6 +158,72 @@ def test_the_exit_code_of_a_command_that_fails_is_its_own(root, no_reader, tmp_p
 def test_a_wrong_call_ends_with_2(capsys):
     assert raff2urdf.cli.main(["--nonsense"]) == 2
     assert capsys.readouterr().err == "raff2urdf: unknown option '--nonsense'\nTry 'raff2urdf --help'.\n"
+
+
+@pytest.fixture
+def waiting(root):
+    """`waiting(signal)`: exit code and messages of a command that gets a signal while it waits for input."""
+
+    def end(number):
+        command = [sys.executable, "-m", "cinegen", "close", str(root / "robots/planar_3r.raff")]
+        environment = os.environ | {"PYTHONPATH": str(root)}
+        pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+        with subprocess.Popen(command, env=environment, text=True, **pipes) as process:
+            process.stdin.write("{}\n")
+            process.stdin.flush()
+            assert json.loads(process.stdout.readline())
+            process.send_signal(number)
+            return process.wait(30), process.stderr.read()
+
+    return end
+
+
+def test_sigterm_ends_a_command_in_order(waiting):
+    assert waiting(signal.SIGTERM) == (TERMINATED, "")
+
+
+def test_ctrl_c_ends_a_filter(waiting):
+    assert waiting(signal.SIGINT) == (0, "")
+
+
+@pytest.mark.parametrize("seconds", [0.15, 0.4, 0.8, 1.4])
+def test_ctrl_c_while_a_command_starts_is_no_traceback(root, seconds):
+    command = [sys.executable, "-c", "from raff2urdf.entry import cinegen; print(flush=True); cinegen()"]
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    with subprocess.Popen(
+        [*command, "close", str(root / "robots/planar_3r.raff")],
+        env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as process:  # fmt: skip
+        process.stdout.readline()
+        time.sleep(seconds)
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) in (-signal.SIGINT, 130, 0)
+        assert "Traceback" not in process.stderr.read()
+
+
+def test_an_exception_that_a_library_swallows_is_raised_again(capsys):
+    def command():
+        with contextlib.suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        time.sleep(10)
+
+    assert run("thing", command) == 130
+    assert capsys.readouterr().err == "thing: stopped\n"
+
+
+def test_a_file_is_read_from_standard_input_and_written_to_standard_output(root, tmp_path):
+    """As it is typed: one command's file is the other's."""
+    entry = "import sys; from {} import main; sys.exit(main())"
+    names = "raff2urdf.cli", "cinegen.cli"
+    convert, report = (shlex.join([sys.executable, "-c", entry.format(name)]) for name in names)
+    pipe = f"cat planar_3r.raff | {convert} - -o - | {report} info - --json"
+    environment = os.environ | {"PYTHONPATH": str(root)}
+    done = subprocess.run(
+        ["/bin/sh", "-c", pipe], cwd=root / "robots", env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert "robot 'arm': 3 links" in done.stderr  # what is said of a file on standard output
+    (found,) = json.loads(done.stdout)
+    assert (found["name"], found["robot"], len(found["joints"])) == ("stdin", "arm", 3)
 
 
 def test_ctrl_c_is_no_traceback(capsys):

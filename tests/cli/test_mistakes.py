@@ -1,0 +1,183 @@
+"""Typical mistakes on the command line: each is answered by place, cause and remedy in three lines, no traceback.
+
+Streams that are closed, broken or full, and signals, are in test_streams.py; devices, FIFOs and links as outputs are in
+test_outputs.py.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import shlex
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+import cinegen.cli
+import raff2urdf.cli
+import raff2urdf.urdf2raff.cli
+
+PROGRAMS = {
+    "cinegen": cinegen.cli.main,
+    "raff2urdf": raff2urdf.cli.main,
+    "urdf2raff": raff2urdf.urdf2raff.cli.main,
+}
+
+# what is typed, its exit code, and what the answer must contain, beside the file or option
+MISTAKES: list[tuple[str, int, str]] = [
+    # commands, options, choices
+    ("cinegen modse four_bar.raff", 2, "unknown command 'modse' (did you mean 'modes'?)"),
+    ("cinegen four_bar.raff", 2, "(did you mean 'info four_bar.raff'?)"),
+    ("cinegen info", 2, "missing argument 'FILE'"),
+    ("cinegen info four_bar.raff --jsn", 2, "unknown option '--jsn' (did you mean '--json'?)"),
+    ("cinegen info four_bar.raff --robot", 2, "option '--robot' requires an argument"),
+    ("cinegen modes five_bar.raff --method monodrom", 2, "(did you mean 'monodromy'?)"),
+    ("cinegen modes five_bar.raff --json --view", 2, "--json and --view exclude each other"),
+    ("cinegen drive four_bar.raff --follow circl", 2, "(did you mean 'circle'?)"),
+    ("cinegen map five_bar.raff --orientation up", 2, "'free', 'axis', 'fixed', 'home'"),
+    ("cinegen export run.jsonl", 2, "missing option '--to'"),
+    ("cinegen export run.jsonl --to cvs", 1, "did you mean 'csv'?"),
+    ("raff2urdf four_bar.raff --format udrf", 2, "(did you mean 'urdf'?)"),
+    ("raff2urdf four_bar.raff --density 5", 2, "--density is for --format sdf or mjcf"),
+    ("raff2urdf four_bar.raff --outptu x", 2, "(did you mean '--output'?)"),
+    ("urdf2raff", 2, "missing argument 'FILE'"),
+    ("urdf2raff page.urdf --units km", 2, "is not one of 'um', 'mm', 'cm', 'm'"),
+    # files that are read
+    ("cinegen info four_bra.raff", 1, "can't be read: No such file or directory: did you mean 'four_bar.raff'?"),
+    ("cinegen info nowhere/four_bar.raff", 1, "nowhere/four_bar.raff: can't be read: No such file"),
+    ("cinegen info dleta4", 1, "did you mean 'delta4'?"),
+    ("cinegen info folder", 1, "folder: can't be read: Is a directory"),
+    ("cinegen info secret.raff", 1, "secret.raff: can't be read: Permission denied"),
+    ("cinegen info empty.raff", 1, "a RAFF file begins with 'RAFF <name>'"),
+    ("cinegen info empty.urdf", 1, "empty.urdf:1: invalid XML"),
+    ("cinegen info binary.raff", 1, "this is a binary file"),
+    ("cinegen info urdf.raff", 1, "a URDF, SDF or MJCF is read by its ending"),
+    ("cinegen info a.json", 1, "a.json:1:1: a RAFF file begins with"),
+    ("cinegen info broken.urdf", 1, "broken.urdf:1: invalid XML"),
+    ("cinegen info page.urdf", 1, "this is not a robot (known: <robot>, <sdf>, <mujoco>)"),
+    ("cinegen info typo.raff", 1, "typo.raff:2:20: unknown word 'lnk' in robot a: did you mean 'link'?"),
+    ("cinegen info parent.raff", 1, "the parent of link 1 is 7, which does not exist (known:"),
+    ("cinegen info brace.raff", 1, "a '}' is missing"),
+    ("cinegen info -", 1, "-:1:1: the file ends too early"),
+    ("raff2urdf page.urdf", 1, "page.urdf:1:1: a RAFF file begins with"),
+    ("raff2urdf four_bra.raff", 1, "did you mean 'four_bar.raff'?"),
+    ("urdf2raff four_bar.raff", 1, "four_bar.raff:1: invalid XML"),
+    ("urdf2raff nothing.urdf", 1, "nothing.urdf: can't be read: No such file"),
+    ("cinegen plan scene.tml", 1, "scene.tml: a scene is a .toml or a .json file"),
+    ("cinegen plan four_bar.raff", 1, "a scene is a .toml or a .json file"),
+    ("cinegen plan empty.toml", 1, "empty.toml: goal is missing: write the goal of the robot"),
+    ("cinegen plan invalid.toml", 1, "invalid.toml: invalid TOML"),
+    ("cinegen plan dsic", 1, "did you mean 'disc'?"),
+    ("cinegen replay runn.jsonl", 1, "runn.jsonl: can't be read: No such file or directory: did you mean 'run.jsonl'?"),
+    ("cinegen replay four_bar.raff", 1, "not a mission: record one with `cinegen drive --record FILE.jsonl`"),
+    ("cinegen export run.jsonl --to csv", 1, "run.jsonl: not a mission: record one with"),
+    ("cinegen close four_bar.raff --start mine.txt", 1, "--start mine.txt: invalid JSON"),
+    ("cinegen compare folder folder", 1, "not a map"),
+    ("cinegen compare none.zarr none.zarr", 1, "there is no map at"),
+    ("cinegen drive", 2, "nothing to drive: name a file of a robot, or a scene"),
+    ("cinegen drive four_bar.raff --scene scene.toml", 2, "--scene names its robot: leave FILE out"),
+    # robots, nodes, joints, loops, quantities
+    ("cinegen info two_arms.raff --robot lefft", 1, "there is no robot 'lefft': did you mean 'left'?"),
+    ("cinegen modes two_arms.raff --at x=0", 1, "holds several robots: name one by --robot (left, right)"),
+    ("cinegen modes four_bar.raff --node tol", 1, "no node 'tol': did you mean 'tool'?"),
+    ("cinegen drive four_bar.raff --node tol", 1, "no node 'tol': did you mean 'tool'?"),
+    ("cinegen drive four_bar.raff --base nope=0,0,0", 1, "no robot 'nope' (known: four_bar)"),
+    ("cinegen drive four_bar.raff --sensor nose", 1, "--sensor nose: write NUMBER=URL"),
+    ("cinegen sensors --monitor banana://x", 1, "no kind of sensor 'banana:' (known:"),
+    ("cinegen info four_bar.raff --loop frame4-frame6=ball", 1, "no loop 'frame4-frame6': did you mean 'frame4-fr"),
+    ("cinegen info four_bar.raff --loop frame4-frame5=bal", 1, "did you mean 'ball'?"),
+    ("cinegen info four_bar.raff --loop ball", 1, "--loop ball: write NAME=KIND"),
+    ("cinegen singular five_bar.raff --at jont1=10", 1, "(did you mean 'joint1'?)"),
+    ("cinegen singular five_bar.raff --over x,q", 1, "no coordinate 'q' here: there are x, y, z"),
+    ("cinegen map planar_3r.raff --over q=0..1", 1, "unknown coordinate 'q'; there are x, y, z"),
+    ("cinegen map planar_3r.raff -q sigma_9", 1, "unknown quantity 'sigma_9': did you mean"),
+    ("cinegen map planar_3r.raff --show sigma_3 --plot p.png", 1, "no quantity 'sigma_3': did you mean 'sigma_1'?"),
+    ("cinegen map planar_3r.raff --vary link2.q=1..2:3", 1, "link2 has no parameter 'q' (known:"),
+    ("raff2urdf two_arms.raff --robot lefft", 1, "two_arms.raff: there is no robot 'lefft': did you mean 'left'?"),
+    # numbers and regions
+    ("cinegen singular five_bar.raff --at x=900mm", 1, "can't be reached along a straight line from home"),
+    ("cinegen modes five_bar.raff --lengths 1,2,3", 1, "3 values for the 2 actuated joints"),
+    ("cinegen modes five_bar.raff --lengths 1,two", 1, "'two'"),
+    ("cinegen modes five_bar.raff --lengths 180,0 --at 0,0,0", 2, "--lengths and --at exclude each other"),
+    ("cinegen singular five_bar.raff --over x", 1, "name two coordinates"),
+    ("cinegen map planar_3r.raff --over x=1", 1, "write LOW..HIGH"),
+    ("cinegen map planar_3r.raff --over x=1..0", 1, "give the lower end first"),
+    ("cinegen map planar_3r.raff --over x=0..1:0", 1, "a grid of 0 cells: give 1 or more"),
+    ("cinegen map planar_3r.raff --over x,y --at x=0", 1, "x is given twice"),
+    ("cinegen map planar_3r.raff --over x,y --grid four", 2, "invalid value for '--grid'"),
+    ("cinegen map planar_3r.raff --over x,y --grid 9999", 1, "Add --yes to start it, or use a coarser --grid"),
+    ("cinegen map planar_3r.raff --box x=0..1", 1, "--box is for variants of a robot: add --vary"),
+    ("cinegen drive four_bar.raff --seconds -1", 2, "greater than or equal to 0"),
+    ("cinegen drive four_bar.raff --port 99999", 2, "invalid value for '--port'"),
+    ("cinegen drive four_bar.raff --video f.mp4", 2, "--video needs --seconds"),
+    # files that are written
+    ("cinegen modes five_bar.raff --plot mine.png", 1, "mine.png: exists already: name another file, or"),
+    ("cinegen drive four_bar.raff --snapshot mine.html", 1, "mine.html: exists already"),
+    ("cinegen drive four_bar.raff --record run.jsonl", 1, "run.jsonl: exists already"),
+    ("cinegen drive four_bar.raff --snapshot four_bar.raff/x.html", 1, "/x.html: can't be written: Not a directory"),
+    ("cinegen drive four_bar.raff --snapshot locked/x.html", 1, "locked/x.html: can't be written: Permission denied"),
+    ("cinegen drive four_bar.raff --snapshot folder", 1, "folder: can't be written: Is a directory"),
+    ("cinegen drive four_bar.raff --snapshot /dev/full", 1, "/dev/full: can't be written: No space left on device"),
+    ("cinegen map planar_3r.raff -o mine.txt", 1, "is a file, not a map: maps are folders"),
+    ("cinegen map planar_3r.raff -o -", 2, "a map is a folder"),
+    ("cinegen modes five_bar.raff --plot - --json", 2, "only one output can go to standard output"),
+    ("raff2urdf four_bar.raff -o out", 2, "write 'out/' for a folder"),
+    ("raff2urdf four_bar.raff -o mine.txt", 2, "'mine.txt' is neither a .urdf file nor a folder"),
+    ("raff2urdf four_bar.raff -o mine.urdf", 1, "mine.urdf: exists already"),
+    ("raff2urdf planar_3r.raff -o /dev/full", 1, "/dev/full: can't be written: No space left on device"),
+    ("raff2urdf two_arms.raff -o x.urdf", 1, "holds several robots (left, right): name one with --robot"),
+    ("raff2urdf four_bar.raff five_bar.raff -o x.urdf", 2, "2 files need a folder: write 'x.urdf/'"),
+    ("urdf2raff good.urdf -o four_bar.raff", 1, "four_bar.raff: exists already"),
+]  # fmt: skip
+
+FILES = {
+    "empty.raff": "",
+    "empty.urdf": "",
+    "empty.toml": "",
+    "binary.raff": "RAFF a\n\0\1\2",
+    "urdf.raff": '<robot name="x"/>',
+    "a.json": '{"a": 1}',
+    "broken.urdf": "<robot><link>",
+    "page.urdf": "<html></html>",
+    "good.urdf": '<robot name="x"><link name="base"/></robot>',
+    "typo.raff": "RAFF t\nrobot a { base { } lnk 1 { type 2 pred 0 } }\n",
+    "parent.raff": "RAFF t\nrobot a { base { } link 1 { type 2 pred 7 } }\n",
+    "brace.raff": "RAFF t\nrobot a { base { } link 1 { type 2 pred 0 }\n",
+    "invalid.toml": "robot = [",
+    "secret.raff": "RAFF a",
+} | dict.fromkeys(("mine.txt", "mine.png", "mine.html", "mine.urdf", "run.jsonl"), "mine")
+
+
+@pytest.fixture(scope="module")
+def folder(root: Path, tmp_path_factory) -> Path:
+    """The files that are named."""
+    folder = tmp_path_factory.mktemp("mistakes")
+    for name in ("four_bar", "five_bar", "planar_3r", "two_arms"):
+        shutil.copy(root / "robots" / f"{name}.raff", folder)
+    for name, text in FILES.items():
+        (folder / name).write_text(text)
+    (folder / "folder").mkdir()
+    (folder / "secret.raff").chmod(0)
+    (folder / "locked").mkdir(mode=0o500)
+    return folder
+
+
+@pytest.mark.parametrize(("typed", "code", "says"), MISTAKES, ids=[one[0] for one in MISTAKES])
+def test_a_mistake_is_answered_in_three_lines(folder, monkeypatch, capsys, typed, code, says):
+    if "Permission" in says and os.geteuid() == 0:
+        pytest.skip("root may read and write everything")
+    if "/dev/full" in typed and not Path("/dev/full").exists():
+        pytest.skip("no /dev/full here")
+    monkeypatch.chdir(folder)
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO()))
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file() and path.name != "secret.raff"}
+    program, *words = shlex.split(typed)
+    assert PROGRAMS[program](words) == code
+    said = capsys.readouterr().err
+    assert says in said
+    assert len(said.splitlines()) <= 3
+    assert "Traceback" not in said
+    assert code == 1 or f"Try '{program}" in said
+    assert all(path.read_bytes() == content for path, content in before.items())
