@@ -1,10 +1,11 @@
-"""What `--json` prints has the keys that docs/commands.md lists, no more and no fewer."""
+"""What `--json` prints has the shape that the tables of docs/commands.md describe: each table is a JSON schema."""
 
 from __future__ import annotations
 
 import json
 import re
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -15,33 +16,60 @@ from cinegen.singularities.slice import Coordinates
 KEY = re.compile(r"`([^`]+)`")
 
 
+TYPES = {"string": "string", "boolean": "boolean", "integer": "integer", "number": "number", "null": "null"}
+
+
 def documented(root, command, number=0):
-    """Patterns of keys, of one of the tables of a command."""
+    """Keys and their types, of one of the tables of a command."""
     page = (root / "docs/commands.md").read_text(encoding="utf-8")
     section = re.search(rf"^### {command}\n(.*?)(?=^### |\Z)", page, flags=re.MULTILINE | re.DOTALL)[1]
-    table = re.findall(r"^\| key \| value \|\n\|[-| ]+\|\n((?:\|.*\n)+)", section, flags=re.MULTILINE)[number]
-    return {key for row in table.splitlines() for key in KEY.findall(row.split("|")[1])}
+    table = re.findall(r"^\| key \| type \| value \|\n\|[-| ]+\|\n((?:\|.*\n)+)", section, flags=re.MULTILINE)[number]
+    rows = [row.split("|")[1:3] for row in table.splitlines()]
+    return {key: types.strip() for keys, types in rows for key in KEY.findall(keys)}
 
 
-def keys(value, path=""):
-    """The paths of all values."""
-    if isinstance(value, dict):
-        return {found for key, one in value.items() for found in keys(one, f"{path}.{key}" if path else key)}
-    if isinstance(value, list) and value and isinstance(value[0], (dict, list)):
-        return {found for one in value for found in keys(one, f"{path}[]")}
-    return {path}
+def leaf(types):
+    """The schema of a type as it is written: `string`, `number or null`, `numbers`."""
+    lists = [one.removesuffix("s") for one in types.split(" or ") if one not in TYPES]
+    choices = [{"type": TYPES[one]} for one in types.split(" or ") if one in TYPES]
+    if lists:
+        choices.append({"type": "array", "items": {"anyOf": [{"type": TYPES[one]} for one in lists]}})
+    return {"anyOf": choices}
 
 
-def check(root, document, command, number=0, absent=()):
-    found = keys({"": document})
-    found = {key.removeprefix(".").removeprefix("[].").removeprefix("[]") for key in found}
-    patterns = documented(root, command, number)
-    forms = {pattern: re.compile(re.escape(pattern).replace(r"\*", r".+")) for pattern in patterns}
-    unknown = {key for key in found if not any(form.fullmatch(key) for form in forms.values())}
-    empty = {key for key in unknown if any(pattern.startswith((f"{key}.", f"{key}[]")) for pattern in patterns)}
-    assert unknown - empty == set()  # null, or an empty list, stands for all below it
-    missing = {pattern for pattern, form in forms.items() if not any(map(form.fullmatch, found))}
-    assert {one for one in missing if not any(one.startswith((f"{key}.", f"{key}[]")) for key in empty)} == set(absent)
+def schema(rows):
+    """The schema of an object with these keys; those below an object or a list that is null are absent with it."""
+    groups = {}
+    for key, types in rows.items():
+        first, _, rest = key.partition(".")
+        groups.setdefault(first, {})[rest] = types
+    properties, required, other = {}, [], False
+    for name, inner in groups.items():
+        optional = all(types.endswith(", optional") for types in inner.values())
+        types = next(iter(inner.values())).removesuffix(", optional")
+        found = leaf(types) if set(inner) == {""} else schema(inner)
+        if name.endswith("[]"):
+            found = {"type": ["array", "null"], "items": found}
+        name = name.removesuffix("[]")
+        if name == "*":
+            other = found
+            continue
+        properties[name] = found
+        required += [] if optional else [name]
+    return {
+        "type": ["object", "null"],
+        "properties": properties,
+        "required": required,
+        "additionalProperties": other,
+    }
+
+
+def check(root, document, command, number=0):
+    """Check a document, or each document of a list, against a table."""
+    of = schema(documented(root, command, number))
+    for one in document if isinstance(document, list) else [document]:
+        assert one is not None
+        jsonschema.Draft202012Validator(of).validate(one)
 
 
 @pytest.fixture
@@ -88,7 +116,7 @@ def test_maps(root, printed):
 
 
 def test_plan(root, printed):
-    check(root, printed("plan", "scenes/disc.toml"), "plan", absent={"base[]"})
+    check(root, printed("plan", "scenes/disc.toml"), "plan")
 
 
 def test_sensors(root, printed, monkeypatch):
