@@ -187,6 +187,24 @@ def test_a_shell_completes_commands_options_and_choices(root, typed, completed):
     assert _in_a_shell(root, _CINEGEN_COMPLETE="complete_bash", **words).split() == completed
 
 
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+@pytest.mark.parametrize("program", ["cinegen", "raff2urdf", "urdf2raff"])
+def test_each_shell_gets_its_completion(root, program, shell):
+    module = {"cinegen": "cinegen.cli", "raff2urdf": "raff2urdf.cli", "urdf2raff": "raff2urdf.urdf2raff.cli"}[program]
+    variable = f"_{program.upper()}_COMPLETE"
+    code = f"import sys; from {module} import main; sys.exit(main())"
+
+    def printed(**variables):
+        environment = os.environ | {"PYTHONPATH": str(root)} | variables
+        return subprocess.run([sys.executable, "-c", code], text=True, capture_output=True, env=environment).stdout
+
+    assert variable in printed(**{variable: f"source_{shell}"})
+    typed = f"{program} --vers"
+    words = {"COMP_WORDS": typed, "COMP_CWORD": "1", "_TYPER_COMPLETE_ARGS": typed}
+    words["_TYPER_COMPLETE_FISH_ACTION"] = "get-args"
+    assert "--version" in printed(**{variable: f"complete_{shell}"}, **words)
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

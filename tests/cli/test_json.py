@@ -9,6 +9,8 @@ import jsonschema
 import numpy as np
 import pytest
 
+import raff2urdf.cli
+import raff2urdf.urdf2raff.cli
 from cinegen.cli import main
 from cinegen.mission import MissionRecorder, RobotSample
 from cinegen.singularities.slice import Coordinates
@@ -117,6 +119,21 @@ def test_maps(root, printed):
 
 def test_plan(root, printed):
     check(root, printed("plan", "scenes/disc.toml"), "plan")
+
+
+def test_raff2urdf(root, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    four_bar = str(root / "robots/four_bar.raff")
+    for words, code in (([], 0), (["--format", "sdf"], 0), (["--check"], 0), (["none.raff"], 1)):
+        assert raff2urdf.cli.main([four_bar, *words, "--json"]) == code
+        check(root, json.loads(capsys.readouterr().out), "raff2urdf")
+
+
+def test_urdf2raff(root, robot, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.urdf").write_text(robot("planar_3r").source.urdf)
+    assert raff2urdf.urdf2raff.cli.main(["arm.urdf", "--json"]) == 0
+    check(root, json.loads(capsys.readouterr().out), "urdf2raff")
 
 
 def test_sensors(root, printed, monkeypatch):
