@@ -57,7 +57,7 @@ def description(path: Path) -> str:
 
 
 def _found(path: Path, known: dict[str, Path], what: str) -> Path:
-    if path.name != str(path) or path.suffix or path == STANDARD or path.exists():
+    if path.name != str(path) or path.suffix or path == STANDARD or (path.exists() and not path.is_dir()):
         return path
     if path.name not in known:
         near = similar_file(path) or did_you_mean(path.name, tuple(known))

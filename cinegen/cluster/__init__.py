@@ -36,14 +36,32 @@ class ClusterError(CinegenError):
     """A cluster that does not answer, can't be started, or can't do a task."""
 
 
-def default_workers(worth: int) -> int:
-    """Return the number of processes to use where none is given: one for each core, but at most `worth`; this process
-    alone where Dask is not installed."""
-    wanted = min(os.cpu_count() or 1, max(1, worth))
+def processes(workers: int | None, scheduler: str | None, worth: int) -> int:
+    """Return the number of processes to use on this machine.
+
+    Args:
+        workers: the number that is asked for; one for each core unless given, but at most `worth`, and this process
+            alone where Dask is not installed.
+        scheduler: address of a Dask scheduler, if one is to be used.
+        worth: number of processes for which there is enough work.
+
+    Raises:
+        MissingExtraError: several processes or a scheduler are asked for, and Dask is not installed.
+    """
+    if scheduler is not None or (workers or 1) > 1:
+        _check_installed()
+    wanted = workers or min(os.cpu_count() or 1, max(1, worth))
     if wanted > 1 and find_spec("distributed") is None:
         warn(f"one process alone does this work; for all {os.cpu_count()} cores: {install('cluster')}")
         return 1
     return wanted
+
+
+def _check_installed() -> None:
+    with needs("cluster", "several processes"):
+        import cryptography  # noqa: F401 - distributed needs it for certificates, and does not require it
+        import dask  # noqa: F401
+        import distributed  # noqa: F401
 
 
 @contextmanager
@@ -56,11 +74,10 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
         ClusterError: no scheduler answers there; or processes can't be started.
         MissingExtraError: Dask is not installed.
     """
-    with needs("cluster", "several processes"):
-        import cryptography  # noqa: F401 - distributed needs it for certificates, and does not require it
-        import dask
-        from distributed import Client
-        from distributed.utils import silence_logging_cmgr
+    _check_installed()
+    import dask
+    from distributed import Client
+    from distributed.utils import silence_logging_cmgr
 
     with dask.config.set(_SETTINGS), silence_logging_cmgr("CRITICAL"):
         if scheduler is None:

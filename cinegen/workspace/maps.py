@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cinegen.cluster import connected, default_workers, each
+from cinegen.cluster import connected, each, processes
 from cinegen.workspace.chunks import chunk_shape
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.evaluator import ChunkEvaluator
@@ -107,7 +107,7 @@ def chunk_size(cells: int, usual: int) -> int:
 def _make(store: MapStore, usual: int, workers: int | None, scheduler: str | None, report: Report) -> None:
     complete, size = store.complete(), store.spec.region.size
     left = size - store.done
-    wanted = workers or default_workers(left // (_WORTH * usual))
+    wanted = processes(workers, scheduler, left // (_WORTH * usual))
     client: AbstractContextManager[Any] = nullcontext()
     if not left or (scheduler is None and wanted == 1):
         usual = 1  # each chunk is reported

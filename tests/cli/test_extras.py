@@ -8,19 +8,16 @@ import sys
 
 import pytest
 
+from cinegen import cluster
+from cinegen.errors import CinegenWarning
+from raff2urdf.extras import MissingExtraError
+
 PROGRAM = """
 import contextlib, io, json, sys
 
-class Missing:
-    names = {"matplotlib", "xarray", "zarr", "google_crc32c", "dask", "distributed", "cryptography", "mujoco", "ezdxf",
-             "playwright", "imageio_ffmpeg", "ompl", "pandas", "PIL", "IPython", "networkx", "collada", "meshcat",
-             "yourdfpy", "shapely"}
-
-    def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in self.names:
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-
-sys.meta_path.insert(0, Missing())
+MISSING = '''matplotlib xarray zarr google_crc32c dask distributed cryptography mujoco ezdxf playwright imageio_ffmpeg
+ompl collada networkx pandas PIL IPython meshcat yourdfpy shapely'''
+sys.modules.update(dict.fromkeys(MISSING.split()))  # None: as if it were not installed
 from cinegen.cli import main
 from raff2urdf.cli import main as raff2urdf
 found = []
@@ -75,6 +72,20 @@ def test_a_command_says_what_to_install(found, extra):
     assert last.startswith("cinegen: ")
     assert " need the package " in last
     assert last.endswith(f'install "cinegen[{extra}]"')
+
+
+def test_without_dask_one_process_works_and_several_are_refused(monkeypatch):
+    monkeypatch.setattr(cluster.os, "cpu_count", lambda: 4)
+    assert cluster.processes(None, None, 8) == 4
+    assert cluster.processes(None, None, 2) == 2
+    for package in ("dask", "distributed"):
+        monkeypatch.setitem(sys.modules, package, None)
+    with pytest.warns(CinegenWarning, match=r'for all 4 cores: .*install "cinegen\[cluster\]"'):
+        assert cluster.processes(None, None, 8) == 1
+    assert cluster.processes(None, None, 1) == cluster.processes(1, None, 8) == 1
+    for workers, scheduler in ((2, None), (None, "tcp://node:8786")):
+        with pytest.raises(MissingExtraError, match=r"several processes need the package"):
+            cluster.processes(workers, scheduler, 8)
 
 
 def test_graphics_that_need_an_extra_are_replaced_and_it_is_said(found):

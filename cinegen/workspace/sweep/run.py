@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import raff2urdf
-from cinegen.cluster import connected, default_workers, each
+from cinegen.cluster import connected, each, processes
 from cinegen.errors import ClosureError
 from cinegen.model.load import load
 from cinegen.workspace.errors import MapError
@@ -134,7 +134,7 @@ def _rows(
     """Return the result of each variant. Several processes work on different variants or, if there are fewer variants
     than processes, together on one after the other."""
     size = plan.region.size
-    wanted = workers or default_workers(len(tasks) * size // OVER_POSES // _WORTH)
+    wanted = processes(workers, scheduler, len(tasks) * size // OVER_POSES // _WORTH)
     report(0, len(tasks) * size)
     if scheduler is None and wanted == 1:
         return list(_in_turn(plan, tasks, size, report))
