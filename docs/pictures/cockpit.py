@@ -1,7 +1,6 @@
 """Draws docs/pictures/cockpit*.png again, from the live page: `python docs/pictures/cockpit.py [NAME ...]`.
 
-Needs chromium on PATH, playwright and Pillow. A mouse drags a part of a robot and holds it; what the page shows then is
-the picture.
+Needs chromium on PATH, playwright and Pillow. The picture is taken while a mouse drags a part of a robot.
 """
 
 import io
@@ -36,7 +35,7 @@ TOUCH = """([robot, node]) => {
 
 
 def drag(tab, robot, node, right, down):
-    """Takes a part and leads it by so many pixels; the button stays down."""
+    """Drags a part by so many pixels; the button stays down."""
     tab.mouse.move(480, 400)
     for _ in range(3):
         tab.mouse.wheel(0, -100)  # nearer
@@ -52,33 +51,36 @@ def drag(tab, robot, node, right, down):
 
 def out_of_reach(tab):
     """A delta robot whose platform is dragged further than its arms reach."""
+    tab.evaluate("cockpit.send({ type: 'select_sensor', robot: 'delta4', node: 'platform', sensor: null })")
+    tab.evaluate("cockpit.send({ type: 'move_home' })")
+    tab.wait_for_timeout(4000)
     drag(tab, "delta4", "platform", 280, 90)
 
 
 def two_robots(tab):
     """An arm on a Gough platform: its tool is pinned, and the platform is dragged from under it."""
-    tab.evaluate("cockpit.send({ pin: { robot: 'arm7', node: 'tool' } })")
+    tab.evaluate("cockpit.send({ type: 'pin', robot: 'arm7', node: 'tool' })")
     tab.evaluate("cockpit.select('arm7', 'tool')")
-    drag(tab, "gough", "platform", -70, 10)
+    drag(tab, "gough", "platform", -35, 5)
 
 
 SHOTS = {
-    "cockpit": (out_of_reach, ["delta4"], []),
-    "cockpit_two_robots": (two_robots, ["gough", "arm7"], ["arm7=gough.platform"]),
+    "cockpit": (out_of_reach, ["delta4"], [], "circle"),
+    "cockpit_two_robots": (two_robots, ["gough", "arm7"], ["arm7=gough.platform"], None),
 }
-"""What is done, with which robots, and where they stand."""
+"""What is done, with which robots, their base poses, and the path that they follow before."""
 
 
 def shot(browser, name):
     """Draws one picture."""
-    scene, robots, stands = SHOTS[name]
-    setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, bases=stands)
+    scene, robots, bases, follow = SHOTS[name]
+    setup = arrange({robot: cinegen.load(ROBOTS / f"{robot}.raff") for robot in robots}, bases=bases, follow=follow)
     with Cockpit(setup, port=7860) as cockpit:
         tab = browser.new_page(viewport=VIEW, bypass_csp=True)  # what is evaluated is not the page's own
         tab.goto(cockpit.url)
         tab.wait_for_function("document.documentElement.dataset.view === 'ready'", timeout=60_000)
         scene(tab)
-        tab.evaluate("document.querySelectorAll('.toast').forEach((toast) => toast.remove())")
+        tab.evaluate("document.querySelectorAll('.toast, #hint').forEach((note) => note.remove())")
         picture = tab.screenshot(timeout=60_000)
         tab.mouse.up()
         tab.close()
