@@ -11,7 +11,7 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator
 
-from raff2urdf.document import Document, JointType, RaffPart, RaffRobot, RaffSensor
+from raff2urdf.document import LEAST_SIZE, Document, JointType, RaffPart, RaffRobot, RaffSensor
 from raff2urdf.errors import (
     Problem,
     RaffError,
@@ -61,6 +61,7 @@ def check(document: Document) -> None:
     problems += _file_problems(document)
     for robot in document.robots:
         problems += [*_tree_problems(document, robot), *_constraint_problems(document, robot)]
+        problems += _unit_problems(document, robot)
     _raise(problems)
     for robot in document.robots:
         for problem in _oddities(document, robot):
@@ -175,6 +176,17 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
                     f"sensor {number} is not declared (declared: {', '.join(map(str, sorted(sensors))) or 'none'})"
                 )
                 yield problem(message, constraint.locations.get(f"sensor {number}"))
+
+
+def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
+    """Yield a problem if all lengths are below 1 mm and the file does not state that mm are meant."""
+    size, node = document.longest(robot)
+    if not document.states_units and 0.0 < size < LEAST_SIZE:
+        message = (
+            f"all lengths of robot '{robot.name}' are below {LEAST_SIZE:g} mm, the longest is {shown(size)} mm: did "
+            "you mean metres? Write 'units m' after the first line, or 'units mm' if they are in mm"
+        )
+        yield document.source.problem(message, node.locations.get("parameters"))
 
 
 def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:

@@ -14,6 +14,9 @@ from typing import ClassVar
 
 from raff2urdf.errors import Problem, RaffError, SourceLocation, did_you_mean
 
+LEAST_SIZE = 5.0
+"""Longest length, mm, below which a file must state its units: it may well be in m."""
+
 UNITS_PER_METRE: Mapping[str, float] = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0}
 
 
@@ -44,6 +47,11 @@ class Parameters:
     alpha: float = 0.0
     gamma: float = 0.0
     epsilon: float = 0.0
+
+    @property
+    def lengths(self) -> tuple[float, float, float]:
+        """r, d and epsilon."""
+        return self.r, self.d, self.epsilon
 
 
 Locations = Mapping[str, SourceLocation]
@@ -240,12 +248,14 @@ class Document:
     Attributes:
         name: the word after `RAFF` in its first line.
         units: unit of every length in it: "mm" (default), "um", "cm" or "m".
+        states_units: whether the text states them; False if they are the default.
     """
 
     name: str
     robots: tuple[RaffRobot, ...] = ()
     sensors: tuple[RaffSensor, ...] = ()
     units: str = "mm"
+    states_units: bool = field(default=True, compare=False, repr=False)
     source: SourceText = field(default_factory=SourceText, compare=False, repr=False)
 
     def robot(self, name: str | None = None) -> RaffRobot:
@@ -261,6 +271,13 @@ class Document:
             raise RaffError(self.source.problem("the file has no robot: add 'robot NAME { }'"))
         names = [robot.name for robot in self.robots]
         raise RaffError(self.source.problem(f"there is no robot '{name}'{did_you_mean(name, names)}"))
+
+    def longest(self, robot: RaffRobot) -> tuple[float, RaffNode]:
+        """Return the longest length among the parameters of a robot, in the file's unit, and its node."""
+        return max(
+            ((max(map(abs, node.parameters.lengths)), node) for node in (robot.base, *robot.parts)),
+            key=lambda pair: pair[0],
+        )
 
     def metres(self, length: float) -> float:
         """Convert a length of the file to metres, by a division: 211.21 mm is the double nearest to 0.21121."""

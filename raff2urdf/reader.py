@@ -140,7 +140,8 @@ class _Reading:
             while not self.ends(file):
                 self.statement(file)
             robots, sensors = (tuple(file.values.pop(word, ())) for word in ("robots", "sensors"))
-            return Document(name, robots, sensors, **file.values, source=self.source)
+            stated = "units" in file.values
+            return Document(name, robots, sensors, **file.values, states_units=stated, source=self.source)
         return Document("")
 
     @property

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from raff2urdf.document import Document, LoopKind, Parameters, RaffFrame, RaffNode, RaffRobot, RaffSensor
+from raff2urdf.document import LEAST_SIZE, Document, LoopKind, Parameters, RaffFrame, RaffNode, RaffRobot, RaffSensor
 from raff2urdf.errors import RaffError
 
 
@@ -24,7 +24,7 @@ def dumps(document: Document, head: Sequence[str] = (), notes: Mapping[int, str]
     lines = [f"RAFF {_name(document.name)}"]
     if head:
         lines += ["", *(f"// {_comment(line)}" for line in head)]
-    if document.units != "mm":
+    if document.units != "mm" or any(0.0 < document.longest(one)[0] < LEAST_SIZE for one in document.robots):
         lines.append(f"units {document.units}")
     for sensor in document.sensors:
         lines += ["", f"sensor {sensor.number} {{", *_statements(sensor, "  "), "}"]

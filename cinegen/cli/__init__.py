@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Sequence
+from contextvars import copy_context
 
 from cinegen.cli import close, compare, compile, demo, drive, export, info, map, modes, plan, replay, sensors, singular
 from cinegen.cli.numbers import NumberLists
@@ -29,7 +30,7 @@ def _options(version: Version = False) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; return its exit code: 0, 1 or 2, or as `raff2urdf.output.run` says."""
-    return output.run("cinegen", lambda: _main(arguments))
+    return output.run("cinegen", lambda: copy_context().run(_main, arguments))
 
 
 def _main(arguments: Sequence[str] | None) -> int:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 import typer
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.options import FORCE, JSON, PLOT, option
+from cinegen.cli.options import FORCE, JSON, PLOT, UNITS, option
 
 _MAP = typer.Argument(..., metavar="MAP", help="folder of a map, .zarr")
 
@@ -19,6 +20,7 @@ def run(
     show: str | None = option("NAME", "quantity whose difference is drawn"),
     json: bool = JSON,
     force: bool = FORCE,
+    units: Literal["m", "mm"] = UNITS,
 ) -> int:
     """Compare two maps: cells that both or only one reaches, and differences of quantities."""
     from cinegen.workspace import open_map

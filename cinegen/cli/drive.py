@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from cinegen.cli.files import check_outputs, count, empty
+from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions, write_page
 from raff2urdf.command_line import UsageError
+from raff2urdf.quantities import FREQUENCY, LENGTH, shown
 
 if TYPE_CHECKING:
     from cinegen.session import Setup
@@ -26,11 +28,13 @@ def run(
     node: str | None = option("NAME", "node that follows it (default: the last of the file)"),
     sensor: list[str] = option("N=URL", "another port for sensor N of the files; NODE=URL: a sensor for any node", ()),
     base: list[str] = option(
-        "NAME=POSE", "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m, degrees), or ROBOT.NODE@x,y,z...", ()
+        "NAME=POSE",
+        "base pose of a robot: ROBOT.NODE, x,y,z[,roll,pitch,yaw] (m and degrees), or ROBOT.NODE@x,y,z...",
+        (),
     ),
     record: Path | None = option("FILE.jsonl", "record the motion, for `cinegen replay` and `export`"),
     snapshot: Path | None = option("FILE.html", "write a page that needs no server: now, or after --seconds"),
-    rate: float = option("HZ", "ticks per second, Hz", 1000.0, min=10, max=10_000),
+    rate: float = quantity_option("HZ", "ticks per second (Hz)", FREQUENCY, 1000.0, least=10.0, most=1e4),
 ) -> int:
     """Drive robots in a page: drag any part, move actuated joints, plug in sensors.
 
@@ -98,4 +102,4 @@ def _describe(setup: Setup) -> None:
         line += f", mobility {mechanism.mobility}"
         print(f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else line)
     if setup.avoidance is not None:
-        print(f"keeps {1e3 * setup.avoidance.scene.safety:.3g} mm clear of {count(setup.obstacles, 'obstacle')}")
+        print(f"keeps {shown(setup.avoidance.scene.safety, LENGTH)} clear of {count(setup.obstacles, 'obstacle')}")

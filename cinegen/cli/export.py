@@ -7,14 +7,16 @@ from pathlib import Path
 import typer
 
 from cinegen.cli.files import check_outputs
+from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FORCE, flag, option
 from raff2urdf.files import output_path
+from raff2urdf.quantities import FREQUENCY, NUMBER
 
 FORMATS = ("csv", "npz", "ros2", "urscript")
 """Names in `cinegen.mission.FORMATS`, whose import takes longer than help may."""
 
 RECORDING = typer.Argument(..., metavar="FILE.jsonl", help="recording, by `cinegen drive --record`")
-SPEED = option("X", "playback speed, times that of the recording", 1.0)
+SPEED = quantity_option("X", "playback speed, times that of the recording", NUMBER, 1.0)
 
 
 def run(
@@ -22,7 +24,7 @@ def run(
     to: str = option("FORMAT", f"format: {', '.join(FORMATS)}", ...),
     output: str | None = option("FILE", "file to write (default: next to the recording)", None, "-o", "--output"),
     robot: str | None = option("NAME", "robot of the recording, if it has several"),
-    rate: float = option("HZ", "samples per second, Hz", 125.0),
+    rate: float = quantity_option("HZ", "samples per second (Hz)", FREQUENCY, 125.0),
     speed: float = SPEED,
     all_joints: bool = flag("--all-joints", "write passive joints too"),
     unsafe: bool = flag("--unsafe", "write the motion even if its check fails"),

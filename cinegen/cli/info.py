@@ -8,6 +8,7 @@ from typing import Any
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, RobotOptions
+from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 
 def run(options: RobotOptions, files: list[Path] = FILE, json: bool = JSON) -> int:
@@ -26,13 +27,14 @@ def _text(report: Mapping[str, Any]) -> str:
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
         f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}",
         "",
-        f"  {'joint':<12}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}   (rad, m)",
+        f"  {'joint':<12}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}",
     ]
     for joint in joints:
         numbers = [joint["home"], joint["lower"], joint["upper"], joint["velocity"]]
-        cells = "".join(f"{'-' if value is None else f'{_rounded(value):.4g}':>10}" for value in numbers)
-        actuation = "actuated" if joint["actuated"] else ""
-        lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {actuation}".rstrip())
+        scale, unit = shown_scale(LENGTH if joint["type"] == "prismatic" else ANGLE)
+        cells = "".join(f"{'-' if value is None else f'{_rounded(scale * value):.4g}':>10}" for value in numbers)
+        actuation = "   actuated" if joint["actuated"] else ""
+        lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {unit}, {unit}/s{actuation}")
     if loops:
         lines += ["", f"  loops: {report['loop_rows']} rows of rank {report['loop_rank']}"]
         lines += [f"    {loop['name']}: {loop['kind']}" for loop in loops]
@@ -41,7 +43,7 @@ def _text(report: Mapping[str, Any]) -> str:
         lines.append(f"    singular values at home: {_values(report['loop_singular_values'])}")
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
     length = report["characteristic_length"]
-    lines.append(f"  (dimensionless: lengths divided by the characteristic length, {length:.4g} m)")
+    lines.append(f"  (dimensionless: lengths divided by the characteristic length, {shown(length, LENGTH)})")
     return "\n".join(lines)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, print_result, write_figure
-from cinegen.cli.numbers import interval, named, point
+from cinegen.cli.numbers import UNITS, dimension_of, interval_of, named, point
 from cinegen.cli.options import FILE, JSON, PLOT, VIEW, RobotOptions, exclude, flag, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
@@ -20,6 +20,7 @@ from cinegen.cli.region import region
 from cinegen.errors import CinegenError, UnknownNameError
 from raff2urdf.command_line import UsageError
 from raff2urdf.files import STANDARD, output_path
+from raff2urdf.quantities import LENGTH, NUMBER, shown, shown_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -39,7 +40,6 @@ QUANTITIES = (
 """Names in `cinegen.workspace.quantities`, whose import takes longer than help may."""
 
 _SLOW = ("solutions", "solid_angle")
-_UNITS = "m and rad, or with a unit: -900mm, 15deg"
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,11 @@ class MapOptions:
 
     over: str = option(
         "AXES", "axes, each NAME, NAME=LOW..HIGH or NAME=LOW..HIGH:CELLS: x, y, z, rx, ry, rz of a node ('xy' is x,y), "
-        f"azimuth, elevation, radius about --centre, or actuated joints ({_UNITS}; "
+        f"azimuth, elevation, radius about --centre, or actuated joints ({UNITS}; "
         "default: all translations, or the actuated joint of a robot of mobility 1)", "",
     )  # fmt: skip
-    line: str | None = option("A..B", "instead of axes, a line between two points, m: 0,0,-1..0.5,0,-1:200")
-    at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({_UNITS}; default: home)", "")
+    line: str | None = option("A..B", "instead of axes, a line between two points (m): 0,0,-1..0.5,0,-1:200")
+    at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({UNITS}; default: home)", "")
     orientation: Literal["free", "axis", "fixed", "home"] = option(
         None, "orientation to reach: any, a direction of the node's z axis, a full one, or that at home; free is fixed "
         "if rx, ry or rz is given", "free",
@@ -69,10 +69,10 @@ class MapOptions:
     no_limits: bool = flag("--no-limits", "ignore position limits of joints")
     starts: int | None = option("N", "starts of a search where no neighbour's solution leads (6)")
     vary: list[str] = option(
-        "PARAMETER", "map each variant of a RAFF file, such as link2.d=1500..2500:11, in units of the file; several "
-        "parameters together (link2.d+link5.d=...), or independently (--vary twice)", (),
+        "PARAMETER", "map each variant of a RAFF file, such as link2.d=1.5..2.5:11; several parameters together "
+        f"(link2.d+link5.d=...), or independently (--vary twice; {UNITS})", (),
     )  # fmt: skip
-    box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm (m)", "")
+    box: str = option("RANGES", "box that variants should reach, such as x=-0.3..0.3,y=-300..300mm", "")
     output: str | None = option("FOLDER", "folder to write (ROBOT-map.zarr, or ROBOT-sweep)", None, "-o", "--output")
     plot: Path | None = PLOT
     show: str | None = option("NAME", "quantity to draw and to show (default: the first of --quantity)")
@@ -154,7 +154,7 @@ def specification(mechanism: Mechanism, options: MapOptions, ignore_loops: bool 
     return MapSpecification(
         mechanism, where, tuple(dict.fromkeys(names)), options.node or "", not options.no_limits,
         STARTS if options.starts is None else options.starts,
-        along=() if options.along is None else point(options.along, "--along"),
+        along=() if options.along is None else point(options.along, "--along", NUMBER),
         scene=scene, folder=str(options.scene.absolute().parent) if options.scene else ".",
     )  # fmt: skip
 
@@ -176,16 +176,20 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     """Map all variants and print their table."""
     from cinegen.plotting.sweep import check_drawable, draw_sweep
     from cinegen.workspace.sweep import Variation, WantedBox, sweep
+    from raff2urdf.reader import load as load_document
+    from raff2urdf.shipped import find_robot
 
     for other, value in {"loop": robots.loop, "ignore_loops": robots.ignore_loops, "view": options.view}.items():
         exclude(vary=True, **{other: value})
-    variations = [Variation.parse(text) for text in options.vary]
+    document = load_document(find_robot(file))
+    variations = [Variation.typed(text, document, robots.robot) for text in options.vary]
     if options.plot:
         check_drawable(variations)
     folder = _folder(options.output, f"{name}-sweep")
     if not options.yes and not folder.exists():
         _confirm(spec, options, math.prod(len(variation.values) for variation in variations))
-    box = {key: interval(ends, "--box") for key, ends in named(options.box, "--box", "x=-0.3..0.3").items()}
+    wanted = named(options.box, "--box", "x=-0.3..0.3")
+    box = {key: interval_of(spec.mechanism, key, ends, "--box") for key, ends in wanted.items()}
     with Progress() as progress:
         table = sweep(
             file, variations, spec.region, folder, box=WantedBox(box), robot=robots.robot, workers=options.workers,
@@ -271,26 +275,28 @@ def _lines(name: str, spec: MapSpecification, result: dict[str, Any]) -> list[st
     shape = " x ".join(map(str, spec.region.shape))
     what = f"{name}: {shape} cells over {', '.join(spec.region.names)}"
     if spec.region.at:
-        what += f", at {', '.join(f'{key} = {value:.4g}' for key, value in spec.region.at.items())}"
+        what += f", at {', '.join(_coordinate(spec, key, value) for key, value in spec.region.at.items())}"
     if not spec.over_joints:
         orientation = {0: "free", 2: "of its z axis given", 3: "given"}[spec.rotation]
         what += f"; of {spec.node}, orientation {orientation}"
     share = 100.0 * result["reachable"] / result["cells"]
     measured = result["extent"]
-    error = f" ± {measured['error']:.2g}" if measured["error"] > _ROUNDING * measured["value"] else ""
-    size = f"{measured['value']:.4g}{error} {measured['unit']}"
+    scale, unit = shown_unit(measured["unit"])
+    error = f" ± {scale * measured['error']:.2g}" if measured["error"] > _ROUNDING * measured["value"] else ""
+    size = f"{scale * measured['value']:.4g}{error} {unit}"
     lines = [
         *textwrap.wrap(what, _WIDTH, subsequent_indent="  "),
         f"  reachable       {size}, {share:.3g} % of the region",
         *textwrap.wrap(f"  status          {_counts(result)}", _WIDTH, subsequent_indent=" " * 18),
     ]
     for quantity, values in result["quantities"].items():
-        unit = "" if values["unit"] == "1" else f" {values['unit']}"
+        scale, unit = (1.0, "") if values["unit"] == "1" else shown_unit(values["unit"])
         three = ", ".join(
-            f"{key} {'unbounded' if values[key] is None else f'{values[key]:.3g}'}" for key in ("min", "median", "max")
+            f"{key} {'unbounded' if values[key] is None else f'{scale * values[key]:.3g}'}"
+            for key in ("min", "median", "max")
         )
         along = f", along {', '.join(f'{x:.3g}' for x in spec.along)}" if quantity in ("velocity", "force") else ""
-        lines.append(f"  {quantity:<15} {three}{unit}{along}")
+        lines.append(f"  {quantity:<15} {three} {unit}".rstrip() + along)
     return lines
 
 
@@ -298,8 +304,12 @@ def _counts(result: dict[str, Any]) -> str:
     return ", ".join(f"{number:,} {how}" for how, number in result["status"].items())
 
 
+def _coordinate(spec: MapSpecification, name: str, value: float) -> str:
+    return f"{name} = {shown(value, dimension_of(spec.mechanism, name) or NUMBER)}"
+
+
 def _home(spec: MapSpecification) -> str:
     """Return where the node is at home: mistaken units and frames are common."""
-    home = spec.home.translation
-    here = ", ".join(f"{name} = {round(value, 6) + 0.0:.4g}" for name, value in zip("xyz", home, strict=True))
-    return f"At home {spec.node} is at {here} m; numbers are {_UNITS}"
+    home = (round(float(value), 6) for value in spec.home.translation)
+    here = ", ".join(f"{name} = {shown(value, LENGTH)}" for name, value in zip("xyz", home, strict=True))
+    return f"At home {spec.node} is at {here}; numbers are {UNITS}"

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-import math
 import tempfile
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
-from cinegen.cli.numbers import mm_and_degrees, parts, values
+from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
+from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,17 +37,17 @@ def run(
     file: Path = FILE,
     lengths: str | None = option(
         "VALUES",
-        "values of the actuated joints in the order of the file, such as 21.7,21.7,23.8 (mm, degrees); or of "
-        "some by name: joint3=21.7, the others as at home",
+        "values of the actuated joints in the order of the file, such as 21.7mm,21.7mm,23.8mm; or of some by name: "
+        f"joint3=21.7mm, the others as at home ({UNITS})",
         None,
         "--lengths",
         "--values",
     ),
     at: str | None = option(
         "POSE",
-        "solve for the actuated joints with the node at x,y,z[,rx,ry,rz] (mm, degrees; roll, pitch, yaw as in "
-        "URDF; without them any orientation); or some by name: x=10,rz=15, the others as at home. If several solutions "
-        "exist, the one nearest the home configuration is used",
+        "solve for the actuated joints with the node at x,y,z[,rx,ry,rz] (roll, pitch, yaw as in URDF; without them "
+        "any orientation); or some by name: x=0.01,rz=15, the others as at home. If several solutions exist, the one "
+        f"nearest the home configuration is used ({UNITS})",
     ),
     node: str | None = NODE,
     method: Literal["auto", "monodromy"] = option(
@@ -108,7 +108,7 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
 
     from cinegen.plotting.units import value_text
 
-    joints, units = mechanism.actuated, mm_and_degrees(mechanism)
+    joints = mechanism.actuated
     home = {joint: float(mechanism.q_home[mechanism.q_index(joint)]) for joint in joints}
     given = parts(text)
     if not any("=" in part for part in given):
@@ -117,7 +117,7 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
             number = f"{count(given, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
             raise CinegenError(f"--lengths: {number}: {listed}")
         text = ",".join(f"{joint}={value}" for joint, value in zip(joints, given, strict=True))
-    for joint, value in values(text, "--lengths", f"{next(iter(joints), 'joint1')}=100 (mm, degrees)", units).items():
+    for joint, value in values(text, "--lengths", f"{next(iter(joints), 'joint1')}=0.1", mechanism).items():
         if joint not in home:
             raise UnknownNameError("actuated joint", joint, tuple(joints))
         home[joint] = value
@@ -138,9 +138,9 @@ def _pose(mechanism: Mechanism, text: str, node: str) -> FrameTask:
     given = parts(text)
     if not any("=" in part for part in given):
         if len(given) not in (3, 6):
-            raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in mm and degrees, not {len(given)} numbers")
+            raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in m and degrees, not {len(given)} numbers")
         text = ",".join(f"{name}={value}" for name, value in zip(_POSE, given, strict=False))
-    by_name = values(text, "--at", "x=10,rz=15 (mm, degrees)", mm_and_degrees(mechanism))
+    by_name = values(text, "--at", "x=0.01,rz=15 (m and degrees)", mechanism)
     home = mechanism.placement(mechanism.q_home, node)
     pose = dict(zip(_POSE, [*home.translation, *pin.rpy.matrixToRpy(home.rotation)], strict=True))
     for coordinate in by_name:
@@ -166,11 +166,11 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
         found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
         if found:
             return np.array([found.q[mechanism.q_index(joint)] for joint in mechanism.actuated])
-    numbers = [f"{name} {value:g}" for name, value in zip(_POSE, pose_numbers(asked.target), strict=True)]
-    where, missed = f"{', '.join(numbers[:3])} mm", f"{1e3 * found.errors[0][0]:.4g} mm"
+    numbers = [f"{name} {value:.6g}" for name, value in zip(_POSE, pose_numbers(asked.target), strict=True)]
+    where, missed = f"{', '.join(numbers[:3])} {shown_scale(LENGTH)[1]}", shown(found.errors[0][0], LENGTH)
     if asked.rotation:
-        where += f", {', '.join(numbers[3:])} degrees"
-        missed += f" and {math.degrees(found.errors[0][1]):.4g} degrees"
+        where += f", {', '.join(numbers[3:])} deg"
+        missed += f" and {shown(found.errors[0][1], ANGLE)}"
     raise CinegenError(
         f"{mechanism.name}: {asked.node} can't reach {where}, even beyond joint limits: the closest pose found misses "
         f"it by {missed}"
@@ -187,7 +187,9 @@ def _lines(name: str, modes: AssemblyModes, node: str | None, asked: FrameTask |
     number = count(modes, "assembly mode") if len(modes) else "no assembly mode"
     joints = zip(mechanism.actuated, modes.actuated, strict=True)
     given = [f"{joint} {value_text(mechanism, joint, float(value))}".replace(" ", _JOINED) for joint, value in joints]
-    heading = f"{name}: robot '{mechanism.name}', {number}" + (f"; pose of {node}, mm and degrees:" * bool(len(modes)))
+    heading = f"{name}: robot '{mechanism.name}', {number}" + (
+        f"; pose of {node}, {shown_scale(LENGTH)[1]} and degrees:" * bool(len(modes))
+    )
     wrapped = textwrap.wrap(f"actuated: {', '.join(given)}", _WIDTH, initial_indent="  ", subsequent_indent="    ")
     lines = [heading, *(line.replace(_JOINED, " ") for line in wrapped), ""]
     lines += [*_table(modes, node, asked), ""] if len(modes) else []
@@ -206,7 +208,7 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     import numpy as np
 
     from cinegen.model.motion_plane import motion_plane
-    from cinegen.plotting.units import pose_numbers, rounded
+    from cinegen.plotting.units import length_digits, pose_numbers, rounded
 
     placements = modes.placements(node)
     poses = np.array([pose_numbers(placement) for placement in placements])
@@ -216,11 +218,13 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     if plane is not None and abs(plane[2]) > 1.0 - 1e-9 and np.abs(poses[:, 3:5]).max() < 1e-6:
         columns = [0, 1, 5]  # the coordinates of a planar motion in x, y
     marks = [asked is not None and _is_at(asked, placement) for placement in placements]
-    notes = [_limits(modes.mechanism, q) for q in modes]
+    notes, digits = [_limits(modes.mechanism, q) for q in modes], length_digits()
     head = "".join(f"{heads[c]:>11}" if c < 3 else f"{heads[c]:>9}" for c in columns)
     lines = [f"  mode {head}   {'outside limits' if any(notes) else ''}".rstrip()]
     for k, (row, number) in enumerate(zip(poses, modes.coincident, strict=True)):
-        cells = "".join(f"{rounded(row[c], 3):11.3f}" if c < 3 else f"{rounded(row[c], 2):9.2f}" for c in columns)
+        cells = "".join(
+            f"{rounded(row[c], digits):11.{digits}f}" if c < 3 else f"{rounded(row[c], 2):9.2f}" for c in columns
+        )
         note = "; ".join(filter(None, [f"{number} solutions coincide" if number > 1 else "", notes[k]]))
         lines.append(f"  {k + 1:>4}{'*' if marks[k] else ' '}{cells}   {note}".rstrip())
     return [*lines, "", "  * the pose of --at"] if any(marks) else lines
@@ -235,15 +239,16 @@ def _is_at(asked: FrameTask, placement: pin.SE3) -> bool:
 
 def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
     """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
-    from cinegen.plotting.units import in_user_units, rounded
+    from cinegen.plotting.units import in_user_units, length_digits, rounded
 
     beyond, there = mechanism.limits.outside(q), mechanism.limits.unwound(q)
     if not beyond:
         return ""
     joint, limit = next(iter(beyond.items()))
     value = float(there[mechanism.q_index(joint)])
-    numbers = (f"{rounded(in_user_units(mechanism, joint, one)[0], 1):g}" for one in (value, limit))
-    text = f"{joint} {(' < ' if value < limit else ' > ').join(numbers)}"
+    digits = length_digits() - 2 if mechanism.is_prismatic(joint) else 1
+    (number, unit), (end, _) = (in_user_units(mechanism, joint, one) for one in (value, limit))
+    text = f"{joint} {rounded(number, digits):g} {'<' if value < limit else '>'} {rounded(end, digits):g} {unit}"
     return text + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
 
 

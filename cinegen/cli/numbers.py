@@ -1,133 +1,227 @@
-"""Numbers, points and ranges as options give them: `x=-0.5..0.5:80,y`, `joint3=21.7`, `-900mm`.
+"""Numbers, points and ranges as options give them: `x=-0.5..0.5:80,y`, `joint3=21.7mm`, `-900mm`.
 
-A number may have a unit: mm, cm, m, deg or rad. What a bare number means is said by each option.
+A number may have a unit; without one it is in m, degrees, s or Hz, by its dimension (`raff2urdf.quantities`).
 """
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
+import typer
 from typer.core import TyperCommand
 
-from cinegen.errors import CinegenError
+from raff2urdf.command_line import UsageError
+from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
 
-_TO_SI: dict[str, Callable[[float], float]] = {
-    "m": float, "cm": lambda x: x / 1e2, "mm": lambda x: x / 1e3, "rad": float, "deg": math.radians, "°": math.radians,
-}  # fmt: skip
-_NUMBER = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([a-z°]*)")
+UNITS = "m and degrees, or with a unit: -900mm, 0.3rad"
+"""Units of numbers that are typed, for help."""
 
-Units = Callable[[str], str]
-"""The unit of bare numbers, by the name of a coordinate or joint."""
+_LENGTHS = ("x", "y", "z", "radius")
+_ANGLES = ("rx", "ry", "rz", "azimuth", "elevation")
 
 
-def si(_: str) -> str:
-    """Return the unit of bare numbers where they are m and rad."""
-    return "m"
-
-
-def mm_and_degrees(mechanism: Mechanism) -> Units:
-    """Return the unit of bare numbers where they are mm for x, y, z and prismatic joints, else degrees."""
-
-    def unit(name: str) -> str:
-        return (
-            "mm" if (mechanism.is_prismatic(name) if name in mechanism.joints else name in ("x", "y", "z")) else "deg"
-        )
-
-    return unit
-
-
-def quantity(text: str, option: str, unit: str = "m") -> float:
-    """Return a number in m or rad.
-
-    Args:
-        text: what was typed.
-        option: where, for errors.
-        unit: of a bare number.
-
-    Raises:
-        CinegenError: it is not a finite number, or its unit is unknown.
-    """
-    found = _NUMBER.fullmatch(text.strip())
-    if found is None or found[2] not in {"", *_TO_SI} or not math.isfinite(float(found[1])):
-        raise CinegenError(f"{option}: '{text}' is not a number (with a unit, if you like: {', '.join(_TO_SI)})")
-    return _TO_SI[found[2] or unit](float(found[1]))
+def dimension_of(mechanism: Mechanism, name: str) -> Dimension | None:
+    """Return the dimension of a coordinate or a joint; None if there is none of that name."""
+    if name in mechanism.joints:
+        return LENGTH if mechanism.is_prismatic(name) else ANGLE
+    return LENGTH if name in _LENGTHS else ANGLE if name in _ANGLES else None
 
 
 def parts(text: str) -> list[str]:
-    """Return what commas or blanks separate."""
-    return re.sub(r"\s*=\s*", "=", text).replace(",", " ").split()
+    """Return what commas or blanks separate; a blank before a unit separates nothing."""
+    joined = re.sub(r"\s*=\s*", "=", text).replace(",", " ").split()
+    found: list[str] = []
+    for part in joined:
+        if found and re.fullmatch(r"[A-Za-zµ°]+", part) and is_quantity(f"{found[-1].rpartition('=')[2]} {part}"):
+            found[-1] += part
+        else:
+            found.append(part)
+    return found
 
 
 def named(text: str, option: str, example: str) -> dict[str, str]:
     """Return the texts behind names: `x=10,rz=15`.
 
     Raises:
-        CinegenError: a part has no name, or a name is given twice.
+        UsageError: a part has no name, or a name is given twice.
     """
     found: dict[str, str] = {}
     for part in parts(text):
         name, equals, value = part.partition("=")
         if not equals:
-            raise CinegenError(f"{option}: '{part}': write NAME=VALUE, such as {example}")
+            raise UsageError(f"{option}: '{part}': write NAME=VALUE, such as {example}")
         if name in found:
-            raise CinegenError(f"{option}: {name} is given twice")
+            raise UsageError(f"{option}: {name} is given twice")
         found[name] = value
     return found
 
 
-def values(text: str, option: str, example: str, units: Units) -> dict[str, float]:
-    """Return numbers by name, m and rad.
+def quantity(text: str, option: str, dimension: Dimension) -> float:
+    """Return a number in SI units and radians.
+
+    Args:
+        text: what was typed.
+        option: where, for errors.
+        dimension: of the number.
 
     Raises:
-        CinegenError: as `named` and `quantity`.
+        UsageError: it is no quantity of that dimension.
     """
-    return {name: quantity(value, option, units(name)) for name, value in named(text, option, example).items()}
+    try:
+        return parse(text, dimension)
+    except QuantityError as error:
+        raise UsageError(f"{option}: {error}") from None
 
 
-def interval(text: str, option: str, unit: str = "m") -> tuple[float, float]:
-    """Return both ends of `LOW..HIGH`, m or rad; a unit behind the second is that of both.
+def values(text: str, option: str, example: str, mechanism: Mechanism) -> dict[str, float]:
+    """Return values of coordinates and joints by name, m and rad; 0 for an unknown name, which the caller refuses.
 
     Raises:
-        CinegenError: it is not an interval.
+        UsageError: as `named` and `quantity`.
+        ImplausibleError: a value would fit in another unit only.
     """
-    low, dots, high = text.partition("..")
-    if not dots:
-        raise CinegenError(f"{option}: '{text}': write LOW..HIGH, such as -0.5..0.5 or -500..500mm")
-    first, last = _NUMBER.fullmatch(low.strip()), _NUMBER.fullmatch(high.strip())
-    if first is not None and last is not None and not first[2]:
-        low += last[2]
-    return quantity(low, option, unit), quantity(high, option, unit)
+    from cinegen.model.plausible import check_joint, check_lengths
+
+    found = {}
+    for name, value in named(text, option, example).items():
+        dimension = dimension_of(mechanism, name)
+        found[name] = 0.0 if dimension is None else quantity(value, f"{option}: {name}", dimension)
+        if name in mechanism.joints:
+            check_joint(mechanism, name, [found[name]])
+        elif dimension is LENGTH:
+            check_lengths(mechanism, f"{option} {name}", [found[name]])
+    return found
 
 
-def point(text: str, option: str) -> tuple[float, float, float]:
+def interval(text: str, option: str, dimension: Dimension) -> tuple[float, float]:
+    """Return both ends of `LOW..HIGH`, SI units and radians; a unit behind the second is that of both.
+
+    Raises:
+        UsageError: it is not an interval.
+    """
+    try:
+        return parse_range(text, dimension)
+    except QuantityError as error:
+        raise UsageError(f"{option}: {error}") from None
+
+
+def interval_of(mechanism: Mechanism, name: str, text: str, option: str) -> tuple[float, float]:
+    """Return both ends of the range `LOW..HIGH` of a coordinate or joint, m or rad; 0 and 1 for an unknown name, which
+    the caller refuses.
+
+    Raises:
+        UsageError: it is not an interval, or its lower end is not the first.
+        ImplausibleError: the range would fit in another unit only.
+    """
+    from cinegen.model.plausible import check_joint, check_lengths, check_revolution
+
+    dimension = dimension_of(mechanism, name)
+    if dimension is None:
+        return 0.0, 1.0
+    ends = interval(text, f"{option}: {name}", dimension)
+    if not ends[0] < ends[1]:
+        raise UsageError(f"{option}: {name}: '{text}' is no range: give the lower end first")
+    if name in mechanism.joints:
+        check_joint(mechanism, name, ends)
+    elif dimension is LENGTH:
+        check_lengths(mechanism, f"{option} {name}", ends)
+    else:
+        check_revolution(f"{option} {name}", *ends)
+    return ends
+
+
+def point(text: str, option: str, dimension: Dimension = LENGTH) -> tuple[float, float, float]:
     """Return the three coordinates of `X,Y,Z`, m.
 
+    Args:
+        text: what was typed.
+        option: where, for errors.
+        dimension: of the coordinates.
+
     Raises:
-        CinegenError: it is not a point.
+        UsageError: it is not a point.
     """
-    given = [quantity(part, option) for part in parts(text)]
+    given = parts(text)
     if len(given) != 3:
-        raise CinegenError(f"{option}: '{text}': a point is x,y,z, not {len(given)} numbers")
-    return given[0], given[1], given[2]
+        raise UsageError(f"{option}: '{text}': a point is x,y,z, not {len(given)} number{'s' * (len(given) != 1)}")
+    try:
+        x, y, z = parse_list(given, dimension)
+    except QuantityError as error:
+        raise UsageError(f"{option}: {error}") from None
+    return x, y, z
+
+
+def segment(text: str, option: str) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+    """Return both ends of a line `X,Y,Z..X,Y,Z`, m.
+
+    Raises:
+        UsageError: it is not a line between two points.
+    """
+    ends = re.split(r"(\.{2,})", text)
+    if len(ends) != 3 or ends[1] != "..":
+        raise UsageError(f"{option}: '{text}': write X,Y,Z..X,Y,Z with two dots, such as 0,0,-1..0.5,0,-1")
+    first, last = point(ends[0], option), point(ends[2], option)
+    try:
+        parse_list([*parts(ends[0]), *parts(ends[2])], LENGTH)
+    except QuantityError as error:
+        raise UsageError(f"{option}: {error}") from None
+    return first, last
+
+
+def quantity_option(
+    metavar: str, help: str, dimension: Dimension, default: float | None = None, *names: str,
+    least: float = 0.0, most: float = 1e7, **settings: Any,
+) -> Any:  # fmt: skip
+    """Return an option whose value is one number with an optional unit, SI units and radians.
+
+    Args:
+        metavar: the value in the help.
+        help: what it does, with the unit of a bare number.
+        dimension: of the number.
+        default: in SI units; shown in the help unless it is None.
+        names: such as `-o`, `--output`; `--parameter` unless given.
+        least: smallest valid value.
+        most: largest valid value.
+        settings: those of `typer.Option`.
+    """
+    return typer.Option(
+        default, *names, metavar=metavar, help=help, show_default=default is not None,
+        parser=_parser(dimension, least, most), **settings,
+    )  # fmt: skip
+
+
+def _parser(dimension: Dimension, least: float, most: float) -> Callable[[Any], float]:
+    def parser(given: Any) -> float:
+        if not isinstance(given, str):
+            return float(given)
+        try:
+            value = parse(given, dimension)
+        except QuantityError as error:
+            raise typer.BadParameter(str(error)) from None
+        if not least <= value <= most:
+            raise typer.BadParameter(
+                f"'{given}' is not in the range {least:g} to {most:g} {dimension.default}".rstrip()
+            )
+        return value
+
+    return parser
 
 
 class NumberLists(TyperCommand):
     """A command whose lists of numbers may also be separated by blanks: `--at x=10 rz=15`."""
 
     _LISTS = frozenset({"--at", "--lengths", "--values"})
-    _ITEM = re.compile(rf"{_NUMBER.pattern}|\w+=\S*")
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command line, with the words of a list joined by commas."""
         joined, in_list = [""], False
         for word in args:
-            if in_list and all(map(self._ITEM.fullmatch, parts(word))):
+            if in_list and all(is_quantity(part) or re.fullmatch(r"\w+=\S*", part) for part in parts(word)):
                 joined[-1] += f",{word}"
             else:
                 option, equals, _ = word.partition("=")

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
 
+from cinegen.cli.numbers import quantity_option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
 from raff2urdf.extras import needs
 from raff2urdf.files import STANDARD
+from raff2urdf.quantities import TIME, show_lengths_in
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -35,6 +37,11 @@ def flag(name: str, help: str, **settings: Any) -> Any:
     return typer.Option(False, name, metavar="", help=help, **settings)
 
 
+def _show_units(unit: str) -> str:
+    show_lengths_in(unit)
+    return unit
+
+
 def _check_drawable(picture: Path | None) -> Path | None:
     """Check that pictures can be drawn before anything is computed."""
     if picture is not None:
@@ -52,7 +59,8 @@ IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
 PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
-SECONDS = option("S", "stop after this time, s (default: at Ctrl-C)", min=0, max=10_000_000)
+SECONDS = quantity_option("S", "stop after this time (s; default: at Ctrl-C)", TIME)
+UNITS = option(None, "unit of lengths in text and pictures; angles are in degrees", "m", callback=_show_units)
 VIEW = flag("--view", "show the result in the page")
 
 
@@ -65,6 +73,7 @@ class RobotOptions:
         "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, whatever the file says", ()
     )
     ignore_loops: bool = IGNORE_LOOPS
+    units: Literal["m", "mm"] = UNITS
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
         """Return all robots of all files with their file, by a unique name.

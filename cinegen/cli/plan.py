@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
-from cinegen.cli.options import IGNORE_LOOPS, JSON, PLOT, VIEW, exclude, option
+from cinegen.cli.options import IGNORE_LOOPS, JSON, PLOT, UNITS, VIEW, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
 from raff2urdf.files import output_path
+from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,6 +48,7 @@ def run(
     plot: Path | None = PLOT,
     json: bool = JSON,
     view: bool = VIEW,
+    units: Literal["m", "mm"] = UNITS,
 ) -> int:
     """Plan a path to a goal around obstacles, by vortex fields or by sampling.
 
@@ -100,7 +102,7 @@ def _task(scene: Scene) -> list[str]:
         robot = f"robot '{mechanism.name}', {count(mechanism.joints, 'joint')}"
         robot += f", {count(mechanism.loops, 'loop')}" if mechanism.loops else ""
     else:
-        robot = f"mobile robot, radius {_mm(scene.mobile)}" if scene.mobile else "mobile robot, a point"
+        robot = f"mobile robot, radius {_length_text(scene.mobile)}" if scene.mobile else "mobile robot, a point"
     orientation = {0: "", 1: ", with its rotation about z", 3: ", with its orientation"}[scene.rotation]
     goal = _point(scene.goal.translation[: scene.translation])
     obstacles = ", ".join(f"{one.name} ({one.kind})" if one.name != one.kind else one.name for one in scene.obstacles)
@@ -119,7 +121,7 @@ def _result(found: Plan) -> list[str]:
     if len(found.path) > 1 or found:
         lines += [
             f"  steps      {len(found.path) - 1}",
-            f"  path       {_mm(_length(found))}, of {found.scene.node}",
+            f"  path       {_length_text(_length(found))}, of {found.scene.node}",
             f"  motion     {_motion(found)}, of the joints",
         ]
     lines.append(f"  clearance  {_clearance(found)}")
@@ -147,7 +149,7 @@ def _status(found: Plan) -> str:
         return str(found)
     here = found.trace[-1][: scene.translation]
     left = math.dist(here, scene.goal.translation[: scene.translation])
-    text = f"{found.status.value}: {scene.node} at {_point(here)}, {_mm(left)} from its goal: {found.reason}"
+    text = f"{found.status.value}: {scene.node} at {_point(here)}, {_length_text(left)} from its goal: {found.reason}"
     complete = found.attempts[-1].blocked_by or found.field == "firas"
     return text if complete else text + _nearest(found)
 
@@ -161,20 +163,20 @@ def _nearest(found: Plan) -> str:
     if not len(distances):
         return ""
     one, other = clearance.names(int(distances.argmin()))
-    return f"; nearest is '{one}', {_mm(float(distances.min()))} from '{other}'"
+    return f"; nearest is '{one}', {_length_text(float(distances.min()))} from '{other}'"
 
 
 def _clearance(found: Plan) -> str:
-    required = f"{_mm(found.scene.safety)} required"
+    required = f"{_length_text(found.scene.safety)} required"
     if math.isinf(found.clearance):
         return f"no obstacles; {required}"
-    return f"{_mm(found.clearance)} {'along the path' if len(found.path) > 1 else 'at the start'}; {required}"
+    return f"{_length_text(found.clearance)} {'along the path' if len(found.path) > 1 else 'at the start'}; {required}"
 
 
 def _meshes(found: Plan) -> str:
     """Return what the check of the path against the meshes covered."""
     left_out = [f"{one}-{other}" for one, other in (*found.mesh_check.unchecked, *found.scene.allowed_collisions)]
-    text = f"no contact on this path, checked every {_mm(found.mesh_check.step)} of motion"
+    text = f"no contact on this path, checked every {_length_text(found.mesh_check.step)} of motion"
     return f"{text}; not checked: {', '.join(left_out)}" if left_out else text
 
 
@@ -207,16 +209,15 @@ def _advice(found: Plan, field: str, seconds: float) -> str:
             )
 
 
-def _mm(metres: float) -> str:
-    """Return a length in mm, with three digits at least."""
-    value = 1e3 * metres
-    return f"{value:.3g} mm" if abs(value) < 100.0 else f"{value:.0f} mm"
+def _length_text(metres: float) -> str:
+    return shown(metres, LENGTH, 3)
 
 
 def _point(point: NDArray[np.float64]) -> str:
-    """Return two or three coordinates of a point (m), in mm."""
+    """Return two or three coordinates of a point (m) as text."""
+    scale, unit = shown_scale(LENGTH)
     coordinates = zip("xyz", point.tolist(), strict=False)
-    return ", ".join(f"{name} {round(1e3 * value) + 0:g}" for name, value in coordinates) + " mm"
+    return ", ".join(f"{name} {scale * (round(value, 3) + 0.0):g}" for name, value in coordinates) + f" {unit}"
 
 
 def _length(found: Plan) -> float:
@@ -231,12 +232,12 @@ def _length(found: Plan) -> float:
 
 
 def _motion(found: Plan) -> str:
-    """Return the motion of the joints: rad; m if all are prismatic; of both kinds, rad and characteristic lengths."""
+    """Return the motion of the joints: an angle; a length if all are prismatic; of both kinds, rad and lengths."""
     mechanism = found.scene.mechanism
     prismatic = [mechanism.is_prismatic(joint) for joint in mechanism.joints]
     if mechanism.floating or (any(prismatic) and not all(prismatic)):
-        return f"{found.motion:.3g} rad and lengths of {_mm(mechanism.length)}"
-    return f"{found.motion * mechanism.length:.3g} m" if any(prismatic) else f"{found.motion:.3g} rad"
+        return f"{shown(found.motion, NUMBER, 3)} rad and lengths of {_length_text(mechanism.length)}"
+    return _length_text(found.motion * mechanism.length) if any(prismatic) else shown(found.motion, ANGLE, 3)
 
 
 def _document(found: Plan) -> dict[str, Any]:

@@ -1,12 +1,12 @@
-"""The region of a map as options give it: `x=-0.5..0.5:80,y`, `xyz`, `joint1,joint2=0..90deg`; bare numbers are SI."""
+"""The region of a map as options give it: `x=-0.5..0.5:80,y`, `xyz`, `joint1,joint2=0..90`, in m and degrees."""
 
 from __future__ import annotations
 
 import re
 from typing import TYPE_CHECKING
 
-from cinegen.cli.numbers import interval, parts, point, si, values
-from cinegen.errors import CinegenError
+from cinegen.cli.numbers import interval_of, parts, point, segment, values
+from raff2urdf.command_line import UsageError
 
 if TYPE_CHECKING:
     from cinegen.model import Mechanism
@@ -36,18 +36,19 @@ def region(
         line: `X,Y,Z..X,Y,Z[:COUNT]`, instead of axes.
 
     Raises:
-        CinegenError: an option is wrong.
+        UsageError: an option is wrong.
+        ImplausibleError: a number would fit in another unit only.
     """
+    from cinegen.model.plausible import check_lengths
     from cinegen.workspace import Region, line_region
 
-    given = values(at, "--at", "z=-0.9, z=-900mm or rz=15deg", si)
+    given = values(at, "--at", "z=-0.9, z=-900mm or rz=15", mechanism)
     fixed = "fixed" if orientation == "home" else orientation
     if line is not None:
-        found = re.fullmatch(r"(.+?)\.\.(?=[-+\d])(.+?)(?::(\d{1,18}))?", line.strip())
-        if found is None:
-            raise CinegenError(f"--line {line}: write X,Y,Z..X,Y,Z or X,Y,Z..X,Y,Z:COUNT, such as 0,0,-1..0.5,0,-1:200")
-        count = int(found[3] or grid or CELLS[1])
-        ends = point(found[1], "--line"), point(found[2], "--line")
+        both, _, cells = line.partition(":")
+        ends = segment(both, "--line")
+        check_lengths(mechanism, "--line", [*ends[0], *ends[1]])
+        count = _count("--line", line, cells) if cells else grid or CELLS[1]
         return line_region(*ends, count, at=given, orientation=fixed)
     names = [
         name for part in parts(over)
@@ -55,6 +56,7 @@ def region(
     ] or _translations(mechanism, node, given)  # fmt: skip
     count = grid or CELLS.get(len(names), _CELLS_OF_MANY)
     origin = None if centre is None else point(centre, "--centre")
+    check_lengths(mechanism, "--centre", origin or ())
     return Region(
         tuple(_axis(mechanism, name, node, count, origin or (0.0, 0.0, 0.0)) for name in names), given, fixed, origin
     )
@@ -86,9 +88,16 @@ def _axis(
     from cinegen.workspace import GridAxis
     from cinegen.workspace.default_range import default_range
 
-    text, colon, cells = text.partition(":")
-    name, equals, ends = text.partition("=")
-    low, high = interval(ends, "--over") if equals else default_range(mechanism, name, node, centre)
-    if colon and not re.fullmatch(r"\d{1,18}", cells):
-        raise CinegenError(f"--over: '{text}:{cells}': '{cells}' is not a number of cells, as in x=-0.3..0.3:60")
-    return GridAxis(name, low, high, int(cells) if colon else count)
+    range_text, colon, cells = text.partition(":")
+    name, equals, ends = range_text.partition("=")
+    if equals:
+        low, high = interval_of(mechanism, name, ends, "--over")
+    else:
+        low, high = default_range(mechanism, name, node, centre)
+    return GridAxis(name, low, high, _count("--over", text, cells) if colon else count)
+
+
+def _count(option: str, text: str, cells: str) -> int:
+    if not re.fullmatch(r"\d{1,18}", cells, re.ASCII):
+        raise UsageError(f"{option}: '{text}': '{cells}' is not a number of cells, as in x=-0.3..0.3:60")
+    return int(cells)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cinegen.cli.files import check_outputs, print_result, write, write_figure
-from cinegen.cli.numbers import interval, mm_and_degrees, parts, values
+from cinegen.cli.numbers import UNITS, interval_of, parts, values
 from cinegen.cli.options import FILE, FORCE, JSON, RobotOptions, option
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cinegen.model import Mechanism
     from cinegen.singularities.slice import Axis
 
-_EXAMPLE = "x=100 or rz=15 (mm, degrees)"
+_EXAMPLE = "x=0.1 or rz=15 (m and degrees)"
 
 
 def run(
@@ -26,10 +26,10 @@ def run(
     files: list[Path] = FILE,
     node: str | None = option("NAME", "node whose motion is analysed (default: the last of the file)"),
     at: str = option(
-        "POSE", "where: x=0,y=100,rz=15 of the node, or joint3=700 of actuated joints (mm, degrees; default: home)", ""
+        "POSE", f"where: x=0,y=0.1,rz=15 of the node, or joint3=0.7 of actuated joints ({UNITS}; default: home)", ""
     ),
     over: str | None = option(
-        "AXES", "two coordinates, such as x,y or x=-300..300,rz=-90..90, or two actuated joints (mm, degrees)"
+        "AXES", f"two coordinates, such as x,y or x=-0.3..0.3,rz=-90..90, or two actuated joints ({UNITS})"
     ),
     grid: int = option("N", "points along each axis", 61),
     plot: Path | None = option("FILE", "picture of the scan: .png, .svg or .pdf (ROBOT-singular.png)"),
@@ -72,7 +72,7 @@ def run(
 
 def _configuration(mechanism: Mechanism, at: str, node: str | None) -> Any:
     """Return the configuration (nq,) that --at gives."""
-    given = values(at, "--at", _EXAMPLE, mm_and_degrees(mechanism))
+    given = values(at, "--at", _EXAMPLE, mechanism)
     if not given:
         return mechanism.q_home
     from cinegen.singularities.slice import POSE, Coordinates
@@ -96,9 +96,9 @@ def _scan(
 
     names = parts(axes)
     if len(names) != 2:
-        raise CinegenError(f"--over {axes}: name two coordinates, such as x,y or x=-300..300,rz=-90..90")
+        raise CinegenError(f"--over {axes}: name two coordinates, such as x,y or x=-0.3..0.3,rz=-90..90")
     first, second = (_axis(mechanism, text, node) for text in names)
-    of = Slice(mechanism, (first, second), values(at, "--at", _EXAMPLE, mm_and_degrees(mechanism)), node)
+    of = Slice(mechanism, (first, second), values(at, "--at", _EXAMPLE, mechanism), node)
     with Progress() as progress:
         loci = singular_loci(of, grid, progress.fraction)
     figure = draw_loci(loci)
@@ -121,7 +121,7 @@ def _axis(mechanism: Mechanism, text: str, node: str | None) -> Axis:
     name, equals, ends = text.partition("=")
     if not equals:
         return about_home(mechanism, name, node)
-    return Axis(name, *interval(ends, "--over", mm_and_degrees(mechanism)(name)))
+    return Axis(name, *interval_of(mechanism, name, ends, "--over"))
 
 
 def _check_recordings(files: list[Path], robot: str | None, json: bool) -> None:

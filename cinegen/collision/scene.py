@@ -104,8 +104,8 @@ class Scene:
 
     def document(self) -> dict[str, Any]:
         """Return the keys and values that `scene_of` reads as this scene, from the same folder; JSON and TOML can hold
-        them."""
-        found: dict[str, Any] = {"name": self.name}
+        them; m and rad."""
+        found: dict[str, Any] = {"name": self.name, "angles": "rad"}
         if self.mobile is not None:
             found["mobile"] = {"radius": self.mobile}
         elif self.robot is not None:

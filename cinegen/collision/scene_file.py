@@ -20,9 +20,11 @@ from cinegen.collision.scene import Scene, heading
 from cinegen.collision.scene_table import LEAST, SceneTable, about_z
 from cinegen.errors import CinegenError, ClosureError
 from cinegen.model import Mechanism, load
+from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.files import STANDARD
+from raff2urdf.quantities import ANGLE, LENGTH, shown
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_scene
 
@@ -35,7 +37,7 @@ _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joint
 
 
 def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
-    """Return the scene of a file.
+    """Return the scene of a file; numbers without a unit are in m and degrees.
 
     Args:
         path: a .toml or .json file, or the name of a shipped scene, such as "disc"; `-` is standard input.
@@ -58,21 +60,22 @@ def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
     if parse is None:
         parse = _json if text.lstrip().startswith("{") else _toml
     name = "stdin" if path == STANDARD else path.stem
-    return _scene(SceneTable(parse(text, path), str(path)), name, path, path.parent, None, ignore_loops)
+    table = SceneTable(*_angles(parse(text, path), str(path), "deg"))
+    return _scene(table, name, path, path.parent, None, ignore_loops)
 
 
 def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:
-    """Return the scene of the keys and values that a file would have.
+    """Return the scene of the keys and values that a file would have; angles without a unit are in rad.
 
     Args:
-        values: as in a file; arrays are read as lists.
+        values: as in a file, in m and rad; arrays are read as lists.
         folder: folder of the files that they name.
         mechanism: the robot, if it has been loaded; `robot` is then optional, and not loaded.
 
     Raises:
         SceneError: a value is invalid; the message names the key.
     """
-    return _scene(SceneTable(values, "scene"), "scene", None, Path(folder), mechanism)
+    return _scene(SceneTable(*_angles(values, "scene", "rad")), "scene", None, Path(folder), mechanism)
 
 
 def _scene(
@@ -99,12 +102,14 @@ def _scene(
     if node not in mechanism.nodes:
         raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
     allowed = _allowed(table, mechanism)
+    if radius is None:
+        _check_lengths(table, mechanism, safety, influence, obstacles)
     q = _mobile_start(start) if radius is not None else _start(start, mechanism)
     q.flags.writeable = False
+    aim = _goal(goal, mechanism if radius is None else None, mechanism.placement(q, node))
     return Scene(
-        name, path, folder, mechanism, written, radius, obstacles, q, node,
-        *_goal(goal, mechanism.placement(q, node)), safety, influence, up, allowed,
-    )  # fmt: skip
+        name, path, folder, mechanism, written, radius, obstacles, q, node, *aim, safety, influence, up, allowed
+    )
 
 
 def _obstacles(table: SceneTable, folder: Path) -> tuple[Obstacle, ...]:
@@ -179,6 +184,31 @@ def _load(table: SceneTable, key: str, folder: Path, name: str | None, ignore_lo
         raise table.error(key, f"can't be loaded: {error}") from None
 
 
+# --- plausible lengths -------------------------------------------------------------------------------------------
+
+_FAR_OBSTACLE = 100.0  # times the reach
+
+
+def _check_lengths(
+    table: SceneTable, robot: Mechanism, safety: float, influence: float | None, obstacles: tuple[Obstacle, ...]
+) -> None:
+    """Refuse distances and obstacles that would fit in mm only."""
+    _check_length(table, robot, "safety", [safety], 1.0)
+    if influence is not None:
+        _check_length(table, robot, "influence", [influence])
+    for obstacle in obstacles:
+        _check_length(
+            table, robot, f"obstacle '{obstacle.name}'", obstacle.placement.translation.tolist(), _FAR_OBSTACLE
+        )
+
+
+def _check_length(table: SceneTable, robot: Mechanism, name: str, values: list[float], far: float = FAR) -> None:
+    try:
+        check_lengths(robot, name, values, far)
+    except ImplausibleError as error:
+        raise SceneError(f"{table.where}: {error}") from None
+
+
 # --- start and goal ----------------------------------------------------------------------------------------------
 
 
@@ -192,7 +222,7 @@ def _mobile_start(table: SceneTable) -> Array:
 def _start(table: SceneTable, mechanism: Mechanism) -> Array:
     """Return the start configuration (nq,), loops closed, within all limits.
 
-    `joints` are names and values (rad, m); the other joints are at home. A floating base is placed by `point` and
+    `joints` are names and values; the other joints are at home. A floating base is placed by `point` and
     `rpy`. With loops, actuated joints have the given values, and the others follow the motion of these from home;
     unless a passive joint is named, too: the values are then the guess from which the loops are closed.
 
@@ -216,7 +246,9 @@ def _start(table: SceneTable, mechanism: Mechanism) -> Array:
                 q[mechanism.q_index(name)] = unwound[mechanism.q_index(name)]
     for name in mechanism.limits.exceeded(q, AT_LIMIT):
         low, high, *_ = mechanism.limits[name]
-        why = f"'{name}' is at {q[mechanism.q_index(name)]:.6g}, its limits are {low:.6g} and {high:.6g}"
+        dimension = LENGTH if mechanism.is_prismatic(name) else ANGLE
+        value, *limits = (shown(x, dimension, 6) for x in (float(q[mechanism.q_index(name)]), low, high))
+        why = f"'{name}' is at {value}, its limits are {limits[0]} and {limits[1]}"
         raise table.error("joints", why if name in values else f"{why}: give its value, or other actuated joints")
     return q
 
@@ -226,7 +258,13 @@ def _joint_values(table: SceneTable, mechanism: Mechanism) -> dict[str, float]:
         if name not in mechanism.joints:
             near = did_you_mean(name, mechanism.joints)
             raise table.error(f"'{name}'", f"is not a joint of {mechanism.name}{near}")
-    return {name: table.number(name) for name in table}
+    values = {name: table.number(name, LENGTH if mechanism.is_prismatic(name) else ANGLE) for name in table}
+    for name, value in values.items():
+        try:
+            check_joint(mechanism, name, [value])
+        except ImplausibleError as error:
+            raise SceneError(f"{table.where}: {error}") from None
+    return values
 
 
 def _closed(mechanism: Mechanism, home: Array, q: Array, is_guess: bool) -> Array:
@@ -246,7 +284,7 @@ def _closed(mechanism: Mechanism, home: Array, q: Array, is_guess: bool) -> Arra
     return mechanism.close(q, locked=mechanism.actuated)
 
 
-def _goal(table: SceneTable, node: pin.SE3) -> tuple[pin.SE3, int, int]:
+def _goal(table: SceneTable, robot: Mechanism | None, node: pin.SE3) -> tuple[pin.SE3, int, int]:
     """Return the goal pose, and how many of its translations and rotations count (see `Scene`).
 
     `point` has three numbers, or two: z does not count then. With `rpy` the orientation counts, with `angle` only the
@@ -254,20 +292,32 @@ def _goal(table: SceneTable, node: pin.SE3) -> tuple[pin.SE3, int, int]:
 
     Args:
         table: of a scene.
+        robot: whose reach the point is compared with; None for a mobile robot.
         node: pose of the node at the start: what does not count stays as it is there.
     """
     given = table.vector("point", 2, 3)
+    if robot is not None:
+        _check_length(table, robot, "point", given.tolist())
     point = np.array([*given, node.translation[2]])[:3]
     rotation, count = table.orientation(), 3 if "rpy" in table else int("angle" in table)
     if count == 1:
         if np.linalg.norm(node.rotation[:2, 0]) < LEAST:
             raise table.error("angle", "is undefined: the node's x axis is vertical at the start; write rpy")
-        rotation = about_z(table.number("angle") - heading(node)) @ node.rotation
+        rotation = about_z(table.number("angle", ANGLE) - heading(node)) @ node.rotation
     table.finish()
     return pin.SE3(rotation, point), len(given), count
 
 
 # --- TOML and JSON -----------------------------------------------------------------------------------------------
+
+
+def _angles(values: Any, where: str, unit: str) -> tuple[Any, str, str]:
+    """Return the values without the key `angles`, and the unit of angles: that of the key, if it is there."""
+    if not isinstance(values, Mapping) or "angles" not in values:
+        return values, where, unit
+    if values["angles"] not in ("deg", "rad"):
+        raise SceneError(f"{where}: angles must be 'deg' or 'rad', the unit of angles without one")
+    return {key: value for key, value in values.items() if key != "angles"}, where, values["angles"]
 
 
 def _toml(text: str, path: Path) -> Any:

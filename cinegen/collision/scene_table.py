@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from cinegen.collision.errors import SceneError
 from raff2urdf.errors import did_you_mean
+from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, Dimension, QuantityError, parse
 
 Array = NDArray[np.float64]
 _Value = TypeVar("_Value")
@@ -29,19 +30,27 @@ FURTHEST = 1e6
 class SceneTable:
     """Keys and values of a TOML or JSON table. Keys that were never asked for are unknown, see `finish`.
 
+    Numbers may be strings with a unit, such as "250 mm". Without a unit lengths are in m.
+
+    Args:
+        values: the keys and values.
+        where: file and table, for error messages.
+        angle: unit of angles without one, deg or rad.
+
     Attributes:
         where: file and table, for error messages.
-        read: values read so far, as JSON can hold them: numbers are floats.
+        read: values read so far, as JSON can hold them: numbers are floats, in m and rad.
 
     Raises:
         SceneError: the values are not a table; and in each method: a key is missing, or its value has a wrong type.
     """
 
-    def __init__(self, values: Any, where: str) -> None:
+    def __init__(self, values: Any, where: str, angle: str = "rad") -> None:
         if not isinstance(values, Mapping):
             raise SceneError(f"{where} must be a table of keys and values, not {_shown(values)}")
         self.where = where
         self.read: dict[str, Any] = {}
+        self._angle = angle
         self._values = {str(key): value for key, value in values.items()}
         self._known: list[str] = []
 
@@ -70,9 +79,9 @@ class SceneTable:
 
     # --- values --------------------------------------------------------------------------------------------------
 
-    def number(self, key: str) -> float:
-        """Return a finite number."""
-        return self._keep(key, self._number(key, self._value(key)))
+    def number(self, key: str, dimension: Dimension = LENGTH) -> float:
+        """Return a finite number of a dimension, m or rad."""
+        return self._keep(key, self._number(key, self._value(key), dimension))
 
     def size(self, key: str, default: float | None = None) -> float:
         """Return a length above 0, m; the default, if there is one, where the key is missing."""
@@ -99,9 +108,9 @@ class SceneTable:
             raise self.error(key, f"'{path}' does not exist")
         return path
 
-    def vector(self, key: str, *lengths: int) -> Array:
-        """Return a vector of one of these lengths."""
-        return np.array(self._keep(key, self._numbers(key, self._value(key), lengths)))
+    def vector(self, key: str, *lengths: int, dimension: Dimension = LENGTH) -> Array:
+        """Return a vector of one of these lengths, m or rad."""
+        return np.array(self._keep(key, self._numbers(key, self._value(key), lengths, dimension)))
 
     def sizes(self, key: str, *lengths: int) -> Array:
         """Return a vector of lengths above 0, m."""
@@ -112,7 +121,7 @@ class SceneTable:
 
     def direction(self, key: str, *lengths: int) -> Array:
         """Return a unit vector (3,); z is 0 if two numbers are given."""
-        given = self.vector(key, *lengths)
+        given = self.vector(key, *lengths, dimension=NUMBER)
         found = np.pad(given, (0, 3 - len(given)))
         length = float(np.linalg.norm(found))
         if length < LEAST:
@@ -148,8 +157,8 @@ class SceneTable:
         if "rpy" in self and "angle" in self:
             raise self.error("angle", "cannot be combined with rpy: remove one of them")
         if "rpy" in self:
-            return np.asarray(pin.rpy.rpyToMatrix(self.vector("rpy", 3)))
-        return about_z(self.number("angle") if "angle" in self else 0.0)
+            return np.asarray(pin.rpy.rpyToMatrix(self.vector("rpy", 3, dimension=ANGLE)))
+        return about_z(self.number("angle", ANGLE) if "angle" in self else 0.0)
 
     # --- tables --------------------------------------------------------------------------------------------------
 
@@ -159,7 +168,7 @@ class SceneTable:
 
     def table(self, key: str) -> SceneTable:
         """Return a nested table."""
-        found = SceneTable(self._value(key), f"{self.where}: {key}")
+        found = SceneTable(self._value(key), f"{self.where}: {key}", self._angle)
         self.read[key] = found.read
         return found
 
@@ -174,7 +183,7 @@ class SceneTable:
         for number, values in enumerate(value, 1):
             name = values.get("name") if isinstance(values, Mapping) else None
             label = f" '{name}'" if isinstance(name, str) else ""
-            found.append(SceneTable(values, f"{self.where}: {key} {number}{label}"))
+            found.append(SceneTable(values, f"{self.where}: {key} {number}{label}", self._angle))
         return found
 
     # --- checks --------------------------------------------------------------------------------------------------
@@ -189,7 +198,13 @@ class SceneTable:
         near = get_close_matches(key, [other for other in self._values if other not in self._known], n=1)
         raise self.error(key, f"is missing: is '{near[0]}' misspelled?" if near else "is missing")
 
-    def _number(self, key: str, value: Any) -> float:
+    def _number(self, key: str, value: Any, dimension: Dimension = LENGTH) -> float:
+        unit = self._angle if dimension is ANGLE else None
+        if isinstance(value, str) and dimension is not NUMBER:
+            try:
+                value, unit = parse(value, dimension, unit), None
+            except QuantityError as error:
+                raise self.error(key, f"is wrong: {error}") from None
         if isinstance(value, bool) or not isinstance(value, Real):
             raise self.error(key, f"must be a number, not {_shown(value)}")
         try:
@@ -198,15 +213,17 @@ class SceneTable:
             number = math.inf
         if not math.isfinite(number):
             raise self.error(key, f"must be finite, not {number}")
+        if unit == "deg":
+            number = math.radians(number)
         if abs(number) > FURTHEST:
             raise self.error(key, f"is {number:g}: the largest value is {FURTHEST:g}")
         return number
 
-    def _numbers(self, key: str, value: Any, lengths: tuple[int, ...]) -> list[float]:
+    def _numbers(self, key: str, value: Any, lengths: tuple[int, ...], dimension: Dimension = LENGTH) -> list[float]:
         if not _is_list(value) or len(value) not in lengths:
             wanted = " or ".join(map(str, lengths))
             raise self.error(key, f"must be a list of {wanted} numbers, not {_shown(value)}")
-        return [self._number(key, number) for number in value]
+        return [self._number(key, number, dimension) for number in value]
 
     def _size(self, key: str, value: Any) -> float:
         number = self._number(key, value)

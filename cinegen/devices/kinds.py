@@ -59,8 +59,8 @@ KINDS: Mapping[str, tuple[Callable[[str, Mechanism | None, str | None, Array | N
     "replay": (lambda url, *_: Replay(url.removeprefix("replay:")), "replay:FILE.jsonl - a recording"),
     "path": (_path, "path:circle - a script"),
     "seam": (
-        lambda url, *_: open_seam(url),
-        "seam:weld.csv?distance=10&speed=20 - along points with normals: a weld or an inspection",
+        lambda url, mechanism, *_: open_seam(url, mechanism),
+        "seam:weld.csv?distance=10mm&speed=20mm/s - along points with normals: a weld or an inspection",
     ),
     "gamepad": (_gamepad, "gamepad: - the gamepad of the browser that shows the robot"),
     "socket": (_serial, "socket://host:port - a serial 3D mouse on another machine"),

@@ -8,6 +8,7 @@ from typing import BinaryIO
 
 from cinegen.errors import CinegenError
 from cinegen.model import ForwardKinematics, Mechanism
+from cinegen.model.plausible import ImplausibleError, check_joint
 from cinegen.tolerances import CLOSURE
 
 _CHUNK = 1 << 16  # bytes read at once
@@ -29,11 +30,24 @@ class Lines:
 
     def answer(self, line: str) -> str:
         """Return the answer to a line, without a newline."""
+        values: dict[str, float] = {}
         try:
-            q = self._motion.move(_values(line))
+            values = _values(line)
+            q = self._motion.move(values)
         except (CinegenError, _NoValuesError) as error:
-            return json.dumps({"error": str(error)})
+            return json.dumps({"error": self._other_unit(values) or str(error)})
         return self._template % tuple(q[self._picked].tolist())
+
+    def _other_unit(self, values: dict[str, float]) -> str:
+        """Return a message if a value would fit in degrees or mm; empty if none would."""
+        mechanism = self._motion.mechanism
+        for name, value in values.items():
+            if name in mechanism.joints and isinstance(value, int | float):
+                try:
+                    check_joint(mechanism, name, [value])
+                except ImplausibleError as error:
+                    return f"{error} Values are in rad and m"
+        return ""
 
     def serve(self, given: BinaryIO, write: Callable[[str], object]) -> None:
         """Answer all lines until the input ends.

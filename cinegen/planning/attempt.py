@@ -14,6 +14,7 @@ from cinegen.collision.mesh_check import MeshCheck
 from cinegen.ik import Solver
 from cinegen.ik.objectives import Objective
 from cinegen.planning.clearance_barrier import ClearanceBarrier
+from raff2urdf.quantities import LENGTH, shown
 
 Array = NDArray[np.float64]
 
@@ -147,6 +148,6 @@ def _why_stopped(clearance: Clearance, barrier: ClearanceBarrier, q: Array, repe
     distances = clearance.distances(q)
     if repelled and len(distances):
         one, other = clearance.names(int(distances.argmin()))
-        near = f"'{one}' is {1e3 * float(distances.min()):.3g} mm from '{other}'"
+        near = f"'{one}' is {shown(float(distances.min()), LENGTH, 3)} from '{other}'"
         return PlanStatus.STUCK, f"local minimum: attraction and repulsion cancel; {near}"
     return PlanStatus.STUCK, "singular, or as near to the goal as this strategy comes"

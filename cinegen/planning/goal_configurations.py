@@ -16,6 +16,7 @@ from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.planning.attempt import PlanStatus
 from cinegen.tolerances import CLOSURE
+from raff2urdf.quantities import LENGTH, shown
 
 Array = NDArray[np.float64]
 
@@ -115,10 +116,10 @@ def _varied(mechanism: Mechanism, start: Array, found: list[Array]) -> list[Arra
 def _too_near(clearance: Clearance, scene: Scene, pair: int, distance: float) -> str:
     one, other = clearance.names(pair)
     if distance <= 0.0:
-        reason = f"'{one}' penetrates '{other}' by {-1e3 * distance:.3g} mm"
+        reason = f"'{one}' penetrates '{other}' by {shown(-distance, LENGTH, 3)}"
     else:
-        kept = f"the safety distance of {1e3 * scene.safety:.3g} mm"
-        reason = f"'{one}' is {1e3 * distance:.3g} mm from '{other}', below {kept}"
+        kept = f"the safety distance of {shown(scene.safety, LENGTH, 3)}"
+        reason = f"'{one}' is {shown(distance, LENGTH, 3)} from '{other}', below {kept}"
     if clearance.pairs[pair].max() >= len(clearance.links):
         return reason
     return f'{reason}, as convex bodies; if these links may touch, add allowed_collisions = [["{one}", "{other}"]]'

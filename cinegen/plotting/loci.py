@@ -33,7 +33,7 @@ _CASING = 1.5  # points: white around lines
 
 
 def draw_loci(loci: SingularLoci, size: float = 7.0) -> Figure:
-    """Draw curves of both types, shaded by the smaller of both singular values, in mm and degrees.
+    """Draw curves of both types, shaded by the smaller of both singular values, in m and degrees.
 
     Args:
         loci: the curves and the singular values of a slice.

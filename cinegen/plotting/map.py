@@ -46,7 +46,7 @@ def draw_map(
     name: str | None = None,
     size: float = 7.0,
 ) -> Figure:
-    """Draw a map, in mm and degrees.
+    """Draw a map, in m and degrees.
 
     Over one axis a curve. Over two, colours with lines of equal value, singular curves of type 1 and 2, other borders
     of the reachable part, and the robot at home where the axes are two of x, y and z; directions seen from a centre in

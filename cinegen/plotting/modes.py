@@ -20,9 +20,10 @@ from cinegen.model.motion_plane import motion_plane
 from cinegen.plotting.sheet import FAINT, INK
 from cinegen.plotting.skeleton import Pose, Skeleton
 from cinegen.plotting.stick import ACTUATED, BACK, END, FRONT, Pen, paint
-from cinegen.plotting.units import rounded, value_text
+from cinegen.plotting.units import length_digits, rounded, value_text
 from cinegen.plotting.view import Projection, views
 from raff2urdf.extras import needs
+from raff2urdf.quantities import LENGTH, shown, shown_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -111,6 +112,7 @@ def _limits(seen: tuple[Projection, ...], poses: list[Pose]) -> Array:
 def _write(figure: Figure, blocks: list[Bbox], modes: AssemblyModes, node: str, name: str) -> None:
     """Write the titles; above each mode its number, the position of the node and a note; how the modes were found."""
     put = partial(figure.text, transform=figure.dpi_scale_trans)  # inches
+    length, unit = shown_scale(LENGTH)
     (width, height), mechanism, count = figure.get_size_inches(), modes.mechanism, len(modes)
     wide = width - 2.0 * _MARGIN
     title = f"{name}: {count} assembly mode{'s' * (count != 1)}"
@@ -122,11 +124,11 @@ def _write(figure: Figure, blocks: list[Bbox], modes: AssemblyModes, node: str, 
     written = zip(blocks, modes, modes.placements(node), modes.coincident, strict=True)
     for k, (block, q, placement, times) in enumerate(written):
         left, above, right = block.x0 * width, block.y1 * height + 0.26, block.x1 * width
-        digits = 1 if np.abs(placement.translation).max() >= 0.1 else 2
-        position = "   ".join(f"{rounded(1e3 * value, digits):.{digits}f}" for value in placement.translation)
+        digits = length_digits() - (2 if np.abs(placement.translation).max() >= 0.1 else 1)
+        position = "   ".join(f"{rounded(length * value, digits):.{digits}f}" for value in placement.translation)
         notes = [f"×{times}"] * (times > 1) + ["outside limits"] * bool(mechanism.limits.outside(q))
         put(left, above, str(k + 1), color=INK, fontsize=10, weight="bold")
-        put(left + 0.28, above, f"{position} mm", color=FAINT, fontsize=7)
+        put(left + 0.28, above, f"{position} {unit}", color=FAINT, fontsize=7)
         put(right, above, ", ".join(notes), color=END, fontsize=7, ha="right")
     found = ("All there are: " if modes.complete else "There may be more: ") + modes.method
     if max(modes.coincident) > 1:
@@ -153,7 +155,7 @@ def _explain(figure: Figure, scale: float, node: str, pose: Pose) -> None:
     right, length = width - _MARGIN, _round_length(0.8 / scale)
     wide = length * scale
     figure.add_artist(Line2D([right - wide, right], [0.55, 0.55], color=INK, linewidth=1.5, transform=inches))
-    figure.text(right - wide / 2, 0.6, f"{1e3 * length:g} mm", color=INK, fontsize=7, ha="center", transform=inches)
+    figure.text(right - wide / 2, 0.6, shown(length, LENGTH), color=INK, fontsize=7, ha="center", transform=inches)
 
 
 def _round_length(metres: float) -> float:

@@ -18,6 +18,7 @@ from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.planner import Plan, refined
 from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILLION, finish, label, sheet
 from cinegen.plotting.view import Projection, along, parallel
+from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -252,10 +253,11 @@ def _named(direction: Array) -> str:
 
 def _clearance(axes: Any, layout: _Layout) -> None:
     """Draw the shortest distance between any two bodies, over the fraction of the motion."""
-    travel, clearances, safety = layout.travel, 1e3 * layout.clearances, 1e3 * layout.plan.scene.safety
+    scale, unit = shown_scale(LENGTH)
+    travel, clearances, safety = layout.travel, scale * layout.clearances, scale * layout.plan.scene.safety
     axes.axhline(safety, color=STOP, linewidth=1.2, linestyle="--")
     axes.annotate(
-        f"{safety:g} mm\nsafety", (1.0, safety), (4, 0), xycoords=axes.get_yaxis_transform(),
+        f"{safety:g} {unit}\nsafety", (1.0, safety), (4, 0), xycoords=axes.get_yaxis_transform(),
         textcoords="offset points", color=STOP, fontsize=8, va="center",
     )  # fmt: skip
     if np.isfinite(clearances).any():
@@ -266,12 +268,12 @@ def _clearance(axes: Any, layout: _Layout) -> None:
         )
         if safety > 0.0:
             most = min(most, max(_HIGHEST * safety, 2.0 * least))  # larger clearances do not matter
-        axes.set_ylim(min(0.0, 1.1 * least), 1.1 * max(most, 1.5 * safety, 1e-3))
+        axes.set_ylim(min(0.0, 1.1 * least), 1.1 * max(most, 1.5 * safety, 1e-6 * scale))
     else:
-        axes.set_ylim(0.0, max(4.0 * safety, 1.0))
+        axes.set_ylim(0.0, max(4.0 * safety, 1e-3 * scale))
         axes.text(0.5, 0.6, "no obstacles", transform=axes.transAxes, color=FAINT, ha="center")
     axes.set_xlim(0.0, 100.0)
-    label(axes, "fraction of the motion (%)", "clearance (mm)")
+    label(axes, "fraction of the motion (%)", f"clearance ({unit})")
     axes.spines[["top", "right"]].set_visible(False)
 
 

@@ -46,7 +46,7 @@ _ALMOST = 1e-9
 
 
 class Line:
-    """The axis of a specification as the horizontal axis of a picture, mm or degrees.
+    """The axis of a specification as the horizontal axis of a picture, m or degrees.
 
     Args:
         spec: over one axis.
@@ -78,14 +78,14 @@ class Line:
 
 
 class Plane:
-    """The two axes of a specification as those of a picture; m and rad become mm and degrees.
+    """The two axes of a specification as those of a picture; angles in degrees.
 
     Args:
         spec: over two axes.
 
     Attributes:
         scales: factors from SI values, along each axis.
-        units: mm or °.
+        units: m or °.
         alike: whether equal lengths are drawn equally long.
         round: whether it is all, or nearly all, of a sphere seen from its centre, which is drawn in Hammer's equal-area
             projection (E. Hammer, 1892), with the middle of the azimuths in its middle.

@@ -90,7 +90,7 @@ def _smoothed(middles: Array, quads: Ints, rounds: int) -> Array:
 
 
 def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array, look: Shades) -> None:
-    """Draw the reachable part into axes in space; mm and degrees.
+    """Draw the reachable part into axes in space; m and degrees.
 
     Args:
         axes: of matplotlib.
@@ -113,7 +113,7 @@ def paint_solid(axes: Any, spec: MapSpecification, reached: Bools, values: Array
         return
 
     def points_of(cells: Array) -> Array:
-        """Return points (n, 3), mm and degrees, for positions (n, 3) in cells."""
+        """Return points (n, 3), m and degrees, for positions (n, 3) in cells."""
         within = np.clip(cells * strides + 0.5 * (np.array(strides) - 1.0), -0.5, np.array(region.shape) - 0.5)
         values = np.column_stack([one.low + (within[:, k] + 0.5) * one.width for k, one in enumerate(region.axes)])
         return np.asarray((region.poses(spec.home, values)[0] if spherical else values) * scales)

@@ -22,7 +22,9 @@ from cinegen.errors import CinegenError, CinegenWarning, UnknownNameError
 from cinegen.mission import BasePose, Recording
 from cinegen.mission.drawn_obstacle import DrawnObstacle
 from cinegen.model import Mechanism
+from cinegen.model.plausible import FAR, reach
 from cinegen.session.regular_start import regular_start
+from raff2urdf.quantities import ANGLE, LENGTH, QuantityError, parse_list, shown
 
 RATE = 1000.0
 """Ticks per second."""
@@ -197,28 +199,23 @@ def parse_base_pose(text: str) -> tuple[str, BasePose]:
     """
     name, equals, place = text.partition("=")
     on, at, numbers = place.partition("@")
-    if not at and _numbers(on) is not None:
+    if not at and "," in on:
         on, numbers = "", on
     robot, _, node = on.rpartition(".")
-    values = _numbers(numbers) if numbers or at else ()
-    if not (name and equals) or values is None or not (on or values) or (on and not (robot and node)):
+    given = numbers.split(",") if numbers or at else []
+    if not (name and equals) or len(given) not in (0, 3, 6) or not (on or given) or (on and not (robot and node)):
         raise SetupError(
-            f"--base {text}: write NAME=ROBOT.NODE, NAME=x,y,z[,roll,pitch,yaw] (m, degrees) or "
+            f"--base {text}: write NAME=ROBOT.NODE, NAME=x,y,z[,roll,pitch,yaw] (m and degrees) or "
             "NAME=ROBOT.NODE@x,y,z..., for example --base wrist=delta4.platform"
         )
     placement = pin.SE3.Identity()
-    if values:
-        angles = np.radians([*values[3:], 0.0, 0.0, 0.0][:3])
-        placement = pin.SE3(pin.rpy.rpyToMatrix(angles), np.array(values[:3]))
+    if given:
+        try:
+            point, angles = parse_list(given[:3], LENGTH), parse_list(given[3:], ANGLE) or [0.0, 0.0, 0.0]
+        except QuantityError as error:
+            raise SetupError(f"--base {text}: {error}") from None
+        placement = pin.SE3(pin.rpy.rpyToMatrix(np.array(angles)), np.array(point))
     return name, BasePose(robot or None, node or None, placement)
-
-
-def _numbers(text: str) -> tuple[float, ...] | None:
-    try:
-        values = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        return None
-    return values if len(values) in (3, 6) and np.isfinite(values).all() else None
 
 
 def arrange(
@@ -301,7 +298,15 @@ def arrange(
     _all_used(robots, numbered, used, others)
     devices[GAMEPAD] = Device(GAMEPAD, "gamepad:")
     placed = _side_by_side(robots, files)
-    placed |= dict(map(parse_base_pose, bases))
+    given = dict(map(parse_base_pose, bases))
+    most = FAR * sum(map(reach, robots.values()))
+    for name, base in given.items():
+        far = float(np.abs(base.placement.translation).max())
+        if most < far <= 1000.0 * most:
+            raise SetupError(
+                f"--base {name}: {shown(far, LENGTH)} is far beyond the reach of all robots: did you mean {far:g} mm?"
+            )
+    placed |= given
     starts = {name: regular_start(mechanism) for name, mechanism in robots.items()} if follow is not None else {}
     return Setup(dict(robots), placed, tuple(devices.values()), tuple(switches), rate, record, starts=starts)
 

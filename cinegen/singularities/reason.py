@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cinegen.singularities.pluecker import AnyLine, LineAtInfinity, LinePlane, PlueckerLine, ProjectivePoint
+from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
     from cinegen.singularities.grassmann import DependentSet
@@ -74,7 +75,8 @@ class _Writer:
     """Writes lines, points and numbers."""
 
     def __init__(self, count: int, unit: str, length: float) -> None:
-        self._count, self._length = count, length
+        self._scale, unit = shown_scale(LENGTH) if unit == "m" else (1.0, unit)
+        self._count, self._length = count, self._scale * length
         self._unit = f" {unit}" if unit else ""
         self.per_radian = f" {unit}/rad" if unit else " per rad"
 
@@ -89,6 +91,7 @@ class _Writer:
 
     def length(self, value: float) -> str:
         """A length, with as many digits as the characteristic length justifies."""
+        value *= self._scale
         if abs(value) >= self._length * 10**_DIGITS:
             return f"{value:.{_DIGITS}g}"
         return _number(value, _DIGITS - 1 - math.floor(math.log10(self._length)))

@@ -25,6 +25,7 @@ from cinegen.singularities.grassmann import Dependence, classify, near
 from cinegen.singularities.leg_lines import leg_lines
 from cinegen.singularities.pluecker import LineAtInfinity, LineFrame, PlueckerLine, Screw
 from raff2urdf.closure import rank
+from raff2urdf.quantities import LENGTH, shown_scale
 
 Array = NDArray[np.float64]
 
@@ -236,13 +237,14 @@ def _screws(frame: LineFrame, twist: Array) -> tuple[Screw, Screw]:
 
 
 def screw_text(screw: Screw, wrench: bool = False) -> str:
-    """Return a text for a twist, or a wrench, in m."""
+    """Return a text for a twist, or a wrench, in the user's unit of length."""
     if isinstance(screw.axis, LineAtInfinity):
         return f"a {'couple about' if wrench else 'translation along'} {_vector(screw.axis.normal)}"
-    where = f"through {_vector(screw.axis.nearest(np.zeros(3)))} m along {_vector(screw.axis.direction)}"
+    scale, unit = shown_scale(LENGTH)
+    where = f"through {_vector(scale * screw.axis.nearest(np.zeros(3)))} {unit} along {_vector(screw.axis.direction)}"
     if abs(screw.pitch) < 1e-9:
         return f"a force {where}" if wrench else f"a rotation about the axis {where}"
-    pitch = f"{screw.pitch:.4g} {'m' if wrench else 'm/rad'}"
+    pitch = f"{scale * screw.pitch:.4g} {unit}{'' if wrench else '/rad'}"
     return f"a {'wrench' if wrench else 'screw'} of pitch {pitch} about the axis {where}"
 
 

@@ -34,6 +34,7 @@ from numpy.typing import ArrayLike, NDArray
 from cinegen.sensor import Reading, SensorError, TimedSensor
 from cinegen.toolpath.curve import PointError, smooth_runs
 from raff2urdf.errors import did_you_mean
+from raff2urdf.quantities import LENGTH, shown
 
 Array = NDArray[np.float64]
 
@@ -163,7 +164,7 @@ class Seam(TimedSensor):
         self._times = np.cumsum([0.0, *(segment.profile.duration for segment in self._segments)]).tolist()
 
     def __repr__(self) -> str:
-        return f"<Seam {self.url}, {1000.0 * self.length:.0f} mm in {self.duration:.1f} s>"
+        return f"<Seam {self.url}, {shown(self.length, LENGTH)} in {self.duration:.1f} s>"
 
     # --- as a sensor ---------------------------------------------------------------------------------------------
 
@@ -176,8 +177,8 @@ class Seam(TimedSensor):
     def progress(self) -> str:
         """Finished length of the seam."""
         segment, far = self._segment(self._now)
-        done = 1000.0 * (segment.begin + segment.gain * far)
-        return f"{self.url}: {done:.0f} of {1000.0 * self.length:.0f} mm"
+        done = segment.begin + segment.gain * far
+        return f"{self.url}: {done:.3f} of {self.length:.3f} m"
 
     @property
     def ended(self) -> bool:

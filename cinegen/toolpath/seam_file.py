@@ -1,15 +1,16 @@
 """`open_seam`: a seam by its URL, `seam:FILE?options`: a file of points and normals, and how the tool moves along them.
 
-The file is CSV: a line with the names of the columns, then a line for each point. x, y, z are in mm, in the world; nx,
-ny, nz is the normal of the surface, of any length but 0. Other columns, and comments after `#`, are ignored.
+The file is CSV: a line with the names of the columns, then a line for each point. x, y, z are in the world, in m or in
+the unit behind the name or the number (`x [mm]`, `250 mm`); nx, ny, nz is the normal of the surface, of any length but
+0. Other columns, and comments after `#`, are ignored.
 
-Options are separated by `&`: lengths in mm, angles in degrees, speeds in mm/s and degrees/s, times in s.
+Options are separated by `&`: lengths in m, angles in degrees, speeds in m/s and degrees/s, times in s, or with a unit.
 """
 
 from __future__ import annotations
 
 import csv
-import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,43 +18,65 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cinegen.model import Mechanism
+from cinegen.model.plausible import ImplausibleError, check_lengths
 from cinegen.sensor import SensorError
 from cinegen.toolpath.curve import PointError
 from cinegen.toolpath.seam import AGAIN, Seam
 from raff2urdf.errors import did_you_mean
+from raff2urdf.quantities import (
+    ANGLE,
+    ANGULAR_SPEED,
+    LENGTH,
+    NUMBER,
+    SPEED,
+    TIME,
+    Dimension,
+    QuantityError,
+    parse,
+    shown,
+)
 
 Array = NDArray[np.float64]
 
-_MM, _DEGREE = 1e-3, math.radians(1.0)
-
-OPTIONS: Mapping[str, float] = {
-    "distance": _MM,
-    "work": _DEGREE,
-    "travel": _DEGREE,
-    "speed": _MM,
-    "roll": _DEGREE,
-    "approach": _MM,
-    "turning": _DEGREE,
-    "ramp": 1.0,
-    "wait": 1.0,
+OPTIONS: Mapping[str, Dimension] = {
+    "distance": LENGTH,
+    "work": ANGLE,
+    "travel": ANGLE,
+    "speed": SPEED,
+    "roll": ANGLE,
+    "approach": LENGTH,
+    "turning": ANGULAR_SPEED,
+    "ramp": TIME,
+    "wait": TIME,
 }
-"""Options with a number, and their units in SI; `again` takes a word."""
+"""Options with a number, and their dimensions; `again` takes a word."""
 
 _COLUMNS = ("x", "y", "z", "nx", "ny", "nz")
+_FAR = 5.0
+"""Multiple of the seam's length, or of `_SHORT`, beyond which a distance, or a distance in 1 s, can't be meant."""
+_SHORT = 0.2  # m
 
 
-def open_seam(url: str) -> Seam:
-    """Return a seam by its URL, such as `seam:weld.csv?distance=10&speed=20`.
+def open_seam(url: str, mechanism: Mechanism | None = None) -> Seam:
+    """Return a seam by its URL, such as `seam:weld.csv?distance=10mm&speed=20mm/s`.
+
+    Args:
+        url: of the seam.
+        mechanism: robot whose reach the points are compared with, if it is known.
 
     Raises:
-        SensorError: the URL or the file is wrong; gives the line.
+        SensorError: the URL or the file is wrong; gives the line. Or a number would fit in mm only.
     """
     name, _, query = url.removeprefix("seam:").partition("?")
     if not name:
         raise SensorError(f"'{url}': write seam:FILE.csv, a file of points and normals")
     points, normals, lines = read_points(name)
     try:
-        return Seam(points, normals, **_options(query), url=f"seam:{name}")
+        options = _options(query)
+        seam = Seam(points, normals, **options, url=f"seam:{name}")
+        _check_plausible(name, points, options, seam.length, mechanism)
+        return seam
     except PointError as error:
         raise SensorError(f"{name}:{lines[error.index]}: {error.message}") from None
     except SensorError as error:
@@ -72,46 +95,78 @@ def read_points(path: str | Path) -> tuple[Array, Array, list[int]]:
         raise SensorError(f"{path}: can't be read: {(error.strerror or str(error)).lower()}") from None
     except UnicodeDecodeError:
         raise SensorError(f"{path}: is not UTF-8 text") from None
-    where, width, rows, lines = list[int](), 0, list[list[float]](), list[int]()  # where: positions of the columns
+    where, units, width = list[int](), list[str](), 0  # positions of the columns, and their units
+    rows, lines = list[list[float]](), list[int]()
     for number, line in enumerate((line.partition("#")[0] for line in text.splitlines()), 1):
         if not line.strip():
             continue
         try:
             cells = [cell.strip() for cell in next(csv.reader([line]))]
             if not where:
-                where, width = _header(cells), len(cells)
+                (where, units), width = _header(cells), len(cells)
                 continue
             if len(cells) != width:
                 raise SensorError(f"{len(cells)} value{'s' * (len(cells) != 1)}, but {width} columns are named")
-            rows.append([_number(cells[i], name) for i, name in zip(where, _COLUMNS, strict=True)])
+            rows.append([
+                _number(cells[i], name, LENGTH if unit else NUMBER, unit)
+                for i, name, unit in zip(where, _COLUMNS, units, strict=True)
+            ])  # fmt: skip
         except (SensorError, csv.Error) as error:
             raise SensorError(f"{path}:{number}: {error}") from None
         lines.append(number)
     if not where:
         raise SensorError(f"{path}: is empty; begin it with a line x,y,z,nx,ny,nz")
     values = np.array(rows).reshape(-1, 6)
-    return _MM * values[:, :3], values[:, 3:], lines
+    return values[:, :3], values[:, 3:], lines
 
 
-def _header(cells: list[str]) -> list[int]:
-    """Return the positions of the columns."""
-    names = [cell.lower() for cell in cells]
+def _check_plausible(
+    name: str, points: Array, options: Mapping[str, Any], length: float, mechanism: Mechanism | None
+) -> None:
+    """Refuse lengths that would fit in mm only."""
+    most = _FAR * max(length, _SHORT)
+    for option in ("distance", "approach", "speed"):
+        value = abs(options.get(option, 0.0))
+        if most < value <= 1000.0 * most:
+            unit = "mm/s" if option == "speed" else "mm"
+            raise SensorError(
+                f"{option}: {shown(value, OPTIONS[option])}, for a seam of {shown(length, LENGTH)}: did you mean "
+                f"{option}={value:g}{unit}?"
+            )
+    if mechanism is not None:
+        try:
+            check_lengths(mechanism, name, points.ravel().tolist())
+        except ImplausibleError as error:
+            raise SensorError(f"{error} Then name the columns x [mm], y [mm], z [mm]") from None
+
+
+def _header(cells: list[str]) -> tuple[list[int], list[str]]:
+    """Return the positions of the columns, and their units: m unless named, none of normals.
+
+    Raises:
+        SensorError: a column is missing, named twice, or has an unknown unit.
+    """
+    split = [re.fullmatch(r"(\w+)\s*[\[(]\s*(\S+?)\s*[\])]", cell) for cell in cells]
+    names = [cell.lower() if found is None else found[1].lower() for cell, found in zip(cells, split, strict=True)]
     for name in _COLUMNS:
         if name not in names:
             raise SensorError(f"no column '{name}'; the first line names the columns: x,y,z,nx,ny,nz")
         if names.count(name) > 1:
             raise SensorError(f"two columns '{name}'")
-    return [names.index(name) for name in _COLUMNS]
+    where = [names.index(name) for name in _COLUMNS]
+    given = [split[i] for i in where]
+    units = ["m" if found is None else found[2] for found in given[:3]]
+    for name, unit in zip(_COLUMNS, units, strict=False):
+        if unit not in LENGTH.units:
+            raise SensorError(f"column '{name}': '{unit}' is not a unit of length ({LENGTH.shown})")
+    return where, [*units, "", "", ""]
 
 
-def _number(text: str, name: str) -> float:
+def _number(text: str, name: str, dimension: Dimension, unit: str = "") -> float:
     try:
-        value = float(text)
-    except ValueError:
-        raise SensorError(f"{name}: '{text[:40]}' is not a number") from None
-    if not math.isfinite(value):
-        raise SensorError(f"{name}: '{text[:40]}' is not finite")
-    return value
+        return parse(text, dimension, unit or None)
+    except QuantityError as error:
+        raise SensorError(f"{name}: {error}") from None
 
 
 def _options(query: str) -> dict[str, Any]:
@@ -121,7 +176,7 @@ def _options(query: str) -> dict[str, Any]:
         if name in found:
             raise SensorError(f"{name} is given twice")
         if name in OPTIONS:
-            found[name] = OPTIONS[name] * _number(value, name)
+            found[name] = _number(value, name, OPTIONS[name])
         elif name != "again":
             raise SensorError(f"unknown option '{name}'{did_you_mean(name, (*OPTIONS, 'again'))}")
         elif value not in AGAIN:

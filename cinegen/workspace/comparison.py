@@ -22,6 +22,7 @@ from cinegen.workspace.errors import MapError
 from cinegen.workspace.extent import Extent, bounds, extent_of
 from cinegen.workspace.region import GridAxis, Region
 from cinegen.workspace.specification import MapSpecification, specification_of
+from raff2urdf.quantities import shown_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -59,7 +60,9 @@ class QuantityDifference:
         least, median, most = self.range
         if not math.isfinite(median):
             return "there is no cell that both maps reach and where it is finite"
-        return f"{least:+.3g} to {most:+.3g}, median {median:+.3g}{'' if self.unit == '1' else f' {self.unit}'}"
+        scale, unit = (1.0, "") if self.unit == "1" else shown_unit(self.unit)
+        text = f"{scale * least:+.3g} to {scale * most:+.3g}, median {scale * median:+.3g}"
+        return f"{text} {unit}".rstrip()
 
     def __str__(self) -> str:
         return f"second minus first: {self.text}"
@@ -80,6 +83,7 @@ class Comparison:
     Attributes:
         names: of both maps, different where they can be.
         region: the common grid, with the fixed coordinates of the first map.
+        units: m or rad, of each axis of the grid.
         cells: two (*region.shape) bool, the cells that each map reaches.
         first: extent of what the first map reaches, on this grid.
         second: of what the second map reaches.
@@ -92,6 +96,7 @@ class Comparison:
 
     names: tuple[str, str]
     region: Region
+    units: tuple[str, ...]
     cells: tuple[Bools, Bools]
     first: Extent
     second: Extent
@@ -118,7 +123,7 @@ class Comparison:
 
     def __str__(self) -> str:
         """Return lines for people."""
-        ranges = ", ".join(f"{axis.name} {axis.low:.4g} to {axis.high:.4g}" for axis in self.region.axes)
+        ranges = ", ".join(map(_range, self.region.axes, self.units))
         shape, wide = " x ".join(map(str, self.region.shape)), max(map(len, self._rows))
         lines = [f"{self.names[0]} and {self.names[1]}: {shape} cells over {ranges}"]
         lines += [f"  {remark}" for remark in self.remarks]
@@ -137,6 +142,11 @@ class Comparison:
                         for name in ("first", "second", "only_first", "only_second", "both")},
             "differences": {name: difference.as_dict() for name, difference in self.differences.items()},
         }  # fmt: skip
+
+
+def _range(axis: GridAxis, unit: str) -> str:
+    scale, shown = shown_unit(unit)
+    return f"{axis.name} {scale * axis.low:.4g} to {scale * axis.high:.4g} {shown}"
 
 
 def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
@@ -175,7 +185,8 @@ def compare(first: xarray.Dataset, second: xarray.Dataset) -> Comparison:
     }  # fmt: skip
     extents = {name: extent_of(region, unit, *part) for name, part in parts.items()}
     cells, remarks = (in_a, in_b), _remarks(one, other)
-    return Comparison(_names(first, second), region, cells, differences=differences, remarks=remarks, **extents)
+    units = region.units(one.mechanism)
+    return Comparison(_names(first, second), region, units, cells, differences=differences, remarks=remarks, **extents)
 
 
 def _common(one: MapSpecification, other: MapSpecification) -> Region:

@@ -29,6 +29,7 @@ from cinegen.workspace.cells import CellStatus
 from cinegen.workspace.errors import MapError
 from cinegen.workspace.region import Region
 from cinegen.workspace.specification import specification_of
+from raff2urdf.quantities import shown_unit
 
 if TYPE_CHECKING:
     import xarray
@@ -62,12 +63,14 @@ class Extent:
         return max(self.value - self.low, self.high - self.value)
 
     def __str__(self) -> str:
-        """Return the value with as many digits as the error leaves."""
-        if not self.error:
-            return f"{self.value:.4g} {self.unit}"
-        digits = max(0, 1 - math.floor(math.log10(self.error)))
-        size = f"{self.value:.{digits}f} ± {self.error:.{digits}f}"
-        return f"{size} {self.unit}" if digits < 7 else f"{self.value:.4g} ± {self.error:.2g} {self.unit}"
+        """Return the value with as many digits as the error leaves, in the units that users see."""
+        scale, unit = shown_unit(self.unit)
+        value, error = scale * self.value, scale * self.error
+        if not error:
+            return f"{value:.4g} {unit}"
+        digits = max(0, 1 - math.floor(math.log10(error)))
+        size = f"{value:.{digits}f} ± {error:.{digits}f}"
+        return f"{size} {unit}" if digits < 7 else f"{value:.4g} ± {error:.2g} {unit}"
 
     def as_dict(self) -> dict[str, Any]:
         """Return JSON values."""

@@ -242,7 +242,7 @@ def test_a_scene_is_driven_recorded_and_shown_again(run, tmp_path):
     code, out, err = run("drive", "--scene", scene, *options)
     assert (code, err) == (0, "")
     assert "mobile: 2 joints, 0 loops, mobility 2" in out
-    assert "keeps 50 mm clear of 6 obstacles" in out
+    assert "keeps 0.05 m clear of 6 obstacles" in out
     assert "<title>mobile</title>" in (tmp_path / "page.html").read_text(encoding="utf-8")
     code, out, _ = run("replay", "run.jsonl", "--no-browser", "--port", "8480", "--seconds", "0.3")
     assert code == 0

@@ -93,7 +93,7 @@ def test_info(root, printed):
 
 def test_modes(root, printed):
     check(root, printed("modes", "four_bar.raff"), "modes")
-    check(root, printed("modes", "gough.raff", "--lengths", "100,2000,100,2000,100,2000", code=1), "modes")
+    check(root, printed("modes", "gough.raff", "--lengths", "0.1,2,0.1,2,0.1,2", code=1), "modes")
 
 
 def test_singular(root, printed):
@@ -113,7 +113,7 @@ def test_singular_of_a_recording(root, robot, printed, tmp_path):
 def test_maps(root, printed):
     region = ("planar_3r.raff", "--over", "x=-0.3..0.3:4", "--at", "y=0.2")
     check(root, printed("map", *region, "-o", "a.zarr"), "map")
-    check(root, printed("map", *region, "--vary", "link2.d=300..500:2", "-o", "sweep"), "map", 1)
+    check(root, printed("map", *region, "--vary", "link2.d=0.3..0.5:2", "-o", "sweep"), "map", 1)
     check(root, printed("compare", "a.zarr", "a.zarr"), "compare")
 
 

@@ -14,7 +14,6 @@ import pytest
 import typer
 
 from cinegen.cli import app, main
-from cinegen.cli.numbers import quantity
 from cinegen.cli.region import region
 from cinegen.workspace import open_map
 
@@ -143,19 +142,19 @@ def test_a_line_begins_where_it_is_said_to(typed):
 
 
 def test_variants_get_a_table_and_files(typed, tmp_path):
-    said = typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=300..500:2", "--box",
+    said = typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=0.3..0.5:2", "--box",
                  "x=0.2..0.4,y=0..0.2", "-o", "all", "--plot", "all.png")  # fmt: skip
     assert "link2.d" in said
     assert (tmp_path / "all/link2.d=300/robot.raff").is_file()
     assert (tmp_path / "all/table.csv").is_file()
     assert (tmp_path / "all.png").stat().st_size > 10_000
-    found = json.loads(typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=300..500:2", "--box",
+    found = json.loads(typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=0.3..0.5:2", "--box",
                              "x=0.2..0.4,y=0..0.2", "-o", "all", "--json"))  # fmt: skip
     assert [row["link2.d"] for row in found["rows"]] == [300.0, 500.0]
 
 
 def test_variants_of_which_there_is_no_picture_are_not_begun(typed, tmp_path):
-    three = (part for k in (2, 3, 4) for part in ("--vary", f"link{k}.d=300..500:2"))
+    three = (part for k in (2, 3, 4) for part in ("--vary", f"link{k}.d=300..500mm:2"))
     said = typed("map", "planar_3r", "--grid", 4, *three, "-o", "all", "--plot", "all.png", code=1, err=True)
     assert "here 3 do" in said
     assert not (tmp_path / "all").exists()
@@ -202,26 +201,54 @@ def test_two_maps_are_compared(typed, tmp_path):
     [
         (("planar_3r", "--over", "x=2..3:5,y=2..3:5"), "no cell of this region is reached"),
         (("planar_3r", "--over", "xy", "--at", "z=-0.9"), "can't move along z"),
-        (("planar_3r", "--over", "x=1..0"), "lower end first"),
-        (("planar_3r", "--over", "x=0..1:none"), "is not a number of cells"),
-        (("planar_3r", "--over", "x=0"), "write LOW..HIGH"),
+        (("planar_3r", "--over", "x=-600..600,y=0..600"), "--over x: -600 m is far beyond the reach of arm, at most "
+         "0.9 m: did you mean -600 mm?"),
+        (("planar_3r", "--over", "rz=-60..60rad"), "-3438 deg to 3438 deg is more than one revolution: did you mean "
+         "-60..60deg?"),
+        (("planar_3r", "--over", "joint1=-60..60rad"), "joint1: -3438 deg is far beyond its limits"),
+        (("planar_3r", "--line", "0,0,0..600,0,0"), "did you mean 600 mm?"),
         (("planar_3r", "--over", "xq"), "did you mean 'x'"),
         (("planar_3r", "--over", "x,joint1"), "can't be mixed"),
-        (("planar_3r", "--at", "rz"), "write NAME=VALUE"),
-        (("planar_3r", "--at", "rz=1furlong"), "is not a number"),
-        (("planar_3r", "--line", "0,0,0"), "write X,Y,Z..X,Y,Z"),
-        (("planar_3r", "--centre", "0,0"), "a point is x,y,z"),
         (("planar_3r", "-q", "sigma"), "unknown quantity 'sigma'"),
         (("planar_3r", "-q", "clearance"), "--scene"),
         (("planar_3r", "-q", "all,nonsense"), "unknown quantity 'nonsense'"),
-        (("planar_3r", "--at", "rz=1deg,rz=2deg"), "rz is given twice"),
         (("planar_3r", "-q", "solutions"), "infinitely many"),
         (("planar_3r", "--box", "x=0..1"), "--vary"),
         (("planar_3r", "--vary", "link2.q=1..2:3"), "no parameter 'q'"),
+        (("planar_3r", "--vary", "link2.d=300..500:3"), "did you mean 500 mm?"),
+        (("planar_3r", "--vary", "link2.d=1..2deg:3"), "'2deg' is an angle: a length is wanted"),
+        (("planar_3r", "--vary", "link2.d=1...2:3"), "3 dots"),
+        (("planar_3r", "--vary", "link2.d+link2.alpha=1..2:3"), "must be all lengths or all angles"),
     ],
 )  # fmt: skip
 def test_what_makes_no_sense_is_refused_in_words(typed, options, says):
     assert says in typed("map", *options, code=1, err=True)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (("--over", "x=1..0"), "lower end first"),
+        (("--over", "x=0...1"), "'0...1' has 3 dots"),
+        (("--over", "x=-500mm..500"), "can be read two ways"),
+        (("--over", "x=0..5deg"), "'5deg' is an angle: a length is wanted"),
+        (("--over", "rz=0..1m"), "'1m' is a length: an angle is wanted"),
+        (("--over", "x=0..1:none"), "is not a number of cells"),
+        (("--over", "x=0"), "write LOW..HIGH"),
+        (("--at", "rz"), "write NAME=VALUE"),
+        (("--at", "rz=1furlong"), "unknown unit 'furlong'"),
+        (("--at", "rz=1deg,rz=2deg"), "rz is given twice"),
+        (("--line", "0,0,0"), "write X,Y,Z..X,Y,Z"),
+        (("--line", "0,0,-1...5,0,-1"), "write X,Y,Z..X,Y,Z with two dots"),
+        (("--line", "0,0,-1..500,0,-1000mm"), "can be read two ways"),
+        (("--line", "0,0,-1..0.5,0,-1:x"), "is not a number of cells"),
+        (("--centre", "0,0"), "a point is x,y,z"),
+        (("--centre", "0,0,1s"), "'1s' is a time"),
+        (("--along", "0,0,1m"), "a number without a unit is wanted"),
+    ],
+)
+def test_a_number_that_is_none_is_a_wrong_call(typed, options, says):
+    assert says in typed("map", "planar_3r", *options, code=2, err=True)
 
 
 def test_json_and_the_page_exclude_each_other(typed):
@@ -250,10 +277,19 @@ def test_a_folder_of_something_else_stays_as_it_is(typed, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "value"), [("-0.9", -0.9), ("-900mm", -0.9), ("1.5e1 cm", 0.15), ("180deg", math.pi), ("90°", math.pi / 2)]
+    ("option", "low", "high"),
+    [
+        ("x=-0.3..0.3", -0.3, 0.3),
+        ("x=-300..300mm", -0.3, 0.3),
+        ("rz=-60..60", -math.pi / 3, math.pi / 3),
+        ("rz=-1..1rad", -1.0, 1.0),
+        ("joint1=0..90", 0.0, math.pi / 2),
+        ("joint1=0..90°", 0.0, math.pi / 2),
+    ],
 )
-def test_numbers_are_si_unless_a_unit_stands_behind(text, value):
-    assert quantity(text, "--at") == pytest.approx(value)
+def test_numbers_are_in_m_and_degrees_unless_a_unit_stands_behind(robot, option, low, high):
+    (axis,) = region(robot("planar_3r"), option, "", None, "free", 4).axes
+    assert (axis.low, axis.high) == pytest.approx((low, high), abs=1e-15)
 
 
 @pytest.mark.parametrize("centre", [None, "-3,0,0", "0,4,0"])

@@ -19,7 +19,7 @@ PATIENCE = 120.0  # s, on a busy machine
 LOOPBACK = ("127.", "::1")
 PAGE = ("--seconds", "0.5", "--no-browser", "--port", "8500")
 MAP = ("robots/delta4.raff", "--over", "x=-1..1:30,y=-1..1:30,z=-2..-1:10", "--yes")
-VARY = ("robots/five_bar.raff", "--over", "x=-0.2..0.2:30,y=0.3..0.5:30", "--vary", "link2.d=110..130:3", "--yes")
+VARY = ("robots/five_bar.raff", "--over", "x=-0.2..0.2:30,y=0.3..0.5:30", "--vary", "link2.d=110..130mm:3", "--yes")
 
 
 def sockets(pid):

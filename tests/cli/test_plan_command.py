@@ -55,8 +55,8 @@ def test_scenes_of_the_paper_are_reached_and_the_answer_says_how(root, typed, na
     assert all(one.name in said for one in found.obstacles)
     assert f"reached: {found.node} is at its goal" in lines
     told = {words[0]: words[1:] for words in (line.split() for line in lines if line.startswith("  ")) if words}
-    assert float(told["clearance"][0]) >= 1e3 * found.safety
-    assert f"{1e3 * found.safety:g} mm required" in said
+    assert float(told["clearance"][0]) >= found.safety
+    assert f"{found.safety:g} m required" in said
     assert int(told["steps"][0]) > 0
     assert "strategy" in said
     assert max(map(len, lines)) <= 100
@@ -77,10 +77,12 @@ def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
     said = " ".join(typed("rod", "--field", "firas", code=1).split())
     found = plan(load_scene(root / "robots/scenes/rod.toml"), field="firas")
     words = said.split("stuck: tool at x ")[1]
-    x, y = words.split(" mm")[0].split(", y ")
-    assert [float(x), float(y)] == pytest.approx(1e3 * found.trace[-1][:2], abs=0.5)
-    left = float(words.split(" mm, ")[1].split(" mm from its goal")[0])
-    assert left == pytest.approx(1e3 * math.dist(found.trace[-1][:2], (0.6, 0.3)), abs=0.5)
+    x, y = words.split(" m,")[0].split(", y ")
+    assert [float(x), float(y)] == pytest.approx(found.trace[-1][:2], abs=5e-4)
+    left = float(words.split(" m, ")[1].split(" m from its goal")[0])
+    assert left == pytest.approx(math.dist(found.trace[-1][:2], (0.6, 0.3)), abs=5e-4)
+    mm = " ".join(typed("rod", "--field", "firas", "--units", "mm", code=1).split())
+    assert f"stuck: tool at x {1e3 * float(x):g}, y {1e3 * float(y):g} mm, {1e3 * left:g} mm from its goal" in mm
 
 
 @pytest.mark.parametrize(
@@ -88,12 +90,12 @@ def test_the_place_that_is_told_is_where_the_path_ends(root, typed):
     [
         (
             {"obstacle": [{"kind": "disc", "radius": 0.1}]},
-            "start in collision: 'mobile' penetrates 'disc 1' by 200 mm",
+            "start in collision: 'mobile' penetrates 'disc 1' by 0.2 m",
             "Choose another start",
         ),
         (
             {"obstacle": [{"kind": "disc", "radius": 0.1, "point": [1.205, 0]}]},
-            "goal in collision: 'mobile' is 5 mm from 'disc 1', below the safety distance of 10 mm",
+            "goal in collision: 'mobile' is 0.005 m from 'disc 1', below the safety distance of 0.01 m",
             "move the goal or the obstacle",
         ),
     ],

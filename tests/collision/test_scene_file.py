@@ -264,10 +264,10 @@ def test_wrong_joints_are_refused(robot):
     assert _message(arm, {"joint9": 1.0}).startswith(
         "scene: start: joints: 'joint9' is not a joint of arm: did you mean"
     )
-    assert "start: joints: joint1 must be a number, not 'up'" in _message(arm, {"joint1": "up"})
+    assert "start: joints: joint1 is wrong: 'up' is not an angle: write a number" in _message(arm, {"joint1": "up"})
     assert "start: joints: joint1 must be finite, not nan" in _message(arm, {"joint1": math.nan})
     said = _message(arm, {"joint1": 3.0})
-    assert said == "scene: start: joints 'joint1' is at 3, its limits are -2.96706 and 2.96706"
+    assert said == "scene: start: joints 'joint1' is at 171.887 deg, its limits are -170 deg and 170 deg"
     assert "start: unknown key 'joint'" in _message(arm, start={"joint": {}})
     assert "node 'tol' is not a node of arm: did you mean 'tool'?" in _message(arm, node="tol")
     low, high = arm.model.lowerPositionLimit[0], arm.model.upperPositionLimit[0]

@@ -186,28 +186,28 @@ def test_a_picture_has_colours_levels_curves_and_the_robot(drawn, five_bar):
     assert any(artist.get_gid() == ROBOT for artist in axes.get_children())
 
 
-def test_its_curves_are_where_they_should_be_in_mm(drawn):
+def test_its_curves_are_where_they_should_be_in_m(drawn):
     axes = drawn.axes[0]
     second = np.vstack([np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == TYPE_2])
-    off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 400.0 for y in (-200.0, 200.0)]).min(axis=0)
-    assert off.max() < 1e-3
+    off = np.abs([np.hypot(second[:, 0], second[:, 1] - y) - 0.4 for y in (-0.2, 0.2)]).min(axis=0)
+    assert off.max() < 1e-6
     first = np.vstack([np.column_stack(line.get_data()) for line in axes.lines if line.get_color() == TYPE_1 and
                        line.get_gid() != ROBOT])  # fmt: skip
-    away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-150.0, 150.0)])
-    assert np.abs(away[:, :, None] - [650.0, 150.0]).min(axis=(0, 2)).max() < 1e-2
+    away = np.array([np.hypot(first[:, 0] - x, first[:, 1]) for x in (-0.15, 0.15)])
+    assert np.abs(away[:, :, None] - [0.65, 0.15]).min(axis=(0, 2)).max() < 1e-5
 
 
 def test_the_robot_is_where_it_is_at_home(drawn, robot):
     tool = robot("five_bar").placement(robot("five_bar").q_home, "tool").translation[:2]
     ends = [np.column_stack(artist.get_data()) for artist in drawn.axes[0].lines if artist.get_gid() == ROBOT]
-    assert min(np.abs(points - 1e3 * tool).max(axis=1).min() for points in ends) < 1e-9
+    assert min(np.abs(points - tool).max(axis=1).min() for points in ends) < 1e-9
 
 
 def test_its_words_say_what_it_is(drawn, five_bar):
     said = words(drawn)
     spec = specification_of(five_bar)
     measured = extent(five_bar)
-    for part in ("x (mm)", "y (mm)", "σ₁: smallest singular value of type 1", f"{spec.mechanism.name}: reach of tool",
+    for part in ("x (m)", "y (m)", "σ₁: smallest singular value of type 1", f"{spec.mechanism.name}: reach of tool",
                  str(measured).replace("m^2", "m²"), "joint limits left out", "type 1: lost DoF",
                  "type 2: uncontrolled DoF", "robot at home", "out of reach"):  # fmt: skip
         assert part in said
@@ -312,13 +312,11 @@ def test_over_a_line_it_is_a_curve(made):
     axes = figure.axes[0]
     (curve,) = axes.lines
     x, m = curve.get_data()
-    np.testing.assert_allclose(x, 1e3 * line.x.values)
+    np.testing.assert_allclose(x, line.x.values)
     np.testing.assert_array_equal(np.isfinite(m), line.reachable.values)
     grey = [patch.get_bbox().intervalx for patch in axes.patches]
-    np.testing.assert_allclose(
-        sorted(map(tuple, grey)), [(-1200.0, -500.0), (100.0, 300.0), (900.0, 1200.0)], atol=25.0
-    )
-    assert axes.get_xlabel() == "x (mm)"
+    np.testing.assert_allclose(sorted(map(tuple, grey)), [(-1.2, -0.5), (0.1, 0.3), (0.9, 1.2)], atol=0.025)
+    assert axes.get_xlabel() == "x (m)"
 
 
 @pytest.mark.parametrize("quantity", ["force", "solutions"])
@@ -335,7 +333,7 @@ def test_a_single_cell_in_a_line_is_seen(made):
     assert list(line.reachable.values) == [False, True, False]
     for figure in (draw_map(line), draw_comparison(line, line)):
         dots = [artist for artist in figure.axes[0].lines if artist.get_marker() == "."]
-        assert [list(dot.get_xdata()) for dot in dots] == [pytest.approx([600.0])]
+        assert [list(dot.get_xdata()) for dot in dots] == [pytest.approx([0.6])]
 
 
 def test_directions_seen_from_a_centre_are_on_a_map_of_the_sphere(made):
@@ -343,7 +341,7 @@ def test_directions_seen_from_a_centre_are_on_a_map_of_the_sphere(made):
                   at={"radius": 0.5}, centre=(0.0, 0.0, 0.42))  # fmt: skip
     figure = rendered(draw_map(sphere, curves=False))
     assert figure.axes[0].name == "hammer"
-    assert "radius 500 mm; seen from x 0 mm, y 0 mm, z 420 mm" in words(figure)
+    assert "radius 0.5 m; seen from x 0 m, y 0 m, z 0.42 m" in words(figure)
     two = rendered(draw_comparison(sphere, sphere))
     assert [axes.name for axes in two.axes[:2]] == ["hammer", "hammer"]
 
@@ -380,7 +378,7 @@ def test_a_solid_is_within_its_axes(made, layers):
     figure = rendered(draw_map(slab, curves=False))
     (solid,) = [axes for axes in figure.axes if axes.name == "3d"]
     limits = np.array([solid.get_xlim(), solid.get_ylim(), solid.get_zlim()])
-    assert limits[2] == pytest.approx([200.0, 200.0 + 100.0 * layers], abs=0.05 * 100.0 * layers)
+    assert limits[2] == pytest.approx([0.2, 0.2 + 0.1 * layers], abs=0.05 * 0.1 * layers)
     body = np.column_stack([solid.xy_dataLim.get_points(), solid.zz_dataLim.intervalx]).T
     assert (body[:, 0] >= limits[:, 0]).all()
     assert (body[:, 1] <= limits[:, 1]).all()
@@ -427,7 +425,7 @@ def test_over_more_axes_the_middle_is_shown_and_said(made):
                 quantities=("sigma_1",))  # fmt: skip
     said = words(rendered(draw_map(full, curves=False)))
     assert "middle slice; in all reached:" in said
-    assert "z 400 mm" in said
+    assert "z 0.4 m" in said
     assert "rz 0°" in said
 
 

@@ -175,7 +175,7 @@ def test_a_way_is_drawn_from_the_start_to_where_it_ends(found, name, field):
         assert line(chart, "stuck")[0] == pytest.approx(places[-1])
     (left, right), (low, high) = chart.get_xlim(), chart.get_ylim()
     assert ((drawn >= [left, low]) & (drawn <= [right, high])).all()
-    assert strip.get_ylabel() == "clearance (mm)"
+    assert strip.get_ylabel() == "clearance (m)"
 
 
 def test_obstacles_are_drawn_as_large_as_they_are_and_as_much_larger_as_is_kept_clear(found):
@@ -218,12 +218,12 @@ def test_the_clearance_along_the_way_is_that_of_the_plan(found, name):
     way = found(name)
     strip = draw_plan(way).axes[-1]
     safety, curve = strip.lines[0].get_ydata(), strip.lines[1].get_xydata()
-    assert safety[0] == pytest.approx(1e3 * way.scene.safety)
+    assert safety[0] == pytest.approx(way.scene.safety)
     assert (curve[0, 0], curve[-1, 0]) == pytest.approx((0.0, 100.0))
-    assert curve[0, 1] == pytest.approx(1e3 * way.clearances[0])
-    assert curve[-1, 1] == pytest.approx(1e3 * way.clearances[-1])
-    assert curve[:, 1].min() >= 1e3 * way.clearance - 1e-9
-    assert curve[:, 1].min() <= 1e3 * way.clearances.min() + 1e-9
+    assert curve[0, 1] == pytest.approx(way.clearances[0])
+    assert curve[-1, 1] == pytest.approx(way.clearances[-1])
+    assert curve[:, 1].min() >= way.clearance - 1e-9
+    assert curve[:, 1].min() <= way.clearances.min() + 1e-9
     low, high = strip.get_ylim()
     assert low <= curve[:, 1].min() < high
 

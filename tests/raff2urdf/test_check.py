@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -189,7 +190,7 @@ def test_a_document_made_by_hand_is_checked_too() -> None:
         ("type 0 pred 0 velocity 90", 33, "link 1 is fixed velocity"),
         ("type 0 pred 0 actuated 1", 33, "link 1 is fixed actuate"),
         ("parameters { theta 95 } type 2 pred 0 limits { 0 90 }", 57, "link 1 95 outside limits"),
-        ("parameters { r -1 } type 1 pred 0 limits { 0 90 }", 53, "link 1 -1 outside limits"),
+        ("parameters { r -9 } type 1 pred 0 limits { 0 90 }", 53, "link 1 -9 outside limits"),
     ],
 )
 def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, column: int, words: str) -> None:
@@ -210,3 +211,17 @@ def test_what_is_probably_not_meant_is_a_warning_with_its_place(link: str, colum
 )
 def test_what_makes_sense_is_no_warning(link: str) -> None:
     assert warnings_of(text_of(f"link 1 {{ {link} }}")) == []
+
+
+def test_a_robot_of_some_mm_must_state_its_units() -> None:
+    links = " link 1 { type 2 pred 0 parameters { d 0.4 } }\n frame 2 { pred 1 parameters { d 1.2 } }\n"
+    begin, end = "RAFF x\n", f"robot r {{\n{links}}}\n"
+    with pytest.raises(raff2urdf.RaffError, match=r"<text>:4:.*1\.2 mm: did you mean metres\? Write 'units m'"):
+        raff2urdf.check(raff2urdf.loads(begin + end))
+    for units in ("units mm\n", "units m\n", "units um\n"):
+        raff2urdf.check(raff2urdf.loads(begin + units + end))
+    small = replace(raff2urdf.loads(begin + end), states_units=True)  # as a program would make it
+    again = raff2urdf.loads(raff2urdf.dumps(small))
+    assert again.states_units
+    assert again == small
+    raff2urdf.check(again)

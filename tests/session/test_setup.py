@@ -32,13 +32,27 @@ def test_a_stand_is_read(text, name, stand):
     assert said.placement.isApprox(pin.SE3(pin.rpy.rpyToMatrix(*map(float, turn)), np.array(place, dtype=float)))
 
 
-NONE = ["", "arm", "arm=", "=1,2,3", "arm=1,2", "arm=1,2,nan", "arm=delta4", "arm=a.b@", "arm=.b"]
+NONE = ["", "arm", "arm=", "=1,2,3", "arm=1,2", "arm=delta4", "arm=a.b@", "arm=.b"]
 
 
 @pytest.mark.parametrize("text", NONE)
 def test_what_is_no_stand_is_told(text):
     with pytest.raises(SetupError, match="write NAME="):
         parse_base_pose(text)
+
+
+def test_numbers_of_a_base_pose_may_have_units(robot):
+    assert parse_base_pose("arm=1000mm,0,0.5m,0.5rad,0,0")[1].placement.translation.tolist() == [1.0, 0.0, 0.5]
+    for text, why in (
+        ("arm=1,2,nan", "'nan' is not a length"),
+        ("arm=1,2,3deg", "'3deg' is an angle: a length is wanted"),
+        ("arm=1,2,500mm", "can be read two ways"),
+        ("arm=1,2,3,4m,5,6", "'4m' is a length: an angle is wanted"),
+    ):
+        with pytest.raises(SetupError, match=why):
+            parse_base_pose(text)
+    with pytest.raises(SetupError, match=r"--base arm: 1000 m is far beyond the reach .* did you mean 1000 mm"):
+        arrange({"arm": robot("planar_3r")}, bases=["arm=1000,0,0"])
 
 
 def test_robots_on_each_other_come_behind_those_that_carry_them(robot):

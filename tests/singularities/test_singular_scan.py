@@ -83,7 +83,7 @@ def test_the_picture_and_the_numbers_say_the_same(five_bar):
     axes = figure.axes[0]
     drawn = sum(len(line.get_xdata()) for line in axes.lines)
     assert drawn == sum(len(curve.points) for curve in five_bar.curves) + 1  # and home
-    assert axes.get_xlabel() == "x (mm)"
+    assert axes.get_xlabel() == "x (m)"
     said = five_bar.as_dict()
     assert json.loads(json.dumps(said)) == said
     assert len(said["type 1"]) == len(said["u"])
@@ -128,7 +128,7 @@ def test_motors_have_their_limits_about_home(robot):
 
 
 def test_the_command_says_what_is_singular_at_a_pose(root, capsys):
-    assert main(["singular", str(root / "robots/tssm.raff"), "--at", "x=0,y=0,z=20,rx=0,ry=0,rz=90"]) == 0
+    assert main(["singular", str(root / "robots/tssm.raff"), "--at", "x=0,y=0,z=20mm,rx=0,ry=0,rz=90"]) == 0
     said = capsys.readouterr().out
     assert said.startswith("tssm: type 2")
     assert "general complex (5a): all six legs belong to one linear complex" in said
@@ -140,7 +140,7 @@ def test_the_command_says_what_is_singular_at_a_pose(root, capsys):
 def test_the_command_draws_and_writes_a_scan(root, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     file = str(root / "robots/five_bar.raff")
-    assert main(["singular", file, "--over", "x=-650..650,y=-500..650", "--grid", "9"]) == 0
+    assert main(["singular", file, "--over", "x=-650..650mm,y=-0.5..0.65", "--grid", "9"]) == 0
     said = capsys.readouterr().out
     assert "five_bar-singular.png and five_bar-singular.json are written" in said
     assert (tmp_path / "five_bar-singular.png").read_bytes().startswith(b"\x89PNG")
@@ -171,27 +171,42 @@ def test_the_command_finds_where_a_recorded_way_is_singular_between_its_samples(
     ("arguments", "words"),
     [
         (["--over", "x"], "--over x: name two coordinates"),
-        (["--over", "x=1,y"], "'1': write LOW..HIGH"),
-        (["--over", "x=1..b,y"], "--over: 'b' is not a number"),
-        (["--at", "x"], "'x': write NAME=VALUE, such as x=100 or rz=15 (mm, degrees)"),
-        (["--at", "x=1,y"], "'y': write NAME=VALUE, such as x=100 or rz=15 (mm, degrees)"),
-        (["--at", "x=nan"], "--at: 'nan' is not a number"),
         (["--at", "jont1=10"], "no coordinate 'jont1' here (did you mean 'joint1'?): there are x, y, z, rx, ry, rz"),
         (["--at", "jont1=10"], "or actuated joints alone: joint1, joint3"),
         (["--at", "joint1=10,jont3=10"], "no coordinate 'jont3' here (did you mean 'joint3'?)"),
         (["--at", "joint1=10,x=1"], "no coordinate 'joint1' here: there are"),
         (["--at", "joint2=10"], "no coordinate 'joint2' here (this joint is not actuated): there are"),
         (["--at", "nose=10"], "no coordinate 'nose' here: there are"),
-        (["--at", "x=1,x=2"], "--at: x is given twice"),
+        (["--at", "x=90"], "--at x: 90 m is far beyond the reach of linkage, at most 0.8 m: did you mean 90 mm?"),
+        (["--over", "x=-550..550,y=-700..700"], "did you mean -550 mm?"),
+        (["--over", "rz=-7..7rad,x"], "more than one revolution: did you mean -7..7deg?"),
         (["--at", "jont1=10", "--over", "x,y"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
         (["--over", "jont1,joint3"], "no coordinate 'jont1' here (did you mean 'joint1'?)"),
-        (["--at", "x=9000"], "--at x=9000 can't be reached along a straight line from home on its branch"),
+        (["--at", "x=0.9"], "--at x=0.9 can't be reached along a straight line from home on its branch"),
         (["--over", "x,y", "--grid", "3", "--plot", "a.tiff9"], "a.tiff9: can't be written"),
     ],
 )
 def test_what_the_command_cant_do_is_told(root, tmp_path, monkeypatch, capsys, arguments, words):
     monkeypatch.chdir(tmp_path)
     assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 1
+    assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--over", "x=1,y"], "'1' is one number: write LOW..HIGH"),
+        (["--over", "x=0...1,y"], "3 dots"),
+        (["--over", "x=1..b,y"], "--over: x: 'b' is not a length"),
+        (["--at", "x"], "'x': write NAME=VALUE, such as x=0.1 or rz=15 (m and degrees)"),
+        (["--at", "x=1,y"], "'y': write NAME=VALUE, such as x=0.1 or rz=15 (m and degrees)"),
+        (["--at", "x=nan"], "--at: x: 'nan' is not a length"),
+        (["--at", "joint1=1m"], "--at: joint1: '1m' is a length: an angle is wanted"),
+        (["--at", "x=1,x=2"], "--at: x is given twice"),
+    ],
+)
+def test_a_number_that_is_none_is_a_wrong_call(root, capsys, arguments, words):
+    assert main(["singular", str(root / "robots/five_bar.raff"), *arguments]) == 2
     assert words in capsys.readouterr().err
 
 

@@ -289,10 +289,10 @@ def test_a_seam_is_a_sensor(clock):
     seam.start()  # is started already
     first = seam.read()
     assert (first.time, first.twist, first.target) == (100.5, None, seam.target(0.0))
-    assert seam.status == (SensorState.LIVE, "seam:weld.csv: 0 of 350 mm", 1, 0)
+    assert seam.status == (SensorState.LIVE, "seam:weld.csv: 0.000 of 0.350 m", 1, 0)
     clock[0] = 100.0 + 1.0 + 2 * 0.25 + 0.125 + 1.2  # an approach that is all ramps, a ramp, 120 mm
     assert seam.read().target.translation == pytest.approx([0.12, 0, 0])
-    assert seam.status.message == "seam:weld.csv: 120 of 350 mm"
+    assert seam.status.message == "seam:weld.csv: 0.120 of 0.350 m"
     clock[0] += 100.0
     assert seam.read().target.translation == pytest.approx([0.35, 0, 0.01])  # it says its end, and no more
     assert seam.read() is None
@@ -300,7 +300,7 @@ def test_a_seam_is_a_sensor(clock):
     seam.close()
     seam.start()
     assert seam.read().target == first.target
-    assert repr(seam) == "<Seam seam:weld.csv, 350 mm in 4.8 s>"
+    assert repr(seam) == "<Seam seam:weld.csv, 0.35 m in 4.8 s>"
 
 
 def test_again_never_ends(clock):

@@ -13,12 +13,12 @@ from cinegen.toolpath.seam_file import read_points
 
 WELD = """\
 # a weld, from the drawing
-x, y, z, nx, ny, nz
+x [mm], y, z, nx, ny, nz
 0, 0, 0,  0, 0, 1
 100, 0, 0,  0, 0, 2  # any length
 
 # ... and on
-200,10,0,0,0,1
+200,0.01,0m,0,0,1
 """
 
 
@@ -33,10 +33,10 @@ def weld(tmp_path, monkeypatch):
     return write
 
 
-def test_millimetres_and_degrees(weld):
+def test_metres_and_degrees_or_other_units(weld):
     url = weld()
     seam = open_sensor(
-        f"{url}?distance=10&work=15&travel=-5&speed=25&roll=90&approach=20&turning=60&ramp=0.5&wait=2&again=back"
+        f"{url}?distance=10mm&work=15&travel=-5deg&speed=25mm/s&roll=90&approach=0.02&turning=60&ramp=500ms&wait=2&again=back"
     )
     points = [[0, 0, 0], [0.1, 0, 0], [0.2, 0.01, 0]]
     same = Seam(
@@ -55,7 +55,7 @@ def test_millimetres_and_degrees(weld):
 def test_files_as_spreadsheets_write_them(weld):
     weld('Name,NZ,ny,nx,"z",y,X\r\nfirst,1,0,0,3,2,1\r\n"second, last",1,0,0,6,5,4\r\n', "utf-8-sig")
     points, normals, lines = read_points("weld.csv")
-    assert points == pytest.approx(1e-3 * np.array([[1, 2, 3], [4, 5, 6]]))
+    assert points == pytest.approx(np.array([[1, 2, 3], [4, 5, 6]]))
     assert normals.tolist() == [[0, 0, 1]] * 2
     assert lines == [2, 3]
 
@@ -74,12 +74,13 @@ FIRST = "0,0,0,0,0,1\n"
         (HEAD + FIRST + FIRST, "two points at least"),
         ("\nx,y,z,nx,ny\n", "weld.csv:2: no column 'nz'; the first line names the columns"),
         ("x;y;z;nx;ny;nz\n", "weld.csv:1: no column 'x'"),
+        ("x [deg],y,z,nx,ny,nz\n", "weld.csv:1: column 'x': 'deg' is not a unit of length"),
         ("x,y,z,nx,ny,nz,x\n", "weld.csv:1: two columns 'x'"),
         (HEAD + FIRST + "1,0,0,0,0\n", "weld.csv:3: 5 values, but 6 columns are named"),
-        (HEAD + FIRST + "#\n1,0,l,0,0,1\n", "weld.csv:4: z: 'l' is not a number"),
+        (HEAD + FIRST + "#\n1,0,l,0,0,1\n", "weld.csv:4: z: 'l' is not a length"),
         (HEAD + "0,0,0,0,,1\n", "weld.csv:2: ny: '' is not a number"),
-        (HEAD + FIRST + "1,0,nan,0,0,1\n", "weld.csv:3: z: 'nan' is not finite"),
-        (HEAD + FIRST + "1,0,0,0,0,1e999\n", "weld.csv:3: nz: '1e999' is not finite"),
+        (HEAD + FIRST + "1,0,nan,0,0,1\n", "weld.csv:3: z: 'nan' is not a length"),
+        (HEAD + FIRST + "1,0,0,0,0,1e999\n", "weld.csv:3: nz: '1e999' is not a number"),
         (HEAD + FIRST + "\n\n1,0,0,0,0,0 # no\n", "weld.csv:5: its normal is 0 0 0"),
         (HEAD + FIRST + "# \n1,0,0,1,0,0\n", "weld.csv:4: the seam is parallel to its normal here"),
         (HEAD + FIRST + "1,0,0,0,0,-1\n", "weld.csv:3: its normal is opposite"),
@@ -97,10 +98,15 @@ def test_what_is_wrong_with_a_file_is_said_with_its_line(weld, text, why):
     [
         ("distanec=10", r"'seam:weld.csv\?distanec=10': unknown option 'distanec': did you mean 'distance'\?"),
         ("foo=1", r"unknown option 'foo' \(known: distance, work, .*again\)"),
-        ("distance=ten", r"'seam:weld.csv\?distance=ten': distance: 'ten' is not a number"),
-        ("distance", "distance: '' is not a number"),
-        ("work=nan", "work: 'nan' is not finite"),
+        ("distance=ten", r"'seam:weld.csv\?distance=ten': distance: 'ten' is not a length"),
+        ("distance", "distance: '' is not a length"),
+        ("work=nan", "work: 'nan' is not an angle"),
         ("work=90", r"'seam:weld.csv\?work=90': work must be between -90 and 90 degrees"),
+        ("distance=15deg", "distance: '15deg' is an angle: a length is wanted"),
+        ("speed=20mm", "speed: '20mm' is a length: a speed is wanted"),
+        ("distance=10", "distance: 10 m, for a seam of 0.2006 m: did you mean distance=10mm"),
+        ("approach=20", "did you mean approach=20mm"),
+        ("speed=25", "speed: 25 m/s, for a seam of 0.2006 m: did you mean speed=25mm/s"),
         ("speed=0", "speed must be more than 0"),
         ("speed=1&speed=2", "speed is given twice"),
         ("again=bck", "unknown value 'bck' of again: did you mean 'back'"),
@@ -109,6 +115,14 @@ def test_what_is_wrong_with_a_file_is_said_with_its_line(weld, text, why):
 def test_what_is_wrong_with_a_url(weld, query, why):
     with pytest.raises(SensorError, match=why):
         open_sensor(f"{weld()}?{query}")
+
+
+def test_points_in_millimetres_without_a_unit_are_refused_where_the_robot_is_known(weld, robot):
+    weld(HEAD + "500,-100,200,0,0,1\n550,0,200,0,0,1\n")
+    with pytest.raises(SensorError, match=r"weld.csv: 550 m is far beyond the reach of arm.*did you mean 550 mm"):
+        open_sensor("seam:weld.csv", mechanism=robot("rx90"))
+    weld(HEAD.replace("x,y,z", "x [mm],y [mm],z (mm)") + "500,-100,200,0,0,1\n550,0,200,0,0,1\n")
+    assert open_sensor("seam:weld.csv", mechanism=robot("rx90")).length == pytest.approx(0.1118, abs=1e-4)
 
 
 def test_files_that_are_none(weld, tmp_path):

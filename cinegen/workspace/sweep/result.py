@@ -107,6 +107,7 @@ def _attribute(of: Any, path: str) -> Any:
     return reduce(lambda one, name: None if one is None else getattr(one, name), path.split("."), of)
 
 
+_ANGLES = ("theta", "alpha", "gamma")
 _COLUMNS = ("reaches", "of the box", "sigma 1 worst", "mean", "1/condition worst", "mean", "sigma 2 worst", "singular")
 
 
@@ -140,6 +141,10 @@ class SweepResult:
         """Unit of extents; empty where there is none."""
         return next((row.extent.unit for row in self.rows if row.extent), "")
 
+    def _unit_of(self, heading: str) -> str:
+        name = heading.rpartition(".")[2]
+        return f"({self.units})" if name in ("r", "d", "epsilon") else "(deg)" if name in _ANGLES else ""
+
     @property
     def suitable(self) -> tuple[VariantResult, ...]:
         """Variants that reach the whole wanted box without a singularity."""
@@ -166,7 +171,8 @@ class SweepResult:
 
     def text(self) -> str:
         """Return a table for people, with the first remark of each variant."""
-        lines = [[*self.headings, *_COLUMNS], *(row.cells() for row in self.rows)]
+        headings = [" ".join(filter(None, [name, self._unit_of(name)])) for name in self.headings]
+        lines = [[*headings, *_COLUMNS], *(row.cells() for row in self.rows)]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         shown = ["  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
         remarks = ["", *(f"  {row.remark.partition('; ')[0]}" for row in self.rows)]

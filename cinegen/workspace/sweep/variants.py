@@ -14,8 +14,19 @@ import numpy as np
 
 from cinegen.workspace.errors import MapError
 from raff2urdf.check import check_sizes, check_tree
-from raff2urdf.document import Document, JointType, Parameters, RaffBase, RaffLink, RaffNode, RaffRobot
+from raff2urdf.document import UNITS_PER_METRE, Document, JointType, Parameters, RaffBase, RaffLink, RaffNode, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean
+from raff2urdf.quantities import (
+    ANGLE,
+    ANGULAR_SPEED,
+    LENGTH,
+    SPEED,
+    Dimension,
+    QuantityError,
+    parse,
+    parse_range,
+    shown,
+)  # fmt: skip
 from raff2urdf.writer import dumps, number
 
 KLEINFINGER = tuple(Parameters.__dataclass_fields__)
@@ -24,6 +35,9 @@ NAMES = (*KLEINFINGER, "limits.low", "limits.high", "velocity")
 
 MOST = 10_000
 """Number of variants of a sweep, and of values of a variation, at most."""
+
+_FAR = 10.0
+"""A length beyond this multiple of all lengths of a robot together can't be meant."""
 
 _DIGITS = 12  # of a value: that many are the same in a name and in a file
 
@@ -89,6 +103,20 @@ class Parameter:
             return replace(robot, base=changed)
         return replace(robot, parts=tuple(changed if one is part else one for one in robot.parts))
 
+    def dimension(self, robot: RaffRobot) -> Dimension:
+        """Return the dimension of its values.
+
+        Raises:
+            MapError: the robot has no such node.
+        """
+        if self.name in KLEINFINGER:
+            return LENGTH if self.name in ("r", "d", "epsilon") else ANGLE
+        part = self.part(robot)
+        prismatic = isinstance(part, RaffLink) and part.type is JointType.PRISMATIC
+        if self.name == "velocity":
+            return SPEED if prismatic else ANGULAR_SPEED
+        return LENGTH if prismatic else ANGLE
+
     def part(self, robot: RaffRobot) -> RaffNode:
         """Return the node's block.
 
@@ -139,8 +167,44 @@ class Variation:
             raise MapError(f"{where}: a parameter is named twice")
 
     @classmethod
+    def typed(cls, text: str, document: Document, robot: str | None = None) -> Variation:
+        """Parse what a person types: as `parse`, but in m and degrees, or with units: `link2.d=1.5..2.5:11`.
+
+        Args:
+            text: what was typed.
+            document: the document that is varied.
+            robot: the robot that is varied; the first unless given.
+
+        Raises:
+            MapError: as `parse`; or a number has the wrong dimension, or would fit in mm only.
+        """
+        names, equals, values = text.strip().partition("=")
+        ends, colon, count = values.partition(":")
+        chosen = document.robot(robot)
+        dimensions = {Parameter.parse(name).dimension(chosen) for name in names.split("+")} if equals else set()
+        if not equals or not ends:
+            return cls.parse(text)
+        if len(dimensions) > 1:
+            raise MapError(f"{names}: parameters that vary together must be all lengths or all angles")
+        (dimension,) = dimensions
+        try:
+            both = parse_range(ends, dimension) if ".." in ends else (parse(ends, dimension),)
+        except QuantityError as error:
+            raise MapError(f"'{text}': {error}") from None
+        size = sum(document.metres(abs(x)) for node in (chosen.base, *chosen.parts) for x in node.parameters.lengths)
+        if dimension is LENGTH and _FAR * size < max(map(abs, both)) <= 1000.0 * _FAR * size:
+            value = max(both, key=abs)
+            raise MapError(
+                f"'{text}': {shown(value, LENGTH)}, but all lengths of {chosen.name} together are {shown(size, LENGTH)}"
+                f": did you mean {value:g} mm?"
+            )
+        scale = UNITS_PER_METRE[document.units] if dimension in (LENGTH, SPEED) else math.degrees(1.0)
+        written = "..".join(f"{scale * value:.{_DIGITS}g}" for value in both)
+        return cls.parse(f"{names}={written}{colon}{count}")
+
+    @classmethod
     def parse(cls, text: str) -> Variation:
-        """Parse `link2.d=1500..2500:11`, or one value, `link2.d=1500`.
+        """Parse `link2.d=1500..2500:11`, or one value, `link2.d=1500`, in the unit of the file.
 
         Parameters that vary together are joined by '+': `link2.d+link5.d=...`, `link2.r+-link5.r=...` with opposite
         values.

@@ -1,0 +1,112 @@
+"""Numbers that only fit in another unit: mm typed for m, radians for degrees or the reverse.
+
+A number is refused only if it can't be meant: it lies far beyond what the mechanism can do, and would fit if it were
+1000 or 57.3 times smaller.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from cinegen.errors import CinegenError
+from cinegen.joints import translations
+from cinegen.model.mechanism import Mechanism
+from raff2urdf.quantities import ANGLE, LENGTH, shown
+
+FAR = 10.0
+"""A length beyond this multiple of the reach can't be meant."""
+
+
+class ImplausibleError(CinegenError):
+    """A number that would fit if it were 1000 or 57.3 times smaller: it was probably meant in another unit."""
+
+
+def reach(mechanism: Mechanism) -> float:
+    """Return a bound of the distance between the world's origin and any node, m.
+
+    It is the longest sum of distances between successive joints and frames, with the strokes of prismatic joints; a
+    stroke without limits counts as the characteristic length. A floating base does not count.
+    """
+    return mechanism.derived(_reach)
+
+
+def _reach(mechanism: Mechanism) -> float:
+    model, far = mechanism.model, np.zeros(mechanism.model.njoints)
+    for number in range(1, model.njoints):
+        joint, stroke = model.joints[number], 0.0
+        if joint.nq == 1 and translations(joint):
+            limits = mechanism.limits[model.names[number]][:2]
+            home = abs(float(mechanism.q_home[joint.idx_q]))
+            stroke = max(abs(x) if math.isfinite(x) else home + mechanism.length for x in limits)
+        step = float(np.linalg.norm(model.jointPlacements[number].translation))
+        far[number] = far[model.parents[number]] + step + stroke
+    ends = (far[frame.parentJoint] + float(np.linalg.norm(frame.placement.translation)) for frame in model.frames)
+    return float(max([*ends, mechanism.length]))
+
+
+def check_lengths(mechanism: Mechanism, name: str, values: Sequence[float], far: float = FAR) -> None:
+    """Check that lengths in the workspace are not 1000 times too large.
+
+    Args:
+        mechanism: the robot.
+        name: of the lengths, for the error, such as `x` or `goal: point`.
+        values: coordinates or distances, m.
+        far: multiple of the reach beyond which a length can't be meant.
+
+    Raises:
+        ImplausibleError: one is far beyond the robot's reach, and all would be within it in mm.
+    """
+    value, most = max(values, key=abs, default=0.0), reach(mechanism)
+    if far * most < abs(value) <= 1000.0 * most and not mechanism.floating:
+        raise ImplausibleError(
+            f"{name}: {shown(value, LENGTH)} is far beyond the reach of {mechanism.name}, at most "
+            f"{shown(most, LENGTH, 2)}: did you mean {value:.6g} mm?"
+        )
+
+
+def check_joint(mechanism: Mechanism, joint: str, values: Sequence[float]) -> None:
+    """Check that values of a joint are not 1000 or 57.3 times too large.
+
+    Args:
+        mechanism: the robot.
+        joint: name of the joint.
+        values: rad or m.
+
+    Raises:
+        ImplausibleError: one is far beyond the joint's limits (by a revolution at least), and all would be within them
+            in mm or degrees; or far beyond the robot's reach, for a prismatic joint. A revolute joint without limits is
+            not checked.
+    """
+    low, high, *_ = mechanism.limits[joint]
+    value, limited = max(values, key=abs), math.isfinite(low) and math.isfinite(high)
+    if mechanism.is_prismatic(joint):
+        factor, slack, dimension, other = 1000.0, high - low, LENGTH, f"{value:.6g} mm"
+    else:
+        factor, slack, dimension = math.degrees(1.0), 2.0 * math.pi, ANGLE
+        other = f"{value:.6g} degrees, which are {math.radians(value):.4g} rad"
+
+    def fit(factor: float, slack: float = 0.0) -> bool:
+        return all(low - slack <= x / factor <= high + slack for x in values)
+
+    if limited and not fit(1.0, slack) and fit(factor):
+        limits = f"{shown(low, dimension)} to {shown(high, dimension)}"
+        raise ImplausibleError(
+            f"{joint}: {shown(value, dimension)} is far beyond its limits, {limits}: did you mean {other}?"
+        )
+    if mechanism.is_prismatic(joint):
+        check_lengths(mechanism, joint, values)
+
+
+def check_revolution(name: str, low: float, high: float) -> None:
+    """Check that a range of an orientation is one revolution at most.
+
+    Raises:
+        ImplausibleError: it is more, and would be less in degrees or not at all.
+    """
+    if high - low > 2.0 * math.pi * (1.0 + 1e-9):
+        degrees = f": did you mean {low:g}..{high:g}deg?" if high - low <= 360.0 else ""
+        range_shown = f"{shown(low, ANGLE)} to {shown(high, ANGLE)}"
+        raise ImplausibleError(f"{name}: {range_shown} is more than one revolution{degrees}")
