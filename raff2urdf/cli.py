@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from raff2urdf.command_line import UsageError, Version, new_app, print_error, run_app
+from raff2urdf.command_line import UsageError, Version, new_app, print_error, quantity_parser, run_app
 from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.files import is_stream, output_path
 from raff2urdf.output import run
+from raff2urdf.quantities import DENSITY as DENSITY_DIMENSION
 from raff2urdf.writers import DENSITY, FORMATS
 
 if TYPE_CHECKING:
@@ -59,6 +60,7 @@ def raff2urdf(
         float | None,
         Option(
             metavar="KG_PER_M3",
+            parser=quantity_parser(DENSITY_DIMENSION, -1e12, 1e12),
             help=f"density of the links, for sdf and mjcf, whose masses are estimated from the graphics [{DENSITY:g}]",
         ),
     ] = None,

@@ -21,6 +21,7 @@ from typer.core import TyperGroup
 from typer.exceptions import TyperException
 
 from raff2urdf.output import STOPPED
+from raff2urdf.quantities import Dimension, QuantityError, parse
 
 
 class UsageError(TyperException):
@@ -117,6 +118,31 @@ def expand(function: Callable[..., int]) -> Callable[..., int]:
     command.__annotations__ = {one.name: one.annotation for one in parameters}
     command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
     return command
+
+
+def quantity_parser(dimension: Dimension, least: float, most: float) -> Callable[[Any], float]:
+    """Return the parser of an option whose value is a number with an optional unit, in SI units and radians.
+
+    Args:
+        dimension: of the number.
+        least: smallest valid value.
+        most: largest valid value.
+    """
+
+    def parser(given: Any) -> float:
+        if not isinstance(given, str):  # a default
+            return float(given)
+        try:
+            value = parse(given, dimension)
+        except QuantityError as error:
+            raise typer.BadParameter(str(error)) from None
+        if not least <= value <= most:
+            raise typer.BadParameter(
+                f"'{given}' is not in the range {least:g} to {most:g} {dimension.default}".rstrip()
+            )
+        return value
+
+    return parser
 
 
 def _show_version(wanted: bool) -> None:

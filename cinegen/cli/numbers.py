@@ -6,13 +6,12 @@ A number may have a unit; without one it is in m, degrees, s or Hz, by its dimen
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperCommand
 
-from raff2urdf.command_line import UsageError
+from raff2urdf.command_line import UsageError, quantity_parser
 from raff2urdf.quantities import ANGLE, LENGTH, Dimension, QuantityError, is_quantity, parse, parse_list, parse_range
 
 if TYPE_CHECKING:
@@ -191,25 +190,8 @@ def quantity_option(
     """
     return typer.Option(
         default, *names, metavar=metavar, help=help, show_default=default is not None,
-        parser=_parser(dimension, least, most), **settings,
+        parser=quantity_parser(dimension, least, most), **settings,
     )  # fmt: skip
-
-
-def _parser(dimension: Dimension, least: float, most: float) -> Callable[[Any], float]:
-    def parser(given: Any) -> float:
-        if not isinstance(given, str):
-            return float(given)
-        try:
-            value = parse(given, dimension)
-        except QuantityError as error:
-            raise typer.BadParameter(str(error)) from None
-        if not least <= value <= most:
-            raise typer.BadParameter(
-                f"'{given}' is not in the range {least:g} to {most:g} {dimension.default}".rstrip()
-            )
-        return value
-
-    return parser
 
 
 class NumberLists(TyperCommand):
