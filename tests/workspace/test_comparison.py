@@ -99,7 +99,7 @@ def test_grids_that_are_parts_of_one_agree_to_the_bit(made, both):
 def test_it_is_said_in_words_and_as_json(both):
     found = compare(*both)
     said = str(found)
-    assert "50 x 50 cells over x -1 to 1, y -1 to 1" in said
+    assert "50 x 50 cells over x -1 to 1 m, y -1 to 1 m" in said
     lines = {line.split("  ")[1]: line for line in said.splitlines() if line.startswith("  ")}
     assert lines["both"].endswith(f"  {found.both}")
     assert "second minus first" in lines["manipulability"]
