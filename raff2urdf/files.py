@@ -8,7 +8,6 @@ it is. The path `-` is standard input where a file is read, and standard output 
 
 from __future__ import annotations
 
-import difflib
 import errno
 import os
 import stat
@@ -22,6 +21,7 @@ from typing import TextIO
 
 from raff2urdf.errors import Problem, RaffError
 from raff2urdf.output import OutputLostError
+from raff2urdf.shipped import similar_file
 
 STANDARD = Path("-")
 """Standard input or output, as a path."""
@@ -54,20 +54,6 @@ def read_bytes(path: str | Path, most: int = -1) -> bytes:
 def _all_of(stream: TextIO) -> bytes:
     """Return all bytes of a stream, which can be read only once."""
     return stream.buffer.read()
-
-
-def similar_file(path: str | Path) -> str:
-    """Return `": did you mean 'robots/delta4.raff'?"` for a path that does not exist; empty if no name is similar."""
-    path = Path(path)
-    try:
-        if path.exists():
-            return ""
-        names = os.listdir(path.parent)
-    except (OSError, ValueError):
-        return ""
-    stems = {Path(name).stem: name for name in sorted(names) if path.suffix in ("", Path(name).suffix)}
-    near = difflib.get_close_matches(path.stem, stems, n=1)
-    return f": did you mean '{path.with_name(stems[near[0]])}'?" if near else ""
 
 
 def output_path(given: str | Path | None, name: str) -> Path:

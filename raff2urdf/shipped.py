@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ast
+import difflib
+import os
 import re
 from importlib.resources import files
 from pathlib import Path
 
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.files import STANDARD, similar_file
 
 
 def folder(package: str, name: str) -> Path:
@@ -45,6 +46,24 @@ def find_scene(path: str | Path) -> Path:
     return _found(Path(path), scenes(), "scene")
 
 
+def similar_file(path: str | Path) -> str:
+    """Return `": did you mean 'robots/delta4.raff'?"` for a path that does not exist: a file in the same folder, or the
+    name of a shipped robot or scene; empty if no name is similar."""
+    path = Path(path)
+    try:
+        if path.exists():
+            return ""
+        names = sorted(os.listdir(path.parent)) if path.parent.is_dir() else []
+    except (OSError, ValueError):
+        return ""
+    stems = {Path(name).stem: path.with_name(name) for name in names if path.suffix in ("", Path(name).suffix)}
+    known = {name: Path(name) for name, file in {**robots(), **scenes()}.items() if path.suffix in ("", file.suffix)}
+    for found in (stems, known):
+        if near := difflib.get_close_matches(path.stem, found, n=1):
+            return f": did you mean '{found[near[0]]}'?"
+    return ""
+
+
 def description(path: Path) -> str:
     """Return what a file says about itself: the first line of a program's docstring; of a RAFF or TOML file the comment
     at its top, up to the first colon or full stop."""
@@ -57,7 +76,8 @@ def description(path: Path) -> str:
 
 
 def _found(path: Path, known: dict[str, Path], what: str) -> Path:
-    if path.name != str(path) or path.suffix or path == STANDARD or (path.exists() and not path.is_dir()):
+    folder_of_that_name = path.name in known and path.is_dir()
+    if path.name != str(path) or path.suffix or str(path) == "-" or (path.exists() and not folder_of_that_name):
         return path
     if path.name not in known:
         near = similar_file(path) or did_you_mean(path.name, tuple(known))

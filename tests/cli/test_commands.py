@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import pty
@@ -185,6 +186,16 @@ def test_colours_are_for_those_who_want_them(root):
 def test_a_shell_completes_commands_options_and_choices(root, typed, completed):
     words = {"COMP_WORDS": typed, "COMP_CWORD": str(typed.count(" "))}
     assert _in_a_shell(root, _CINEGEN_COMPLETE="complete_bash", **words).split() == completed
+
+
+@pytest.mark.parametrize("no_color", ["", "1"])
+def test_errors_are_red_at_a_terminal(monkeypatch, no_color):
+    monkeypatch.setattr(sys, "stderr", stream := io.StringIO())
+    monkeypatch.setattr(stream, "isatty", lambda: True, raising=False)
+    monkeypatch.setenv("NO_COLOR", no_color)
+    monkeypatch.setenv("TERM", "xterm")
+    assert main(["info", "none.raff"]) == 1
+    assert stream.getvalue().startswith("cinegen: " if no_color else "\x1b[1;31mcinegen: \x1b[0mnone.raff: ")
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])

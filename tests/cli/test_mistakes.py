@@ -46,7 +46,8 @@ MISTAKES: list[tuple[str, int, str]] = [
     ("urdf2raff page.urdf --units km", 2, "is not one of 'um', 'mm', 'cm', 'm'"),
     # files that are read
     ("cinegen info four_bra.raff", 1, "can't be read: No such file or directory: did you mean 'four_bar.raff'?"),
-    ("cinegen info nowhere/four_bar.raff", 1, "nowhere/four_bar.raff: can't be read: No such file"),
+    ("cinegen info nowhere/rx90.raff", 1, "can't be read: No such file or directory: did you mean 'rx90'?"),
+    ("cinegen demo delt4", 1, "no robot, scene or example 'delt4': did you mean 'delta4'?"),
     ("cinegen info dleta4", 1, "did you mean 'delta4'?"),
     ("cinegen info folder", 1, "folder: can't be read: Is a directory"),
     ("cinegen info secret.raff", 1, "secret.raff: can't be read: Permission denied"),
