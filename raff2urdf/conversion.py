@@ -15,7 +15,7 @@ from raff2urdf.check import check, check_sizes
 from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
-from raff2urdf.files import GENERATED, STANDARD, check_new, is_stream, read_bytes, write_all
+from raff2urdf.files import GENERATED, check_new, is_stream, read_bytes, stem_of, write_all
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.reader import parse, read
 from raff2urdf.shipped import find_robot
@@ -207,7 +207,7 @@ def convert(
         names = ", ".join(one.name for one in robots)
         raise RaffError(f"{path}: holds several robots ({names}): name one with --robot, or a folder to write to")
     streamed = file is not None and _is_stream(out / file)
-    stem = "stdin" if path == STANDARD else path.stem
+    stem = stem_of(path)
     conversions = []
     contents: dict[Path, bytes] = {}
     for one in robots:

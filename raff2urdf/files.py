@@ -56,6 +56,11 @@ def _all_of(stream: TextIO) -> bytes:
     return stream.buffer.read()
 
 
+def stem_of(path: Path) -> str:
+    """Return a file's name without its ending; `stdin` for standard input."""
+    return "stdin" if path == STANDARD else path.stem
+
+
 def output_path(given: str | Path | None, name: str) -> Path:
     """Return the file that an output option names.
 

@@ -10,6 +10,7 @@ from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FILES, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions, write_page
 from raff2urdf.command_line import UsageError
+from raff2urdf.files import stem_of
 from raff2urdf.quantities import FREQUENCY, LENGTH, shown
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def run(
         setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
     if record:
         empty(record)
-    return serve(setup, page, (scene or [*files, Path()][0]).stem, snapshot)
+    return serve(setup, page, stem_of(scene or [*files, Path()][0]), snapshot)
 
 
 def serve(setup: Setup, page: PageOptions, stem: str, snapshot: Path | None = None) -> int:

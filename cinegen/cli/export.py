@@ -9,7 +9,7 @@ import typer
 from cinegen.cli.files import check_outputs
 from cinegen.cli.numbers import quantity_option
 from cinegen.cli.options import FORCE, flag, option
-from raff2urdf.files import output_path
+from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import FREQUENCY, NUMBER
 
 FORMATS = ("csv", "npz", "ros2", "urscript")
@@ -38,7 +38,7 @@ def run(
     from cinegen.mission import export, report_text
     from cinegen.mission.formats import format_of
 
-    path = recording.with_suffix(format_of(to).suffix)
+    path = recording.with_name(f"{stem_of(recording)}{format_of(to).suffix}")
     path = output_path(output, path.name) if output else path
     check_outputs(path, force=force or path == recording, remakeable=False)
     print(report_text(export(

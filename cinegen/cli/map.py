@@ -99,7 +99,8 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     shown = (*spec.quantities, "reachable", "status")
     if options.show not in (None, *shown):
         raise UnknownNameError("quantity", options.show, shown)
-    show = options.show or shown[0]
+    asked = [name.strip() for given in options.quantity for name in given.split(",")]
+    show = options.show or next((name for name in asked if name in shown), shown[0])
     if options.vary:
         return _sweep(name, spec, file, robots, options)
     if options.box:

@@ -13,7 +13,7 @@ from cinegen.cli.numbers import quantity_option
 from cinegen.errors import CinegenError
 from raff2urdf.command_line import UsageError
 from raff2urdf.extras import needs
-from raff2urdf.files import STANDARD
+from raff2urdf.files import stem_of
 from raff2urdf.quantities import TIME, show_lengths_in
 
 if TYPE_CHECKING:
@@ -94,8 +94,7 @@ class RobotOptions:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
                 mechanism = load(file, robot, loops, self.ignore_loops)
-                stem = "stdin" if file == STANDARD else file.stem
-                stem = stem.encode(errors="replace").decode()  # a file's name need not be UTF-8
+                stem = stem_of(file).encode(errors="replace").decode()  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:
                     name += "'"

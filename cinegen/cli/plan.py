@@ -15,7 +15,7 @@ from cinegen.cli.options import IGNORE_LOOPS, JSON, PLOT, UNITS, VIEW, exclude, 
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
-from raff2urdf.files import output_path
+from raff2urdf.files import output_path, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, NUMBER, shown, shown_scale
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def run(
     exclude(json=json, view=view)
     if planner != "vortex" and field != "vortex":
         raise CinegenError(f"--field {field}: --planner {planner} follows no field; leave one out")
-    recording = output_path(output, f"{scene.stem}.jsonl") if output else None
+    recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
     loaded = load_scene(scene, ignore_loops)

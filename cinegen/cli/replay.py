@@ -6,10 +6,11 @@ from pathlib import Path
 
 from cinegen.cli.export import RECORDING, SPEED
 from cinegen.cli.page import PageOptions
+from raff2urdf.files import stem_of
 
 
 def run(page: PageOptions, recording: Path = RECORDING, speed: float = SPEED) -> int:
     """Show a recorded mission in the page."""
     from cinegen.session import replay_setup
 
-    return page.show(replay_setup(recording, speed), recording.stem)
+    return page.show(replay_setup(recording, speed), stem_of(recording))

@@ -23,7 +23,7 @@ from cinegen.model import Mechanism, load
 from cinegen.model.plausible import FAR, ImplausibleError, check_joint, check_lengths
 from cinegen.tolerances import AT_LIMIT
 from raff2urdf.errors import RaffError, did_you_mean
-from raff2urdf.files import STANDARD
+from raff2urdf.files import STANDARD, stem_of
 from raff2urdf.quantities import ANGLE, LENGTH, shown
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_scene
@@ -59,9 +59,8 @@ def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
         raise SceneError(str(error)) from None
     if parse is None:
         parse = _json if text.lstrip().startswith("{") else _toml
-    name = "stdin" if path == STANDARD else path.stem
     table = SceneTable(*_angles(parse(text, path), str(path), "deg"))
-    return _scene(table, name, path, path.parent, None, ignore_loops)
+    return _scene(table, stem_of(path), path, path.parent, None, ignore_loops)
 
 
 def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:

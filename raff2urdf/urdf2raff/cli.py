@@ -12,7 +12,7 @@ from typer import Argument, Option
 from raff2urdf.cli import Force, Json, Loops, counted, parse_loops, print_json, warnings_printed
 from raff2urdf.command_line import UsageError, Version, new_app, print_error, run_app
 from raff2urdf.errors import RaffError
-from raff2urdf.files import STANDARD, output_path
+from raff2urdf.files import STANDARD, output_path, stem_of
 from raff2urdf.output import run
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def urdf2raff(
 
     Loops of a URDF are read from NAME.constraints.json or robot.yaml next to it.
     """
-    path = output_path(output, f"{'stdin' if Path(file) == STANDARD else Path(file).stem}.raff")
+    path = output_path(output, f"{stem_of(Path(file))}.raff")
     if path == STANDARD and json:
         raise UsageError("only one output can go to standard output: leave out --json, or name a file instead of -")
     with warnings_printed():

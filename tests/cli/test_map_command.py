@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import typer
+from matplotlib.figure import Figure
 
 from cinegen.cli import app, main
 from cinegen.cli.region import region
@@ -263,6 +264,20 @@ def test_a_map_that_would_take_years_is_not_begun_by_accident(typed, tmp_path, m
     assert "PiB" in said
     assert "--yes" in said
     assert not (tmp_path / "all.zarr").exists()
+
+
+def test_an_empty_map_leaves_no_folder(typed, tmp_path):
+    typed("map", "planar_3r", "--over", "x=2..3:5,y=2..3:5", code=1, err=True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_first_quantity_asked_for_is_shown(typed, monkeypatch):
+    drawn = []
+    monkeypatch.setattr("cinegen.plotting.map.draw_map", lambda found, show, name: drawn.append(show) or Figure())
+    region = "--over", "x=-0.3..0.3:4", "--at", "y=0.2"
+    typed("map", "planar_3r", *region, "-q", "condition,sigma_1", "--plot", "p.png")
+    typed("map", "planar_3r", *region, "-q", "condition,sigma_1", "--show", "sigma_1", "--plot", "p.png")
+    assert drawn == ["condition", "sigma_1"]
 
 
 def test_a_folder_of_something_else_stays_as_it_is(typed, tmp_path):
