@@ -40,7 +40,6 @@ def run(
         "values of the actuated joints in the order of the file, such as 21.7mm,21.7mm,23.8mm; or of some by name: "
         f"joint3=21.7mm, the others as at home ({UNITS})",
         None,
-        "--lengths",
         "--values",
     ),
     at: str | None = option(
@@ -59,11 +58,11 @@ def run(
 ) -> int:
     """List the assembly modes of a closed mechanism.
 
-    Lists all configurations for given values of the actuated joints, home unless --lengths or --at gives others (the
+    Lists all configurations for given values of the actuated joints, home unless --values or --at gives others (the
     direct kinematics of a parallel robot), and says whether it is proved that these are all. The exit code is 1 if
     there is none.
     """
-    exclude(lengths=lengths, at=at)
+    exclude(values=lengths, at=at)
     exclude(json=json, view=view)
     check_outputs(plot, force=page.force, json=json)
     single = lengths or at or plot or view
@@ -98,7 +97,7 @@ def run(
 
 
 def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
-    """Return the values (n,) of the actuated joints, rad and m, from --lengths.
+    """Return the values (n,) of the actuated joints, rad and m, from --values.
 
     Raises:
         CinegenError: too many, too few or no numbers.
@@ -115,9 +114,9 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
         if len(given) != len(joints):
             listed = ", ".join(f"{joint} ({value_text(mechanism, joint, home[joint])} at home)" for joint in joints)
             number = f"{count(given, 'value')} for the {len(joints)} actuated joints of {mechanism.name}"
-            raise CinegenError(f"--lengths: {number}: {listed}")
+            raise CinegenError(f"--values: {number}: {listed}")
         text = ",".join(f"{joint}={value}" for joint, value in zip(joints, given, strict=True))
-    for joint, value in values(text, "--lengths", f"{next(iter(joints), 'joint1')}=0.1", mechanism).items():
+    for joint, value in values(text, "--values", f"{next(iter(joints), 'joint1')}=0.1", mechanism).items():
         if joint not in home:
             raise UnknownNameError("actuated joint", joint, tuple(joints))
         home[joint] = value

@@ -93,7 +93,7 @@ def test_info(root, printed):
 
 def test_modes(root, printed):
     check(root, printed("modes", "four_bar.raff"), "modes")
-    check(root, printed("modes", "gough.raff", "--lengths", "0.1,2,0.1,2,0.1,2", code=1), "modes")
+    check(root, printed("modes", "gough.raff", "--values", "0.1,2,0.1,2,0.1,2", code=1), "modes")
 
 
 def test_singular(root, printed):

@@ -105,7 +105,7 @@ def test_json_is_what_python_gives(robot, typed):
 )
 def test_lengths_are_typed_with_blanks_or_commas_in_m_or_with_units(robot, typed, values):
     expected = assembly_modes(robot("gough"), [0.9, 0.95, 1.0, 1.05, 1.0, 1.01]).as_dict()
-    assert json.loads(typed("gough", "--lengths", *values, "--json")) == [expected]
+    assert json.loads(typed("gough", "--values", *values, "--json")) == [expected]
 
 
 def test_motors_that_turn_are_typed_in_degrees_and_some_by_name(robot, typed):
@@ -155,7 +155,7 @@ def test_where_solutions_meet_it_says_so(typed):
 
 
 def test_where_there_is_no_mode_it_says_what_stays_open(typed):
-    asked = "--lengths", 0.1, 2, 0.1, 2, 0.1, 2
+    asked = "--values", 0.1, 2, 0.1, 2, 0.1, 2
     said = typed("gough", *asked, code=1)
     assert "no assembly mode" in said
     assert "There is none." in said
@@ -182,18 +182,18 @@ def test_what_is_not_proved_is_not_called_all(typed):
     [
         (
             "gough",
-            ["--lengths", "0.9,0.95"],
+            ["--values", "0.9,0.95"],
             "2 values for the 6 actuated joints of hexapod: joint3 (0.939043 m at home), joint9",
         ),
         ("five_bar", ["--values", "1", "2", "3"], "joint1 (125.000 deg at home), joint3 (50.000 deg at home)"),
         ("five_bar", ["--values", "joint2=1"], "no actuated joint 'joint2'"),
         (
             "gough",
-            ["--lengths", "900,950,1000,1050,1000,1010"],
+            ["--values", "900,950,1000,1050,1000,1010"],
             "joint3: 900 m is far beyond its limits, 0.7 m to 1.3 m: did you mean 900 mm?",
         ),
         ("gough", ["--at", "x=-20,y=30,z=880"], "--at y: 30 m is far beyond the reach of hexapod"),
-        ("tssm", ["--lengths", "joint3=21.7"], "did you mean 21.7 mm?"),
+        ("tssm", ["--values", "joint3=21.7"], "did you mean 21.7 mm?"),
         (
             "five_bar",
             ["--values", "125rad,50"],
@@ -223,8 +223,8 @@ def test_what_is_wrong_is_one_clear_error(typed, monkeypatch, tmp_path, name, op
         (["--values", "1,two"], "'two' is not an angle"),
         (["--values", "1,nan"], "'nan' is not an angle"),
         (["--values", "joint3=1", "2"], "write NAME=VALUE"),
-        (["--values", "joint3=1", "joint3=2"], "--lengths: joint3 is given twice"),
-        (["--values", "1mm,2"], "--lengths: joint1: '1mm' is a length: an angle is wanted"),
+        (["--values", "joint3=1", "joint3=2"], "--values: joint3 is given twice"),
+        (["--values", "1mm,2"], "--values: joint1: '1mm' is a length: an angle is wanted"),
         (["--at", "x=1,y=2,x=3"], "--at: x is given twice"),
         (["--at", "x=5kg"], "unknown unit 'kg'"),
     ],
