@@ -18,6 +18,7 @@ from cinegen.mission.trajectory import Trajectory
 from cinegen.model import Mechanism
 from cinegen.singularities.crossing import Rows, crossings, of_end, of_passive_joints
 from cinegen.tolerances import CLOSURE
+from raff2urdf.quantities import ANGLE, ANGULAR_SPEED, LENGTH, SPEED, shown
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -170,10 +171,6 @@ def _open(trajectory: Trajectory, gaps: Array) -> Iterator[Finding]:
         yield _at(trajectory, FindingKind.OPEN, part.start, message)
 
 
-def _unit(mechanism: Mechanism, joint: str) -> str:
-    return "m" if mechanism.is_prismatic(joint) else "rad"
-
-
 def _limits(trajectory: Trajectory) -> Iterator[Finding]:
     mechanism = trajectory.mechanism
     for joint, (lower, upper, *_) in mechanism.limits.items():
@@ -183,8 +180,9 @@ def _limits(trajectory: Trajectory) -> Iterator[Finding]:
         for sign, word, bound in ((-1, "lower", lower), (1, "upper", upper)):
             beyond = sign * (positions - bound)
             for part in _intervals(beyond > spare):
-                unit = _unit(mechanism, joint)
-                message = f"{joint} is {beyond[part].max():.3g} {unit} beyond its {word} limit of {bound:.5g} {unit}"
+                dimension = LENGTH if mechanism.is_prismatic(joint) else ANGLE
+                much, limit = shown(float(beyond[part].max()), dimension, 3), shown(bound, dimension, 5)
+                message = f"{joint} is {much} beyond its {word} limit of {limit}"
                 yield _at(trajectory, FindingKind.LIMIT, part.start, message)
 
 
@@ -195,9 +193,10 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
     steps = np.abs(np.diff(trajectory.q, axis=0)) / np.diff(times)[:, None]
     unlimited: list[tuple[float, str]] = []
     for joint, (_, _, limit, _) in mechanism.limits.items():
-        speed, unit = steps[:, mechanism.q_index(joint)], f"{_unit(mechanism, joint)}/s"
+        speed, dimension = steps[:, mechanism.q_index(joint)], SPEED if mechanism.is_prismatic(joint) else ANGULAR_SPEED
         for part in _intervals(~(speed <= limit * (1.0 + _SPEED))):
-            message = f"{joint} moves at {speed[part].max():.4g} {unit}, its limit is {limit:.4g} {unit}"
+            most = shown(float(speed[part].max()), dimension)
+            message = f"{joint} moves at {most}, its limit is {shown(limit, dimension)}"
             yield _at(trajectory, FindingKind.SPEED, part.start, message)
         if joint in mechanism.actuated and not np.isfinite(limit):
             unlimited.append((float(speed.max() / mechanism.scale[mechanism.v_index(joint)]), joint))
@@ -205,7 +204,8 @@ def _speeds(trajectory: Trajectory) -> Iterator[Finding]:
         _, joint = max(unlimited)
         speed = steps[:, mechanism.q_index(joint)]
         k = int(speed.argmax())
-        message = f"{joint}, which has no velocity limit, moves at {speed[k]:.3g} {_unit(mechanism, joint)}/s"
+        dimension = SPEED if mechanism.is_prismatic(joint) else ANGULAR_SPEED
+        message = f"{joint}, which has no velocity limit, moves at {shown(float(speed[k]), dimension, 3)}"
         yield _at(trajectory, FindingKind.NO_SPEED_LIMIT, k, message)
 
 

@@ -164,7 +164,7 @@ def test_what_must_not_be_sent_is_not_written(forbidden):
     with pytest.raises(MissionError) as refused:
         export(forbidden, "csv")
     words = str(refused.value)
-    assert re.search(r"at 0\.\d+ s joint1 is 0\.5 rad beyond its upper limit", words)
+    assert re.search(r"at 0\.\d+ s joint1 is 28\.6 deg beyond its upper limit", words)
     assert "record another motion" in words
     assert "--unsafe" in words
     assert [one.name for one in forbidden.parent.iterdir()] == ["run.jsonl"]
