@@ -151,7 +151,8 @@ def test_variants_get_a_table_and_files(typed, tmp_path):
     assert (tmp_path / "all.png").stat().st_size > 10_000
     found = json.loads(typed("map", "planar_3r", "--over", "xy", "--grid", 12, "--vary", "link2.d=0.3..0.5:2", "--box",
                              "x=0.2..0.4,y=0..0.2", "-o", "all", "--json"))  # fmt: skip
-    assert [row["link2.d"] for row in found["rows"]] == [300.0, 500.0]
+    assert [row["link2.d"] for row in found["rows"]] == [0.3, 0.5]
+    assert found["units"] == {"link2.d": "m"}
 
 
 def test_variants_of_which_there_is_no_picture_are_not_begun(typed, tmp_path):

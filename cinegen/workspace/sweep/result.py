@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
@@ -14,6 +14,7 @@ from cinegen.html import table
 from cinegen.singularities.singularity import SingularityType
 from cinegen.workspace.extent import Extent
 from cinegen.workspace.sweep.box import Dexterity, Regularity, WantedBox
+from raff2urdf.quantities import shown_unit
 from raff2urdf.writer import number
 
 
@@ -107,7 +108,6 @@ def _attribute(of: Any, path: str) -> Any:
     return reduce(lambda one, name: None if one is None else getattr(one, name), path.split("."), of)
 
 
-_ANGLES = ("theta", "alpha", "gamma")
 _COLUMNS = ("reaches", "of the box", "sigma 1 worst", "mean", "1/condition worst", "mean", "sigma 2 worst", "singular")
 
 
@@ -121,6 +121,7 @@ class SweepResult:
         headings: of the variations.
         box: the wanted box.
         rows: one for each variant, the last variation fastest.
+        si: by heading, the factor from the unit of its file to SI units and radians, and the latter unit.
     """
 
     robot: str
@@ -128,6 +129,7 @@ class SweepResult:
     headings: tuple[str, ...]
     box: WantedBox
     rows: tuple[VariantResult, ...]
+    si: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<SweepResult of {self.robot[:60]}: {len(self.rows)} variants, {len(self.suitable)} suitable>"
@@ -141,24 +143,27 @@ class SweepResult:
         """Unit of extents; empty where there is none."""
         return next((row.extent.unit for row in self.rows if row.extent), "")
 
-    def _unit_of(self, heading: str) -> str:
-        name = heading.rpartition(".")[2]
-        return f"({self.units})" if name in ("r", "d", "epsilon") else "(deg)" if name in _ANGLES else ""
-
     @property
     def suitable(self) -> tuple[VariantResult, ...]:
         """Variants that reach the whole wanted box without a singularity."""
         return tuple(row for row in self.rows if row.suitable)
 
+    def in_si(self, heading: str, value: float) -> float:
+        """Return a value of a variation, given in the unit of the RAFF file, in SI units and radians."""
+        return float(f"{value * self.si.get(heading, (1.0, ''))[0]:.15g}")
+
     def as_dict(self) -> dict[str, Any]:
-        """Return JSON values."""
+        """Return JSON values, in SI units and radians."""
         return {
             "robot": self.robot,
             "varied": list(self.headings),
-            "units": self.units,
+            "units": {name: unit for name, (_, unit) in self.si.items()},
             "extent_unit": self.unit,
             "box": {name: list(ends) for name, ends in sorted(self.box.ranges.items())},
-            "rows": [{"variant": row.name, **row.as_dict()} for row in self.rows],
+            "rows": [
+                {"variant": row.name, **row.as_dict(), **{k: self.in_si(k, v) for k, v in row.values.items()}}
+                for row in self.rows
+            ],
         }
 
     def csv(self) -> str:
@@ -166,13 +171,17 @@ class SweepResult:
         out = io.StringIO()
         writer = csv.DictWriter(out, ["variant", *(self.rows[0].as_dict() if self.rows else ())], lineterminator="\n")
         writer.writeheader()
-        writer.writerows(self.as_dict()["rows"])
+        writer.writerows({"variant": row.name, **row.as_dict()} for row in self.rows)
         return out.getvalue()
 
     def text(self) -> str:
         """Return a table for people, with the first remark of each variant."""
-        headings = [" ".join(filter(None, [name, self._unit_of(name)])) for name in self.headings]
-        lines = [[*headings, *_COLUMNS], *(row.cells() for row in self.rows)]
+        units = {name: shown_unit(unit) for name, (_, unit) in self.si.items()}
+        headings = [f"{name} ({units[name][1]})" if name in units else name for name in self.headings]
+        lines = [[*headings, *_COLUMNS]]
+        for row in self.rows:
+            values = (self.in_si(name, value) * units.get(name, (1.0, ""))[0] for name, value in row.values.items())
+            lines.append([*(f"{value:.6g}" for value in values), *row.cells()[len(row.values) :]])
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         shown = ["  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True)) for line in lines]
         remarks = ["", *(f"  {row.remark.partition('; ')[0]}" for row in self.rows)]

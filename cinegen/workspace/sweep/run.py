@@ -96,7 +96,9 @@ def sweep(
         tasks.append((variant.name, dict(variant.values), folder))
     rows = _rows(plan, tasks, workers, scheduler, report or (lambda *_: None))
     headings = tuple(variation.heading for variation in variations)
-    result = SweepResult(document.robot(robot).name, document.units, headings, plan.box, tuple(rows))
+    chosen = document.robot(robot)
+    si = {one.heading: one.parameters[0].si(document, chosen) for one in variations}
+    result = SweepResult(chosen.name, document.units, headings, plan.box, tuple(rows), si)
     _write(here / "table.csv", result.csv())
     return result
 

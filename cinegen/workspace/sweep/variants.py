@@ -117,6 +117,13 @@ class Parameter:
             return SPEED if prismatic else ANGULAR_SPEED
         return LENGTH if prismatic else ANGLE
 
+    def si(self, document: Document, robot: RaffRobot) -> tuple[float, str]:
+        """Return the factor from the unit of its file to SI units and radians, and the latter unit."""
+        dimension = self.dimension(robot)
+        length = 1.0 / UNITS_PER_METRE[document.units], "m"
+        factor, unit = length if dimension in (LENGTH, SPEED) else (math.radians(1.0), "rad")
+        return factor, unit if dimension in (LENGTH, ANGLE) else f"{unit}/s"
+
     def part(self, robot: RaffRobot) -> RaffNode:
         """Return the node's block.
 
