@@ -12,6 +12,8 @@ import tomllib
 import yaml
 from pages import ROOT
 
+from cinegen.cli import app
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
 
@@ -24,9 +26,9 @@ def test_the_citation_is_of_this_version_and_licence():
     assert [author["name"].lower() for author in citation["authors"]] == [one["name"] for one in PROJECT["authors"]]
 
 
-def test_the_citation_names_the_papers_of_the_readme():
+def test_the_citation_names_the_papers_of_the_sources():
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
-    sources = (ROOT / "README.md").read_text(encoding="utf-8").split("## Sources")[1].split("\n## ")[0]
+    sources = (ROOT / "docs/how-it-works.md").read_text(encoding="utf-8").split("## Sources")[1].split("\n## ")[0]
     named = [" ".join(title.split()) for title in re.findall(r"\*([^*]{20,})\*", sources)]
     assert [reference["title"] for reference in citation["references"]] == named
     for reference in citation["references"]:
@@ -70,3 +72,10 @@ def test_files_whose_types_are_not_checked_are_listed_and_nowhere_hidden():
     pages = [path for path in static.rglob("*.js") if "vendor" not in path.parts]
     assert pages
     assert not [path for path in pages if re.search(r"@ts-(nocheck|ignore)|eslint-disable", path.read_text("utf-8"))]
+
+
+def test_the_readme_is_one_screen_and_names_every_command():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 70
+    for name in [*(command.name for command in app.registered_commands), "raff2urdf", "urdf2raff"]:
+        assert re.search(rf"`(cinegen )?{name}`", text), name
