@@ -1,4 +1,4 @@
-"""Load a closed robot, see what its loops leave, and close it again after its joints were moved at random."""
+"""Load a robot with closed loops, analyse its loops, and close it again after a random motion of its joints."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ import cinegen
 
 delta = cinegen.load("delta4")
 print(delta)
-print(f"motors: {', '.join(delta.actuated)}")
+print(f"actuated joints: {', '.join(delta.actuated)}")
 print(f"open as written: {delta.gap_as_written:.1e}, at home: {delta.closure(delta.q_home) < 1e-12 and 'closed'}")
 
 # A configuration is a plain array, one number for each joint. These loops are open:

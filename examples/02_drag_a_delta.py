@@ -1,4 +1,4 @@
-"""Drag the platform of a delta robot out of its reach and back: the loops stay closed, and it comes home."""
+"""Drag the platform of a delta robot out of its reach and back: the loops stay closed, and it returns."""
 
 import math
 
@@ -9,13 +9,13 @@ import cinegen
 
 delta = cinegen.load("delta4")
 solver = cinegen.Solver(delta, dt=1 / 240)
-hand = solver.add_task("platform", rotation=0)
-home = hand.target.copy()
+task = solver.add_task("platform", rotation=0)
+home = task.target.copy()
 
 worst = 0.0
 for tick in range(1201):
     out = 4.0 * math.sin(math.pi * min(tick, 960) / 960) ** 2  # m: four metres to the side is out of reach
-    hand.target = pin.SE3(home.rotation, home.translation + np.array([out, 0.0, -0.5]))
+    task.target = pin.SE3(home.rotation, home.translation + np.array([out, 0.0, -0.5]))
     step = solver.step()
     worst = max(worst, step.closure)
     if tick % 120 == 0:

@@ -26,7 +26,7 @@ with tempfile.TemporaryDirectory() as folder:
     path.write_text(TEXT.lstrip(), encoding="utf-8")
     (conversion,) = raff2urdf.convert(path, out=folder)
     print(f"{conversion.urdf.name} and {conversion.constraints.name} of robot '{conversion.robot}'")
-    print(f"mobility {conversion.analysis.mobility}, motor: {', '.join(conversion.analysis.actuated)}")
+    print(f"mobility {conversion.analysis.mobility}, actuated: {', '.join(conversion.analysis.actuated)}")
     engine = cinegen.load(conversion.urdf)  # reads the constraints beside the URDF
 
 q = engine.q_home

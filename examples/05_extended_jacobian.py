@@ -1,4 +1,4 @@
-"""The extended Jacobian of figure 9: what a hybrid planar arm's joints do to its tool, and to its loop."""
+"""The extended Jacobian of figure 9: the effect of a hybrid planar arm's joints on its tool and on its loop."""
 
 import numpy as np
 

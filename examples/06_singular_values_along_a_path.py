@@ -1,12 +1,12 @@
-"""Singular values along a path: a delta robot goes straight down, towards where its arms are stretched."""
+"""Singular values along a path: a delta robot moves straight down, until its arms are nearly stretched."""
 
 import cinegen
 
 delta = cinegen.load("delta4")
 solver = cinegen.Solver(delta, dt=1 / 240)
-hand = solver.add_task("platform", rotation=0)
+task = solver.add_task("platform", rotation=0)
 for tick in range(1, 841):
-    hand.target.translation -= [0.0, 0.0, 0.005]  # m
+    task.target.translation -= [0.0, 0.0, 0.005]  # m
     step = solver.step()
     if tick % 120 == 0:
         # Of the tasks, all three: a direction is lost where one vanishes (type 1 singularity). Of the loops, the

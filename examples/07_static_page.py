@@ -1,4 +1,4 @@
-"""A picture that turns: a robot in one HTML file, which needs neither a server nor this program any more."""
+"""A robot in one HTML file, which can be rotated without a server and without this program."""
 
 import tempfile
 from pathlib import Path
@@ -10,12 +10,12 @@ gough = cinegen.load("gough")
 page, scene = make_page({"gough": gough})
 
 solver = cinegen.Solver(gough, dt=1 / 60)
-hand = solver.add_task("platform")
-hand.target.translation += [0.05, 0.1, 0.1]  # m
+task = solver.add_task("platform")
+task.target.translation += [0.05, 0.1, 0.1]  # m
 for _ in range(60):
     solver.step()
 scene.show("gough", solver.q)
-scene.target("gough", "platform", hand.target)
+scene.target("gough", "platform", task.target)
 
 path = Path(tempfile.mkdtemp(), "gough.html")
 path.write_text(page.html(), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Kleinfinger's six parameters and the transform they stand for, there and back."""
+"""Kleinfinger's six parameters and their transform, in both directions."""
 
 import math
 

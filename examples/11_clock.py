@@ -1,4 +1,4 @@
-"""A control loop at 1 kHz in a thread of its own: it is told where to go, and asked where it is."""
+"""A control loop at 1 kHz in a thread of its own, with targets in and states out."""
 
 import time
 
@@ -12,13 +12,13 @@ PERIOD = 1e-3  # s
 
 delta = cinegen.load("delta4")
 solver = cinegen.Solver(delta, PERIOD)
-hand = solver.add_task("platform")
+task = solver.add_task("platform")
 
 
 def follow(tick: Tick) -> pin.SE3:
-    """Goes where the newest command says; what it returns is the loop's newest state."""
+    """Move to the newest command; return the newest state of the loop."""
     if tick.command is not None:
-        hand.target.translation = tick.command
+        task.target.translation = tick.command
     return delta.placement(solver.step().q, "platform")
 
 

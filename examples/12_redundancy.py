@@ -1,4 +1,4 @@
-"""What to do with a joint too many: the tool of a seven-joint arm stands still while its elbow serves an objective."""
+"""Redundancy: the tool of a seven-joint arm keeps its pose while an objective moves the elbow."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Inverse kinematics at once, loops or not: how long must a Gough platform's legs be, and where can it not go?"""
+"""Inverse kinematics at once, with and without loops: the leg lengths of a Gough platform, and poses it can't reach."""
 
 import numpy as np
 import pinocchio as pin

@@ -1,4 +1,4 @@
-"""A delta robot goes to MuJoCo, where gravity tasks at it and its loops hold, and comes back as it was."""
+"""A delta robot is exported to MuJoCo, where it moves under gravity with closed loops, and imported again."""
 
 import tempfile
 

@@ -1,4 +1,4 @@
-"""A Panda and a Cassie as others have described them, in URDF and SDF: what they are, and what they are in RAFF."""
+"""A Panda and a Cassie as others have described them, in URDF and SDF: their properties, and the same in RAFF."""
 
 import sysconfig
 import warnings

@@ -1,4 +1,4 @@
-"""An arm welds a pipe to a tilted plate; then its tool is measured: how far off the seam, and at which angles?"""
+"""An arm welds a pipe to a tilted plate; then the error of its tool is measured, in distance and angles."""
 
 import numpy as np
 import pinocchio as pin

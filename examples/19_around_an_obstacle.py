@@ -1,4 +1,4 @@
-"""A seven-joint arm with a wall in its path: vortices guide it over the wall, at a safety distance from everything."""
+"""A seven-joint arm and a wall in its path: vortices guide it over the wall, at a safety distance."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Which forearm should a delta robot have? From the question to a RAFF file, with the figures that decide it."""
+"""Choose the forearm of a delta robot: from the task to a RAFF file, with the figures that decide."""
 
 # %% The task: a box of 1600 by 1600 by 800 mm, 1.6 m below the base, all of it reached and without a singularity.
 import tempfile

@@ -1,4 +1,4 @@
-"""Two tasks at once: one hand holds the tool of a seven-joint arm still, the other drags its elbow aside."""
+"""Two tasks at once: the tool of a seven-joint arm keeps its pose while its elbow is dragged aside."""
 
 import cinegen
 
