@@ -87,7 +87,7 @@ def connected(scheduler: str | None, workers: int) -> Iterator[Client]:
                 yield client
             return
         try:
-            client = Client(scheduler, timeout=_PATIENCE)
+            client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
         except (OSError, ValueError) as error:
             raise ClusterError(f"no Dask scheduler answers at {scheduler}: {error}") from None
         with client:

@@ -73,7 +73,7 @@ def local_cluster(workers: int) -> Iterator[Client]:
         dask.config.set(_certificate()),
         SpecCluster(scheduler={"cls": LocalScheduler, "options": options}, silence_logs=False) as cluster,
         _Workers(cluster.scheduler_address, workers) as processes,
-        Client(cluster.scheduler_address) as client,
+        Client(cluster.scheduler_address, set_as_default=False) as client,
     ):
         processes.wait_for(client)
         yield client

@@ -395,7 +395,7 @@ def test_a_file_that_is_damaged_or_something_else(robot, tmp_path, change, why):
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(MissionError, match="can't be read: no such file"):
+    with pytest.raises(MissionError, match="can't be read: No such file"):
         Recording.load(tmp_path / "none")
 
 

@@ -186,7 +186,7 @@ def test_without_loops_joints_are_where_they_are_sent(robot):
 
 def test_a_mechanism_in_micrometres_moves_as_its_twin_in_metres(raff):
     """All thresholds are parts of the characteristic length."""
-    body = """robot r {{ base {{ }}
+    body = """units mm robot r {{ base {{ }}
       link 1 {{ parameters {{ theta 50 }} type 2 pred 0 }}
       link 2 {{ parameters {{ theta -26 d {a} }} type 2 pred 1 }}
       link 3 {{ parameters {{ theta 89 d {b} }} type 2 pred 0 }}

@@ -32,7 +32,7 @@ export function frameFirstView(view, session, still, field) {
       const shown = new Box3();
       view.frame(shown);
       view.keepCamera();
-      keepInView(view, shown);
+      keepInView(view, session, shown);
     }
     document.documentElement.dataset.view = "ready";
   }, 30);
@@ -40,11 +40,13 @@ export function frameFirstView(view, session, still, field) {
 
 /**
  * @param {import("./view.js").View} view
+ * @param {import("../base/session.js").Session} session when its line is cut, everything is drawn again
  * @param {Box3} shown everything that was in the view
  */
-function keepInView(view, shown) {
+function keepInView(view, session, shown) {
   const timer = setInterval(() => view.frame(shown), OFTEN);
   const stop = () => clearInterval(timer);
   setTimeout(stop, WATCHED);
+  for (const event of /** @type {const} */ (["lost", "dropped"])) session.on(event, stop);
   for (const event of ["pointerdown", "wheel", "keydown"]) window.addEventListener(event, stop, { once: true });
 }

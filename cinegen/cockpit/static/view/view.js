@@ -11,6 +11,7 @@ import { Resolution } from "./resolution.js";
 const ROOT = ["meshcat", "cinegen"];
 const POSE = 7;
 const ROOM = 1.3; // around the robots, to move in
+const SLACK = 0.01; // of the size of what is shown
 
 /** @typedef {import("../base/session.js").KnownRobot} KnownRobot */
 
@@ -200,10 +201,10 @@ export class View {
   /**
    * Moves the camera along its line of sight so that all robots fill the view.
    *
-   * @param {Box3} box is in the view, too; becomes all that is. If that was so before, the camera stays.
+   * @param {Box3} shown is in the view, too; becomes all that is. If nothing has left it, the camera stays.
    */
-  frame(box = new Box3()) {
-    const before = box.clone();
+  frame(shown = new Box3()) {
+    const box = shown.clone();
     this.root.updateWorldMatrix(true, true);
     for (const robot of this.root.children) {
       if (this.background.has(robot.name)) continue;
@@ -212,7 +213,9 @@ export class View {
       });
     }
     this.also?.(box);
-    if (box.isEmpty() || box.equals(before)) return;
+    const near = shown.clone().expandByScalar(SLACK * shown.getSize(new Vector3()).length());
+    if (box.isEmpty() || (!shown.isEmpty() && near.containsBox(box))) return;
+    shown.copy(box);
     const { camera, controls } = this;
     camera.updateWorldMatrix(true, false);
     const tall = Math.tan((camera.fov * Math.PI) / 360) / (camera.zoom || 1);
