@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 
@@ -19,28 +19,12 @@ from cinegen.jit.compiled import prepare, together
 from cinegen.loops._kernels.closure import close_from_trial
 from cinegen.loops._kernels.follow import follow
 from cinegen.loops._kernels.memory import LoopMemory
-from cinegen.model.load import build
+from cinegen.model.load import load
 from cinegen.planning.vortices import prepare_vortices
-from raff2urdf import loads
-from raff2urdf.conversion import translate
-
-_FOUR_BAR = """RAFF FourBar
-robot linkage {
-  base { }
-  link 1 { parameters { theta 50 } type 2 pred 0 actuated 1 }
-  link 2 { parameters { theta -26 d 120 } type 2 pred 1 }
-  link 3 { parameters { theta 89 d 400 } type 2 pred 0 }
-  frame 4 { parameters { d 360 } pred 2 }
-  frame 5 { parameters { d 240 } pred 3 }
-  constraint { frame 4 frame 5 type 2 }
-}
-"""
 
 
 def _assembly_modes() -> None:
-    document = loads(_FOUR_BAR)
-    made = translate(document, document.robot(), Path())
-    assembly_modes(build(made.urdf, made.constraints))
+    assembly_modes(load("four_bar"))
 
 
 def _platforms() -> None:
@@ -82,5 +66,8 @@ def compile_kernels() -> Iterator[tuple[str, int, int]]:
 
 if __name__ == "__main__":
     for _, *counts in compile_kernels():
-        sys.stdout.write("{} {}\n".format(*counts))
-        sys.stdout.flush()
+        try:
+            sys.stdout.write("{} {}\n".format(*counts))
+            sys.stdout.flush()
+        except BrokenPipeError:  # the process that asked has ended: the next one finds the kernels
+            sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: SIM115

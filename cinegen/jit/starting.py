@@ -11,6 +11,7 @@ import logging
 import multiprocessing
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
 from typing import Any, TypeAlias
@@ -113,14 +114,23 @@ class Compilation:
     def _run(self) -> None:
         # in a session of its own: it goes on if this process ends, so that the next one finds the kernels
         command = [sys.executable, "-m", COMPILER]
-        pipes: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-        with subprocess.Popen(command, text=True, start_new_session=True, **pipes) as process:
+        with (
+            tempfile.TemporaryFile("w+", encoding="utf-8") as errors,
+            subprocess.Popen(
+                command,
+                text=True,
+                start_new_session=True,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+            ) as process,
+        ):
             assert process.stdout is not None
-            assert process.stderr is not None
             for line in process.stdout:
                 self.done, self.count = map(int, line.split())
                 self._load()
-            self.error = process.stderr.read().strip()
+            errors.seek(0)
+            self.error = errors.read().strip()
         self._load()
         if process.returncode:
             reason = self.error.rpartition("\n")[2] or f"exit code {process.returncode}"

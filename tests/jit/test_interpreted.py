@@ -53,7 +53,7 @@ def test_a_tick_in_python_computes_what_machine_code_does(path):
     compiled = drive(Solver(mechanism, dt=1 / 60))
     python = drive(in_python(Solver(mechanism, dt=1 / 60)))
     assert np.ptp(compiled, axis=0).max() > 0.01
-    np.testing.assert_allclose(python, compiled, rtol=0.0, atol=1e-7)
+    np.testing.assert_allclose(python, compiled, rtol=0.0, atol=1e-10)
 
 
 def test_limits_objectives_and_accelerations_are_the_same_in_python():

@@ -152,3 +152,13 @@ def test_where_the_package_cannot_be_written_machine_code_is_kept_in_a_folder_of
     assert compiled.is_cached(add, kernel.Numbers)
     assert list((tmp_path / "cache").rglob("*.nbi"))
     assert not list(tmp_path.glob("__pycache__/*.nbi"))
+
+
+def test_the_compiler_goes_on_when_nobody_reads_its_progress():
+    """The process that started it may end before; all kernels are compiled here, so that this takes seconds."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", starting.COMPILER], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait(120) == 0
