@@ -24,7 +24,7 @@ class Analysis:
     Attributes:
         mobility: degrees of freedom that the loops leave, at random closed configurations (a base that can move adds
             six).
-        rows: loop equations, all kinds together.
+        rows: equations of loops and couplings, all kinds together.
         rank: number of independent ones.
         actuated: names of the actuated joints, in file order.
         gap: largest gap of a loop at the configuration as written (rad or characteristic lengths).
@@ -100,14 +100,13 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     determined: set[str] = set()  # joints that the others move
     problems: list[Problem] = []
     values = {joint.joint: home(document, joint) for joint in joints}
-    if robot.loops:
+    if robot.loops or robot.couplings:
         origins = np.array([placed[:3, 3] for placed in placements(document, robot).values()])
         for cluster in clusters(document, robot, kinds, characteristic_length(origins)):
             gap = max(gap, *gaps(cluster, cluster.home))
-            closing = close_from_afar(cluster, cluster.home)
+            closing = close_from_afar(cluster, cluster.start)
             if not closing.closed:
-                names = [robot.loop_names[i] for i in cluster.loops]
-                why = why_open(cluster, names, cluster.home, closing)
+                why = why_open(cluster, cluster.names, cluster.start, closing)
                 problems.append(document.source.problem(f"robot '{robot.name}': {why}"))
                 continue
             bounds = np.array([limits(document, joint) for joint in cluster.joints]).reshape(-1, 2)
@@ -127,10 +126,15 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
 
 
 def _outermost_first(cluster: Cluster) -> Sequence[int]:
-    """Return the cluster's joints from the outermost inwards, beginning with those that the file declares passive."""
+    """Return the cluster's joints from the outermost inwards, beginning with those that the file declares passive, and
+    then those that follow others in couplings."""
     moving = {joint.number for joint in cluster.joints}
     depth: dict[int, int] = {}
     for part in cluster.parts:
         depth[part.number] = depth.get(part.pred, 0) + (part.number in moving)
-    keys = [(joint.actuated is not False, -depth[joint.number], -i) for i, joint in enumerate(cluster.joints)]
+    followers = {cluster.robot.couplings[i].follower for i in cluster.couplings}
+    keys = [
+        (joint.actuated is not False, joint.number not in followers, -depth[joint.number], -i)
+        for i, joint in enumerate(cluster.joints)
+    ]
     return sorted(range(len(keys)), key=keys.__getitem__)

@@ -11,7 +11,16 @@ import re
 import warnings
 from collections.abc import Iterable, Iterator
 
-from raff2urdf.document import LEAST_SIZE, Document, JointType, RaffPart, RaffRobot, RaffSensor
+from raff2urdf.document import (
+    LEAST_SIZE,
+    Document,
+    DriveKind,
+    JointType,
+    RaffCoupling,
+    RaffPart,
+    RaffRobot,
+    RaffSensor,
+)
 from raff2urdf.errors import (
     Problem,
     RaffError,
@@ -166,6 +175,7 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
             yield problem(
                 f"a loop joins node {loop.first} to itself: name two different nodes", loop.locations.get("first")
             )
+    yield from _coupling_problems(document, robot)
     for constraint in robot.sensor_constraints:
         if constraint.node not in robot.nodes:
             message = f"a sensor constraint of robot '{robot.name}' names {constraint.node}, which does not exist"
@@ -176,6 +186,47 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
                     f"sensor {number} is not declared (declared: {', '.join(map(str, sorted(sensors))) or 'none'})"
                 )
                 yield problem(message, constraint.locations.get(f"sensor {number}"))
+
+
+def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
+    problem = document.source.problem
+    moving = {link.number: link for link in robot.links if link.type is not JointType.FIXED}
+    names: dict[str, RaffCoupling] = {}
+    ends_exist = all({loop.first, loop.second} <= robot.nodes.keys() for loop in robot.loops)
+    loops = robot.loop_names if ends_exist else ()
+    for coupling in robot.couplings:
+        at = coupling.locations
+        if coupling.name is not None and names.setdefault(coupling.name, coupling) is not coupling:
+            yield problem(f"the name '{coupling.name}' is that of another coupling: choose another one", at.get("name"))
+        if coupling.name in loops:
+            yield problem(f"the name '{coupling.name}' is that of a loop: choose another one", at.get("name"))
+        ends = [("follower", coupling.follower)] + [(f"drive {i}", one.link) for i, one in enumerate(coupling.drives)]
+        for i, (word, number) in enumerate(ends):
+            if number not in moving:
+                known = did_you_mean("", [str(n) for n in moving])
+                yield problem(f"a coupling names link {number}, which is not a link that moves{known}", at.get(word))
+            elif number in (other for _, other in ends[:i]):
+                yield problem(f"a coupling names link {number} twice: name it once", at.get(word))
+        for i, drive in enumerate(coupling.drives):
+            if drive.link not in moving or coupling.follower not in moving:
+                continue
+            where = at.get(f"drive {i}")
+            own, other = moving[coupling.follower].type, moving[drive.link].type
+            word = drive.kind.name.lower()
+            if drive.kind is DriveKind.RATIO and own is not other:
+                yield problem(
+                    f"'ratio' couples joints of one type, but link {coupling.follower} is {own.name.lower()} and link "
+                    f"{drive.link} {other.name.lower()}: use 'lead' (a screw) or 'radius' (a rack)",
+                    where,
+                )
+            if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS) and own is other:
+                yield problem(
+                    f"'{word}' couples a prismatic and a revolute joint, but links {coupling.follower} and "
+                    f"{drive.link} are both {own.name.lower()}: use 'ratio'",
+                    where,
+                )
+            if not any(drive.numbers):
+                yield problem(f"link {drive.link} does not drive link {coupling.follower}: its '{word}' is 0", where)
 
 
 def _unit_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:

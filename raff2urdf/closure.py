@@ -44,7 +44,7 @@ class LoopSystem(Protocol):
 
 
 class KindedLoops(LoopSystem, Protocol):
-    """The loops of a mechanism and their kinds, in the order of their residuals."""
+    """The loops of a mechanism and their kinds, in the order of their residuals; after these, one of each coupling."""
 
     @property
     def kinds(self) -> Sequence[LoopKind]:
@@ -233,32 +233,36 @@ def passive(jacobian: Array, order: Sequence[int]) -> list[int]:
 
 
 def gaps(loops: KindedLoops, q: Array) -> list[float]:
-    """Return the largest residual of each loop at q (nq,), in rad or characteristic lengths."""
-    ends = np.cumsum([ROWS[kind] for kind in loops.kinds])
-    return [_largest(part) for part in np.split(loops.evaluate(q)[0], ends)[:-1]]
+    """Return the largest residual of each loop and coupling at q (nq,), in rad or characteristic lengths."""
+    c = loops.evaluate(q)[0]
+    ends = np.cumsum([ROWS[kind] for kind in loops.kinds], dtype=int)
+    couplings = ends[-1] if ends.size else 0
+    return [_largest(part) for part in [*np.split(c[:couplings], ends)[:-1], *c[couplings:]]]
 
 
 def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closing) -> str:
-    """Return the text of an error: which loops can't be closed, and which weaker kinds would close them.
+    """Return the text of an error: which loops and couplings can't be closed, and which weaker kinds would close them.
 
     Args:
         loops: that can't be closed.
-        names: of all loops.
+        names: of all loops and couplings.
         start: (nq,) the configuration as written.
         best: the best attempt.
     """
     kinds, remaining = loops.kinds, gaps(loops, best.q)
     open_loops = [i for i, gap in enumerate(remaining) if gap > CLOSED]
     jacobian = loops.evaluate(best.q)[1]
-    listed = ", ".join(f"'{names[i]}' ({kinds[i].name.lower()}, {remaining[i]:.3g})" for i in open_loops[:8])
+    what = "loops and couplings" if len(names) > len(kinds) else "loops"
+    words = [kind.name.lower() for kind in kinds] + ["coupling"] * (len(names) - len(kinds))
+    listed = ", ".join(f"'{names[i]}' ({words[i]}, {remaining[i]:.3g})" for i in open_loops[:8])
     more = f" and {len(open_loops) - 8} more" if len(open_loops) > 8 else ""
     lines = [
-        f"the mechanism can't be closed: these loops remain open: {listed}{more}",
+        f"the mechanism can't be closed: these {what} remain open: {listed}{more}",
         f"the numbers are the least gaps found, in rad or characteristic lengths; {jacobian.shape[0]} loop rows of "
         f"rank {rank(jacobian)} on {jacobian.shape[1]} joints",
     ]
     for weaker in (LoopKind.REVOLUTE, LoopKind.BALL):
-        changed = [i for i in open_loops if ROWS[kinds[i]] > ROWS[weaker]]
+        changed = [i for i in open_loops if i < len(kinds) and ROWS[kinds[i]] > ROWS[weaker]]
         trial = [weaker if i in changed else kind for i, kind in enumerate(kinds)]
         if changed and close_from_afar(loops.with_kinds(trial), start).closed:
             kind = weaker.name.lower()
@@ -269,7 +273,8 @@ def why_open(loops: KindedLoops, names: Sequence[str], start: Array, best: Closi
             )
             break
     else:
-        lines.append("neither revolute nor ball joints there would close it")
+        if any(i < len(kinds) for i in open_loops):
+            lines.append("neither revolute nor ball joints there would close it")
     return "\n  ".join(lines)
 
 

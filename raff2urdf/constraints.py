@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
+from raff2urdf.coupling import coupling_entry
 from raff2urdf.document import Document, JointType, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
 from raff2urdf.json_lines import line_of, repeated_key
 from raff2urdf.readers.urdf import LARGEST
 from raff2urdf.readers.xml_file import read_text
-from raff2urdf.tree import BASE_JOINT, home, limits, velocity
+from raff2urdf.tree import BASE_JOINT, coupling_of, home, limits, velocity
 
 FORMAT, VERSION = "raff2urdf constraints", 1
 
@@ -74,6 +75,8 @@ def constraints(
         loop_entry(name, kinds[i].name.lower(), *(robot.nodes[end].node for end in (loop.first, loop.second)))
         for i, (name, loop) in enumerate(zip(robot.loop_names, robot.loops, strict=True))
     ]
+    equations = [coupling_of(document, robot, i) for i in range(len(robot.couplings))]
+    couplings = [coupling_entry(one.name, one.terms, one.constant) for one in equations]
     used = {number for constraint in robot.sensor_constraints for number in constraint.sensors}
     return {
         "format": FORMAT,
@@ -84,6 +87,7 @@ def constraints(
         "floating": BASE_JOINT if robot.movable else None,
         "joints": joints,
         "loops": closures,
+        **({"couplings": couplings} if couplings else {}),
         "mobility": mobility,
         "loop_rows": rows,
         "loop_rank": rank,
@@ -161,8 +165,9 @@ def load(path: Path, known: Known | None = None, types: Mapping[str, str] | None
 
 
 def without_loops(values: Constraints) -> Constraints:
-    """Return the constraints of the tree that remains with all loops open: every joint is actuated."""
-    kept = {key: value for key, value in values.items() if key not in ("mobility", "loop_rows", "loop_rank")}
+    """Return the constraints of the tree that remains without loops and couplings: every joint is actuated."""
+    dropped = ("couplings", "mobility", "loop_rows", "loop_rank")
+    kept = {key: value for key, value in values.items() if key not in dropped}
     if "joints" in values:
         kept["joints"] = [{key: joint[key] for key in joint if key != "actuated"} for joint in values["joints"]]
     return {**kept, "loops": []}
@@ -217,6 +222,13 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
             if (node := loop[end]["node"]) not in nodes:
                 near = did_you_mean(node, nodes)
                 yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at '{node}', which is not a node{near}"
+    moving = [joint["name"] for joint in values["joints"]]
+    for i, coupling in enumerate(values.get("couplings", [])):
+        for j, term in enumerate(coupling["terms"]):
+            if (name := term["joint"]) not in moving:
+                near = did_you_mean(name, moving)
+                why = f"coupling '{coupling['name']}' names '{name}', which is not a joint that moves{near}"
+                yield ["couplings", i, "terms", j, "joint"], why
     for i, entry in enumerate(values.get("sensor_constraints", [])):
         if (node := entry["node"]) not in nodes:
             near = did_you_mean(node, nodes)
@@ -238,7 +250,7 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
 
 def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
     """Yield values that contradict another one, or the URDF."""
-    for key, word in (("joints", "name"), ("loops", "name"), ("sensors", "number")):
+    for key, word in (("joints", "name"), ("loops", "name"), ("couplings", "name"), ("sensors", "number")):
         first: dict[str, int] = {}
         for i, entry in enumerate(values.get(key, [])):
             j = first.setdefault(entry[word], i)
@@ -258,6 +270,21 @@ def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
         if joint.get("type", actual) != actual:
             why = f"its type is {joint['type']} here and {actual} in the URDF: correct one of them"
             yield ["joints", i, "type"], f"{name}: {why}"
+    names = {loop["name"]: i for i, loop in enumerate(values["loops"])}
+    for i, coupling in enumerate(values.get("couplings", [])):
+        if coupling["name"] in names:
+            there = _shown(["loops", names[coupling["name"]]])
+            yield ["couplings", i, "name"], f"'{coupling['name']}' is also the name of {there}: rename one of them"
+        met: dict[str, int] = {}
+        for j, term in enumerate(coupling["terms"]):
+            if met.setdefault(term["joint"], j) != j:
+                why = f"coupling '{coupling['name']}' lists '{term['joint']}' twice: join the two terms"
+                yield ["couplings", i, "terms", j, "joint"], why
+            if not any(term["coefficients"]) or not max(map(abs, term["coefficients"])) <= LARGEST:
+                why = (
+                    f"coupling '{coupling['name']}': the coefficients of '{term['joint']}' are 0, or beyond {LARGEST:g}"
+                )
+                yield ["couplings", i, "terms", j, "coefficients"], why
     for i, loop in enumerate(values["loops"]):
         node = loop["first"]["node"]
         if node == loop["second"]["node"]:

@@ -6,7 +6,7 @@ are kept but do not count.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
@@ -138,6 +138,42 @@ class RaffLoop:
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
 
 
+class DriveKind(IntEnum):
+    """The word of RAFF with which a coupling's link drives: how its number is meant."""
+
+    RATIO = 0
+    LEAD = 1
+    RADIUS = 2
+    POLYNOMIAL = 3
+
+
+@dataclass(frozen=True, slots=True)
+class RaffDrive:
+    """A link, by number, whose joint drives a coupling.
+
+    Attributes:
+        link: its number.
+        kind: meaning of the numbers: `RATIO` of two joints of one type; `LEAD` of a screw, lengths per revolution;
+            `RADIUS` of a pinion or pulley; `POLYNOMIAL` in the variable of the joint, without its constant term.
+        numbers: one; of a polynomial, the coefficients of the powers from 1 on.
+    """
+
+    link: int
+    kind: DriveKind
+    numbers: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class RaffCoupling:
+    """A link, by number, whose joint variable is `offset` plus what each drive adds: gears, belts, screws ..."""
+
+    follower: int
+    drives: tuple[RaffDrive, ...]
+    offset: float = 0.0
+    name: str | None = None
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
+
+
 @dataclass(frozen=True, slots=True)
 class SensorConstraint:
     """A node, by number, that may follow one of `sensors`; 0 among them means that it may be left free."""
@@ -166,6 +202,7 @@ class RaffRobot:
     base: RaffBase = RaffBase()
     parts: tuple[RaffPart, ...] = ()
     loops: tuple[RaffLoop, ...] = ()
+    couplings: tuple[RaffCoupling, ...] = ()
     sensor_constraints: tuple[SensorConstraint, ...] = ()
     path: str | None = None
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
@@ -219,13 +256,24 @@ class RaffRobot:
     @cached_property
     def loop_names(self) -> tuple[str, ...]:
         """Names of the loops, such as `link5-link11`; a second loop between the same nodes ends in `#2`, and so on."""
-        seen: dict[str, int] = {}
-        names = []
-        for loop in self.loops:
-            name = f"{self.nodes[loop.first].node}-{self.nodes[loop.second].node}"
-            seen[name] = seen.get(name, 0) + 1
-            names.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
-        return tuple(names)
+        return _distinct(f"{self.nodes[loop.first].node}-{self.nodes[loop.second].node}" for loop in self.loops)
+
+    @cached_property
+    def coupling_names(self) -> tuple[str, ...]:
+        """Names of the couplings: the file's, or such as `joint5-joint3`, the follower first; distinct as loops'."""
+        return _distinct(
+            one.name or "-".join(f"joint{number}" for number in (one.follower, *(drive.link for drive in one.drives)))
+            for one in self.couplings
+        )
+
+
+def _distinct(names: Iterable[str]) -> tuple[str, ...]:
+    seen: dict[str, int] = {}
+    found = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        found.append(name if seen[name] == 1 else f"{name}#{seen[name]}")
+    return tuple(found)
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,13 @@ from typing import Any, NamedTuple
 
 from raff2urdf.document import (
     UNITS_PER_METRE,
+    DriveKind,
     JointType,
     LoopKind,
     Parameters,
     RaffBase,
+    RaffCoupling,
+    RaffDrive,
     RaffFrame,
     RaffLink,
     RaffLoop,
@@ -169,6 +172,7 @@ def _robot(_: Report, block: Block, name: Token) -> RaffRobot:
         name=name.string,
         parts=tuple(values.pop("parts", ())),
         loops=tuple(one for one in constraints if isinstance(one, RaffLoop)),
+        couplings=tuple(values.pop("couplings", ())),
         sensor_constraints=tuple(one for one in constraints if isinstance(one, SensorConstraint)),
         locations={"name": name.location} | block.locations,
         **values,
@@ -202,6 +206,43 @@ def _constraint(report: Report, block: Block, keyword: Token) -> RaffLoop | Sens
     kind = values.get("type", LoopKind.RIGID)
     return RaffLoop(first, second, kind, {**locations, "first": first_at, "second": second_at})
 
+
+def _drive(kind: DriveKind) -> Callable[..., tuple[DriveKind, tuple[float, ...], SourceLocation]]:
+    def value(report: Report, *found: Token) -> tuple[DriveKind, tuple[float, ...], SourceLocation]:
+        return kind, tuple(finite(report, one) for one in found), found[0].location
+
+    return value
+
+
+def _coupling(report: Report, block: Block, keyword: Token) -> RaffCoupling:
+    parts, locations = block.values.get("parts", []), dict(block.locations)
+    numbers: list[tuple[int, SourceLocation]] = []
+    drives: list[RaffDrive] = []
+    for part in parts:
+        if len(part) == 2:  # a link
+            if len(numbers) - len(drives) > 1:
+                report(_NEEDS_DRIVE.format(numbers[-1][0]), numbers[-1][1])
+                return RaffCoupling(0, ())
+            numbers.append(part)
+            locations["follower" if len(numbers) == 1 else f"drive {len(numbers) - 2}"] = part[1]
+        elif len(numbers) - len(drives) != 2:
+            report(
+                f"'{part[0].name.lower()}' belongs after a link that drives; the first link of a coupling follows",
+                part[2],
+            )
+            return RaffCoupling(0, ())
+        else:
+            drives.append(RaffDrive(numbers[-1][0], *part[:2]))
+    if len(numbers) < 2 or len(drives) != len(numbers) - 1:
+        at = numbers[-1] if numbers else (0, keyword.location)
+        message = "a coupling must name the link that follows, and then those that drive it: link 5 link 3 ratio -2"
+        report(_NEEDS_DRIVE.format(at[0]) if len(numbers) > 1 else message, at[1])
+        return RaffCoupling(0, ())
+    values = {word: block.values[word] for word in ("offset", "name") if word in block.values}
+    return RaffCoupling(numbers[0][0], tuple(drives), **values, locations=locations)
+
+
+_NEEDS_DRIVE = "link {} drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'"
 
 # --- statements ---------------------------------------------------------------------------------------------------
 
@@ -249,6 +290,7 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "link": Statement("NUMBER {", _numbered(RaffLink, type=JointType.FIXED, **_DEFAULTS), "parts", repeats=True),
         "frame": Statement("NUMBER {", _numbered(RaffFrame, **_DEFAULTS), "parts", repeats=True),
         "constraint": Statement("{", _constraint, "constraints", repeats=True),
+        "coupling": Statement("{", _coupling, "couplings", repeats=True),
     },
     "base": {"parameters": _PARAMETERS, "filename": _FILES},
     "link": {
@@ -271,6 +313,17 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
         "sensor": Statement(  # sensors that the node may follow; 0: left free
             "( NUMBER+ )", lambda report, *found: [(whole(report, one), one.location) for one in found]
         ),
+    },
+    "coupling": {  # the first link follows the others
+        "link": Statement("NUMBER", lambda report, number: (whole(report, number, 1), number.location), "parts", True),
+        **{
+            kind.name.lower(): Statement(
+                "( NUMBER+ )" if kind is DriveKind.POLYNOMIAL else "NUMBER", _drive(kind), "parts", repeats=True
+            )
+            for kind in DriveKind
+        },
+        "offset": _NUMBER,  # of the joint that follows
+        "name": _TEXT,
     },
     "sensor": {
         "port": replace(_TEXT, required=""),

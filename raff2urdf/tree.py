@@ -12,7 +12,18 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from raff2urdf.document import Document, JointType, LoopKind, Parameters, RaffBase, RaffLink, RaffPart, RaffRobot
+from raff2urdf.coupling import Coupling, followed
+from raff2urdf.document import (
+    Document,
+    DriveKind,
+    JointType,
+    LoopKind,
+    Parameters,
+    RaffBase,
+    RaffLink,
+    RaffPart,
+    RaffRobot,
+)
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
 from raff2urdf.residual import loop_residual
@@ -104,15 +115,23 @@ def characteristic_length(origins: Array) -> float:
 
 
 class Cluster:
-    """Loops that share joints, and those joints: a `LoopSystem` of its own (q: the joints in file order)."""
+    """Loops and couplings that share joints, and those joints: a `LoopSystem` (q: the joints in file order)."""
 
     def __init__(
-        self, document: Document, robot: RaffRobot, loops: Sequence[int], kinds: Mapping[int, LoopKind], length: float
+        self,
+        document: Document,
+        robot: RaffRobot,
+        loops: Sequence[int],
+        couplings: Sequence[int],
+        kinds: Mapping[int, LoopKind],
+        length: float,
     ) -> None:
-        self.document, self.robot, self.loops, self.length = document, robot, loops, length
+        self.document, self.robot, self.length = document, robot, length
+        self.loops, self.couplings = loops, couplings
         self.kinds = [kinds[i] for i in loops]
         branches = [_branches(robot, i) for i in loops]
         moving = {part.number for pair in branches for branch in pair for part in branch}
+        moving |= {number for i in couplings for number in _coupled(robot, i)}
         self.parts = [part for part in robot.outward if part.number in moving] if moving else []
         self.joints = [p for p in robot.links if p.number in moving and p.type is not JointType.FIXED]
         self.home = np.array([home(document, joint) for joint in self.joints])
@@ -120,6 +139,15 @@ class Cluster:
         self.scale = np.where(self._prismatic[:, 0], length, 1.0)
         self._parameters = {part.number: kleinfinger(document, part.parameters) for part in self.parts}
         self._signs = [self._sign(*pair) for pair in branches]
+        self._columns = {joint.joint: i for i, joint in enumerate(self.joints)}
+        scales = dict(zip(self._columns, self.scale.tolist(), strict=True))
+        equations = [coupling_of(document, robot, i) for i in couplings]
+        self._equations = [(equation, equation.size(scales)) for equation in equations]
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the loops, then of the couplings."""
+        return [self.robot.loop_names[i] for i in self.loops] + [self.robot.coupling_names[i] for i in self.couplings]
 
     def _sign(self, first: Sequence[RaffPart], second: Sequence[RaffPart]) -> Array:
         """Return the sign (joints, 1) with which joints move the second end relative to the first; 0 where not."""
@@ -129,14 +157,20 @@ class Cluster:
     def with_kinds(self, kinds: Sequence[LoopKind]) -> Cluster:
         """Return the same loops, closed by other kinds of joints."""
         by_loop = dict(zip(self.loops, kinds, strict=True))
-        return Cluster(self.document, self.robot, self.loops, by_loop, self.length)
+        return Cluster(self.document, self.robot, self.loops, self.couplings, by_loop, self.length)
+
+    @property
+    def start(self) -> Array:
+        """Home as written, but with joints that follow others in couplings where these lead them."""
+        written = dict(zip(self._columns, self.home.tolist(), strict=True))
+        return np.array(list(followed([equation for equation, _ in self._equations], written).values()))
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return the joint values reached from q by a dimensionless step."""
         return np.asarray(q + step * self.scale)
 
     def evaluate(self, q: Array) -> tuple[Array, Array]:
-        """Return the residual of the loops and its derivative by the dimensionless step."""
+        """Return the residual of the loops and couplings, and its derivative by the dimensionless step."""
         fixed = np.eye(4)  # the nearest common ancestor, and an end that no joint of the loop moves
         values = {joint.number: value for joint, value in zip(self.joints, q.tolist(), strict=True)}
         placed = _placed(self.parts, self._parameters, values, fixed)
@@ -152,22 +186,69 @@ class Cluster:
             linear = np.where(self._prismatic, z, _cross(z, first[:3, 3] - origins))
             residuals.append(residual)
             blocks.append(derivative @ np.vstack([first[:3, :3].T @ linear.T, first[:3, :3].T @ angular.T]))
+        by_name = dict(zip(self._columns, q.tolist(), strict=True))
+        for equation, size in self._equations:
+            lack, slopes = equation.evaluate(by_name)
+            row = np.zeros((1, len(q)))
+            for joint, slope in slopes.items():
+                row[0, self._columns[joint]] = slope / size
+            residuals.append(np.array([lack / size]))
+            blocks.append(row)
         return np.concatenate(residuals), np.vstack(blocks) * self.scale
 
 
 def clusters(document: Document, robot: RaffRobot, kinds: Mapping[int, LoopKind], length: float) -> Iterator[Cluster]:
-    """Yield the robot's loops, grouped into those that share nodes: each group can be closed by itself."""
-    groups: list[tuple[set[int], list[int]]] = []  # of nodes, and of loops; no node is in two
-    for i in range(len(robot.loops)):
-        nodes, loops, apart = {part.number for branch in _branches(robot, i) for part in branch}, [i], []
+    """Yield the robot's loops and couplings, grouped into those that share nodes: each group can be closed by itself.
+
+    Only the loops' kinds are given: couplings have none.
+    """
+    found = [
+        ({part.number for branch in _branches(robot, i) for part in branch}, i, -1) for i in range(len(robot.loops))
+    ]
+    found += [(_coupled(robot, i), -1, i) for i in range(len(robot.couplings))]
+    groups: list[tuple[set[int], list[int], list[int]]] = []  # of nodes, loops, couplings; no node is in two
+    for nodes, loop, coupling in found:
+        loops, couplings, apart = [loop] * (loop >= 0), [coupling] * (coupling >= 0), []
         for group in groups:
             if group[0].isdisjoint(nodes):
                 apart.append(group)
             else:
-                nodes, loops = nodes | group[0], loops + group[1]
-        groups = [*apart, (nodes, sorted(loops))]
-    for _, loops in sorted(groups, key=lambda group: group[1]):
-        yield Cluster(document, robot, loops, kinds, length)
+                nodes, loops, couplings = nodes | group[0], loops + group[1], couplings + group[2]
+        groups = [*apart, (nodes, sorted(loops), sorted(couplings))]
+    for _, loops, couplings in sorted(groups, key=lambda group: (not group[1], group[1], group[2])):
+        yield Cluster(document, robot, loops, couplings, kinds, length)
+
+
+def coupling_of(document: Document, robot: RaffRobot, index: int) -> Coupling:
+    """Return a coupling as an equation in rad and m."""
+
+    def unit(number: int) -> tuple[str, bool, float]:
+        link = robot.nodes[number]
+        assert isinstance(link, RaffLink)
+        return link.joint, link.type is JointType.PRISMATIC, joint_units(document, link, 1.0)
+
+    coupling = robot.couplings[index]
+    follower, slides, own = unit(coupling.follower)
+    terms: dict[str, tuple[float, ...]] = {follower: (1.0,)}
+    for drive in coupling.drives:
+        joint, _, other = unit(drive.link)
+        factors = drive.numbers
+        if drive.kind in (DriveKind.LEAD, DriveKind.RADIUS):
+            metres = document.metres(drive.numbers[0])  # per revolution, or per radian
+            metres = metres / math.tau if drive.kind is DriveKind.LEAD else metres
+            factors = (metres if slides else 1.0 / metres,)
+        elif drive.kind is DriveKind.POLYNOMIAL:
+            factors = tuple(c * own / other**power for power, c in enumerate(factors, 1))
+        terms[joint] = tuple(-factor for factor in factors)
+    link = robot.nodes[coupling.follower]
+    assert isinstance(link, RaffLink)
+    return Coupling(robot.coupling_names[index], terms, joint_units(document, link, coupling.offset))
+
+
+def _coupled(robot: RaffRobot, coupling: int) -> set[int]:
+    """Return the numbers of the links whose joints a coupling names."""
+    one = robot.couplings[coupling]
+    return {one.follower, *(drive.link for drive in one.drives)}
 
 
 def _branches(robot: RaffRobot, loop: int) -> tuple[list[RaffPart], list[RaffPart]]:

@@ -6,7 +6,17 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from raff2urdf.document import LEAST_SIZE, Document, LoopKind, Parameters, RaffFrame, RaffNode, RaffRobot, RaffSensor
+from raff2urdf.document import (
+    LEAST_SIZE,
+    Document,
+    DriveKind,
+    LoopKind,
+    Parameters,
+    RaffFrame,
+    RaffNode,
+    RaffRobot,
+    RaffSensor,
+)
 from raff2urdf.errors import RaffError
 
 
@@ -44,6 +54,15 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
     for loop in robot.loops:
         kind = f" type {int(loop.kind)}" if loop.kind is not LoopKind.RIGID else ""
         yield f"  constraint {{ {_node(robot, loop.first)} {_node(robot, loop.second)}{kind} }}"
+    for coupling in robot.couplings:
+        words = [] if coupling.name is None else [f"name {_text(coupling.name)}"]
+        words.append(f"link {coupling.follower}")
+        for drive in coupling.drives:
+            numbers = " ".join(map(number, drive.numbers))
+            numbers = f"( {numbers} )" if drive.kind is DriveKind.POLYNOMIAL else numbers
+            words.append(f"link {drive.link} {drive.kind.name.lower()} {numbers}")
+        words += [f"offset {number(coupling.offset)}"] * (coupling.offset != 0.0)
+        yield f"  coupling {{ {' '.join(words)} }}"
     for constraint in robot.sensor_constraints:
         sensors = _list(list(map(str, constraint.sensors)), "    ")
         yield f"  constraint {{ {_node(robot, constraint.node)} sensor ( {sensors} ) }}"

@@ -420,7 +420,9 @@ def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
 
 
 def _check_joints(mechanism: Mechanism) -> None:
-    if not mechanism.loops:
+    if mechanism.couplings:
+        raise ModesError(f"{mechanism.name}: assembly modes of mechanisms with couplings are not computed")
+    if not mechanism.is_constrained:
         raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
     model = mechanism.model
     for name, joint in zip(model.names, model.joints, strict=True):

@@ -100,7 +100,10 @@ def _shape(follow: str) -> str | None:
 def _describe(setup: Setup) -> None:
     for name, mechanism in setup.robots.items():
         line = f"{name}: {count(mechanism.joints, 'joint')}, {count(mechanism.loops, 'loop')}"
+        line += f", {count(mechanism.couplings, 'coupling')}" if mechanism.couplings else ""
         line += f", mobility {mechanism.mobility}"
-        print(f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.loops else line)
+        print(
+            f"{line}, loops closed to {mechanism.closure(mechanism.q_home):.1g}" if mechanism.is_constrained else line
+        )
     if setup.avoidance is not None:
         print(f"keeps {shown(setup.avoidance.scene.safety, LENGTH)} clear of {count(setup.obstacles, 'obstacle')}")

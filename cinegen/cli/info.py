@@ -8,6 +8,7 @@ from typing import Any
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, RobotOptions
+from raff2urdf.coupling import Coupling
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 
@@ -21,11 +22,12 @@ def run(options: RobotOptions, files: list[Path] = FILE, json: bool = JSON) -> i
 
 
 def _text(report: Mapping[str, Any]) -> str:
-    actuated, joints, loops = report["actuated"], report["joints"], report["loops"]
+    actuated, joints, loops, couplings = (report[key] for key in ("actuated", "joints", "loops", "couplings"))
     uncontrolled = f" ({report['uncontrolled_dof']} of them uncontrolled)" if report["uncontrolled_dof"] else ""
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
-        f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}",
+        f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}"
+        + (f", {count(couplings, 'coupling')}" if couplings else ""),
         "",
         f"  {'joint':<12}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}",
     ]
@@ -35,9 +37,11 @@ def _text(report: Mapping[str, Any]) -> str:
         cells = "".join(f"{'-' if value is None else f'{_rounded(scale * value):.4g}':>10}" for value in numbers)
         actuation = "   actuated" if joint["actuated"] else ""
         lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {unit}, {unit}/s{actuation}")
-    if loops:
-        lines += ["", f"  loops: {report['loop_rows']} rows of rank {report['loop_rank']}"]
+    if loops or couplings:
+        what = " and ".join(["loops"] * bool(loops) + ["couplings (rad, m)"] * bool(couplings))
+        lines += ["", f"  {what}: {report['loop_rows']} rows of rank {report['loop_rank']}"]
         lines += [f"    {loop['name']}: {loop['kind']}" for loop in loops]
+        lines += [f"    {one['name']}: {Coupling(**one)}" for one in couplings]
         gaps = report["gap_as_written"], report["closure_at_home"]
         lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
         lines.append(f"    singular values at home: {_values(report['loop_singular_values'])}")

@@ -101,7 +101,7 @@ class MeshCheck:
         count = math.ceil(self._motion(begin, end) / self.step)
         parts = [part / count for part in range(1, count)]
         between = [self._mechanism.interpolate(begin, end, part) for part in parts]
-        return [self._mechanism.close(q) for q in between] if self._mechanism.loops else between
+        return [self._mechanism.close(q) for q in between] if self._mechanism.is_constrained else between
 
     def _motion(self, begin: Array, end: Array) -> float:
         """Return by how far a point of a shape moves at most, m, to second order of the motion."""

@@ -234,7 +234,7 @@ def _start(table: SceneTable, mechanism: Mechanism) -> Array:
         home[:7] = pin.SE3ToXYZQUAT(table.pose())
     table.finish()
     q = mechanism.configuration(values, home)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         try:
             q = _closed(mechanism, home, q, any(name not in mechanism.actuated for name in values))
         except ClosureError as error:

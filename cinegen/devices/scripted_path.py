@@ -176,7 +176,7 @@ def _easiest_plane(mechanism: Mechanism, node: str, home: pin.SE3, q: Array) -> 
     """Return the plane (3, 2) of a node's easiest motion, its translational DoF, and whether it can keep its
     orientation."""
     motions = np.eye(mechanism.model.nv)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         _, _, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
         motions = vt[mechanism.loop_rank :].T
     if mechanism.floating and node != mechanism.nodes[0]:  # a base is fixed unless a task moves it

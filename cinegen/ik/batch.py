@@ -136,7 +136,7 @@ class BatchEvaluator:
             values: (count, actuated) positions, rad and m.
             start: (nq,) configuration with closed loops where the path begins; home unless given.
         """
-        if not self.mechanism.loops:
+        if not self.mechanism.is_constrained:
             configurations = np.tile(self.mechanism.q_home, (len(values), 1))
             configurations[:, self._actuated] = values
             return self.at(configurations)

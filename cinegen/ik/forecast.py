@@ -233,7 +233,7 @@ def _configuration(rollout: Rollout, x: float, column: int | None = None, bound:
     if column is not None:
         q[mechanism.q_index(mechanism.columns[column])] = bound
         free[column] = False
-    if not mechanism.loops:
+    if not mechanism.is_constrained:
         return q
     closing = close(mechanism.system, q, free)
     return closing.q if closing.closed else rollout.q[k + 1].copy()

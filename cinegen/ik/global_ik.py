@@ -128,8 +128,8 @@ class _GlobalIK:
         self._mechanism, self._limits, self._seed = mechanism, limits, seed
         self._local = LocalIK(mechanism, tasks, limits)
         self._weights = [_weights(task, mechanism.length) for task in tasks]
-        closing = LocalIK(mechanism, (), limits) if mechanism.loops else self._local
-        count = _CLOSED_SAMPLES if mechanism.loops else _SAMPLES
+        closing = LocalIK(mechanism, (), limits) if mechanism.is_constrained else self._local
+        count = _CLOSED_SAMPLES if mechanism.is_constrained else _SAMPLES
         self._samples = closing.samples(count, np.random.default_rng(seed))
         self._features = np.array([self._feature(self._local.placements(q)) for q in self._samples])
 

@@ -109,7 +109,7 @@ class LocalIK:
         With loops, they are a tree that grows from home towards random configurations (S. M. LaValle,
         "Rapidly-exploring random trees", 1998); without, random configurations.
         """
-        if not self.mechanism.loops:
+        if not self.mechanism.is_constrained:
             return np.array([self.random_start(rng) for _ in range(count)])
         home = self.mechanism.q_home
         found, points = [home], [home[self._at] / self._scale]

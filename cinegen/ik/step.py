@@ -143,7 +143,7 @@ class Step:
         """Dimensionless singular values of all loops at q, largest first, as many as their generic rank. Computed on
         access."""
         mechanism = self._layout.mechanism
-        if not mechanism.loops or mechanism.loop_rank == 0:
+        if not mechanism.is_constrained or mechanism.loop_rank == 0:
             return np.zeros(0)
         rows = mechanism.system.evaluate(self.q)[1][:, self._layout.resting :]
         return np.asarray(np.linalg.svd(rows, compute_uv=False)[: mechanism.loop_rank])

@@ -39,7 +39,7 @@ def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) ->
     model = system.model
     memory.resize(
         nq=model.nq, n=model.nv - fixed, fixed=fixed, joints=model.njoints, loops=len(system.loops), rows=system.rows,
-        rank=rank,
+        rank=rank, couplings=len(system.couplings), coupled=model.nq if system.couplings else 0,
     )  # fmt: skip
     memory.length = system.length
     memory.scale[:] = system.scale[fixed:]
@@ -57,7 +57,24 @@ def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) ->
         memory.loop_joints[i], memory.loop_offsets[i] = joints, [frame_of(offset) for offset in offsets]
         memory.loop_signs[i] = (second - first)[fixed:]
         row += loop.rows
+    _set_up_couplings(memory, system)
     return memory
+
+
+def _set_up_couplings(memory: LoopMemory, system: ClosedLoops) -> None:
+    model = system.model
+    terms = [
+        (i, model.joints[model.getJointId(joint)].idx_v - memory.fixed, np.array(coefficients) / size)
+        for i, (coupling, size) in enumerate(zip(system.couplings, system.coupling_sizes, strict=True))
+        for joint, coefficients in coupling.terms.items()
+    ]
+    memory.resize(coupling_terms=len(terms), coupling_degree=max((len(c) for _, _, c in terms), default=0))
+    memory.term_coefficients[:] = 0.0
+    for t, (i, dof, coefficients) in enumerate(terms):
+        memory.term_coupling[t], memory.term_dof[t] = i, dof
+        memory.term_coefficients[t, : len(coefficients)] = coefficients
+    for i, (coupling, size) in enumerate(zip(system.couplings, system.coupling_sizes, strict=True)):
+        memory.coupling_constant[i] = coupling.constant / size
 
 
 def _set_up_joint(memory: LoopMemory, model: pin.Model, j: int, fixed: int) -> bool:

@@ -28,7 +28,10 @@ class Closer:
     def __init__(self, system: ClosedLoops, rank: int) -> None:
         self._close = start(close_from_trial, LoopMemory, install=partial(setattr, self, "_close"))
         self._memory = set_up(LoopMemory(), system, rank)
-        self._idle = ~self._memory.loop_signs.any(axis=0)  # joints in no loop: they do not change at all
+        self._idle = np.asarray(
+            ~self._memory.loop_signs.any(axis=0)
+        )  # joints in no loop or coupling: they do not change at all
+        self._idle[self._memory.term_dof] = False
         self._locked: Array | None = None
 
     def close(self, q: Array, locked: Array) -> Closing:

@@ -11,6 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.joints import step_scale, supporting_columns
+from raff2urdf.coupling import Coupling
 from raff2urdf.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
 
@@ -59,7 +60,7 @@ class LoopConstraint:
 
 
 class ClosedLoops:
-    """All loops of a model as the equations c(q) = 0: a `raff2urdf.closure.LoopSystem`.
+    """All loops and couplings of a model as the equations c(q) = 0: a `raff2urdf.closure.KindedLoops`.
 
     Everything is dimensionless: lengths are divided by the characteristic length, and so are the steps of prismatic
     joints and of a free base's translation. For one thread at a time: it keeps Pinocchio's scratch data.
@@ -68,8 +69,10 @@ class ClosedLoops:
         model: the tree.
         loops: the joints that were cut.
         length: characteristic length, m.
+        couplings: equations between joints; their rows are below those of the loops.
 
     Attributes:
+        coupling_sizes: factors that make the couplings' residuals dimensionless: see `raff2urdf.coupling`.
         scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
         kinds: of the loops.
@@ -77,8 +80,10 @@ class ClosedLoops:
         data: Pinocchio's, with the placements and Jacobians of the joints at the last evaluated q.
     """
 
-    def __init__(self, model: pin.Model, loops: Sequence[LoopConstraint], length: float) -> None:
-        self.model, self.loops, self.length = model, tuple(loops), length
+    def __init__(
+        self, model: pin.Model, loops: Sequence[LoopConstraint], length: float, couplings: Sequence[Coupling] = ()
+    ) -> None:
+        self.model, self.loops, self.length, self.couplings = model, tuple(loops), length, tuple(couplings)
         self.scale = step_scale(model, length)
         self.anchors = [
             (*_anchor(model, loop.first, loop.first_placement), *_anchor(model, loop.second, loop.second_placement))
@@ -86,7 +91,11 @@ class ClosedLoops:
         ]
         self.data = model.createData()
         self.kinds = [loop.kind for loop in self.loops]
-        self.rows = sum(loop.rows for loop in self.loops)
+        self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
+        names = {joint for coupling in self.couplings for joint in coupling.terms}
+        self._coupled = {name: model.joints[model.getJointId(name)] for name in names}
+        scales = {name: float(self.scale[joint.idx_v]) for name, joint in self._coupled.items()}
+        self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
         self._constraints: list[Any] = [pin.FrameAnchorConstraintModel(model, *anchor) for anchor in self.anchors]
         self._datas = [constraint.createData() for constraint in self._constraints]
         ends = [[supporting_columns(model, anchor[end]) for end in (0, 2)] for anchor in self.anchors]
@@ -95,7 +104,7 @@ class ClosedLoops:
     def with_kinds(self, kinds: Sequence[LoopKind]) -> ClosedLoops:
         """Return the same loops, closed by other kinds of joints."""
         loops = [replace(loop, kind=kind) for loop, kind in zip(self.loops, kinds, strict=True)]
-        return ClosedLoops(self.model, loops, self.length)
+        return ClosedLoops(self.model, loops, self.length, self.couplings)
 
     def integrate(self, q: Array, step: Array) -> Array:
         """Return the configuration (nq,) reached from q (nq,) by a dimensionless step (nv,)."""
@@ -107,10 +116,10 @@ class ClosedLoops:
             pin.forwardKinematics(self.model, self.data, q)
         else:
             pin.computeJointJacobians(self.model, self.data, q)
-        return self.evaluate_placed()
+        return self.evaluate_placed(q)
 
-    def evaluate_placed(self) -> tuple[Array, Array]:
-        """Return the same for the placements and the Jacobians of the joints that are in `data`."""
+    def evaluate_placed(self, q: Array) -> tuple[Array, Array]:
+        """Return the same for the placements and the Jacobians of the joints at q that are in `data`."""
         residual, jacobian, row = np.empty(self.rows), np.zeros((self.rows, self.model.nv)), 0
         for loop, constraint, data, moving in zip(
             self.loops, self._constraints, self._datas, self._moving, strict=True
@@ -123,6 +132,15 @@ class ClosedLoops:
                 twist = np.asarray(constraint.jacobian(self.model, self.data, data)).reshape(6, -1)[:, moving]
                 jacobian[rows, moving] = by_twist @ (twist * self.scale[moving])
             row += loop.rows
+        if self.couplings:
+            values = {name: float(q[joint.idx_q]) for name, joint in self._coupled.items()}
+        for coupling, size in zip(self.couplings, self.coupling_sizes, strict=True):
+            lack, slopes = coupling.evaluate(values)
+            residual[row] = lack / size
+            for name, slope in slopes.items():
+                column = self._coupled[name].idx_v
+                jacobian[row, column] = slope / size * self.scale[column]
+            row += 1
         return residual, jacobian
 
 

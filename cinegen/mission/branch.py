@@ -66,7 +66,7 @@ class Branch:
         Raises:
             MissionError: the second configuration is on another branch, and not near the first.
         """
-        if not self.mechanism.loops:
+        if not self.mechanism.is_constrained:
             return along
         try:
             self._forward.q = first

@@ -112,10 +112,9 @@ def report_text(report: ExportReport) -> str:
     if slower > 1e-3:
         lines.append(f"slowed down by {slower:.3f} s, for velocity limits")
     if not findings.serious:
-        loops = trajectory.mechanism.loops
-        closed, passed = (
-            (f"loops closed to {findings.closure:.1g}, ", ", no type 2 singularity passed") if loops else ("", "")
-        )
+        closed = passed = ""
+        if trajectory.mechanism.is_constrained:
+            closed, passed = f"loops closed to {findings.closure:.1g}, ", ", no type 2 singularity passed"
         lines.append(f"checked: {closed}joints within their limits{passed}")
     for finding in findings:
         lines.append(f"{'DO NOT SEND THIS TO A ROBOT' if finding.kind.serious else 'note'}: {finding}")

@@ -165,7 +165,7 @@ def between(mechanism: Mechanism, first: Array, second: Array, x: float) -> Arra
     if x in (0.0, 1.0) or not mechanism.model.nv or np.array_equal(first, second):
         return nearer.copy()
     q = mechanism.interpolate(first, second, x)
-    if not mechanism.loops:
+    if not mechanism.is_constrained:
         return q
     try:
         closed = mechanism.close(q)

@@ -78,7 +78,7 @@ def passes(mechanism: Mechanism, path: Array) -> Array:
 def _velocity_limits(mechanism: Mechanism) -> Array:
     """Return the velocity limits (nv,), rad/s and m/s."""
     default = ANGULAR_SPEED * step_scale(mechanism.model, LINEAR_SPEED / ANGULAR_SPEED)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         default[mechanism.passive_columns] = np.inf
     return np.where(np.isfinite(mechanism.limits.velocity), mechanism.limits.velocity, default)
 

@@ -142,7 +142,7 @@ def _timed(
     mechanism = branch.mechanism
     limits = mechanism.limits.velocity  # each joint is one number: q's order is v's
     guided = np.ones(len(limits), dtype=bool)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         guided[mechanism.passive_columns] = False
     passes = slowed(begin, knots, np.where(guided, limits, np.inf))
     for _ in range(_ROUNDS):
@@ -168,7 +168,7 @@ def _timed(
 def _interpolated(branch: Branch, curve: JointCurve, times: Array, recorded: Array, name: str) -> Array:
     """Return all joints (n, nq) at times (n,): those of a curve, on the branch."""
     along = curve.at(times)
-    if not branch.mechanism.loops:
+    if not branch.mechanism.is_constrained:
         return along
     knots, passes = curve.points, curve.times
     ends = np.searchsorted(times, passes, side="left")  # most samples before each knot

@@ -9,6 +9,7 @@ from msgspec import Struct, to_builtins
 
 from cinegen.loops.closed_loops import LoopConstraint
 from cinegen.model.mechanism import Mechanism
+from raff2urdf.coupling import Coupling
 
 
 class JointDescription(Struct, frozen=True):
@@ -49,15 +50,30 @@ class LoopDescription(Struct, frozen=True):
     second: str
 
 
-def describe(mechanism: Mechanism) -> dict[str, Any]:
-    """Return joints, loops, mobility, actuated joints, closure and singular values at home; SI units and radians.
+class CouplingDescription(Struct, frozen=True):
+    """An equation between joints: the sum over all terms of c1 q + c2 q^2 + ... is the constant; rad and m.
 
-    Singular values are dimensionless: lengths are divided by the characteristic length. Those of the loops are as many
-    as their generic rank. Those of the end (`Mechanism.end`) are of its Jacobian in the loops' null space.
+    Attributes:
+        name: name of the coupling.
+        terms: coefficients c1, c2, ... by joint; first the joint that follows.
+        constant: the constant.
+    """
+
+    name: str
+    terms: dict[str, tuple[float, ...]]
+    constant: float
+
+
+def describe(mechanism: Mechanism) -> dict[str, Any]:
+    """Return joints, loops, couplings, mobility, actuated joints, closure and singular values at home; SI and radians.
+
+    Singular values are dimensionless: lengths are divided by the characteristic length. Those of the loops and
+    couplings are as many as their generic rank. Those of the end (`Mechanism.end`) are of its Jacobian in their null
+    space.
     """
     model, q = mechanism.model, mechanism.q_home
     motions, loop_sigma = np.eye(model.nv), np.zeros(0)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         _, loop_sigma, vt = np.linalg.svd(mechanism.system.evaluate(q)[1])
         motions = vt[mechanism.loop_rank :].T
     end = mechanism.end
@@ -68,7 +84,8 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
         "nodes": list(mechanism.nodes),
         "joints": [to_builtins(describe_joint(mechanism, joint)) for joint in mechanism.joints],
         "loops": [to_builtins(describe_loop(loop)) for loop in mechanism.loops],
-        "loop_rows": sum(loop.rows for loop in mechanism.loops),
+        "couplings": [to_builtins(describe_coupling(coupling)) for coupling in mechanism.couplings],
+        "loop_rows": mechanism.system.rows,
         "loop_rank": mechanism.loop_rank,
         "mobility": mechanism.mobility,
         "uncontrolled_dof": len(mechanism.passive_columns) - mechanism.passive_rank,
@@ -85,6 +102,11 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
 def describe_loop(loop: LoopConstraint) -> LoopDescription:
     """Describe a loop."""
     return LoopDescription(loop.name, loop.kind.name.lower(), loop.first, loop.second)
+
+
+def describe_coupling(coupling: Coupling) -> CouplingDescription:
+    """Describe a coupling."""
+    return CouplingDescription(coupling.name, dict(coupling.terms), coupling.constant)
 
 
 def describe_joint(mechanism: Mechanism, joint: str) -> JointDescription:

@@ -66,7 +66,7 @@ class ForwardKinematics:
         actuate(memory, columns)
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
         self._goal = memory.goal
-        if mechanism.loops:
+        if mechanism.is_constrained:
             self._follow_goal = start(follow, LoopMemory, install=partial(setattr, self, "_follow_goal"))
         self.q = mechanism.q_home if q is None else q
 
@@ -127,7 +127,7 @@ class ForwardKinematics:
         except (KeyError, CinegenError) as error:
             goal[:] = self._q[self._q_indices]
             raise (self._not_actuated(name) if isinstance(error, KeyError) else error) from None
-        if not self.mechanism.loops:
+        if not self.mechanism.is_constrained:
             self._q = self._q.copy()
             self._q[self._q_indices] = goal
         elif self._model.nv > 0:

@@ -21,6 +21,7 @@ from cinegen.model.urdf import completed, kinematics, simple
 from raff2urdf import closure, readers
 from raff2urdf.analysis import loop_kind
 from raff2urdf.constraints import Constraints, without_loops
+from raff2urdf.coupling import coupling_of, followed
 from raff2urdf.json_lines import line_of
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import UNLIMITED, joints, parse
@@ -75,11 +76,13 @@ def load(
     for name in loops or {}:
         if name not in chosen.loop_names:
             raise UnknownNameError("loop", name, chosen.loop_names)
-    if ignore_loops and chosen.loops:
-        listed = ", ".join(f"loop '{name}'" for name in chosen.loop_names)
+    if ignore_loops and (chosen.loops or chosen.couplings):
+        listed = ", ".join(
+            [f"loop '{name}'" for name in chosen.loop_names] + [f"coupling '{name}'" for name in chosen.coupling_names]
+        )
         message = f"{path}: left out, as requested; every joint moves independently: {listed}"
         warn(message)
-        urdf, constraints = describe(document, replace(chosen, loops=()), path.parent)
+        urdf, constraints = describe(document, replace(chosen, loops=(), couplings=()), path.parent)
         return build(urdf, without_loops(constraints), name=str(path))
     urdf, constraints = describe(document, chosen, path.parent, loops)
     return build(urdf, constraints, name=str(path))
@@ -120,16 +123,16 @@ def _check_stated(mechanism: Mechanism, constraints: Constraints, file: Path) ->
     Raises:
         LoadError: they differ.
     """
-    for key, value in _degrees_of_freedom(mechanism.model, mechanism.loops, mechanism.loop_rank).items():
+    for key, value in _degrees_of_freedom(mechanism.system, mechanism.loop_rank).items():
         if constraints.get(key, value) != value:
             where = f"{file}:{line_of(read_text(file), [key])}: at $.{key}"
             why = f"{constraints[key]} is stated, but the URDF with these loops has {value}"
             raise LoadError(f"{where}: {why}: correct the number, or restore the joints and loops it was counted for")
 
 
-def _degrees_of_freedom(model: pin.Model, loops: Sequence[LoopConstraint], rank: int) -> dict[str, int]:
+def _degrees_of_freedom(system: ClosedLoops, rank: int) -> dict[str, int]:
     """Return the numbers that a constraints file states."""
-    return {"loop_rows": sum(loop.rows for loop in loops), "loop_rank": rank, "mobility": model.nv - rank}
+    return {"loop_rows": system.rows, "loop_rank": rank, "mobility": system.model.nv - rank}
 
 
 def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None = None, name: str = "URDF") -> Mechanism:
@@ -165,10 +168,13 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in constraints["joints"]}
     determined: set[str] = set()
-    if loops:
-        system = ClosedLoops(model, loops, length)
+    couplings = tuple(map(coupling_of, constraints.get("couplings", [])))
+    system = ClosedLoops(model, loops, length, couplings)
+    if loops or couplings:
         gap = max(closure.gaps(system, q))
-        q = _home(system, q, Limits(model, tuple(actuated)), f"{name}: robot '{constraints['robot']}'")
+        q = _home(
+            system, _followed(system, q), Limits(model, tuple(actuated)), f"{name}: robot '{constraints['robot']}'"
+        )
         rank, generic = closure.generic_rank(system, q)
         if None in actuated.values():
             determined = _determined(system, generic, actuated)
@@ -180,6 +186,7 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
         joints=tuple(actuated),
         actuated=chosen,
         loops=loops,
+        couplings=couplings,
         length=length,
         floating=constraints.get("floating") is not None,
         q_home=q,
@@ -189,7 +196,7 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
         sensor_constraints=tuple(
             (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
         ),
-        source=MechanismSource(urdf, _stated(given, _degrees_of_freedom(model, loops, rank), chosen), folder, name),
+        source=MechanismSource(urdf, _stated(given, _degrees_of_freedom(system, rank), chosen), folder, name),
     )
 
 
@@ -218,8 +225,9 @@ def _check_size(tree: Any, name: str) -> None:
 
 
 def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | None]) -> set[str]:
-    """Return the joints that the others determine, those furthest from the base first, but before them joints that are
-    not actuated. What remains are the joints nearest the base that suffice to determine the mechanism.
+    """Return the joints that the others determine: first joints that are not actuated, then those that follow others in
+    couplings, then those furthest from the base. What remains are the joints nearest the base that suffice to determine
+    the mechanism.
 
     Args:
         system: the loops.
@@ -229,7 +237,8 @@ def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | Non
     model = system.model
     joints = {name: model.joints[model.getJointId(name)] for name in reversed(list(actuated))}
     depth = {name: len(model.supports[joint.id]) for name, joint in joints.items()}
-    order = sorted(joints, key=lambda name: (actuated[name] is not False, -depth[name]))
+    followers = {coupling.follower for coupling in system.couplings}
+    order = sorted(joints, key=lambda name: (actuated[name] is not False, name not in followers, -depth[name]))
     names = {int(joints[name].idx_v): name for name in order}
     return {names[column] for column in closure.passive(system.evaluate(q)[1], list(names))}
 
@@ -257,6 +266,16 @@ def _written(model: pin.Model, constraints: Mapping[str, Any]) -> Array:
     return q
 
 
+def _followed(system: ClosedLoops, q: Array) -> Array:
+    """Return q (nq,) with joints that follow others in couplings where these lead them."""
+    joints = {name: joint.idx_q for name, joint in zip(system.model.names, system.model.joints, strict=True)}
+    names = {name for coupling in system.couplings for name in coupling.terms}
+    moved, there = q.copy(), followed(system.couplings, {name: float(q[joints[name]]) for name in names})
+    for name, value in there.items():
+        moved[joints[name]] = value
+    return moved
+
+
 def _length(model: pin.Model, nodes: Sequence[str], q: Array) -> float:
     """Return the characteristic length, m."""
     data = model.createData()
@@ -275,7 +294,8 @@ def _home(system: ClosedLoops, written: Array, limits: Limits, name: str) -> Arr
     """Return the closed configuration (nq,) nearest to the written one, within the limits if possible."""
     closing = closure.close_from_afar(system, written)
     if not closing.closed:
-        why = closure.why_open(system, [loop.name for loop in system.loops], written, closing)
+        names = [*(loop.name for loop in system.loops), *(coupling.name for coupling in system.couplings)]
+        why = closure.why_open(system, names, written, closing)
         raise ClosureError(f"{name}: {why}")
     home = closure.close_within(system, closing.q, limits.lower, limits.upper)
     beyond = limits.exceeded(home)

@@ -21,6 +21,7 @@ from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.shapes import collision_shapes, shapes
 from raff2urdf import closure
+from raff2urdf.coupling import Coupling
 
 Array = NDArray[np.float64]
 
@@ -60,11 +61,13 @@ class Mechanism:
         joints: names of all joints that move, in file order (not of a free base).
         actuated: names of the actuated joints, in file order.
         loops: the joints that were cut.
+        couplings: equations between joints, such as those of gears.
         length: characteristic length, m, which makes translations commensurable with angles.
         floating: whether the base can move; then q begins with its seven numbers.
         q_home: (nq,) the configuration as written, moved to where all loops are closed; read-only.
-        loop_rank: number of independent equations of the loops (generic rank).
-        gap_as_written: largest residual of a loop at the configuration as written, rad or characteristic lengths.
+        loop_rank: number of independent equations of the loops and couplings (generic rank).
+        gap_as_written: largest residual of a loop or coupling at the configuration as written, rad or characteristic
+            lengths.
         sensors: the sensors of the file, by number, as the constraints file has them.
         sensor_constraints: node and sensors, for each node that may follow some.
         source: what it was built from.
@@ -87,6 +90,7 @@ class Mechanism:
     sensors: Mapping[int, Mapping[str, Any]]
     sensor_constraints: tuple[tuple[str, tuple[int, ...]], ...]
     source: MechanismSource
+    couplings: tuple[Coupling, ...] = ()
     _scratch: threading.local = field(init=False, default_factory=threading.local)
     _masks: dict[tuple[str, ...], Array] = field(init=False, default_factory=dict)
     _derived: dict[Callable[[Mechanism], Any], Any] = field(init=False, default_factory=dict)
@@ -109,6 +113,8 @@ class Mechanism:
             f"{len(of)} {what}{'s' * (len(of) != 1)}"
             for of, what in ((self.nodes, "node"), (self.joints, "joint"), (self.loops, "loop"))
         )
+        coupled = len(self.couplings)
+        loops += f", {coupled} coupling{'s' * (coupled != 1)}" if coupled else ""
         return f"{nodes}, {joints} ({len(self.actuated)} actuated), {loops}, mobility {self.mobility}"
 
     def _repr_html_(self) -> str:
@@ -120,7 +126,9 @@ class Mechanism:
         headings = ("joint", "type", "home (rad, m)", "lower", "upper", "velocity (rad/s, m/s)", "actuated")
         joints = table(f"{self.name}: {self._summary}", headings, rows)
         ends = [(loop.name, loop.kind.name.lower(), loop.first, loop.second) for loop in self.loops]
-        return joints + (table("loops", ("loop", "kind", "first node", "second node"), ends) if ends else "")
+        equations = [(coupling.name, str(coupling)) for coupling in self.couplings]
+        joints += table("loops", ("loop", "kind", "first node", "second node"), ends) if ends else ""
+        return joints + (table("couplings (rad, m)", ("coupling", "equation"), equations) if equations else "")
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what builds a copy in another process: Pinocchio's constraint models can't be pickled."""
@@ -130,8 +138,18 @@ class Mechanism:
 
     @property
     def mobility(self) -> int:
-        """Degrees of freedom that the loops leave, counted on random closed configurations."""
+        """Degrees of freedom that loops and couplings leave, counted on random closed configurations."""
         return int(self.model.nv) - self.loop_rank
+
+    @property
+    def is_constrained(self) -> bool:
+        """True if there are loops or couplings: joint values are not independent."""
+        return bool(self.loops or self.couplings)
+
+    @cached_property
+    def constraint_names(self) -> tuple[str, ...]:
+        """Names of the loops, then of the couplings."""
+        return (*(loop.name for loop in self.loops), *(coupling.name for coupling in self.couplings))
 
     @cached_property
     def limits(self) -> Limits:
@@ -153,7 +171,7 @@ class Mechanism:
 
     def own_system(self) -> ClosedLoops:
         """Return the loops as equations, with scratch data of the caller's own."""
-        return ClosedLoops(self.model, self.loops, self.length)
+        return ClosedLoops(self.model, self.loops, self.length, self.couplings)
 
     def derived(self, compute: Callable[[Mechanism], _Result]) -> _Result:
         """Return what a function computes from this mechanism; it is computed once and kept with the mechanism."""
@@ -260,7 +278,7 @@ class Mechanism:
         """The generic rank of these columns of the loops' Jacobian: their number, unless there are joints that neither
         actuated joints nor loops determine."""
         found = (closure.rank(self.system.evaluate(q)[1][:, self.passive_columns]) for q in self.samples)
-        return max(found) if self.loops else 0
+        return max(found) if self.is_constrained else 0
 
     # --- configurations ------------------------------------------------------------------------------------------
 
@@ -346,7 +364,8 @@ class Mechanism:
         return np.asarray(jacobian).reshape(6, self.model.nv)  # a single column comes without its second dimension
 
     def loop_residual(self, q: ArrayLike) -> Array:
-        """Return the residual (rows,) of all loops, m and rad, in the first ends' axes (see `raff2urdf.residual`)."""
+        """Return the residual (rows,) of all loops, m and rad, in the first ends' axes (see `raff2urdf.residual`), and
+        then of all couplings, in the unit of their equations (see `raff2urdf.coupling`)."""
         return self.system.evaluate(self.checked(q))[0] * self._loop_units
 
     def loop_jacobian(self, q: ArrayLike) -> Array:
@@ -357,10 +376,12 @@ class Mechanism:
     @cached_property
     def _loop_units(self) -> Array:
         components = [component for loop in self.loops for component in loop.components]
-        return np.array([1.0 if "r" in component else self.length for component in components])
+        of_loops = [1.0 if "r" in component else self.length for component in components]
+        return np.array([*of_loops, *self.system.coupling_sizes])
 
     def extended_jacobian(self, q: ArrayLike, nodes: Iterable[str] | str = ()) -> ExtendedJacobian:
-        """Return the extended Jacobian (seed paper, figure 9): six rows for each node above the rows of all loops.
+        """Return the extended Jacobian (seed paper, figure 9): six rows for each node above the rows of all loops and
+        couplings.
 
         Args:
             q: (nq,).
@@ -377,16 +398,18 @@ class Mechanism:
         nodes = [nodes] if isinstance(nodes, str) else list(nodes)
         blocks = [self.jacobian(q, node) for node in nodes]
         rows = [(node, component) for node in nodes for component in COMPONENTS]
-        if self.loops:
+        if self.is_constrained:
             blocks.append(self.loop_jacobian(q))
             rows += [(loop.name, component) for loop in self.loops for component in loop.components]
+            rows += [(coupling.name, "q") for coupling in self.couplings]
         matrix = np.vstack(blocks) if blocks else np.zeros((0, self.model.nv))
         return ExtendedJacobian(matrix, tuple(rows), self.columns)
 
     # --- loops ---------------------------------------------------------------------------------------------------
 
     def closure(self, q: ArrayLike) -> float:
-        """Return the largest residual of all loops at q (nq,), in rad or characteristic lengths; 0 without loops."""
+        """Return the largest residual of all loops and couplings at q (nq,), in rad or characteristic lengths; 0
+        without any."""
         return max(closure.gaps(self.system, self.checked(q)), default=0.0)
 
     def close(self, q: ArrayLike, locked: Iterable[str] = ()) -> Array:
@@ -402,7 +425,7 @@ class Mechanism:
             (nq,), closed to 1e-12.
 
         Raises:
-            ClosureError: not closed there; names the loops and their gaps.
+            ClosureError: not closed there; names the loops and couplings, and their gaps.
             UnknownNameError: no such joint.
             ConfigurationError: q is no configuration.
         """
@@ -411,17 +434,18 @@ class Mechanism:
         if mask is None:
             mask = self._mask(names)
         start = np.asarray(q, dtype=float)
-        if not self.loops or start.shape != self.q_home.shape:
+        if not self.is_constrained or start.shape != self.q_home.shape:
             return self.checked(start).copy()
         closing = self._closer.close(start, mask)
         if closing.closed:
             return closing.q
         self.checked(start)
-        gaps = zip(self.loops, closure.gaps(self.system, closing.q), strict=True)
-        listed = ", ".join(f"'{loop.name}' by {gap:.2g}" for loop, gap in gaps if gap > closure.CLOSED)
+        gaps = zip(self.constraint_names, closure.gaps(self.system, closing.q), strict=True)
+        listed = ", ".join(f"'{name}' by {gap:.2g}" for name, gap in gaps if gap > closure.CLOSED)
+        what = "loops and couplings" if self.couplings else "loops"
         condition = f" with {len(set(names))} joints locked" if names else ""
         raise ClosureError(
-            f"{self.name} can't be closed from there{condition}: these loops remain open: {listed} (rad or lengths)"
+            f"{self.name} can't be closed from there{condition}: these {what} remain open: {listed} (rad or lengths)"
         )
 
     @property
@@ -450,7 +474,7 @@ class Mechanism:
     def random_closed(self, count: int, seed: int = 0) -> list[Array]:
         """Return random closed configurations (nq,) along a walk from home: at most `count`, fewer where little can
         move. Joint limits are not considered."""
-        if self.loops:
+        if self.is_constrained:
             return list(closure.closed_walk(self.system, self.q_home, count, seed))
         rng = np.random.default_rng(seed)
         return [self.system.integrate(self.q_home, rng.normal(size=self.model.nv)) for _ in range(count)]

@@ -81,7 +81,7 @@ class ConfigurationAttraction:
 
     def __init__(self, mechanism: Mechanism, configuration: Array, label: str) -> None:
         self.label, self.configuration, self._mechanism = label, configuration, mechanism
-        self._solver = Solver(mechanism, 1.0) if mechanism.loops else None  # closes the loops
+        self._solver = Solver(mechanism, 1.0) if mechanism.is_constrained else None  # closes the loops
         if self._solver is not None:
             self._solver.objectives = (self,)
 

@@ -289,7 +289,7 @@ class Descent:
         high = np.where(q[at_q] >= limits.upper[at_q] - near, 0.0, np.inf)
         direction = direction.copy()
         direction[at_v] = np.minimum(np.maximum(direction[at_v], low), high)
-        if not mechanism.loops:
+        if not mechanism.is_constrained:
             return direction
         motions, _ = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)
         return np.asarray(motions @ (motions.T @ direction))

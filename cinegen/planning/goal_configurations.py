@@ -82,7 +82,7 @@ def _search(scene: Scene, clearance: Clearance) -> tuple[list[Array], list[tuple
     task = FrameTask(scene.node, scene.goal, scene.translation, scene.rotation, axes="world")
     local = LocalIK(mechanism, (task,))
     starts = [scene.start]
-    if mechanism.loops:
+    if mechanism.is_constrained:
         starts += list(LocalIK(mechanism).samples(_SAMPLES, rng))
     free, blocked = list[Array](), list[tuple[float, int]]()
     for count in range(_STARTS):

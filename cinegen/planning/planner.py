@@ -228,7 +228,7 @@ def refined(mechanism: Mechanism, path: Array, step: float = _FINE) -> Array:
     for begin, end in pairwise(path):
         count = max(1, int(np.ceil(mechanism.distance(begin, end) / step)))
         between = [mechanism.interpolate(begin, end, i / count) for i in range(1, count)]
-        if mechanism.loops:
+        if mechanism.is_constrained:
             try:
                 between = [mechanism.close(q) for q in between]
             except ClosureError:

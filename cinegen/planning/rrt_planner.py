@@ -99,7 +99,7 @@ def rrt_connect(
     paths = connect(
         space.low, space.high, np.zeros(mechanism.model.nv), [point for q in goals for point in space.points(q)],
         lambda begin, end: between(begin, end) is not None, _LONGEST, seconds, seed,
-        close if mechanism.loops else None, mechanism.loop_rank,
+        close if mechanism.is_constrained else None, mechanism.loop_rank,
     )  # fmt: skip
     for path in paths:
         segments = [between(begin, end) for begin, end in itertools.pairwise(path)]
@@ -246,7 +246,7 @@ def _middle(mechanism: Mechanism, begin: Array, end: Array) -> _Middle | None:
     """Return the middle; None if loops can't be closed, or only far away, or beyond a limit."""
     straight = mechanism.interpolate(begin, end, 0.5)
     half = np.abs(mechanism.difference(straight, end))
-    if not mechanism.loops:
+    if not mechanism.is_constrained:
         return _Middle(straight, half, 0.0)
     # more actuated joints than DoF can't all be chosen
     locked = mechanism.actuated if len(mechanism.actuated) <= mechanism.mobility else ()

@@ -21,7 +21,7 @@ def regular_start(mechanism: Mechanism) -> Array:
     Many descriptions have their arms stretched at home, where they can't move in all directions.
     """
     home = mechanism.q_home
-    if mechanism.loops or mechanism.floating:
+    if mechanism.is_constrained or mechanism.floating:
         return home
     samples = LocalIK(mechanism).samples(_SAMPLES, np.random.default_rng(0))
     sigma = np.array([_singular_values(mechanism, q) for q in samples])

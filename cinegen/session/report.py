@@ -248,7 +248,7 @@ class Reporter:
         """Return the half axes as rows (3, 3), m, in the axes of the robot's own world."""
         mechanism = self.mechanism
         motions = np.eye(mechanism.model.nv)
-        if mechanism.loops:
+        if mechanism.is_constrained:
             motions = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)[0]
         if motions.shape[1] == 0:
             return None

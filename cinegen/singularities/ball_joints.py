@@ -63,13 +63,13 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     pin.updateFramePlacement(model, data, frame)
     of_node = pin.getFrameJacobian(model, data, frame, aligned).reshape(6, -1) * mechanism.scale
     of_node[:3] /= mechanism.length
-    return CountedJacobians(mechanism.system.evaluate_placed()[1], of_node, joints)
+    return CountedJacobians(mechanism.system.evaluate_placed(q)[1], of_node, joints)
 
 
 def counted_loops(mechanism: Mechanism, q: Array) -> Array:
-    """Return the Jacobian (rows, nv) of all loops at q (nq,), dimensionless."""
+    """Return the Jacobian (rows, nv) of all loops and couplings at q (nq,), dimensionless."""
     _count(mechanism, q)
-    return mechanism.system.evaluate_placed()[1]
+    return mechanism.system.evaluate_placed(q)[1]
 
 
 def _count(mechanism: Mechanism, q: Array) -> list[tuple[list[int], Array]]:

@@ -45,12 +45,12 @@ class ByActuatedJoints:
         spec, region = self.spec, self.spec.region
         values = region.joint_values(spec.mechanism, region.values(chunk))
         shape = [cells.stop - cells.start for cells in chunk]
-        order: Any = back_and_forth(shape) if spec.mechanism.loops else slice(None)
+        order: Any = back_and_forth(shape) if spec.mechanism.is_constrained else slice(None)
         done = self._batch.follow(np.ascontiguousarray(values[order]))
-        inverse = np.argsort(order) if spec.mechanism.loops else order
+        inverse = np.argsort(order) if spec.mechanism.is_constrained else order
         done = Evaluations(*(getattr(done, name)[inverse] for name in _FIELDS))
         status = self._judged(done)
-        if spec.mechanism.loops and not (status == _REACHABLE).all():
+        if spec.mechanism.is_constrained and not (status == _REACHABLE).all():
             self._retry(values, neighbours(shape), done, status)
         done.q[status != _REACHABLE] = np.nan
         return Cells(spec, status, done, self._modes(values) if "solutions" in spec.quantities else None)
@@ -93,6 +93,6 @@ class ByActuatedJoints:
         from cinegen.assembly import assembly_modes
 
         mechanism = self.spec.mechanism
-        if not mechanism.loops:
+        if not mechanism.is_constrained:
             return np.ones(len(values), dtype=np.int32)
         return np.array([len(assembly_modes(mechanism, joints)) for joints in values], dtype=np.int32)

@@ -53,7 +53,7 @@ class ByPose(Continuation):
         mechanism = spec.mechanism
         self._batch = batch
         self.local = LocalIK(mechanism, (), spec.limits)
-        count = _SAMPLES_CLOSED if mechanism.loops else _SAMPLES
+        count = _SAMPLES_CLOSED if mechanism.is_constrained else _SAMPLES
         self._samples = self.local.samples(count, np.random.default_rng(_SEED))
         self._features = np.array([self._feature(mechanism.placement(q, spec.node)) for q in self._samples])
         self.bounds = ReachBounds(mechanism, spec.node, spec.limits, spec.rotation)

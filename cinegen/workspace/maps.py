@@ -82,7 +82,7 @@ def make_map(
         if store.text != spec.text:
             differs = (f"{name} is {there}, not {asked}" for name, there, asked in store.spec.differences(spec))
             raise MapError(f"{where} is another map: {'; '.join(differs)}. Give another -o")
-        quick = spec.over_joints and not spec.mechanism.loops
+        quick = spec.over_joints and not spec.mechanism.is_constrained
         _make(store, _QUICK * usual if quick else usual, workers, scheduler, report or (lambda *_: None))
     return open_map(where)
 

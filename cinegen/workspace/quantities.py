@@ -30,7 +30,7 @@ _NO_EFFORT = 1e-12  # N m or N for 1 N: less is rounding
 def _actuated_singular_values(cells: Cells) -> Array:
     """Return the singular values (n, rank), largest first, of the node's motions by the actuated joints."""
     spec, mechanism, done = cells.spec, cells.spec.mechanism, cells.evaluations
-    if not mechanism.loops and len(mechanism.actuated) == mechanism.model.nv:
+    if not mechanism.is_constrained and len(mechanism.actuated) == mechanism.model.nv:
         return done.singular_values[:, : spec.rank]
     scale = mechanism.scale[[mechanism.v_index(name) for name in mechanism.actuated]]
     units = np.repeat([1.0 / mechanism.length, 1.0], 3)[:, None] * scale
@@ -97,7 +97,7 @@ def _projections(cells: Cells) -> Array:
     jacobians = cells.evaluations.jacobians[:, :3]
     chain = model.supports[model.frames[mechanism.frame_id(spec.node)].parentJoint]
     moving = {model.names[joint] for joint in chain if joint > int(mechanism.floating)}
-    if not mechanism.loops and not moving <= set(mechanism.actuated):
+    if not mechanism.is_constrained and not moving <= set(mechanism.actuated):
         return np.full((len(jacobians), len(mechanism.actuated)), np.nan)
     along = cells.evaluations.placements[:, :3, :3].transpose(0, 2, 1) @ np.asarray(spec.along)  # in the node's axes
     with np.errstate(invalid="ignore"):

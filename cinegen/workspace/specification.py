@@ -313,7 +313,7 @@ def _checked_quantities(spec: MapSpecification) -> tuple[str, ...]:
         _check_scene(spec)
     if "solid_angle" in wanted and (spec.over_joints or spec.rotation):
         raise MapError("solid_angle counts possible directions of the node: leave its orientation free")
-    if "solutions" in wanted and spec.over_joints and mechanism.loops:
+    if "solutions" in wanted and spec.over_joints and mechanism.is_constrained:
         from cinegen.assembly.linkage import Linkage, ModesError
 
         try:

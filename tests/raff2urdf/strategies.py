@@ -11,10 +11,13 @@ from hypothesis import strategies as st
 
 from raff2urdf.document import (
     Document,
+    DriveKind,
     JointType,
     LoopKind,
     Parameters,
     RaffBase,
+    RaffCoupling,
+    RaffDrive,
     RaffFrame,
     RaffLink,
     RaffLoop,
@@ -151,9 +154,29 @@ def _robots(
         RaffBase(draw(st.just(Parameters()) | params), draw(files)),
         tuple(draw(st.permutations(parts))),  # a father may stand behind its children
         tuple(draw(st.lists(loop, max_size=3))) if loops and numbers else (),
+        draw(_couplings(parts, values)) if loops else (),
         tuple(draw(st.lists(held, max_size=2))),
         draw(st.none() | TEXTS) if graphics else None,
     )
+
+
+@st.composite
+def _couplings(draw: st.DrawFn, parts: list[RaffLink | RaffFrame], values: st.SearchStrategy[float]) -> Any:
+    links = [part for part in parts if isinstance(part, RaffLink) and part.type is not JointType.FIXED]
+    if len(links) < 2:
+        return ()
+    factor = values.filter(lambda value: abs(value) > 1e-2)
+    found = []
+    for name in draw(st.lists(st.none() | TEXTS, max_size=2, unique_by=_or_unlike)):
+        follower, *others = draw(st.lists(st.sampled_from(links), min_size=2, max_size=4, unique=True))
+        drives = []
+        for other in others:
+            kinds = (DriveKind.LEAD, DriveKind.RADIUS) if other.type is not follower.type else (DriveKind.RATIO,)
+            kind = draw(st.sampled_from([*kinds, DriveKind.POLYNOMIAL]))
+            most = 3 if kind is DriveKind.POLYNOMIAL else 1
+            drives.append(RaffDrive(other.number, kind, tuple(draw(st.lists(factor, min_size=1, max_size=most)))))
+        found.append(RaffCoupling(follower.number, tuple(drives), draw(values), name))
+    return tuple(found)
 
 
 def _or_unlike(name: str | None) -> object:

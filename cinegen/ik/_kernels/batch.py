@@ -29,7 +29,7 @@ def measure_all(memory: BatchMemory) -> None:
         for i in range(memory.count):
             copy(memory.given[i], memory.q, memory.nq)
             evaluate(memory, memory.q)
-            memory.closure = evaluate_loops(memory, False) if memory.loops > 0 else 0.0
+            memory.closure = evaluate_loops(memory, False) if memory.rows > 0 else 0.0
             _measure(memory, i)
         return
     memory.factored_at, memory.alike = NOWHERE, 0
@@ -71,7 +71,7 @@ def _measure(memory: BatchMemory, i: int) -> None:
                 memory.placements[i, a, c] = memory.node[c, a]
             memory.placements[i, 3, c] = 1.0 if c == 3 else 0.0
     rows, width = memory.node_rows, memory.n
-    if memory.loops > 0:
+    if memory.rows > 0:
         right = _find_null_space(memory)
         rows, width = memory.free_rows, memory.mobility
         for a in range(6):
@@ -164,7 +164,7 @@ def _find_jacobian(memory: BatchMemory, jacobian: Array) -> None:
     in the null space, times the inverse of the actuated joints' rows of the null space. NaN if these do not determine
     it."""
     k, count, a, dof = memory.mobility, memory.actuated, memory.system, memory.actuated_dof
-    if memory.loops > 0 and count == k:
+    if memory.rows > 0 and count == k:
         for i in range(k):
             for c in range(k):
                 a[i, c] = memory.null_space[i, dof[c]]
@@ -179,7 +179,7 @@ def _find_jacobian(memory: BatchMemory, jacobian: Array) -> None:
     for c in range(count):
         for i in range(6):
             unit = (memory.length if i < 3 else 1.0) / memory.scale[dof[c]]
-            if memory.loops == 0:
+            if memory.rows == 0:
                 jacobian[i, c] = unit * memory.node_rows[i, dof[c]]
             else:
                 jacobian[i, c] = unit * a[c, k + i] if count == k else math.nan
@@ -195,7 +195,7 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
     size = memory.translation + memory.rotation
     free = 0  # columns that count
     for j in range(width):
-        if memory.loops > 0 or memory.moved_by[j] != 0.0:
+        if memory.rows > 0 or memory.moved_by[j] != 0.0:
             free += 1
     n, wide = min(size, free), max(size, free)
     if n == 0:
@@ -205,7 +205,7 @@ def _find_singular_values(memory: BatchMemory, rows: Array, width: int, out: Arr
     first = 5 if memory.rotation == 1 else 3  # of two, the direction of z: it is rotated about x and y
     k = 0
     for j in range(width):
-        if memory.loops > 0 or memory.moved_by[j] != 0.0:
+        if memory.rows > 0 or memory.moved_by[j] != 0.0:
             for i in range(size):
                 number = rows[i if i < memory.translation else first + i - memory.translation, j]
                 if whole and lies:

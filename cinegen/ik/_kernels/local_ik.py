@@ -68,7 +68,7 @@ def _is_reached(memory: LocalIKMemory) -> bool:
 def _residuals(memory: LocalIKMemory) -> tuple[float, float, float]:
     """Compute tasks and loops; return the squared residual, and the largest of tasks and of loops."""
     aim_tasks(memory)
-    loops = evaluate_loops(memory, True) if memory.loops > 0 else 0.0
+    loops = evaluate_loops(memory, True) if memory.rows > 0 else 0.0
     cost, tasks = 0.0, 0.0
     for i in range(memory.active_rows):
         cost += memory.error[i] * memory.error[i]

@@ -36,7 +36,7 @@ def propose(memory: SolverMemory) -> bool:
     memory.task_distance = tasks_left(memory)
     if memory.mobility == 0:
         return False
-    if memory.loops > 0:
+    if memory.rows > 0:
         memory.gap = evaluate_loops(memory, True)
     if memory.rank > 0:
         factor_loops(memory, False)
@@ -135,7 +135,7 @@ def _ticks_left(memory: SolverMemory) -> float:
 def is_sure(memory: SolverMemory) -> bool:
     """Return whether the trial can be accepted without evaluation: no loop, limit or singularity is involved, and the
     second-order error of the step is far less than the reduction of the error."""
-    if memory.found_by == SVD or memory.loops > 0 or memory.active_rows == 0 or memory.is_guarded != 0:
+    if memory.found_by == SVD or memory.rows > 0 or memory.active_rows == 0 or memory.is_guarded != 0:
         return False
     total, largest = 0.0, 0.0
     for j in range(memory.n):

@@ -59,7 +59,7 @@ def finish(memory: SolverMemory, accepted: bool, is_sure: bool) -> None:
     else:
         status = FOLLOWING
     report[m.STATUS] = status
-    report[m.CLOSURE] = memory.closure if memory.loops > 0 else 0.0
+    report[m.CLOSURE] = memory.closure if memory.rows > 0 else 0.0
     report[m.TASK_RANK] = min(memory.task_rank, memory.active_rows, memory.mobility)
     if report[m.LIMITING_DOF] >= 0.0:
         report[m.LIMITING_DOF] += memory.fixed

@@ -88,7 +88,7 @@ def try_step(memory: SolverMemory) -> int:
 @compiled
 def _judge(memory: SolverMemory) -> int:
     """Correct the trial, shorten the step, or accept it."""
-    looped, refined = memory.loops > 0, memory.is_refined != 0
+    looped, refined = memory.rows > 0, memory.is_refined != 0
     gap = evaluate_loops(memory, False) if looped else 0.0
     distance = try_tasks(memory)
     lack = _find_lack(memory) if refined else 0.0
@@ -161,10 +161,10 @@ def _correct(memory: SolverMemory) -> None:
     for j in range(memory.n):
         correction[j] = 0.0
         is_locked = is_locked or memory.locked[j] != 0.0
-    if memory.loops > 0:
+    if memory.rows > 0:
         correct(memory, squared_residual(memory), CLOSED, False)
     if memory.is_refined != 0:
-        if memory.loops > 0:
+        if memory.rows > 0:
             for i in range(memory.active_rows):
                 memory.trial_error[i] -= inner(memory.task_jacobian[i], correction, memory.n)
         if not is_locked or _leave_out_locked(memory):

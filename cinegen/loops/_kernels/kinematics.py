@@ -21,6 +21,8 @@ FIXED, REVOLUTE, PRISMATIC, SPHERICAL, FREE_FLYER = range(5)
 def evaluate(memory: LoopMemory, q: Array) -> None:
     """Compute the frames of all joints, and their screws, at q (nq,)."""
     memory.evaluations += 1
+    if memory.couplings > 0:
+        copy(q, memory.coupled_q, memory.nq)
     if memory.callback_address != 0:
         call_python(memory.callback_address, EVALUATE, q, q, q)
         return

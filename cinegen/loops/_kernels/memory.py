@@ -22,7 +22,11 @@ class LoopMemory(Memory):
     fixed: int = parameter(0)  # DoF of a fixed base: they come first in v, and do not count in n
     joints: int = parameter(0)
     loops: int = parameter(0)
-    rows: int = parameter(0)  # of all loops
+    couplings: int = parameter(0)
+    coupling_terms: int = parameter(0)  # of all couplings
+    coupling_degree: int = parameter(0)  # highest power of a joint variable
+    coupled: int = parameter(0)  # nq if there are couplings, else 0
+    rows: int = parameter(0)  # of all loops, and then of all couplings
     rank: int = parameter(0)  # of these rows: generic
     actuated: int = parameter(0)
     length: float = parameter(1.0)  # characteristic length, m
@@ -53,6 +57,13 @@ class LoopMemory(Memory):
     loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, relative to these joints
     loop_row: Table = array("loops", dtype=int)  # its first row
     loop_signs: Array = array("loops", "n")  # 1 for a DoF that moves the second end, -1 the first, 0 both or none
+    # couplings: equations between joints
+    term_coupling: Table = array("coupling_terms", dtype=int)
+    term_dof: Table = array("coupling_terms", dtype=int)
+    term_coefficients: Array = array("coupling_terms", "coupling_degree")  # of the first power, the second, ...
+    coupling_constant: Array = array("couplings")
+    coupled_q: Array = array("coupled")  # configuration of the last evaluation
+
     residual: Array = array("rows")
     minus_residual: Array = array("rows")  # scratch
     jacobian: Array = array("rows", "n")

@@ -1,4 +1,5 @@
-"""Residual of all loops, and its exact derivative, closed or open: `raff2urdf.residual`, compiled; dimensionless."""
+"""Residual of all loops and couplings, and its exact derivative, closed or open: `raff2urdf.residual` and
+`raff2urdf.coupling`, compiled; dimensionless."""
 
 from __future__ import annotations
 
@@ -16,6 +17,8 @@ def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
     """Compute `residual`, and `jacobian` if requested, from the joints' frames; return the largest residual."""
     for i in range(memory.loops):
         _evaluate_loop(memory, i, with_jacobian)
+    if memory.couplings > 0:
+        _evaluate_couplings(memory, with_jacobian)
     largest = 0.0
     for i in range(memory.rows):
         if not abs(memory.residual[i]) <= largest:  # NaN counts as large
@@ -66,3 +69,22 @@ def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
             jacobian[row + i, k] = s / length * (first[i, 0] * x + first[i, 1] * y + first[i, 2] * z)
         for i in range(angular):
             jacobian[row + linear + i, k] = s * dot(seen[i], omega)
+
+
+@compiled
+def _evaluate_couplings(memory: LoopMemory, with_jacobian: bool) -> None:
+    first, jacobian, degree = memory.rows - memory.couplings, memory.jacobian, memory.coupling_degree
+    for i in range(memory.couplings):
+        memory.residual[first + i] = -memory.coupling_constant[i]
+        if with_jacobian:
+            for k in range(memory.n):
+                jacobian[first + i, k] = 0.0
+    for t in range(memory.coupling_terms):
+        row, k, coefficients = first + memory.term_coupling[t], memory.term_dof[t], memory.term_coefficients[t]
+        q, value, slope = memory.coupled_q[memory.q_index[k]], 0.0, 0.0
+        for power in range(degree - 1, -1, -1):  # Horner's scheme
+            slope = slope * q + value + coefficients[power]
+            value = (value + coefficients[power]) * q
+        memory.residual[row] += value
+        if with_jacobian:
+            jacobian[row, k] = slope * memory.scale[k]

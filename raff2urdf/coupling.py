@@ -1,0 +1,105 @@
+"""Couplings: equations between joints, as gears, belts, racks, screws and differentials impose them.
+
+A coupling of the joints q_1, q_2, ... is
+
+    sum_i p_i(q_i) = c_0,    p_i(q) = c_i1 q + c_i2 q^2 + ...
+
+in rad and m: linear for gears and screws, q_1 = p(q_2) for a joint that follows a curve. The joint of the first term is
+the one that follows. The residual is dimensionless as that of a loop: it is divided by the size of the equation,
+
+    s^2 = sum_i max_k (c_ik l_i^k)^2 ,
+
+where l_i is the characteristic length for a prismatic joint, and 1 rad for a revolute one. Of a linear coupling it is
+the distance, in rad or characteristic lengths, to the nearest joint values that fulfil it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+_EXACT = 1e-14  # rad or m: a follower that is off by less stays as written
+
+
+@dataclass(frozen=True, slots=True)
+class Coupling:
+    """An equation between joints.
+
+    Attributes:
+        name: such as `joint5-joint3`.
+        terms: coefficients c_1, c_2, ... of a joint's variable (rad or m) and its powers, by the joint's name; first
+            the joint that follows.
+        constant: c_0.
+    """
+
+    name: str
+    terms: Mapping[str, tuple[float, ...]]
+    constant: float = 0.0
+
+    @property
+    def follower(self) -> str:
+        """The joint of the first term."""
+        return next(iter(self.terms))
+
+    @property
+    def is_linear(self) -> bool:
+        """True if no power of a joint variable occurs but the first."""
+        return all(len(coefficients) == 1 for coefficients in self.terms.values())
+
+    def __str__(self) -> str:
+        """Return the equation, in rad and m."""
+        text = ""
+        for joint, coefficients in self.terms.items():
+            for power, c in enumerate(coefficients, 1):
+                if c != 0.0:
+                    sign = "-" if c < 0.0 else "+" if text else ""
+                    factor = "" if abs(c) == 1.0 else f"{abs(c):.6g} "
+                    term = f"{factor}{joint}{f'^{power}' if power > 1 else ''}"
+                    text += f" {sign} {term}" if text else f"{sign}{term}"
+        return f"{text or '0'} = {self.constant:.6g}"
+
+    def size(self, scales: Mapping[str, float]) -> float:
+        """Return s of its joints' scales: the characteristic length (m) or 1 rad."""
+        squares = (
+            max(abs(c) * scales[joint] ** power for power, c in enumerate(coefficients, 1)) ** 2
+            for joint, coefficients in self.terms.items()
+        )
+        return math.sqrt(sum(squares))
+
+    def evaluate(self, values: Mapping[str, float]) -> tuple[float, dict[str, float]]:
+        """Return the residual at joint values (rad, m), not divided by the size, and its derivative by each joint."""
+        residual, derivative = -self.constant, {}
+        for joint, coefficients in self.terms.items():
+            value, slope = 0.0, 0.0
+            for c in reversed(coefficients):  # Horner's scheme
+                slope = slope * values[joint] + value + c
+                value = (value + c) * values[joint]
+            residual += value
+            derivative[joint] = slope
+        return residual, derivative
+
+
+def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict[str, float]:
+    """Return joint values (rad, m) in which the follower of each coupling, one after another, is where the other joints
+    lead it; where powers of its variable occur, it stays."""
+    moved = dict(values)
+    for coupling in couplings:
+        (own, *powers), follower = coupling.terms[coupling.follower], coupling.follower
+        lack, _ = coupling.evaluate(moved)
+        if not powers and abs(lack) > _EXACT * abs(own):
+            moved[follower] -= lack / own
+    return moved
+
+
+def coupling_entry(name: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0) -> dict[str, Any]:
+    """Return the entry of a coupling in a constraints file; see `Coupling`."""
+    listed = [{"joint": joint, "coefficients": list(coefficients)} for joint, coefficients in terms.items()]
+    return {"name": name, "terms": listed, "constant": constant}
+
+
+def coupling_of(entry: Mapping[str, Any]) -> Coupling:
+    """Return the coupling of an entry."""
+    terms = {term["joint"]: tuple(map(float, term["coefficients"])) for term in entry["terms"]}
+    return Coupling(entry["name"], terms, float(entry["constant"]))
