@@ -1,4 +1,4 @@
-"""Facts about joints of a Pinocchio model: axes, indices, and which columns of a Jacobian they move."""
+"""Facts about joints of a Pinocchio model: axes, indices, the columns of a Jacobian that they move; its data."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ _TRANSLATIONS = {"FreeFlyer": 3, "Planar": 2, "Translation": 3, "PrismaticUnalig
 
 
 _PARALLEL = 1e-4  # rad: lines at a smaller angle
+_LARGE = 100  # degrees of freedom for which Pinocchio's whole data takes 54 MB
 
 
 def translations(joint: Any) -> int:
@@ -50,10 +51,9 @@ def step_scale(model: pin.Model, length: float) -> Array:
 
 def supporting_columns(model: pin.Model, joint: int) -> Array:
     """Return (nv,) 1 for each column of a Jacobian that moves the body behind a joint (by its index), else 0."""
-    columns = np.zeros(model.nv)
+    columns, first, count = np.zeros(model.nv), model.idx_vs, model.nvs
     for j in model.supports[joint]:
-        if j > 0:
-            columns[model.joints[j].idx_v : model.joints[j].idx_v + model.joints[j].nv] = 1.0
+        columns[max(first[j], 0) : max(first[j], 0) + count[j]] = 1.0
     return columns
 
 
@@ -62,3 +62,29 @@ def scalar_joints(model: pin.Model) -> tuple[Indices, Indices]:
     found = [(j.idx_q, j.idx_v) for j in model.joints if j.nq == 1 and j.nv == 1 and j.idx_v >= 0]
     at = np.array(found, dtype=np.intp).reshape(-1, 2)
     return at[:, 0], at[:, 1]
+
+
+def kinematic_data(model: pin.Model) -> pin.Data:
+    """Return Pinocchio's data of a model, for placements and Jacobians of joints and frames.
+
+    `model.createData()` also has tensors of second derivatives, 54 nv^3 bytes. For a large model, the data returned has
+    what kinematics needs and nothing else: functions for dynamics must not be called with it.
+    """
+    if model.nv <= _LARGE:
+        return model.createData()
+    data, last = pin.Data(), [-1] * model.njoints  # last: column of each joint
+    data.joints.extend([joint.createData() for joint in model.joints])
+    for placements in (data.oMi, data.liMi, data.iMf):
+        placements.extend([pin.SE3.Identity()] * model.njoints)
+    data.oMf.extend([pin.SE3.Identity()] * model.nframes)
+    data.J = np.zeros((6, model.nv))
+    supporting: list[int] = []  # for each column the one before it on the way to the base
+    for j in range(1, model.njoints):
+        joint = model.joints[j]
+        supporting += [last[model.parents[j]], *range(joint.idx_v, joint.idx_v + joint.nv)][: joint.nv]
+        last[j] = len(supporting) - 1 if joint.nv else last[model.parents[j]]
+    data.parents_fromRow.extend(supporting)
+    data.non_mimic_parents_fromRow.extend(supporting)
+    data.mimic_parents_fromRow.extend([-1] * model.nv)
+    data.idx_vExtended_to_idx_v_fromRow.extend(range(model.nv))
+    return data

@@ -25,6 +25,7 @@ from cinegen.cockpit.messages import (
 )
 from cinegen.devices.kinds import what_is
 from cinegen.jit.starting import COMPILATION
+from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 from cinegen.model.description import describe_joint, describe_loop
 from cinegen.session import RobotReport, SessionState, Setup
@@ -103,7 +104,7 @@ class NodePoses:
 
     def __init__(self, robots: Mapping[str, Mechanism]) -> None:
         self._robots = {
-            name: (one.model, one.model.createData(), {node: one.frame_id(node) for node in one.nodes})
+            name: (one.model, kinematic_data(one.model), {node: one.frame_id(node) for node in one.nodes})
             for name, one in robots.items()
         }
 

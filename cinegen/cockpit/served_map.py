@@ -12,6 +12,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.cockpit.messages import ArrayDescription, AxisShown, MapCell, MapDescription, QuantityShown
+from cinegen.joints import kinematic_data
 from cinegen.session.setup import MapOverlay
 from cinegen.typed_json import encode
 
@@ -173,7 +174,7 @@ class ServedMap:
     def _node_positions(self, configurations: Array) -> Array:
         """Return the positions (n, 3) of the node in configurations (n, nq), m."""
         model, points = self.spec.mechanism.model, np.empty((len(configurations), 3))
-        data, frame = model.createData(), self.spec.mechanism.frame_id(self.spec.node)
+        data, frame = kinematic_data(model), self.spec.mechanism.frame_id(self.spec.node)
         for point, q in zip(points, configurations, strict=True):
             pin.forwardKinematics(model, data, q)
             point[:] = pin.updateFramePlacement(model, data, frame).translation

@@ -23,7 +23,7 @@ from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import collision_pairs
 from cinegen.jit.compiled import prepare
 from cinegen.jit.foreign import DISTANCE, FIRST_POINT, NORMAL, SECOND_POINT, DistanceResults, JointKinematics
-from cinegen.joints import supporting_columns
+from cinegen.joints import kinematic_data, supporting_columns
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -81,7 +81,7 @@ class Clearance:
             if body.joint != 0 and not np.isfinite(body.radius):
                 raise PlanningError(f"'{body.name}' moves and is unbounded: a link can't be a half-space")
         model = self._model = mechanism.model
-        self._data = model.createData()
+        self._data = kinematic_data(model)
         self._geometry = geometry_model(mechanism, links, pieces, pairs)
         found = [(pair.first, pair.second) for pair in self._geometry.collisionPairs]
         self.pairs = np.array(found, dtype=np.int64).reshape(-1, 2)

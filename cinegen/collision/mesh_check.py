@@ -18,6 +18,7 @@ from cinegen.collision.body import Body, geometry_model
 from cinegen.collision.scene import Scene
 from cinegen.collision.self_collision import classified_pairs
 from cinegen.errors import ClosureError
+from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -63,7 +64,7 @@ class MeshCheck:
         self._names = [body.name for body in (*self._bodies, *obstacles)]
         self.unchecked = tuple(dict.fromkeys((self._names[i], self._names[k]) for i, k in always))
         self.step = STEP * mechanism.length
-        self._model, self._data = mechanism.model, mechanism.model.createData()
+        self._model, self._data = mechanism.model, kinematic_data(mechanism.model)
         own = scene.checked_pairs(self._bodies, pairs)
         self._geometry = geometry_model(mechanism, self._bodies, obstacles, own)
         self._shapes = self._geometry.createData()

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cinegen.collision.body import Body, Pairs, geometry_model
 from cinegen.ik.local_ik import LocalIK
-from cinegen.joints import translations
+from cinegen.joints import kinematic_data, translations
 from cinegen.model.mechanism import Mechanism
 from raff2urdf.document import LoopKind
 
@@ -79,7 +79,7 @@ def _always_touching(
     mechanism: Mechanism, bodies: Sequence[Body], pairs: Pairs, samples: Array
 ) -> set[tuple[int, int]]:
     """Return the pairs that touch in all samples (n, nq). A pair found apart once is not measured again."""
-    geometry, data = geometry_model(mechanism, bodies, pairs=pairs), mechanism.model.createData()
+    geometry, data = geometry_model(mechanism, bodies, pairs=pairs), kinematic_data(mechanism.model)
     shapes, left = geometry.createData(), set(range(len(pairs)))
     for q in samples:
         if not left:
@@ -104,7 +104,7 @@ def _rigid(first: Array, second: Array, length: float) -> bool:
 
 def _body_points(mechanism: Mechanism, bodies: Sequence[Body], configurations: Array) -> list[Array]:
     """Return for each body the points (configurations, points, 3) in the world, m, that determine its pose."""
-    data, points = mechanism.model.createData(), [_points_of(body) for body in bodies]
+    data, points = kinematic_data(mechanism.model), [_points_of(body) for body in bodies]
     found: list[list[Array]] = [[] for _ in bodies]
     for q in configurations:
         pin.forwardKinematics(mechanism.model, data, q)

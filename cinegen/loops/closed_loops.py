@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from cinegen.joints import step_scale, supporting_columns
+from cinegen.joints import kinematic_data, step_scale, supporting_columns
 from raff2urdf.coupling import Coupling
 from raff2urdf.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
@@ -89,17 +88,16 @@ class ClosedLoops:
             (*_anchor(model, loop.first, loop.first_placement), *_anchor(model, loop.second, loop.second_placement))
             for loop in self.loops
         ]
-        self.data = model.createData()
+        self.data = kinematic_data(model)
         self.kinds = [loop.kind for loop in self.loops]
         self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
         names = {joint for coupling in self.couplings for joint in coupling.terms}
         self._coupled = {name: model.joints[model.getJointId(name)] for name in names}
         scales = {name: float(self.scale[joint.idx_v]) for name, joint in self._coupled.items()}
         self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
-        self._constraints: list[Any] = [pin.FrameAnchorConstraintModel(model, *anchor) for anchor in self.anchors]
-        self._datas = [constraint.createData() for constraint in self._constraints]
         ends = [[supporting_columns(model, anchor[end]) for end in (0, 2)] for anchor in self.anchors]
         self._moving = [np.flatnonzero(first != second) for first, second in ends]
+        self._signs = [((second - first) * self.scale)[first != second] for first, second in ends]
 
     def with_kinds(self, kinds: Sequence[LoopKind]) -> ClosedLoops:
         """Return the same loops, closed by other kinds of joints."""
@@ -121,16 +119,14 @@ class ClosedLoops:
     def evaluate_placed(self, q: Array) -> tuple[Array, Array]:
         """Return the same for the placements and the Jacobians of the joints at q that are in `data`."""
         residual, jacobian, row = np.empty(self.rows), np.zeros((self.rows, self.model.nv)), 0
-        for loop, constraint, data, moving in zip(
-            self.loops, self._constraints, self._datas, self._moving, strict=True
-        ):
-            constraint.calc(self.model, self.data, data)  # without it the Jacobian is silently wrong
-            c, by_twist = loop_residual(loop.kind, data.c1Mc2.homogeneous, self.length)
+        columns, placements = np.asarray(self.data.J).reshape(6, -1), self.data.oMi
+        for loop, anchor, moving, signs in zip(self.loops, self.anchors, self._moving, self._signs, strict=True):
+            first, second = placements[anchor[0]] * anchor[1], placements[anchor[2]] * anchor[3]
+            c, by_twist = loop_residual(loop.kind, first.actInv(second).homogeneous, self.length)
             rows = slice(row, row + loop.rows)
             residual[rows] = c
-            if moving.size:  # the twist of the second end relative to the first, in the first's axes, at its origin
-                twist = np.asarray(constraint.jacobian(self.model, self.data, data)).reshape(6, -1)[:, moving]
-                jacobian[rows, moving] = by_twist @ (twist * self.scale[moving])
+            # the twist of the second end relative to the first, in the first's axes, at its origin
+            jacobian[rows, moving] = by_twist @ first.toActionMatrixInverse() @ columns[:, moving] * signs
             row += loop.rows
         if self.couplings:
             values = {name: float(q[joint.idx_q]) for name, joint in self._coupled.items()}

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from cinegen.jit.callback import CALLBACK
 from cinegen.jit.foreign import frame_of, numbers_at
+from cinegen.joints import kinematic_data
 from cinegen.loops._kernels.kinematics import EVALUATE, INTEGRATE
 from cinegen.loops._kernels.memory import LoopMemory
 
@@ -24,7 +25,7 @@ def kinematics_callback(memory: LoopMemory, model: pin.Model) -> Any:
         memory: of the kernels, with its sizes set.
         model: the tree.
     """
-    data, fixed, frames, screws = model.createData(), memory.fixed, memory.frames, memory.screws
+    data, fixed, frames, screws = kinematic_data(model), memory.fixed, memory.frames, memory.screws
 
     def call(operation: int, first: int, second: int, third: int) -> None:
         q = numbers_at(first, (model.nq,))

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import raff2urdf
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
+from cinegen.joints import kinematic_data
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
@@ -24,15 +25,12 @@ from raff2urdf.constraints import Constraints, without_loops
 from raff2urdf.coupling import coupling_of, followed
 from raff2urdf.json_lines import line_of
 from raff2urdf.readers.sidecar import constraints_of
-from raff2urdf.readers.urdf import UNLIMITED, joints, parse
+from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
 from raff2urdf.shipped import find_robot
 from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
-
-_MOST_JOINTS = 400
-"""Joints that may move: for so many, Pinocchio needs 3.5 GB of memory."""
 
 
 def load(
@@ -156,7 +154,6 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
         constraints = completed(simple(tree, name), given, name)
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
-    _check_size(tree, name)
     try:
         model = pin.buildModelFromXML(kinematics(tree))
     except (ValueError, RuntimeError) as error:
@@ -214,16 +211,6 @@ def _stated(
     return {**constraints, **computed, **({"joints": joints} if "joints" in constraints else {})}
 
 
-def _check_size(tree: Any, name: str) -> None:
-    """Refuse a model that is too large: Pinocchio's memory for second derivatives grows with the cube of its size."""
-    moving = sum(joint.get("type") != "fixed" for joint in joints(tree))
-    if moving > _MOST_JOINTS:
-        size = 54 * moving**3 / 1e9
-        raise LoadError(
-            f"{name}: {moving} joints move, {_MOST_JOINTS} may: Pinocchio would need {size:.0f} GB of memory"
-        )
-
-
 def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | None]) -> set[str]:
     """Return the joints that the others determine: first joints that are not actuated, then those that follow others in
     couplings, then those furthest from the base. What remains are the joints nearest the base that suffice to determine
@@ -278,7 +265,7 @@ def _followed(system: ClosedLoops, q: Array) -> Array:
 
 def _length(model: pin.Model, nodes: Sequence[str], q: Array) -> float:
     """Return the characteristic length, m."""
-    data = model.createData()
+    data = kinematic_data(model)
     pin.framesForwardKinematics(model, data, q)
     frames = (model.getFrameId(node, pin.FrameType.BODY) for node in nodes)
     return characteristic_length(np.array([data.oMf[frame].translation for frame in frames]))

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import kinematic_data
 from cinegen.model.mechanism import Mechanism
 
 Array = NDArray[np.float64]
@@ -22,7 +23,7 @@ def motion_plane(mechanism: Mechanism) -> Array | None:
     model = mechanism.model
     if model.nv == 0:
         return None
-    data = model.createData()
+    data = kinematic_data(model)
     columns = [np.array(pin.computeJointJacobians(model, data, q)) for q in mechanism.samples]
     rotations = np.hstack([each[3:] for each in columns])
     translations = np.hstack([each[:3, np.linalg.norm(each[3:], axis=0) < _PARALLEL] for each in columns])

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from cinegen.collision.body import Body, rounded_hull
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
+from cinegen.joints import kinematic_data
 from cinegen.model.motion_plane import motion_plane
 from cinegen.planning.planner import Plan, refined
 from cinegen.plotting.sheet import BLUE, FAINT, INK, SKY, VERMILLION, finish, label, sheet
@@ -99,7 +100,7 @@ class _Layout:
         self.travel = np.cumsum([0.0, *steps])
         wanted = np.linspace(0.0, self.travel[-1], _MOMENTS if normal is not None else _FEWER)
         self.moments = np.unique(np.abs(self.travel[None] - wanted[:, None]).argmin(axis=1))
-        self._data = mechanism.model.createData()
+        self._data = kinematic_data(mechanism.model)
         self.low, self.high = self._bounds(scene)
 
     def placements(self, q: Array) -> list[pin.SE3]:

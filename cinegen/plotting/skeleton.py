@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
 from raff2urdf.document import LoopKind
 
@@ -106,7 +107,7 @@ class Skeleton:
     def __init__(self, mechanism: Mechanism, node: str | None = None) -> None:
         self.mechanism = mechanism
         model = mechanism.model
-        self._data = model.createData()
+        self._data = kinematic_data(model)
         frame = model.frames[mechanism.frame_id(mechanism.end if node is None else node)]
         self._end = int(frame.parentJoint), np.array(frame.placement.translation)
         self._base = int(model.frames[mechanism.frame_id(mechanism.nodes[0])].parentJoint)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from cinegen.collision.body import Body
 from cinegen.collision.clearance import clearance_of
 from cinegen.collision.scene import Scene
+from cinegen.joints import kinematic_data
 from cinegen.planning import AvoidingSolver
 from cinegen.planning.clearance_barrier import is_clear
 from cinegen.session.robot import DrivenRobot
@@ -39,7 +40,7 @@ class AvoidingRobot(DrivenRobot):
         self.safety = scene.safety
         self._obstacles = tuple(obstacles)
         self.bodies: tuple[Body, ...] = self._clearance.links
-        self._data = self.mechanism.model.createData()
+        self._data = kinematic_data(self.mechanism.model)
 
     def move_obstacle(self, obstacle: int, placement: pin.SE3) -> None:
         """Move an obstacle, by its index in the scene, to a pose in the session's world (m)."""

@@ -13,6 +13,7 @@ import raff2urdf
 from cinegen.errors import CinegenError
 from cinegen.ik import Solver, Status
 from cinegen.jit.foreign import frame_of
+from cinegen.joints import kinematic_data
 from cinegen.loops._kernels import kinematics
 from cinegen.loops._kernels.memory import LoopMemory
 from cinegen.loops.arrays import set_up
@@ -98,6 +99,30 @@ def test_trees_of_all_kinds_of_joints(size):
 def test_rounding_does_not_grow_along_a_chain():
     rng = np.random.default_rng(2)
     check(tree(["RZ"] * 200, rng), rng.uniform(-3.0, 3.0, 200), rng.normal(size=200))
+
+
+def test_data_of_large_models_lack_nothing_that_kinematics_needs():
+    rng = np.random.default_rng(7)
+    model = tree([*KINDS * 8, "Planar", "Translation", "SphericalZYX", "RUBX"], rng)
+    for joint in range(1, model.njoints):
+        model.addFrame(pin.Frame(f"f{joint}", joint, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    small, whole = kinematic_data(model), model.createData()
+    assert len(small.oYcrb) == 0  # it is not Pinocchio's
+    assert model.nv > 100
+    q = pin.integrate(model, pin.neutral(model), rng.normal(size=model.nv))
+    for data in (small, whole):
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+    assert np.array_equal(small.J, whole.J)
+    for frame in range(model.nframes):
+        assert small.oMf[frame] == whole.oMf[frame]
+        for axes in (pin.LOCAL, pin.WORLD, pin.LOCAL_WORLD_ALIGNED):
+            assert np.array_equal(*(pin.getFrameJacobian(model, data, frame, axes) for data in (small, whole)))
+        assert np.array_equal(*(pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL) for data in (small, whole)))
+    for joint in range(1, model.njoints):
+        assert small.liMi[joint] == whole.liMi[joint]
+        assert np.array_equal(*(pin.getJointJacobian(model, data, joint, pin.LOCAL) for data in (small, whole)))
+        assert np.array_equal(*(pin.computeJointJacobian(model, data, q, joint) for data in (small, whole)))
 
 
 def test_what_does_not_move_stays_bit_by_bit():
