@@ -109,7 +109,7 @@ def _sdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found
 def _mjcf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:
     from raff2urdf.readers import mjcf
 
-    return *mjcf.read(path), []
+    return mjcf.read(path)
 
 
 _OTHER_ROOTS = {

@@ -1,27 +1,29 @@
 """Read MJCF, MuJoCo's format, as a URDF and the loops that it closes; MuJoCo itself reads the file.
 
 Bodies become links. Joints keep their variables; several joints of a body are successive ones, and a ball joint becomes
-three revolute joints. Equality constraints of the kinds connect and weld become loops. Joints that actuators drive are
-actuated. The keyframe `home`, or else the first, is the home configuration. Couplings of joints (equality `joint`,
-tendons) have no counterpart: one warning lists them.
+three revolute joints. Equality constraints of the kinds connect and weld become loops; those of the kinds joint and
+tendon become couplings, if their tendons are fixed. Equality constraints that are not active are ignored, and so are
+limits of tendons. Joints that actuators drive are actuated. The keyframe `home`, or else the first, is the home
+configuration.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from raff2urdf.constraints import Constraints
-from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.errors import RaffError
 from raff2urdf.extras import needs
 from raff2urdf.placement import from_quaternion, roll_pitch_yaw, translation
 from raff2urdf.readers.urdf import LARGEST
-from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, material, shapes
+from raff2urdf.readers.urdf_builder import UNBOUNDED, Shape, UrdfBuilder, leave_out, material, shapes
 from raff2urdf.tree import WORLD
 from raff2urdf.urdf_model import UrdfVisual
 
@@ -30,13 +32,17 @@ Array = NDArray[np.float64]
 _HIDDEN = 3  # MuJoCo's viewer shows geoms of the groups 0 to 2; collision shapes are in those above
 
 
-def read(path: Path) -> tuple[str, Constraints]:
-    """Return a URDF and its constraints, from an MJCF.
+def read(path: Path, ignore: Collection[str] = ()) -> tuple[str, Constraints, list[str]]:
+    """Return a URDF, its constraints, and the elements that were ignored, from an MJCF.
 
     Meshes are not read, only named: they may be missing.
 
+    Args:
+        path: of the file.
+        ignore: names of equality constraints, or of flexes with all their equality constraints, to be left out.
+
     Raises:
-        RaffError: MuJoCo can't read it, for the reason that it gives.
+        RaffError: MuJoCo can't read it, for the reason that it gives; an equality constraint has no counterpart.
         MissingExtraError: MuJoCo is not installed.
     """
     with needs("mjcf", f"{path}: MJCF files"):
@@ -45,6 +51,7 @@ def read(path: Path) -> tuple[str, Constraints]:
     mujoco.set_mju_user_warning(lambda _: None)  # its warnings concern simulation; it would write them to a file
     try:
         spec = mujoco.MjSpec.from_file(str(path))
+        soft = _remove_flexes(spec, str(path), ignore)
         meshes = _remove_meshes(mujoco, spec)
         model = spec.compile()
     except (ValueError, OSError, RuntimeError) as error:
@@ -55,7 +62,32 @@ def read(path: Path) -> tuple[str, Constraints]:
     for what, numbers in placed.items():
         if not np.abs(numbers).max(initial=0.0) <= LARGEST:
             raise RaffError(f"{path}: a number of a {what} is beyond {LARGEST:g}: check its unit (m, rad)")
-    return _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path)).read()
+    reader = _Reader(mujoco, model, spec.modelname or path.stem, meshes, str(path))
+    urdf, constraints = reader.read(ignore)
+    return urdf, constraints, [*soft, *reader.ignored]
+
+
+def _remove_flexes(spec: Any, name: str, ignore: Collection[str]) -> list[str]:
+    """Remove all flexes and their equality constraints; return these.
+
+    Raises:
+        RaffError: one of these is active, and neither it nor its flex is in `ignore`.
+    """
+    found = []
+    flexes = {flex.name for flex in spec.flexes}
+    for equality in list(spec.equalities):
+        (flex,) = flexes & {equality.name1, equality.name2} or {None}
+        if flex is None:
+            continue
+        own = equality.name or flex
+        if equality.active and not {own, flex} & set(ignore):
+            why = f"constrains the flex '{flex}', and only rigid bodies are read"
+            raise RaffError(f"{name}: the equality constraint '{own}' {why}: {leave_out(own)}")
+        found.append(f"equality constraint '{own}'{'' if equality.active else ' (not active)'}")
+        spec.delete(equality)
+    for flex in list(spec.flexes):
+        spec.delete(flex)
+    return found
 
 
 def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, Shape]:
@@ -78,9 +110,7 @@ def _remove_meshes(mujoco: Any, spec: Any) -> dict[str, Shape]:
         if mesh is not None and mesh.file:
             (found[geom.name],) = shapes("mesh", mesh.scale, (folder / mesh.file).as_posix())
         geom.meshname, geom.type, geom.size = "", mujoco.mjtGeom.mjGEOM_BOX, [1e-3, 1e-3, 1e-3]
-    soft = {flex.name for flex in spec.flexes}
-    joined = [equality for equality in spec.equalities if soft & {equality.name1, equality.name2}]
-    for things in (joined, spec.sensors, spec.lights, spec.skins, spec.flexes, spec.meshes, spec.hfields):
+    for things in (spec.sensors, spec.lights, spec.skins, spec.meshes, spec.hfields):
         for thing in list(things):
             spec.delete(thing)
     for painted in spec.materials:
@@ -111,15 +141,16 @@ class _Reader:
         self.urdf = UrdfBuilder(robot, [WORLD, *self.bodies, *self.joint_names])
         self.actuated = self.actuated_joints()
         self.floating: str | None = None
+        self.ignored: list[str] = []
         keys = [model.key(k).name for k in range(model.nkey)]
         self.home = model.key_qpos[keys.index("home") if "home" in keys else 0] if keys else model.qpos0
 
-    def read(self) -> tuple[str, Constraints]:
+    def read(self, ignore: Collection[str]) -> tuple[str, Constraints]:
         for body, name in enumerate(self.bodies):
             self.urdf.add_link(name, self.visuals(body))
             if body:
                 self.add_joints(body)
-        self.add_loops()
+        self.add_equalities(ignore)
         return self.urdf.result(self.bodies, self.floating)
 
     def name_of(self, kind: str, index: int) -> str:
@@ -193,38 +224,80 @@ class _Reader:
         values = {"zero": float(model.qpos0[at]), "home": float(self.home[at]), "limits": (low, high), **actuated}
         yield _Joint(name, kind == kinds.mjJNT_SLIDE, model.jnt_axis[j], np.array(model.jnt_pos[j]), values)
 
-    # --- loops --------------------------------------------------------------------------------------------------
+    # --- equality constraints -----------------------------------------------------------------------------------
 
-    def add_loops(self) -> None:
+    def add_equalities(self, ignore: Collection[str]) -> None:
+        """Add loops and couplings; note what is ignored."""
         model, kinds = self.model, self.mujoco.mjtEq
-        lost = []
-        for e in range(model.neq):
-            kind, data = kinds(model.eq_type[e]), model.eq_data[e]
-            name = self.name_of("equality", e)
-            if kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-                lost.append(name)
-                continue
-            if not model.eq_active0[e]:
-                continue
-            connect = kind == kinds.mjEQ_CONNECT
-            owners = [int(model.eq_obj1id[e]), int(model.eq_obj2id[e])]
-            if model.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
-                placements = [from_quaternion(model.site_pos[site], model.site_quat[site]) for site in owners]
-                owners = [int(model.site_bodyid[site]) for site in owners]
-            elif connect:
-                placements = [translation(data[0:3]), translation(data[3:6])]
+        for e, name in enumerate(self.all_names("equality", model.neq)):
+            kind = kinds(model.eq_type[e])
+            if not model.eq_active0[e] or name in ignore:
+                why = "" if model.eq_active0[e] else " (not active)"
+                self.ignored.append(f"equality constraint '{name}'{why}")
+            elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+                self.add_loop(name, e, kind == kinds.mjEQ_CONNECT)
+            elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
+                self.add_coupling(name, e, kind == kinds.mjEQ_TENDON)
             else:
-                placements = [from_quaternion(data[3:6], data[6:10]), translation(data[0:3])]
-            first, second = ((self.bodies[o], placement) for o, placement in zip(owners, placements, strict=True))
-            self.urdf.add_loop(name, "ball" if connect else "rigid", first, second)
-        lost += [self.name_of("tendon", t) for t in range(model.ntendon) if model.tendon_limited[t]]
-        if lost:
-            listed = ", ".join(f"'{name}'" for name in lost[:8]) + (" and more" if len(lost) > 8 else "")
-            warnings.warn(
-                f"{self.name}: couplings of joints are left out, so that they move independently: {listed}",
-                RaffWarning,
-                stacklevel=6,
-            )
+                what = f"the equality constraint '{name}' is of a kind that is not read ({kind.name[5:].lower()})"
+                raise RaffError(f"{self.name}: {what}: {leave_out(name)}")
+        names = self.all_names("tendon", model.ntendon)
+        self.ignored += [f"limits of tendon '{name}'" for t, name in enumerate(names) if model.tendon_limited[t]]
+
+    def add_loop(self, name: str, e: int, connect: bool) -> None:
+        """Add a loop. A weld whose rotation counts nothing constrains the position alone, as a connect does."""
+        model, data = self.model, self.model.eq_data[e]
+        owners = [int(model.eq_obj1id[e]), int(model.eq_obj2id[e])]
+        if model.eq_objtype[e] == int(self.mujoco.mjtObj.mjOBJ_SITE):
+            placements = [from_quaternion(model.site_pos[site], model.site_quat[site]) for site in owners]
+            owners = [int(model.site_bodyid[site]) for site in owners]
+        elif connect:
+            placements = [translation(data[0:3]), translation(data[3:6])]
+        else:
+            placements = [from_quaternion(data[3:6], data[6:10]), translation(data[0:3])]
+        first, second = ((self.bodies[o], placement) for o, placement in zip(owners, placements, strict=True))
+        self.urdf.add_loop(name, "ball" if connect or data[10] == 0.0 else "rigid", first, second)
+
+    def add_coupling(self, name: str, e: int, tendons: bool) -> None:
+        """Add the coupling of two joints, or of the lengths of two fixed tendons; or of one with a constant.
+
+        MuJoCo's equation is y - y0 = a0 + a1 (x - x0) + ... + a4 (x - x0)^4, with the values x0, y0 at `qpos0`.
+        """
+        model = self.model
+        one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        y, y0 = self.length(name, one) if tendons else self.variable(one)
+        x, x0 = ({}, 0.0) if other < 0 else self.length(name, other) if tendons else self.variable(other)
+        a = model.eq_data[e, : 5 if other >= 0 else 1]
+        terms = {joint: [c] for joint, c in y.items()}
+        curve: Sequence[float] = Polynomial(a)(Polynomial([-x0, 1.0])).trim().coef.tolist()
+        constant = y0 + curve[0]
+        if len(curve) > 2 and len(x) > 1:
+            what = f"the equality constraint '{name}' is a curve of a tendon with {len(x)} joints"
+            raise RaffError(f"{self.name}: {what}, but only one joint can be read: {leave_out(name)}")
+        for joint, factor in x.items():
+            powers = [-c * factor**power for power, c in enumerate(curve[1:], 1)]
+            terms[joint] = [sum(pair) for pair in zip_longest(terms.get(joint, []), powers, fillvalue=0.0)]
+        moving = {joint: powers for joint, powers in terms.items() if any(powers)}
+        if not moving:
+            raise RaffError(f"{self.name}: the equality constraint '{name}' constrains no joint: {leave_out(name)}")
+        self.urdf.add_coupling(name, moving, constant)
+
+    def variable(self, joint: int) -> tuple[dict[str, float], float]:
+        """Return a joint as a sum of joints with factors, and its value at `qpos0`."""
+        return {self.joint_names[joint]: 1.0}, float(self.model.qpos0[self.model.jnt_qposadr[joint]])
+
+    def length(self, equality: str, tendon: int) -> tuple[dict[str, float], float]:
+        """Return the length of a fixed tendon as a sum of joints with factors, and its value at `qpos0`."""
+        model, terms = self.model, dict[str, float]()
+        first, count = int(model.tendon_adr[tendon]), int(model.tendon_num[tendon])
+        for w in range(first, first + count):
+            if model.wrap_type[w] != int(self.mujoco.mjtWrap.mjWRAP_JOINT):
+                own = self.name_of("tendon", tendon)
+                what = f"the equality constraint '{equality}' constrains the spatial tendon '{own}'"
+                raise RaffError(f"{self.name}: {what}, whose length is no sum of joint values: {leave_out(equality)}")
+            joint = self.joint_names[model.wrap_objid[w]]
+            terms[joint] = terms.get(joint, 0.0) + float(model.wrap_prm[w])
+        return terms, float(model.tendon_length0[tendon])
 
     # --- visuals ------------------------------------------------------------------------------------------------
 

@@ -1,28 +1,32 @@
 """Read SDF, Gazebo's Simulation Description Format, as a URDF and the loops that it closes.
 
 SDF gives every link a pose in the model, at the configuration where all joint variables are 0, and joints between
-any two links: a joint between links that the tree contains already closes a loop. Versions 1.4 to 1.12 are read: links,
-their visuals, joints, frames, nested models; not what is for simulators only (collisions, sensors, plugins).
+any two links: a joint between links that the tree contains already closes a loop. Axes that mimic others and joints of
+the type gearbox become couplings, and so does a screw, with the revolute and the prismatic joint that it consists of.
+A joint that closes a loop and has two axes, or takes part in a coupling, gets a link of its own, which it moves and
+which the loop joins to its child.
+
+Versions 1.4 to 1.12 are read: links, their visuals, joints, frames, nested models; not what is for simulators only
+(collisions, sensors, plugins).
 The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints, ends of loops) are read too.
 """
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
 from raff2urdf.constraints import IDENTITY, Constraints
-from raff2urdf.errors import RaffWarning, did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers.sdf_model import (
-    COUPLING,
+    GEARBOX,
     LOOP_KINDS,
-    TWO_AXES,
     SdfAxis,
     SdfJoint,
     SdfModel,
@@ -39,6 +43,7 @@ from raff2urdf.writers.tree_at_home import SIZES
 Array = NDArray[np.float64]
 
 _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
+_PARALLEL = 1e-9  # rad: axes of a gear train are parallel up to this
 
 
 def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constraints]:
@@ -68,6 +73,20 @@ def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constrain
     return _SdfToUrdf(name, model).run()
 
 
+class _Step(NamedTuple):
+    """A step from a link to the link that carries it.
+
+    Attributes:
+        parent: the link that carries it.
+        joint: the revolute joint between them; empty if there is none.
+        axis: (3,) of that joint, in the model's frame.
+    """
+
+    parent: str
+    joint: str
+    axis: Array
+
+
 class _SdfToUrdf:
     """Conversion of one model.
 
@@ -82,6 +101,9 @@ class _SdfToUrdf:
         names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
         self.urdf = UrdfBuilder(model.name, names)
         self.own = {} if model.own is None else {e.get("name"): e for e in model.own if isinstance(e.tag, str)}
+        self.axes: dict[str, list[str]] = {}  # by joint: the joint of the URDF for each axis
+        self.homes: dict[str, float] = {}  # of joints of the URDF: to be added to SDF's values, rad or m
+        self.carried: dict[str, _Step] = {}
 
     def run(self) -> tuple[str, Constraints]:
         """Return the URDF and its constraints."""
@@ -105,8 +127,11 @@ class _SdfToUrdf:
             nodes = ["base", *(node for node in nodes if node not in (WORLD, "base"))]
         for joint, reversed_ends in tree:
             self._add_joint(joint, reversed_ends)
+        coupled = {axis.mimic.joint for joint in model.joints for axis in joint.axes if axis.mimic}
         for joint in cut:
-            self._add_loop(joint)
+            nodes += self._add_loop(joint, joint.name in coupled)
+        for joint in model.joints:
+            self._add_couplings(joint)
         return urdf.result(nodes, BASE_JOINT if floating else None)
 
     def _relative(self, parent: str, child: str) -> Array:
@@ -124,13 +149,7 @@ class _SdfToUrdf:
             no joint reaches; the root.
         """
         model = self.model
-        couplings = [j for j in model.joints if j.kind == COUPLING or j.element.find("axis/mimic") is not None]
-        if couplings:
-            first, more = couplings[0], len(couplings) - 1
-            others = f" (and {more} more)" if more else ""
-            message = f"joint '{first.name}'{others} couples joints: left out, so that they move independently"
-            warnings.warn(str(error_at(self.name, first.element, message)), RaffWarning, stacklevel=6)
-        joints = [joint for joint in model.joints if joint.kind != COUPLING]
+        joints = [joint for joint in model.joints if joint.kind != GEARBOX]
         fixed = model.static or any(WORLD in (joint.parent, joint.child) for joint in joints)
         root = WORLD if fixed else model.root or self._first(joints, set())
         reached, tree, remaining, detached = {root}, [], list(joints), []
@@ -158,31 +177,49 @@ class _SdfToUrdf:
         """Add one joint for each axis, and a fixed one if the axis does not pass through the link's origin."""
         parent, child = (joint.child, joint.parent) if reversed_ends else (joint.parent, joint.child)
         sign = -1.0 if reversed_ends else 1.0
-        prismatic = joint.kind == "prismatic"
-        steps = [SdfAxis(axis) for axis in joint.placement[:3, :3].T] if joint.kind == "ball" else list(joint.axes)
+        steps = self._steps(joint)
+        self.homes |= {name: self._own_values(name)[0] for name, _, _ in steps}
+        self.axes[joint.name] = [name for (name, _, _), _ in zip(steps, joint.axes, strict=False)]
+        if joint.kind == "screw":
+            (rotation, _, _), (translation, _, _) = steps
+            self._add_coupling(joint.name, {translation: 1.0, rotation: -joint.lead})
         if reversed_ends:
             steps.reverse()
         at = joint.placement.copy()
-        arms = [np.cross(axis.direction, self.placements[child][:3, 3] - at[:3, 3]) for axis in steps]
-        on_axis = prismatic or all(np.abs(arm).max() <= _ON_AXIS for arm in arms)
+        arms = [np.cross(axis.direction, self.placements[child][:3, 3] - at[:3, 3]) for _, axis, _ in steps]
+        on_axis = joint.kind == "prismatic" or all(np.abs(arm).max() <= _ON_AXIS for arm in arms)
         if on_axis and len(steps) <= 1:
             at = self.placements[child]
         before = self.placements[parent]
-        for i, (axis, (low, high), velocity) in enumerate(steps):
-            name = joint.name if len(steps) == 1 else f"{joint.name}_{'XYZ'[i] if joint.kind == 'ball' else i + 1}"
+        for i, (name, axis, prismatic) in enumerate(steps):
             home, actuated = self._own_values(name)
-            link = child
+            link, (low, high) = child, axis.limits
             if i < len(steps) - 1 or not np.array_equal(at, self.placements[child]):
                 link = self.urdf.free_name(f"{name}_axis")
                 self.urdf.add_link(link)
             self.urdf.add_joint(
-                name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis),
-                zero=home, home=home, limits=(low + home, high + home), velocity=velocity, actuated=actuated,
+                name, prismatic, (parent, link), inverse(before) @ at, sign * (at[:3, :3].T @ axis.direction),
+                zero=home, home=home, limits=(low + home, high + home), velocity=axis.velocity, actuated=actuated,
             )  # fmt: skip
+            self.carried[link] = _Step(parent, "" if prismatic else name, sign * axis.direction)
             parent, before = link, at
         if parent != child:
             name = self.urdf.free_name(f"{joint.name}_fixed") if steps else joint.name
             self.urdf.add_fixed(name, parent, child, inverse(before) @ self.placements[child])
+            self.carried[child] = _Step(parent, "", np.zeros(3))
+
+    def _steps(self, joint: SdfJoint) -> list[tuple[str, SdfAxis, bool]]:
+        """Return the joints of one degree of freedom that a joint consists of: name, axis, whether it is prismatic."""
+        if joint.kind == "ball":
+            axes = joint.placement[:3, :3].T
+            return [(f"{joint.name}_{'XYZ'[i]}", SdfAxis(axis), False) for i, axis in enumerate(axes)]
+        if joint.kind == "screw":
+            (axis,) = joint.axes
+            along = self.urdf.free_name(f"{joint.name}_T")
+            return [(joint.name, axis, False), (along, SdfAxis(axis.direction), True)]
+        if len(joint.axes) == 2:
+            return [(f"{joint.name}_{i}", axis, False) for i, axis in enumerate(joint.axes, 1)]
+        return [(joint.name, axis, joint.kind == "prismatic") for axis in joint.axes]
 
     def _own_values(self, joint: str) -> tuple[float, bool | None]:
         """Return raff2urdf's entries for a joint: its value at the links' poses, and whether it is actuated."""
@@ -194,16 +231,26 @@ class _SdfToUrdf:
             raise error_at(self.name, own, f"home='{own.get('home')}' of a raff:joint is not a number")
         return home[0], own.get("actuated") == "true"
 
-    def _add_loop(self, joint: SdfJoint) -> None:
-        """Add a loop for a joint that was cut; of two axes, the first becomes a joint of the tree."""
-        first, kind, axes = joint.parent, joint.kind, joint.axes
-        if kind in TWO_AXES:
-            cross = self.urdf.free_name(f"{joint.name}_cross")
-            self.placements[cross] = joint.placement
-            self.urdf.add_link(cross)
-            half = SdfJoint(joint.element, f"{joint.name}_1", "revolute", first, cross, joint.placement, axes[:1])
-            self._add_joint(half, False)
-            first, kind, axes = cross, "revolute", axes[1:]
+    def _add_loop(self, joint: SdfJoint, coupled: bool) -> list[str]:
+        """Add a loop for a joint that was cut; return the links that were added for it.
+
+        Of two axes, the first becomes a joint of the tree; a screw and a joint of a coupling do so as a whole.
+        """
+        first, kind, axes, added = joint.parent, joint.kind, joint.axes, []
+        whole = kind == "screw" or coupled or any(axis.mimic for axis in axes)
+        if whole or len(axes) == 2:
+            link = self.urdf.free_name(f"{joint.name}_cross")
+            self.placements[link] = joint.placement
+            self.urdf.add_link(link)
+            added = [link]
+            if whole:
+                self._add_joint(replace(joint, child=link), False)
+                kind, axes = "fixed", []
+            else:
+                half = replace(joint, name=f"{joint.name}_1", kind="revolute", child=link, axes=axes[:1])
+                self._add_joint(half, False)
+                kind, axes = "revolute", axes[1:]
+            first = link
         at = joint.placement.copy()
         if axes and kind != "fixed":
             at[:3, :3] = with_z(axes[0].direction)
@@ -212,6 +259,71 @@ class _SdfToUrdf:
         if own is not None and all(own.get(word) in self.placements for word in ("first", "second")):
             ends = [(own.get(word), IDENTITY) for word in ("first", "second")]  # SDF keeps only one of them
         self.urdf.add_loop(joint.name, LOOP_KINDS[kind], *ends)
+        return added
+
+    # --- couplings ----------------------------------------------------------------------------------------------
+
+    def _add_couplings(self, joint: SdfJoint) -> None:
+        """Add the couplings that a joint declares by its axes that mimic others, or as a gearbox."""
+        if joint.kind == GEARBOX:
+            terms: dict[str, float] = {}
+            for axis, link, factor in zip(joint.axes, (joint.parent, joint.child), (joint.ratio, 1.0), strict=True):
+                for name, sign in self._angle(joint, link, axis.direction).items():
+                    terms[name] = terms.get(name, 0.0) + factor * sign
+            reached = {name: c for name, c in reversed(terms.items()) if c != 0.0}
+            if not reached:
+                raise self._error(joint, f"gearbox '{joint.name}' couples no joints: its links don't rotate")
+            self._add_coupling(joint.name, reached)
+            return
+        for i, axis in enumerate(joint.axes):
+            if axis.mimic is None:
+                continue
+            leaders, where = self.axes.get(axis.mimic.joint, []), axis.mimic.element
+            if axis.mimic.axis >= len(leaders):
+                near = "" if leaders else did_you_mean(axis.mimic.joint, [*self.axes])
+                what = f"joint '{joint.name}' mimics '{axis.mimic.joint}', which has no such axis{near}"
+                raise error_at(self.name, where, what)
+            follower, leader, factor = self.axes[joint.name][i], leaders[axis.mimic.axis], axis.mimic.multiplier
+            if follower == leader:
+                raise error_at(self.name, where, f"joint '{joint.name}' mimics itself: name another joint")
+            constant = axis.mimic.offset - factor * axis.mimic.reference
+            self._add_coupling(f"{follower}-{leader}", {follower: 1.0, leader: -factor}, constant)
+
+    def _add_coupling(self, name: str, terms: Mapping[str, float], constant: float = 0.0) -> None:
+        """Add a linear coupling of SDF's values of joints, whose zero may differ."""
+        shift = sum(c * self.homes[joint] for joint, c in terms.items())
+        self.urdf.add_coupling(name, {joint: [c] for joint, c in terms.items()}, constant + shift)
+
+    def _error(self, joint: SdfJoint, message: str) -> RaffError:
+        return error_at(self.name, joint.element, message)
+
+    def _angle(self, gearbox: SdfJoint, link: str, axis: Array) -> dict[str, float]:
+        """Return the angle of a link about an axis, as seen from a gearbox's reference, as a sum of joint values.
+
+        Returns:
+            the sign of each joint between the two, by its name.
+        """
+        chains = [self._chain(end) for end in (gearbox.reference, link)]
+        signs: dict[str, float] = {}
+        for sign, chain, other in zip((-1.0, 1.0), chains, reversed(chains), strict=True):
+            for end in chain.keys() - other.keys():
+                step = chain[end]
+                if not step.joint:
+                    continue
+                if np.abs(np.cross(step.axis, axis)).max() > _PARALLEL:
+                    what = f"gearbox '{gearbox.name}': the angle of '{link}' about its axis, as seen from"
+                    why = f"is not determined by joint values: joint '{step.joint}' rotates about another axis"
+                    raise self._error(gearbox, f"{what} '{gearbox.reference}', {why}")
+                signs[step.joint] = sign if step.axis @ axis > 0.0 else -sign
+        return signs
+
+    def _chain(self, link: str) -> dict[str, _Step]:
+        """Return the steps from a link inwards, by the links that they carry."""
+        found: dict[str, _Step] = {}
+        while link in self.carried:
+            found[link] = self.carried[link]
+            link = found[link].parent
+        return found
 
     def _visuals(self, link: Any) -> Iterator[UrdfVisual]:
         for visual in link.iterchildren("visual"):

@@ -27,23 +27,48 @@ LOOP_KINDS = {
 }  # fmt: skip
 """Kinds of loops by the joint that closes them."""
 
-TWO_AXES = ("universal", "revolute2")
-COUPLING = "gearbox"  # couples two joints, and connects nothing
-_AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, **dict.fromkeys(TWO_AXES, 2)}
-_JOINT_TYPES = (*LOOP_KINDS, *TWO_AXES, COUPLING)
+GEARBOX = "gearbox"  # couples two joints, and connects nothing
+_AXES = {"revolute": 1, "continuous": 1, "prismatic": 1, "screw": 1, "universal": 2, "revolute2": 2, GEARBOX: 2}
+_JOINT_TYPES = tuple(dict.fromkeys((*LOOP_KINDS, *_AXES)))
+
+
+class SdfMimic(NamedTuple):
+    """An equation of two axes, in rad or m: follower = multiplier (leader - reference) + offset.
+
+    Attributes:
+        element: in the file.
+        joint: full name of the leader.
+        axis: index of the leader's axis.
+    """
+
+    element: Any
+    joint: str
+    axis: int
+    multiplier: float
+    offset: float
+    reference: float
 
 
 class SdfAxis(NamedTuple):
-    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, and velocity limit."""
+    """An axis of a joint: its direction (3,) in the outermost model's frame, limits, velocity limit, and what it
+    mimics."""
 
     direction: Array
     limits: tuple[float, float] = UNBOUNDED
     velocity: float = math.inf
+    mimic: SdfMimic | None = None
 
 
 @dataclass(slots=True, eq=False)
 class SdfJoint:
-    """A joint, everything in the outermost model's frame."""
+    """A joint, everything in the outermost model's frame.
+
+    Attributes:
+        lead: of a screw: translation along its axis by rotation about it, m/rad.
+        ratio: of a gearbox: the angle of its child about its second axis is -ratio times that of its parent about its
+            first one.
+        reference: link from which a gearbox counts both angles.
+    """
 
     element: Any
     name: str
@@ -52,6 +77,9 @@ class SdfJoint:
     child: str
     placement: Array
     axes: list[SdfAxis]
+    lead: float = 0.0
+    ratio: float = 1.0
+    reference: str = ""
 
 
 @dataclass(slots=True)
@@ -133,7 +161,49 @@ class SdfModelReader:
         axes = [self._axis(axis, label, placement, poses) for axis in written if kind in _AXES]
         if len(axes) < _AXES.get(kind, 0):
             raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
-        return SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)
+        found = SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)
+        if kind == "screw":
+            found.lead = self._lead(element, label)
+        if kind == GEARBOX:
+            body = element.find("gearbox_reference_body")
+            if body is None:
+                raise self._error(element, f"{label} has no <gearbox_reference_body>: add it")
+            text = (body.text or "").strip()
+            found.reference = poses.link(text, body, f"{label} counts its angles from '{text}', which is not a link")
+            found.ratio = self._parameter(element, "gearbox_ratio", label, 1.0)
+        return found
+
+    def _lead(self, element: Any, label: str) -> float:
+        """Return the translation of a screw by its rotation, m/rad.
+
+        `screw_thread_pitch` is in m per revolution of a right-handed thread; `thread_pitch`, which it replaced, in rad
+        per m of a left-handed one.
+        """
+        if element.find("screw_thread_pitch") is None and element.find("thread_pitch") is not None:
+            pitch = self._parameter(element, "thread_pitch", label, 1.0)
+            if pitch == 0.0:
+                raise self._error(element.find("thread_pitch"), f"the thread_pitch of {label} must not be 0 rad/m")
+            return -1.0 / pitch
+        return self._parameter(element, "screw_thread_pitch", label, 1.0) / (2.0 * math.pi)
+
+    def _parameter(self, element: Any, word: str, label: str, default: float) -> float:
+        """Return the number in an element of a joint or a mimic."""
+        found = element.find(word)
+        if found is None:
+            return default
+        value = numbers(found.text or "")
+        if value is None or len(value) != 1:
+            raise self._error(found, f"the {word} '{(found.text or '').strip()}' of {label} must be a number{SIZE}")
+        return value[0]
+
+    def _mimic(self, element: Any, label: str, poses: SdfPoses) -> SdfMimic:
+        axis = element.get("axis", "axis")
+        if axis not in ("axis", "axis2"):
+            raise self._error(element, f"{label} mimics the axis '{axis}', which must be axis or axis2")
+        owner, own = poses.owner(element.get("joint", ""))
+        words = (("multiplier", 1.0), ("offset", 0.0), ("reference", 0.0))
+        values = [self._parameter(element, word, label, default) for word, default in words]
+        return SdfMimic(element, owner.prefix + own, int(axis == "axis2"), *values)
 
     def _axis(self, element: Any, label: str, frame: Array, poses: SdfPoses) -> SdfAxis:
         xyz = element.find("xyz")
@@ -149,7 +219,9 @@ class SdfModelReader:
         if low > high:
             raise self._error(element.find("limit"), limits_reversed(label, low, high))
         limits = (low if low > -UNLIMITED else -math.inf), (high if high < UNLIMITED else math.inf)
-        return SdfAxis(axis / np.linalg.norm(axis), limits, self._number(element, "limit/velocity", label, math.inf))
+        velocity, mimic = self._number(element, "limit/velocity", label, math.inf), element.find("mimic")
+        mimicked = None if mimic is None else self._mimic(mimic, label, poses)
+        return SdfAxis(axis / np.linalg.norm(axis), limits, velocity, mimicked)
 
     def _number(self, axis: Any, path: str, label: str, default: float) -> float:
         """Return a limit; -1, or nothing, is SDF's notation for no limit of velocity."""
@@ -209,7 +281,7 @@ class SdfPoses:
 
     def of(self, name: str, where: Any) -> Array:
         """Return the pose of what has this name; `where` is the element that names it."""
-        poses, name = self._owner(name)
+        poses, name = self.owner(name)
         if name in ("__model__", ""):
             return poses.placed
         if name in poses.elements:
@@ -256,7 +328,7 @@ class SdfPoses:
         """
         passed = set()
         while name not in ("__model__", ""):
-            poses, own = self._owner(name)
+            poses, own = self.owner(name)
             if poses is not self:
                 return poses.link(own, where, wrong)
             element = self.elements.get(name)
@@ -289,12 +361,12 @@ class SdfPoses:
             return self.nested(model).canonical()
         raise error_at(self.name, self.model, f"the model '{self.model.get('name', '')}' has no link: add one")
 
-    def _owner(self, name: str) -> tuple[SdfPoses, str]:
+    def owner(self, name: str) -> tuple[SdfPoses, str]:
         """Return the poses of the model, this or a nested one, that a name refers to, and the name in it."""
         if name not in self.elements:
             for model in self.model.iterchildren("model"):
                 if name.startswith(f"{model.get('name')}::"):
-                    return self.nested(model)._owner(name[len(str(model.get("name"))) + 2 :])
+                    return self.nested(model).owner(name[len(str(model.get("name"))) + 2 :])
         return self, name
 
     def _relative_to(self, element: Any) -> tuple[str, Any]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from raff2urdf.constraints import Constraints, loop_entry
+from raff2urdf.coupling import coupling_entry
 from raff2urdf.placement import inverse, joint_motion, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.urdf_model import (
@@ -47,6 +48,7 @@ class UrdfBuilder:
         self._robot = UrdfRobot(name=robot, links=[], joints=[])
         self._entries: list[dict[str, Any]] = []
         self._loops: list[dict[str, Any]] = []
+        self._couplings: list[dict[str, Any]] = []
 
     def free_name(self, name: str) -> str:
         """Return a name for something without a name in the file."""
@@ -106,6 +108,10 @@ class UrdfBuilder:
         (one, at), (other, there) = first, second
         self._loops.append(loop_entry(name, kind, one, other, (at, there)))
 
+    def add_coupling(self, name: str, terms: Mapping[str, Sequence[float]], constant: float = 0.0) -> None:
+        """Add a coupling; its terms are coefficients of each joint's variable (rad, m) and its powers."""
+        self._couplings.append(coupling_entry(name, terms, constant))
+
     def result(self, nodes: Sequence[str], floating: str | None) -> tuple[str, Constraints]:
         """Return the text of the URDF and its constraints."""
         values: Constraints = {
@@ -115,7 +121,14 @@ class UrdfBuilder:
             "joints": self._entries,
             "loops": self._loops,
         }
+        if self._couplings:
+            values["couplings"] = self._couplings
         return dumps(self._robot), values
+
+
+def leave_out(element: str) -> str:
+    """Return the remedy for an element that has no counterpart."""
+    return f"leave it out with --ignore {element} (in Python ignore=['{element}'])"
 
 
 def shapes(kind: str, sizes: ArrayLike, file: str = "", height: float = 0.0) -> Iterator[Shape]:
