@@ -103,7 +103,7 @@ def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Foun
 def _sdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:
     from raff2urdf.readers import sdf
 
-    return *sdf.read(text, str(path), robot), []
+    return sdf.read(text, str(path), robot)
 
 
 def _mjcf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:

@@ -13,7 +13,7 @@ The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -34,7 +34,7 @@ from raff2urdf.readers.sdf_model import (
     pose,
 )
 from raff2urdf.readers.urdf import numbers
-from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, material, shapes
+from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, material, shapes
 from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfMaterial, UrdfVisual
@@ -46,13 +46,16 @@ _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates a
 _PARALLEL = 1e-9  # rad: axes of a gear train are parallel up to this
 
 
-def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constraints]:
-    """Return a URDF and its constraints, from the text of an SDF.
+def read(
+    text: str, name: str, robot: str | None = None, ignore: Collection[str] = ()
+) -> tuple[str, Constraints, list[str]]:
+    """Return a URDF, its constraints, and the elements that were ignored, from the text of an SDF.
 
     Args:
         text: of the file.
         name: of the file, in errors.
         robot: which model; the first by default.
+        ignore: names of joints whose loop or coupling is to be left out.
 
     Raises:
         RaffError: not an SDF, no such model, or something in it that has no counterpart; with the element's line.
@@ -70,7 +73,8 @@ def read(text: str, name: str, robot: str | None = None) -> tuple[str, Constrain
         raise error_at(name, root, what)
     version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]
     model = SdfModelReader(name, (int(version[0]), int(version[-1]) if len(version) > 1 else 0)).model(chosen[0])
-    return _SdfToUrdf(name, model).run()
+    conversion = _SdfToUrdf(name, model, ignore)
+    return *conversion.run(), conversion.ignored
 
 
 class _Step(NamedTuple):
@@ -93,10 +97,15 @@ class _SdfToUrdf:
     Args:
         name: of the file, in errors.
         model: its model.
+        ignore: names of joints whose loop or coupling is to be left out.
+
+    Attributes:
+        ignored: what was left out, with its line.
     """
 
-    def __init__(self, name: str, model: SdfModel) -> None:
-        self.name, self.model = name, model
+    def __init__(self, name: str, model: SdfModel, ignore: Collection[str]) -> None:
+        self.name, self.model, self.ignore = name, model, ignore
+        self.ignored: list[str] = []
         self.placements = {**model.placements, WORLD: np.eye(4)}
         names = [*model.links, *model.frames, *(joint.name for joint in model.joints)]
         self.urdf = UrdfBuilder(model.name, names)
@@ -129,7 +138,8 @@ class _SdfToUrdf:
             self._add_joint(joint, reversed_ends)
         coupled = {axis.mimic.joint for joint in model.joints for axis in joint.axes if axis.mimic}
         for joint in cut:
-            nodes += self._add_loop(joint, joint.name in coupled)
+            if not self._is_ignored(joint, f"{joint.kind} joint", ", which closes a loop"):
+                nodes += self._add_loop(joint, joint.name in coupled)
         for joint in model.joints:
             self._add_couplings(joint)
         return urdf.result(nodes, BASE_JOINT if floating else None)
@@ -182,7 +192,8 @@ class _SdfToUrdf:
         self.axes[joint.name] = [name for (name, _, _), _ in zip(steps, joint.axes, strict=False)]
         if joint.kind == "screw":
             (rotation, _, _), (translation, _, _) = steps
-            self._add_coupling(joint.name, {translation: 1.0, rotation: -joint.lead})
+            if not self._is_ignored(joint, "screw"):
+                self._add_coupling(f"{translation}-{rotation}", {translation: 1.0, rotation: -joint.lead})
         if reversed_ends:
             steps.reverse()
         at = joint.placement.copy()
@@ -266,17 +277,19 @@ class _SdfToUrdf:
     def _add_couplings(self, joint: SdfJoint) -> None:
         """Add the couplings that a joint declares by its axes that mimic others, or as a gearbox."""
         if joint.kind == GEARBOX:
+            if self._is_ignored(joint, "gearbox"):
+                return
             terms: dict[str, float] = {}
             for axis, link, factor in zip(joint.axes, (joint.parent, joint.child), (joint.ratio, 1.0), strict=True):
                 for name, sign in self._angle(joint, link, axis.direction).items():
                     terms[name] = terms.get(name, 0.0) + factor * sign
             reached = {name: c for name, c in reversed(terms.items()) if c != 0.0}
             if not reached:
-                raise self._error(joint, f"gearbox '{joint.name}' couples no joints: its links don't rotate")
+                raise self._error(joint, f"gearbox '{joint.name}' couples no joints: {leave_out(joint.name)}")
             self._add_coupling(joint.name, reached)
             return
         for i, axis in enumerate(joint.axes):
-            if axis.mimic is None:
+            if axis.mimic is None or self._is_ignored(joint, "mimic of joint"):
                 continue
             leaders, where = self.axes.get(axis.mimic.joint, []), axis.mimic.element
             if axis.mimic.axis >= len(leaders):
@@ -293,6 +306,12 @@ class _SdfToUrdf:
         """Add a linear coupling of SDF's values of joints, whose zero may differ."""
         shift = sum(c * self.homes[joint] for joint, c in terms.items())
         self.urdf.add_coupling(name, {joint: [c] for joint, c in terms.items()}, constant + shift)
+
+    def _is_ignored(self, joint: SdfJoint, what: str, why: str = "") -> bool:
+        """Return whether a joint is to be left out; note it."""
+        if joint.name in self.ignore:
+            self.ignored.append(f"{what} '{joint.name}' (line {joint.element.sourceline}){why}")
+        return joint.name in self.ignore
 
     def _error(self, joint: SdfJoint, message: str) -> RaffError:
         return error_at(self.name, joint.element, message)
@@ -313,7 +332,8 @@ class _SdfToUrdf:
                 if np.abs(np.cross(step.axis, axis)).max() > _PARALLEL:
                     what = f"gearbox '{gearbox.name}': the angle of '{link}' about its axis, as seen from"
                     why = f"is not determined by joint values: joint '{step.joint}' rotates about another axis"
-                    raise self._error(gearbox, f"{what} '{gearbox.reference}', {why}")
+                    remedy = leave_out(gearbox.name)
+                    raise self._error(gearbox, f"{what} '{gearbox.reference}', {why}: {remedy}")
                 signs[step.joint] = sign if step.axis @ axis > 0.0 else -sign
         return signs
 

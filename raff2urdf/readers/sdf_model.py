@@ -157,8 +157,8 @@ class SdfModelReader:
         if ends[0] == ends[1]:
             raise self._error(element, f"{label} joins '{ends[0]}' to itself: name two different links")
         placement = poses.of_element(element)
-        written = [axis for word in ("axis", "axis2") if (axis := element.find(word)) is not None]
-        axes = [self._axis(axis, label, placement, poses) for axis in written if kind in _AXES]
+        written = [axis for word in ("axis", "axis2")[: _AXES.get(kind, 0)] if (axis := element.find(word)) is not None]
+        axes = [self._axis(axis, label, placement, poses) for axis in written]
         if len(axes) < _AXES.get(kind, 0):
             raise self._error(element, f"{label} has {len(axes)} of {_AXES[kind]} axes: add <axis> or <axis2>")
         found = SdfJoint(element, name, kind, ends[0], ends[1], placement, axes)

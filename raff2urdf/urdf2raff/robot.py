@@ -16,17 +16,22 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 
 from raff2urdf.analysis import loop_kind
 from raff2urdf.check import RESERVED, is_xml_name
 from raff2urdf.constraints import Constraints
+from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.document import (
     UNITS_PER_METRE,
     Document,
+    DriveKind,
     JointType,
     Parameters,
     RaffBase,
+    RaffCoupling,
+    RaffDrive,
     RaffFrame,
     RaffLink,
     RaffLoop,
@@ -35,13 +40,14 @@ from raff2urdf.document import (
     RaffSensor,
     SensorConstraint,
 )
-from raff2urdf.errors import did_you_mean
+from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.kleinfinger import Kleinfinger, transform
 from raff2urdf.placement import inverse
 from raff2urdf.readers import successive
 from raff2urdf.readers.urdf import default_value, ends, joints, limits, links, origin, root_first, velocity
+from raff2urdf.readers.urdf_builder import leave_out
 from raff2urdf.readers.xml_file import error_at
-from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger
+from raff2urdf.tree import BASE_JOINT, WORLD, joint_units, kleinfinger
 from raff2urdf.urdf2raff.frames import EXACT, TIDY, RigidBody, choose_frame, gather, path, robot_size, step, tidy
 
 Array = NDArray[np.float64]
@@ -79,7 +85,7 @@ def import_tree(
         tree: its root element, from `readers.urdf.parse`. Planar, spherical and floating joints are replaced in it by
             successive ones; a floating joint that lets the whole robot move becomes a base that can move.
         name: of the file, in errors.
-        constraints: the contents of its constraints file: loops, actuated joints, home, sensors.
+        constraints: the contents of its constraints file: loops, couplings, actuated joints, home, sensors.
         units: of the RAFF file's lengths: um, mm, cm or m.
         free_mimic: write a joint that mimics another one as an independent joint.
 
@@ -142,6 +148,7 @@ class _Import:
             base=RaffBase(base_parameters),
             parts=tuple(self.with_actuated(part for _, part in self.parts)),
             loops=loops,
+            couplings=tuple(self.coupling(coupling_of(entry)) for entry in self.constraints.get("couplings", [])),
             sensor_constraints=tuple(self.sensor_constraints(movable)),
         )
         sensors = tuple(RaffSensor(**sensor) for sensor in self.constraints.get("sensors", []))
@@ -264,7 +271,8 @@ class _Import:
     def with_actuated(self, parts: Iterable[RaffPart]) -> Iterator[RaffPart]:
         """Declare which joints are actuated, if that differs from RAFF's default."""
         actuated = {self.joints[name]: entry.get("actuated", True) for name, entry in self.entries.items()}
-        default = all(actuated.values()) and not self.constraints.get("loops")
+        constrained = self.constraints.get("loops") or self.constraints.get("couplings")
+        default = all(actuated.values()) and not constrained
         for part in parts:
             if isinstance(part, RaffFrame) or not part.type or default:
                 yield part
@@ -285,6 +293,58 @@ class _Import:
     def loop(self, entry: Mapping[str, Any]) -> RaffLoop:
         first, second = (self.loop_end(entry[end], entry["name"]) for end in ("first", "second"))
         return RaffLoop(first, second, loop_kind(entry["kind"]))
+
+    def coupling(self, coupling: Coupling) -> RaffCoupling:
+        """Return a coupling whose first linear term is that of the joint that follows.
+
+        Raises:
+            RaffError: there is no linear term, or no other one.
+        """
+        where = f"{self.name}: coupling '{coupling.name}' ({coupling})"
+        for joint in coupling.terms:
+            if joint not in self.joints:
+                raise RaffError(f"{where} names '{joint}', which is not a joint that moves")
+        linear = [joint for joint, coefficients in coupling.terms.items() if len(coefficients) == 1]
+        if not linear or len(coupling.terms) == 1:
+            why = "no joint is linear in it" if coupling.terms.keys() - linear else "it names one joint only"
+            raise RaffError(f"{where} has no notation in RAFF, since {why}: {leave_out(coupling.name)}")
+        by_joint = {part.joint: part for _, part in self.parts if isinstance(part, RaffLink)}
+        links = {joint: by_joint[self.joints[joint]] for joint in coupling.terms}
+        units = {joint: joint_units(self.units, link, 1.0) for joint, link in links.items()}
+        follower, drives = linear[0], []
+        (factor,) = coupling.terms[follower]
+        offset = self.offsets[links[follower].joint] + coupling.constant / factor
+        for joint, coefficients in coupling.terms.items():
+            if joint == follower:
+                continue
+            own = Polynomial([0.0, *coefficients])(Polynomial([-self.offsets[links[joint].joint], 1.0]))
+            constant, *powers = (-c / factor for c in own.coef.tolist())
+            offset += constant
+            drives.append(self.drive(links[follower], links[joint], powers, units[follower], units[joint]))
+        numbers = [links[follower].number, *(drive.link for drive in drives)]
+        name = None if coupling.name == "-".join(f"joint{number}" for number in numbers) else coupling.name
+        at = self.tidied(offset, links[follower].type is JointType.PRISMATIC)
+        return RaffCoupling(numbers[0], tuple(drives), at, name)
+
+    def drive(self, follower: RaffLink, link: RaffLink, powers: Sequence[float], own: float, other: float) -> RaffDrive:
+        """Return what a link adds to the joint that follows.
+
+        Args:
+            follower: the link that follows.
+            link: the link that drives.
+            powers: coefficients of the driving joint's variable (rad, m) and its powers.
+            own: unit of the joint that follows, rad or m.
+            other: unit of the joint that drives, rad or m.
+        """
+        if len(powers) > 1:
+            numbers = tuple(_rounded(c * other**power / own) for power, c in enumerate(powers, 1))
+            return RaffDrive(link.number, DriveKind.POLYNOMIAL, numbers)
+        if follower.type is link.type:
+            return RaffDrive(link.number, DriveKind.RATIO, (powers[0],))
+        radius = (powers[0] if follower.type is JointType.PRISMATIC else 1.0 / powers[0]) * self.per_metre
+        found = {DriveKind.RADIUS: _rounded(radius), DriveKind.LEAD: _rounded(radius * math.tau)}
+        kind = min(found, key=lambda one: len(repr(found[one])))  # whichever was meant is the rounder number
+        return RaffDrive(link.number, kind, (found[kind],))
 
     def loop_end(self, end: Mapping[str, Any], loop: str) -> int:
         """Return the node of a loop's end: a new frame if it is none of the URDF's links."""
@@ -327,6 +387,11 @@ class _Import:
     def shifted(self, allowed: tuple[float, float], offset: float, length: bool) -> tuple[float, float]:
         low, high = (self.tidied(limit + offset, length, LIMIT_TOLERANCE) for limit in allowed)
         return low, high
+
+
+def _rounded(value: float) -> float:
+    """Return a number without its last digits, which conversions of units change."""
+    return float(f"{value:.14g}")
 
 
 def _numbers(numbered: Sequence[Any]) -> dict[str, int]:

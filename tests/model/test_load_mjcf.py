@@ -153,22 +153,6 @@ def test_a_first_body_that_is_free_is_a_base_that_moves(write):
     assert mechanism.placement(mechanism.q_home, "hull").translation.tolist() == [0.0, 0.0, 1.0]
 
 
-def test_what_couples_joints_is_told_once(write):
-    more = '<equality><joint name="gear" joint1="bent" joint2="other"/></equality>'
-    with pytest.warns(
-        raff_warning(), match="couplings of joints are left out, so that they move independently: 'gear'"
-    ) as seen:
-        mechanism = cinegen.load(write(more))
-    assert len(seen) == 1
-    assert mechanism.mobility == 13
-
-
-def raff_warning():
-    import raff2urdf
-
-    return raff2urdf.RaffWarning
-
-
 def test_shapes_are_shown_but_for_hidden_groups_and_meshes_need_not_be_there(write, tmp_path):
     path = write()
     mechanism = cinegen.load(path)

@@ -7,7 +7,6 @@ import pinocchio as pin
 import pytest
 
 import cinegen
-import raff2urdf
 
 PARALLELOGRAM = """<?xml version="1.0"?>
 <sdf version="1.9">
@@ -189,15 +188,6 @@ def test_models_within_models_stand_where_they_are_put(write):
     assert np.allclose(stands.translation, [0.0, 1.0, 2.0], atol=1e-12)
 
 
-def test_a_gearbox_is_left_out_with_a_warning(write):
-    gear = (
-        '<joint name="gear" type="gearbox"><parent>a</parent><child>b</child><gearbox_ratio>2</gearbox_ratio></joint>'
-    )
-    with pytest.warns(raff2urdf.RaffWarning, match=r"robot.sdf:\d+: joint 'gear' couples joints: left out"):
-        mechanism = cinegen.load(write(arm().replace("</model>", f"{gear}</model>")))
-    assert mechanism.mobility == 1
-
-
 def test_the_first_model_is_loaded_unless_another_is_named(write):
     text = '<sdf version="1.9"><model name="x"><link name="a"/></model><model name="y"><link name="b"/></model></sdf>'
     path = write(text)
@@ -222,7 +212,7 @@ def test_the_first_model_is_loaded_unless_another_is_named(write):
         (("<pose>0 0 1 0 0 0.5", '<pose rotation_format="quat_xyzw">0 0 1 0 0 0 0'), r":5: the quaternion .* is 0"),
         (("<pose>0 0 1", '<pose relative_to="lost">0 0 1'), r":5: there is no frame 'lost'"),
         (("<pose>0 0 1", '<pose relative_to="b">0 0 1'), r":5: the pose of 'b' is given relative to itself"),
-        (('type="revolute"', 'type="screw"'), r":7: joint 'j' has the type 'screw', which can't be converted"),
+        (('type="revolute"', 'type="skrew"'), r":7: joint 'j' has the type 'skrew', which can't be converted"),
         (('<link name="b">', '<link name="a">'), r":5: link 'a' is defined twice"),
         (("<axis><xyz>0 1 0</xyz></axis>", ""), r":7: joint 'j' has 0 of 1 axes: add <axis>"),
         (('<link name="a"/>', '<link name="a"/><include><uri>model://sun</uri></include>'), r":4: the included 'model://sun'"),
@@ -309,12 +299,6 @@ def test_a_static_model_stands_in_its_world(write):
 def test_what_makes_no_sense_is_told_by_its_own_line(write, old, new, says):
     with pytest.raises(cinegen.CinegenError, match=says):
         cinegen.load(write(PARALLELOGRAM.format(kind="revolute").replace(old, new, 1)))
-
-
-def test_one_that_mimics_another_is_told(write):
-    text = PARALLELOGRAM.format(kind="revolute").replace("<limit>", '<mimic joint="swing"/><limit>', 1)
-    with pytest.warns(raff2urdf.RaffWarning, match="joint 'drive' couples joints"):
-        cinegen.load(write(text))
 
 
 def test_a_chain_of_relative_poses_may_be_long(write):

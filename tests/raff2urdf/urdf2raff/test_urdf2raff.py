@@ -16,6 +16,8 @@ from lxml import etree
 import raff2urdf
 from raff2urdf import tree as raff_tree
 from raff2urdf.conversion import translate
+from raff2urdf.coupling import Coupling, coupling_entry
+from raff2urdf.reader import parse as parse_raff
 from raff2urdf.readers.urdf import joints, parse
 from raff2urdf.urdf2raff.frames import tidy
 from raff2urdf.urdf2raff.robot import import_tree
@@ -219,6 +221,84 @@ def test_a_urdf_of_raff_gives_its_file_back(root):
     again = translate(found.document, robot, root / "robots")
     assert again.urdf == made.urdf
     assert again.constraints == made.constraints
+
+
+COUPLED = """RAFF Coupled
+units {units}
+robot coupled {{
+  base {{ }}
+  link 1 {{ parameters {{ theta 10 }} type 2 pred 0 }}
+  link 2 {{ parameters {{ alpha 30 d 1 r 0.5 theta 20 }} type 2 pred 1 }}
+  link 3 {{ parameters {{ alpha 90 d 1 r 0.25 theta 40 }} type 1 pred 2 }}
+  link 4 {{ parameters {{ d 0.5 }} type 1 pred 3 }}
+  link 5 {{ parameters {{ d 0.3 alpha 45 }} type 2 pred 4 }}
+  {couplings}
+}}"""
+
+
+@pytest.mark.parametrize("units", ["mm", "m"])
+@pytest.mark.parametrize(
+    "coupling",
+    [
+        "link 5 link 1 ratio -2.123456789012345",
+        "link 2 link 1 ratio 0.3333333333333333 offset 12.5",
+        "link 4 link 2 lead 20 offset 10",
+        "link 4 link 2 radius 12.3",
+        "link 2 link 3 lead -0.017",
+        "link 3 link 4 ratio 1",
+        "link 5 link 3 polynomial ( 1.5 0.02 ) offset -3",
+        "link 4 link 1 polynomial ( 0 1.5 0.02 -0.001 )",
+        'name "wrist" link 5 link 1 ratio 0.5 link 2 ratio -0.5 link 3 radius 3',
+    ],
+)
+def test_a_coupling_of_raff_comes_back_as_it_was_written(coupling, units):
+    text = COUPLED.format(units=units, couplings=f"coupling {{ {coupling} }}")
+    document = parse_raff(text)
+    made = translate(document, document.robot(), Path())
+    found = import_tree(parse(made.urdf, "x"), "x", made.constraints, units)
+    (there,) = document.robot().couplings
+    (back,) = found.document.robot().couplings
+    assert (back.follower, back.name) == (there.follower, there.name)
+    assert [(one.link, one.kind) for one in back.drives] == [(one.link, one.kind) for one in there.drives]
+    for one, other in zip(back.drives, there.drives, strict=True):
+        assert one.numbers == pytest.approx(other.numbers, rel=1e-13)
+    assert back.offset == pytest.approx(there.offset, abs=1e-11)
+
+
+@settings(max_examples=60, deadline=None)
+@given(trees(5), st.data())
+def test_a_coupling_means_the_same_at_any_joint_values(text, data):
+    tree = parse(text, "x")
+    moving = [joint.get("name") for joint in joints(tree) if joint.get("type") != "fixed"]
+    if len(moving) < 2:
+        return
+    number = st.floats(0.1, 3.0) | st.floats(-3.0, -0.1)
+    chosen = data.draw(st.permutations(moving))[: data.draw(st.integers(2, len(moving)))]
+    terms = {joint: tuple(data.draw(st.lists(number, min_size=1, max_size=3))) for joint in chosen}
+    terms[data.draw(st.sampled_from(chosen))] = (data.draw(number),)
+    coupling = Coupling("c", terms, data.draw(number))
+    entry = coupling_entry(coupling.name, coupling.terms, coupling.constant)
+    found = import_tree(tree, "x", {"couplings": [entry]}, "m")
+    robot = found.document.robot()
+    raff2urdf.check(found.document)
+    again = raff_tree.coupling_of(found.document, robot, 0)
+    values = {joint: data.draw(st.floats(-1.0, 1.0)) for joint in moving}
+    there = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
+    ((factor,), *_) = [terms[joint] for joint in chosen if found.joints[joint] == again.follower]
+    assert again.evaluate(there)[0] * factor == pytest.approx(coupling.evaluate(values)[0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("terms", "says"),
+    [
+        ({"lift": [1.0]}, "since it names one joint only: leave it out with --ignore c"),
+        ({"lift": [1.0, 2.0], "bend": [0.0, 1.0]}, "has no notation in RAFF, since no joint is linear in it"),
+        ({"lift": [1.0], "lost": [1.0]}, "names 'lost', which is not a joint that moves"),
+    ],
+)
+def test_a_coupling_without_notation_is_an_error(terms, says):
+    with pytest.raises(raff2urdf.RaffError, match=says):
+        import_tree(parse(CHAIN, "x"), "x", {"couplings": [coupling_entry("c", terms)]})
 
 
 @given(st.floats(-1e4, 1e4), st.integers(0, 6))
