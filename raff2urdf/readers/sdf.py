@@ -38,6 +38,7 @@ from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, materi
 from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfMaterial, UrdfVisual
+from raff2urdf.writers.sdf import NAMESPACE
 from raff2urdf.writers.tree_at_home import SIZES
 
 Array = NDArray[np.float64]
@@ -142,6 +143,8 @@ class _SdfToUrdf:
                 nodes += self._add_loop(joint, joint.name in coupled)
         for joint in model.joints:
             self._add_couplings(joint)
+        for element in () if model.own is None else model.own.iterchildren(f"{{{NAMESPACE}}}coupling"):
+            self._add_own_coupling(element)
         return urdf.result(nodes, BASE_JOINT if floating else None)
 
     def _relative(self, parent: str, child: str) -> Array:
@@ -300,12 +303,29 @@ class _SdfToUrdf:
             if follower == leader:
                 raise error_at(self.name, where, f"joint '{joint.name}' mimics itself: name another joint")
             constant = axis.mimic.offset - factor * axis.mimic.reference
-            self._add_coupling(f"{follower}-{leader}", {follower: 1.0, leader: -factor}, constant)
+            name = where.get(f"{{{NAMESPACE}}}name", f"{follower}-{leader}")
+            self._add_coupling(name, {follower: 1.0, leader: -factor}, constant)
 
     def _add_coupling(self, name: str, terms: Mapping[str, float], constant: float = 0.0) -> None:
         """Add a linear coupling of SDF's values of joints, whose zero may differ."""
         shift = sum(c * self.homes[joint] for joint, c in terms.items())
         self.urdf.add_coupling(name, {joint: [c] for joint, c in terms.items()}, constant + shift)
+
+    def _add_own_coupling(self, element: Any) -> None:
+        """Add a coupling that SDF has no element for, of the robot's own values."""
+        name, terms = element.get("name", ""), {}
+        if name in self.ignore:
+            self.ignored.append(f"raff:coupling '{name}' (line {element.sourceline})")
+            return
+        constant = numbers(element.get("constant", "0")) or []
+        for term in element.iterchildren():
+            joint, coefficients = term.get("joint", ""), numbers(term.get("coefficients", ""))
+            if joint not in self.homes or not coefficients or len(constant) != 1:
+                near = did_you_mean(joint, [*self.homes])
+                what = f"raff:coupling '{name}' must have numbers, and names of joints that move"
+                raise error_at(self.name, term, f"{what}; '{joint}'{near}")
+            terms[joint] = coefficients
+        self.urdf.add_coupling(name, terms, constant[0])
 
     def _is_ignored(self, joint: SdfJoint, what: str, why: str = "") -> bool:
         """Return whether a joint is to be left out; note it."""

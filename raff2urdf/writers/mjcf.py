@@ -6,6 +6,7 @@
   `weld`, ball a `connect`, revolute two `connect`, at the origins and at a characteristic length along z. A prismatic
   loop is a body of its own on a prismatic joint, welded to the second end: MuJoCo has no equality that leaves a
   translation free.
+- Couplings are equalities of joints, or of fixed tendons where they join more than two joints.
 - Actuators are position servos, which keep home.
 - MuJoCo reads meshes as OBJ and binary STL. Others are converted to STL.
 """
@@ -21,10 +22,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from lxml import etree
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from raff2urdf.errors import RaffWarning
+from raff2urdf.coupling import Coupling
+from raff2urdf.errors import RaffError, RaffWarning
 from raff2urdf.placement import inverse, translation
 from raff2urdf.readers.urdf import UNLIMITED
 from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length
@@ -55,6 +58,7 @@ NARROW = 1e-9
 """rad or m: MuJoCo refuses an empty range, so a joint that may not move at all gets this one."""
 
 _EQUALITIES = {"rigid": "weld", "prismatic": "weld", "revolute": "connect", "ball": "connect"}
+_MOST_POWERS = 4  # of a polynomial in MuJoCo
 _MOST_FACES = 200_000  # of an STL file
 _LEAST_VERTICES = 4
 
@@ -94,12 +98,14 @@ class _Writer:
         etree.SubElement(default, "geom", contype="0", conaffinity="0", group="2")
         etree.SubElement(default, "site", group="3")
         etree.SubElement(default, "equality", solref=numerals((STIFF * timestep, 1.0)), solimp=numerals(IMPEDANCE))
-        custom, asset, world, equality, actuator, keyframe = (
+        custom, asset, world, tendon, equality, actuator, keyframe = (
             etree.SubElement(root, name)
-            for name in ("custom", "asset", "worldbody", "equality", "actuator", "keyframe")
+            for name in ("custom", "asset", "worldbody", "tendon", "equality", "actuator", "keyframe")
         )
         self.add_custom(custom)
         self.add_bodies(world, equality)
+        for coupling in self.tree.couplings:
+            self.add_coupling(equality, tendon, coupling)
         for name, (file, scale) in self.meshes.files.items():
             # A shell has moments even if a thin or open surface encloses nothing; the masses are those of the bodies.
             mesh = etree.SubElement(asset, "mesh", name=name, file=file, inertia="shell")
@@ -110,7 +116,7 @@ class _Writer:
             key = etree.SubElement(keyframe, "key", name="home", qpos=numerals(qpos))
             if ctrl:
                 key.set("ctrl", numerals(ctrl))
-        for part in (custom, asset, equality, actuator, keyframe):
+        for part in (custom, asset, tendon, equality, actuator, keyframe):
             if not len(part):
                 root.remove(part)
         return root
@@ -259,6 +265,44 @@ class _Writer:
         elif whole.mass <= 0.0:  # it is welded to something fixed: its mass moves nothing
             whole = Inertia(1.0, np.zeros(3), self.length**2 / 10.0 * np.eye(3))
         return body, whole.in_frame(inverse(on_it))
+
+    def add_coupling(self, equality: etree._Element, tendon: etree._Element, coupling: Coupling) -> None:
+        """Add a coupling as MuJoCo counts: y - y0 = a0 + a1 (x - x0) + ... + a4 (x - x0)^4, from values at home.
+
+        Of more than two joints, y is the length of a fixed tendon, and so is x of a curve.
+
+        Raises:
+            RaffError: several joints have a curve, or its degree is too high.
+        """
+        curved = [joint for joint, coefficients in coupling.terms.items() if len(coefficients) > 1]
+        linear = {joint: coefficients[0] for joint, coefficients in coupling.terms.items() if joint not in curved}
+        if not linear or len(curved) > 1 or any(len(coupling.terms[joint]) > _MOST_POWERS for joint in curved):
+            what = f"a coupling with curves of several joints, or of a degree above {_MOST_POWERS}"
+            raise RaffError(
+                f"robot '{self.tree.model.name}': coupling '{coupling.name}': MJCF has no notation for {what}"
+            )
+        factor, driving = 1.0, curved
+        if len(coupling.terms) <= 2:
+            follower, *others = linear
+            factor, driving = linear.pop(follower), [*curved, *others]
+        home, (driver, *_) = self.tree.home, [*driving, ""]
+        values = {joint: home[joint] for joint in coupling.terms}
+        curve = Polynomial([0.0, *coupling.terms.get(driver, ())])
+        curve = curve(Polynomial([home.get(driver, 0.0), 1.0]))
+        slopes = curve.coef.tolist()[1:] if driver else []
+        powers = [-coupling.evaluate(values)[0] / factor, *(-c / factor for c in slopes)]
+        polycoef = numerals([*powers, *[0.0] * _MOST_POWERS][: _MOST_POWERS + 1])
+        if len(coupling.terms) <= 2:
+            joints = {"joint1": follower, **({"joint2": driver} if driver else {})}
+            etree.SubElement(equality, "joint", name=coupling.name, **joints, polycoef=polycoef)
+            return
+        lengths = {"tendon1": linear, **({"tendon2": {driver: 1.0}} if driver else {})}
+        names = dict(zip(lengths, (coupling.name, f"{coupling.name}.curve"), strict=False))
+        for word, terms in lengths.items():
+            fixed = etree.SubElement(tendon, "fixed", name=names[word])
+            for joint, c in terms.items():
+                etree.SubElement(fixed, "joint", joint=joint, coef=numeral(c))
+        etree.SubElement(equality, "tendon", name=coupling.name, **names, polycoef=polycoef)
 
     # --- actuators -----------------------------------------------------------------------------------------------
 

@@ -6,16 +6,22 @@ Limits are shifted to this zero. What SDF has no elements for is in one element 
 
     <raff:joint name="joint1" home="0.87" actuated="true"/>    home: to be added to get the robot's own joint value
     <raff:loop name="a-b" kind="ball" first="a" second="b"/>   the joint of a loop, and the links or frames it joins
+    <raff:coupling name="w" constant="0">                      a coupling that is no mimic: of the robot's own values,
+      <raff:term joint="joint1" coefficients="1 0.2"/>         the sum of all terms, 1 q + 0.2 q^2, is the constant
+    </raff:coupling>
 
-`raff_name` in either is the robot's own name, where SDF needs another one.
+`raff_name` in the first two is the robot's own name, where SDF needs another one. A linear coupling of two joints is a
+`mimic`; its `raff:name` is its name, unless that follows from the joints'.
 
 Links that are rigidly joined are one link, as SDF requires, with the mass and the shapes of all; the others are
-`frame`s on it. Version 1.7 is the oldest with frames, so that most programs can read it.
+`frame`s on it. Version 1.7 is the oldest with frames, so that most programs can read it; 1.11 is the oldest with
+`mimic`.
 """
 
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -24,6 +30,8 @@ import numpy as np
 from lxml import etree
 from numpy.typing import NDArray
 
+from raff2urdf.coupling import Coupling
+from raff2urdf.errors import RaffWarning
 from raff2urdf.placement import roll_pitch_yaw, translation
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfJoint
@@ -37,7 +45,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-VERSION = "1.7"
+VERSION, MIMIC_VERSION = "1.7", "1.11"
 
 NAMESPACE = "urn:raff2urdf"
 """Namespace of the elements that are not SDF's."""
@@ -59,6 +67,7 @@ class _Writer:
     inertias: Inertias
     names: set[str] = field(default_factory=set)  # SDF has one list of names for links, frames and joints
     own: etree._Element = field(default_factory=lambda: etree.Element(f"{{{NAMESPACE}}}robot"))
+    axis: dict[str, etree._Element] = field(default_factory=dict)  # of joints that move
 
     def root(self) -> etree._Element:
         tree = self.tree
@@ -85,6 +94,10 @@ class _Writer:
                 self.add_joint(model, joint)
         for loop in tree.loops:
             self.add_loop(model, loop)
+        lost = [coupling.name for coupling in tree.couplings if not self.add_mimic(root, coupling)]
+        if lost:
+            message = f"SDF has no notation for {', '.join(lost)}: written as raff:coupling, which only cinegen reads"
+            warnings.warn(f"robot '{tree.model.name}': {message}", RaffWarning, stacklevel=3)
         if len(self.own):
             model.append(self.own)
         return root
@@ -117,6 +130,7 @@ class _Writer:
         limit = add_axis(element, low - home, high - home)
         if entry["velocity"] is not None:
             etree.SubElement(limit, "velocity").text = numeral(entry["velocity"])
+        self.axis[joint.name] = element[-1]
         self.add_own("joint", element, joint.name, home=numeral(home), actuated=str(entry["actuated"]).lower())
 
     def add_loop(self, model: etree._Element, loop: Mapping[str, Any]) -> None:
@@ -136,6 +150,30 @@ class _Writer:
         if kind in ("prismatic", "revolute"):
             add_axis(joint, -math.inf, math.inf)
         self.add_own("loop", joint, loop["name"], kind=loop["kind"], first=nodes[0], second=nodes[1])
+
+    def add_mimic(self, root: etree._Element, coupling: Coupling) -> bool:
+        """Add a coupling, in SDF's values, which count from home; return whether other programs can read it."""
+        free = [joint for joint in coupling.terms if self.axis[joint].find("mimic") is None]
+        written = {joint: str(self.axis[joint].getparent().get("name")) for joint in coupling.terms}
+        if len(coupling.terms) != 2 or not coupling.is_linear or not free:
+            own = etree.SubElement(self.own, f"{{{NAMESPACE}}}coupling", name=coupling.name)
+            own.set("constant", numeral(coupling.constant))
+            for joint, coefficients in coupling.terms.items():
+                values = {"joint": written[joint], "coefficients": numerals(coefficients)}
+                etree.SubElement(own, f"{{{NAMESPACE}}}term", **values)
+            return False
+        follower = free[0]
+        (leader,) = coupling.terms.keys() - {follower}
+        factor = coupling.terms[follower][0]
+        offset = -coupling.evaluate(self.tree.home)[0] / factor
+        mimic = etree.SubElement(self.axis[follower], "mimic", joint=written[leader])
+        if coupling.name != f"{written[follower]}-{written[leader]}":
+            mimic.set(f"{{{NAMESPACE}}}name", coupling.name)
+        numbers = {"multiplier": -coupling.terms[leader][0] / factor, "offset": offset, "reference": 0.0}
+        for word, number in numbers.items():
+            etree.SubElement(mimic, word).text = numeral(number)
+        root.set("version", MIMIC_VERSION)
+        return True
 
     def add_own(self, word: str, joint: etree._Element, name: str, **values: str) -> None:
         """Add an element of ours for a joint, for which SDF has none."""

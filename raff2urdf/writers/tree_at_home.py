@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.coupling import Coupling, coupling_of
 from raff2urdf.placement import joint_motion
 from raff2urdf.tree import WORLD
 from raff2urdf.urdf_model import UrdfGeometry, UrdfJoint, UrdfLink
@@ -34,6 +35,7 @@ class TreeAtHome:
         home: the joint values at closed home, by name (rad, m), of the joints that move.
         entries: of these joints in the constraints file, by name.
         loops: its entries of the loops.
+        couplings: its couplings.
         link: links by name.
         joint_of: the joint between each link and its parent, by the link's name.
         root: the link without a parent: the world, or a base at its origin.
@@ -45,6 +47,7 @@ class TreeAtHome:
         self.model, self.home = translation.model, translation.analysis.home
         self.entries = {entry["name"]: entry for entry in translation.constraints["joints"]}
         self.loops = translation.constraints["loops"]
+        self.couplings: list[Coupling] = [coupling_of(one) for one in translation.constraints.get("couplings", [])]
         self.link: dict[str, UrdfLink] = {link.name: link for link in self.model.links}
         self.joint_of: dict[str, UrdfJoint] = {joint.child: joint for joint in self.model.joints}
         self.root = next(iter(self.link))

@@ -26,6 +26,34 @@ robot slide {
   frame 5 { parameters { gamma 30 d 350 alpha 90 } pred 0 }
   constraint { frame 4 frame 5 type 1 }
 }""",
+    "coupled": """RAFF Coupled
+robot coupled {
+  base { parameters { theta 10 alpha 20 } }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 r 50 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 r 25 } type 1 pred 2 }
+  link 4 { parameters { theta 10 alpha 90 d 100 } type 2 pred 3 }
+  link 5 { parameters { theta 30 alpha 90 d 100 } type 2 pred 4 }
+  link 6 { parameters { theta -15 d 100 } type 2 pred 5 }
+  coupling { link 2 link 1 ratio -0.5 offset 40 }
+  coupling { link 3 link 2 lead 20 offset 10 }
+  coupling { name "wrist" link 4 link 5 ratio 0.5 link 6 ratio -0.25 offset 3 }
+}""",
+    "curved": """RAFF Curved
+robot curved {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
+  link 4 { parameters { theta -26 d 120 } type 2 pred 0 }
+  frame 5 { parameters { d 100 } pred 3 }
+  frame 6 { parameters { d 360 } pred 4 }
+  link 7 { parameters { r 20 alpha 90 } type 1 pred 4 }
+  link 8 { parameters { theta 20 alpha 90 } type 2 pred 7 }
+  constraint { frame 5 frame 6 type 2 }
+  coupling { link 7 link 8 polynomial ( 1.5 0.02 -0.001 ) offset 20 }
+  coupling { name "cam" link 8 link 1 polynomial ( 0 0.01 ) link 4 ratio 0.5 }
+}""",
     "floating": """RAFF Floating
 sensor 1 { port "/dev/tty" }
 robot floating {
@@ -54,6 +82,7 @@ def test_what_comes_back_is_the_same_mechanism(original, format, tmp_path, recwa
     made = [one for one in convert(path, tmp_path, format=format) if one.robot == there.name]
     back = cinegen.load(made[0].file)
     assert back.mobility == there.mobility
+    assert {coupling.name for coupling in back.couplings} == {coupling.name for coupling in there.couplings}
     assert back.floating == there.floating
     assert set(back.actuated) == set(there.actuated)
     assert set(there.joints) <= set(back.joints)
