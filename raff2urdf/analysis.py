@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from raff2urdf.check import check_sizes
 from raff2urdf.closure import close_from_afar, close_within, gaps, generic_rank, passive, why_open
+from raff2urdf.compound import expanded
 from raff2urdf.document import Document, JointType, LoopKind, RaffRobot
 from raff2urdf.errors import Problem, RaffClosureError, RaffError, did_you_mean
 from raff2urdf.tree import Cluster, characteristic_length, clusters, home, limits, placements
@@ -75,7 +76,7 @@ def loop_kind(name: str) -> LoopKind:
 def declared_actuated(robot: RaffRobot) -> dict[str, bool | None]:
     """Return whether each joint that moves is actuated, as the file declares; None where it leaves that open. If the
     file names actuated joints, all others are passive."""
-    declared = {link.joint: link.actuated for link in robot.links if link.type is not JointType.FIXED}
+    declared = {link.joint: link.actuated for link in expanded(robot).links if link.type is not JointType.FIXED}
     named = any(declared.values())
     return {joint: bool(actuated) if named else actuated for joint, actuated in declared.items()}
 
@@ -93,7 +94,8 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
         RaffError: `loops` names a loop or a kind that does not exist; a length is too large.
     """
     check_sizes(document, robot)
-    kinds = loop_kinds(robot, loops)
+    kinds, written = loop_kinds(robot, loops), robot
+    robot = expanded(robot)
     joints = [link for link in robot.links if link.type is not JointType.FIXED]
     rows = rank = 0
     gap = 0.0
@@ -101,7 +103,8 @@ def analyse(document: Document, robot: RaffRobot, loops: Mapping[str, str] | Non
     problems: list[Problem] = []
     values = {joint.joint: home(document, joint) for joint in joints}
     if robot.loops or robot.couplings:
-        origins = np.array([placed[:3, 3] for placed in placements(document, robot).values()])
+        placed = placements(document, robot)
+        origins = np.array([placed[number][:3, 3] for number in written.nodes])
         for cluster in clusters(document, robot, kinds, characteristic_length(origins)):
             gap = max(gap, *gaps(cluster, cluster.home))
             closing = close_from_afar(cluster, cluster.start)

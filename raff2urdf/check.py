@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
+from raff2urdf.compound import VARIABLES, intermediate_names
 from raff2urdf.document import (
     LEAST_SIZE,
     Document,
     DriveKind,
     JointType,
     RaffCoupling,
+    RaffLink,
     RaffPart,
     RaffRobot,
     RaffSensor,
+    RaffVariable,
 )
 from raff2urdf.errors import (
     Problem,
@@ -136,11 +139,48 @@ def _tree_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
             yield problem(message, part.locations.get("pred"))
     yield from _cycles(document, numbers)
     for link in robot.links:
-        if link.limits and not link.limits[0] <= link.limits[1]:
-            yield problem(limits_reversed(f"link {link.number}", *link.limits), link.locations.get("limits"))
-        if link.velocity is not None and not link.velocity > 0:
-            message = f"the velocity limit of link {link.number} is {link.velocity:g}: it must be above 0"
-            yield problem(message, link.locations.get("velocity"))
+        yield from _limit_problems(document, f"link {link.number}", link)
+        yield from _variable_problems(document, link, names)
+
+
+def _limit_problems(document: Document, what: str, of: RaffLink | RaffVariable) -> Iterator[Problem]:
+    if of.limits and not of.limits[0] <= of.limits[1]:
+        yield document.source.problem(limits_reversed(what, *of.limits), of.locations.get("limits"))
+    if of.velocity is not None and not of.velocity > 0:
+        message = f"the velocity limit of {what} is {of.velocity:g}: it must be above 0"
+        yield document.source.problem(message, of.locations.get("velocity"))
+
+
+def _variable_problems(document: Document, link: RaffLink, names: Mapping[str, RaffPart]) -> Iterator[Problem]:
+    problem, at, what = document.source.problem, link.locations, f"link {link.number}"
+    if link.compound is None:
+        if link.variables:
+            message = f"{what} has variables but no joint that has several: remove them, or write 'joint' for 'type'"
+            yield problem(message, link.variables[0].locations.get("name"))
+        return
+    if link.type is not JointType.FIXED or "type" in at:
+        yield problem(f"{what} has both 'type' and 'joint': remove one of them", at.get("type"))
+    known = VARIABLES[link.compound]
+    for word in ("limits", "velocity", "actuated"):
+        if getattr(link, word) is not None:
+            message = f"the {link.compound} joint of {what} has several variables: write '{word}' for one of them, in "
+            yield problem(f"{message}'variable {next(iter(known))} {{ }}'", at.get(word))
+    for other, variable in duplicates(link.variables, lambda variable: variable.name):
+        line = other.locations["name"].line if "name" in other.locations else None
+        yield problem(defined_twice(f"variable {variable.name} of {what}", line), variable.locations.get("name"))
+    for variable in link.variables:
+        own = f"variable {variable.name} of {what}"
+        if variable.name not in known:
+            message = f"a {link.compound} joint has no variable '{variable.name}'{did_you_mean('', list(known))}"
+            yield problem(message, variable.locations.get("name"))
+        elif variable.home and known[variable.name]:
+            message = f"the home of {own} is '{known[variable.name]}' of its parameters: write it there"
+            yield problem(message, variable.locations.get("home"))
+        yield from _limit_problems(document, own, variable)
+    for name in intermediate_names(link):
+        if name in names:
+            message = f"the name '{name}' is needed for a joint of {what}: choose another one"
+            yield problem(message, names[name].locations.get("name") or at.get("number"))
 
 
 def _cycles(document: Document, numbers: dict[int, RaffPart]) -> Iterator[Problem]:
@@ -191,6 +231,7 @@ def _constraint_problems(document: Document, robot: RaffRobot) -> Iterator[Probl
 def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     problem = document.source.problem
     moving = {link.number: link for link in robot.links if link.type is not JointType.FIXED}
+    compound = {link.number: link.compound for link in robot.links if link.compound}
     names: dict[str, RaffCoupling] = {}
     ends_exist = all({loop.first, loop.second} <= robot.nodes.keys() for loop in robot.loops)
     loops = robot.loop_names if ends_exist else ()
@@ -202,7 +243,13 @@ def _coupling_problems(document: Document, robot: RaffRobot) -> Iterator[Problem
             yield problem(f"the name '{coupling.name}' is that of a loop: choose another one", at.get("name"))
         ends = [("follower", coupling.follower)] + [(f"drive {i}", one.link) for i, one in enumerate(coupling.drives)]
         for i, (word, number) in enumerate(ends):
-            if number not in moving:
+            if number in compound:
+                message = (
+                    f"a coupling names link {number}, whose {compound[number]} joint has several variables: "
+                    "write it as successive links, each with a 'type'"
+                )
+                yield problem(message, at.get(word))
+            elif number not in moving:
                 known = did_you_mean("", [str(n) for n in moving])
                 yield problem(f"a coupling names link {number}, which is not a link that moves{known}", at.get(word))
             elif number in (other for _, other in ends[:i]):
@@ -244,7 +291,8 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
     """Yield warnings: valid input that is probably not intended."""
     problem = document.source.problem
     for link in robot.links:
-        if link.type is JointType.FIXED:
+        yield from _variables_outside_limits(document, link)
+        if link.type is JointType.FIXED and not link.compound:
             for word in ("limits", "velocity", "actuated"):
                 if getattr(link, word):
                     message = f"link {link.number} is fixed, so '{word}' has no effect: remove it"
@@ -257,6 +305,17 @@ def _oddities(document: Document, robot: RaffRobot) -> Iterator[Problem]:
                     f"home {shown(home)} of link {link.number} is outside its limits {low} to {high}: change either"
                 )
                 yield problem(message, link.locations.get("limits"))
+
+
+def _variables_outside_limits(document: Document, link: RaffLink) -> Iterator[Problem]:
+    for variable in link.variables:
+        word = VARIABLES[link.compound][variable.name] if link.compound else None
+        home = getattr(link.parameters, word) if word else variable.home
+        if variable.limits and not variable.limits[0] <= home <= variable.limits[1]:
+            low, high = map(shown, variable.limits)
+            what = f"home {shown(home)} of variable {variable.name} of link {link.number}"
+            message = f"{what} is outside its limits {low} to {high}: change either"
+            yield document.source.problem(message, variable.locations.get("limits"))
 
 
 def _line(thing: RaffRobot | RaffPart | RaffSensor, word: str) -> int | None:

@@ -172,6 +172,7 @@ def counted(number: int, plural: str) -> str:
 
 def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
     from raff2urdf.check import check
+    from raff2urdf.compound import expanded
     from raff2urdf.reader import parse, read
     from raff2urdf.shipped import find_robot
 
@@ -183,7 +184,7 @@ def _check(name: str, robot: str | None) -> list[dict[str, Any]]:
             "file": name,
             "robot": one.name,
             "links": len(one.links),
-            "joints": sum(link.type != 0 for link in one.links),
+            "joints": sum(link.type != 0 for link in expanded(one).links),
             "loops": len(one.loops),
         }
         for one in robots

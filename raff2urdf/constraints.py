@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from raff2urdf.analysis import Analysis, declared_actuated, loop_kinds
+from raff2urdf.compound import expanded, spherical_joints
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.document import Document, JointType, RaffRobot
 from raff2urdf.errors import RaffError, did_you_mean, limits_reversed
@@ -51,14 +52,15 @@ def constraints(
     Raises:
         RaffError: `loops` names a loop or a kind that does not exist.
     """
-    kinds = loop_kinds(robot, loops)
+    kinds, links = loop_kinds(robot, loops), expanded(robot).links
+    balls = [{"name": name, "joints": joints} for name, joints in spherical_joints(robot).items()]
     actuated = declared_actuated(robot)
     mobility = rows = rank = None
     if analysis is not None:
         mobility, rows, rank = analysis.mobility, analysis.rows, analysis.rank
         actuated = {joint: joint in analysis.actuated for joint in actuated}
     joints = []
-    for link in (link for link in robot.links if link.type is not JointType.FIXED):
+    for link in (link for link in links if link.type is not JointType.FIXED):
         low, high = limits(document, link)
         speed = velocity(document, link)
         joints.append(
@@ -86,6 +88,7 @@ def constraints(
         "nodes": [node.node for node in robot.nodes.values()],
         "floating": BASE_JOINT if robot.movable else None,
         "joints": joints,
+        **({"balls": balls} if balls else {}),
         "loops": closures,
         **({"couplings": couplings} if couplings else {}),
         "mobility": mobility,
@@ -166,7 +169,7 @@ def load(path: Path, known: Known | None = None, types: Mapping[str, str] | None
 
 def without_loops(values: Constraints) -> Constraints:
     """Return the constraints of the tree that remains without loops and couplings: every joint is actuated."""
-    dropped = ("couplings", "mobility", "loop_rows", "loop_rank")
+    dropped = ("balls", "couplings", "mobility", "loop_rows", "loop_rank")
     kept = {key: value for key, value in values.items() if key not in dropped}
     if "joints" in values:
         kept["joints"] = [{key: joint[key] for key in joint if key != "actuated"} for joint in values["joints"]]
@@ -223,6 +226,11 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
                 near = did_you_mean(node, nodes)
                 yield ["loops", i, end, "node"], f"loop '{loop['name']}' ends at '{node}', which is not a node{near}"
     moving = [joint["name"] for joint in values["joints"]]
+    for i, ball in enumerate(values.get("balls", [])):
+        for j, name in enumerate(ball["joints"]):
+            if name not in moving:
+                why = f"ball joint '{ball['name']}' names '{name}', which is not a joint that moves"
+                yield ["balls", i, "joints", j], why + did_you_mean(name, moving)
     for i, coupling in enumerate(values.get("couplings", [])):
         for j, term in enumerate(coupling["terms"]):
             if (name := term["joint"]) not in moving:
@@ -250,7 +258,8 @@ def _unknown_names(values: Constraints, known: Known | None) -> _Problems:
 
 def _contradictions(values: Constraints, types: Mapping[str, str]) -> _Problems:
     """Yield values that contradict another one, or the URDF."""
-    for key, word in (("joints", "name"), ("loops", "name"), ("couplings", "name"), ("sensors", "number")):
+    for key in ("joints", "balls", "loops", "couplings", "sensors"):
+        word = "number" if key == "sensors" else "name"
         first: dict[str, int] = {}
         for i, entry in enumerate(values.get(key, [])):
             j = first.setdefault(entry[word], i)

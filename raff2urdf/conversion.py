@@ -12,6 +12,7 @@ from typing import Any
 
 from raff2urdf.analysis import Analysis, analyse
 from raff2urdf.check import check, check_sizes
+from raff2urdf.compound import expanded
 from raff2urdf.constraints import Constraints, constraints
 from raff2urdf.document import Document, RaffRobot
 from raff2urdf.errors import RaffError, RaffWarning
@@ -30,7 +31,7 @@ class Translation:
     """A robot as the tree of a URDF, and everything for which a URDF has no element, in memory.
 
     Attributes:
-        robot: that was translated.
+        robot: that was translated, with one variable at most for each link (`raff2urdf.compound`).
         model: its tree; meshes are named relative to `out`.
         constraints: the contents of its constraints file.
         analysis: mobility, actuated joints, rows and rank of the loops.
@@ -126,11 +127,11 @@ def translate(
         RaffClosureError: the loops can't be closed.
         RaffError: `loops` names what does not exist.
     """
-    analysis = analyse(document, robot, loops)
-    graphics = Graphics(robot, folder, meshes)
-    model, missing = _tree(document, robot, graphics, out)
+    analysis, links = analyse(document, robot, loops), expanded(robot)
+    graphics = Graphics(links, folder, meshes)
+    model, missing = _tree(document, links, graphics, out)
     values = constraints(document, robot, analysis, loops)
-    return Translation(robot, model, values, analysis, missing, graphics.written, out)
+    return Translation(links, model, values, analysis, missing, graphics.written, out)
 
 
 def describe(
@@ -151,7 +152,8 @@ def describe(
         RaffError: `loops` names a loop or a kind that does not exist; a length is too large.
     """
     check_sizes(document, robot)
-    model, _ = _tree(document, robot, Graphics(robot, folder))
+    links = expanded(robot)
+    model, _ = _tree(document, links, Graphics(links, folder))
     return dumps(model), constraints(document, robot, None, loops)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from enum import IntEnum
+from enum import IntEnum, StrEnum
 from functools import cached_property
 from typing import ClassVar
 
@@ -26,6 +26,15 @@ class JointType(IntEnum):
     FIXED = 0
     PRISMATIC = 1
     REVOLUTE = 2
+
+
+class CompoundKind(StrEnum):
+    """RAFF's `joint` of a link: a joint of several variables."""
+
+    BALL = "ball"
+    UNIVERSAL = "universal"
+    CYLINDRICAL = "cylindrical"
+    PLANAR = "planar"
 
 
 class LoopKind(IntEnum):
@@ -93,8 +102,32 @@ class RaffBase:
 
 
 @dataclass(frozen=True, slots=True)
+class RaffVariable:
+    """A variable of a joint that has several: see `raff2urdf.compound`. Lengths, or degrees.
+
+    Attributes:
+        name: x, y or z, a rotation about that axis; tx, ty or tz, a translation along it.
+        home: its value as written, unless `theta` or `r` of the link's parameters is.
+        limits: lower and upper limit.
+        velocity: velocity limit, 1/s.
+        actuated: whether it is actuated; None: not in the file.
+    """
+
+    name: str
+    home: float = 0.0
+    limits: tuple[float, float] | None = None
+    velocity: float | None = None
+    actuated: bool | None = None
+    locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
+
+
+@dataclass(frozen=True, slots=True)
 class RaffLink(_Named):
-    """A body that moves relative to its parent `pred` by one joint, or is fixed to it if `type` is FIXED."""
+    """A body that moves relative to its parent `pred` by one joint, or is fixed to it if `type` is FIXED.
+
+    If its joint has several variables, `compound` is its kind and `type` is FIXED; `variables` are those that the file
+    describes. `own_joint` is the name of its joint, if that does not follow from the number.
+    """
 
     keyword: ClassVar[str] = "link"
     number: int
@@ -104,9 +137,17 @@ class RaffLink(_Named):
     limits: tuple[float, float] | None = None  # of theta (degrees) or r
     velocity: float | None = None  # degrees or lengths per second
     actuated: bool | None = None  # None: not in the file
+    compound: CompoundKind | None = None
+    variables: tuple[RaffVariable, ...] = ()
+    own_joint: str | None = None
     name: str | None = None
     filenames: tuple[str, ...] | None = None  # None: the file names none, and a skeleton is drawn
     locations: Locations = field(default_factory=_no_locations, compare=False, repr=False)
+
+    @property
+    def joint(self) -> str:
+        """Name of the joint between the link and its parent."""
+        return f"joint{self.number}" if self.own_joint is None else self.own_joint
 
 
 @dataclass(frozen=True, slots=True)

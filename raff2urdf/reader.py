@@ -208,7 +208,7 @@ class _Reading:
             while not self.ends(inner):
                 self.statement(inner)
             for name, one in STATEMENTS[inner.kind].items():
-                if one.required is not None and name not in inner.values:
+                if one.required is not None and not {name, one.unless} & inner.values.keys():
                     self.missing.append(self.source.problem(f"{inner.label} has no '{name}'{one.required}", location))
             arguments = [inner, *arguments]
         block.add(self.report, statement, word, statement.value(self.report, *arguments), location)

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple
 
 from raff2urdf.document import (
     UNITS_PER_METRE,
+    CompoundKind,
     DriveKind,
     JointType,
     LoopKind,
@@ -30,9 +31,10 @@ from raff2urdf.document import (
     RaffLoop,
     RaffRobot,
     RaffSensor,
+    RaffVariable,
     SensorConstraint,
 )
-from raff2urdf.errors import SourceLocation
+from raff2urdf.errors import SourceLocation, did_you_mean
 
 # --- tokens -------------------------------------------------------------------------------------------------------
 
@@ -116,10 +118,13 @@ class Block:
 
     @property
     def node(self) -> dict[str, Any]:
-        """The values of a node: the names of all its graphic files together."""
-        if "filenames" not in self.values:
-            return self.values
-        return {**self.values, "filenames": tuple(name for names in self.values["filenames"] for name in names)}
+        """The values of a node: its variables, and the names of all its graphic files, each together."""
+        values = dict(self.values)
+        if "filenames" in values:
+            values["filenames"] = tuple(name for names in values["filenames"] for name in names)
+        if "variables" in values:
+            values["variables"] = tuple(values["variables"])
+        return values
 
 
 def finite(report: Report, token: Token) -> float:
@@ -153,6 +158,18 @@ def _choice(what: str, meanings: type[IntEnum] | Sequence[str], make: Callable[[
         return make(int(found))
 
     return value
+
+
+def _compound(report: Report, token: Token) -> CompoundKind:
+    kinds = [kind.value for kind in CompoundKind]
+    if token.text not in kinds:
+        report(f"unknown joint '{token.text}'{did_you_mean(token.text, kinds)}", token.location)
+        return CompoundKind.BALL
+    return CompoundKind(token.text)
+
+
+def _variable(_: Report, block: Block, name: Token) -> RaffVariable:
+    return RaffVariable(name.text, **block.values, locations={**block.locations, "name": name.location})
 
 
 def _units(report: Report, token: Token) -> str:
@@ -259,6 +276,7 @@ class Statement:
         name: of the value; the word itself if empty.
         repeats: whether the statement may be repeated.
         required: what its word means, if the block must have it.
+        unless: name of the value that makes it not required.
     """
 
     follows: str
@@ -266,6 +284,7 @@ class Statement:
     name: str = ""
     repeats: bool = False
     required: str | None = None
+    unless: str = ""
 
 
 _NUMBER = Statement("NUMBER", finite)
@@ -275,6 +294,8 @@ _FILES = Statement("{ STRING* }", _strings, "filenames", repeats=True)
 _PRED = Statement("NUMBER", whole, required=": the number of its parent (0: the base)")
 _NODE = Statement("NUMBER", lambda report, number: (whole(report, number), number.location), "nodes", repeats=True)
 _JOINT_TYPES = " (0 fixed, 1 prismatic, 2 revolute)"
+_LIMITS = Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(report, end) for end in ends))
+_ACTUATED = Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool))
 _DEFAULTS: dict[str, Any] = {"parameters": Parameters(), "pred": 0}
 _DOF = ["none", "one", "two", "three"]
 
@@ -295,15 +316,20 @@ STATEMENTS: dict[str, dict[str, Statement]] = {
     "base": {"parameters": _PARAMETERS, "filename": _FILES},
     "link": {
         "parameters": _PARAMETERS,
-        "type": Statement("NUMBER", _choice("joint type", JointType, JointType), required=_JOINT_TYPES),
+        "type": Statement(
+            "NUMBER", _choice("joint type", JointType, JointType), required=_JOINT_TYPES, unless="compound"
+        ),
+        "joint": Statement("WORD", _compound, "compound"),  # instead of a type: a joint of several variables
+        "variable": Statement("WORD {", _variable, "variables", repeats=True),  # of such a joint
         "pred": _PRED,  # the number of the parent
-        "limits": Statement("{ NUMBER NUMBER }", lambda report, *ends: tuple(finite(report, end) for end in ends)),
+        "limits": _LIMITS,
         "velocity": _NUMBER,  # velocity limit, degrees or lengths per second
-        "actuated": Statement("NUMBER", _choice("'actuated'", ["passive", "actuated"], bool)),
+        "actuated": _ACTUATED,
         "name": _TEXT,
         "filename": _FILES,
     },
     "frame": {"parameters": _PARAMETERS, "pred": _PRED, "name": _TEXT, "filename": _FILES},
+    "variable": {"home": _NUMBER, "limits": _LIMITS, "velocity": _NUMBER, "actuated": _ACTUATED},
     "parameters": dict.fromkeys(["theta", "r", "d", "alpha", "gamma", "epsilon"], _NUMBER),
     "constraint": {
         "link": _NODE,

@@ -16,6 +16,7 @@ from raff2urdf.document import (
     RaffNode,
     RaffRobot,
     RaffSensor,
+    RaffVariable,
 )
 from raff2urdf.errors import RaffError
 
@@ -69,15 +70,31 @@ def _robot(robot: RaffRobot, notes: Mapping[int, str]) -> Iterator[str]:
 
 
 _OF_SENSORS = ("port", "translation", "rotation")
-_WORDS = ("name", "parameters", "filenames", "type", "pred", "limits", "velocity", "actuated", *_OF_SENSORS)
+_OF_JOINT = ("limits", "velocity", "actuated")
+_OF_VARIABLES = ("home", *_OF_JOINT)
+_WORDS = ("name", "parameters", "filenames", "type", "compound", "pred", *_OF_JOINT, "variables", *_OF_SENSORS)
 
 
 def _statements(block: RaffNode | RaffSensor, indent: str) -> Iterator[str]:
-    """Yield the statements of a node or a sensor; those that have their default values are left out."""
+    """Yield the statements of a block; those that have their default values are left out."""
+    compound = getattr(block, "compound", None)
     for word in _WORDS:
         value = getattr(block, word, None)
-        if value is not None and value != Parameters():
+        if word == "compound" and compound is not None:
+            yield f"{indent}joint {compound}"
+        elif word == "variables":
+            for variable in value or ():
+                yield f"{indent}variable {variable.name} {_variable(variable)}"
+        elif value is not None and value != Parameters() and not (word == "type" and compound):
             yield f"{indent}{word.removesuffix('s') if word == 'filenames' else word} {_value(value)}"
+
+
+def _variable(variable: RaffVariable) -> str:
+    values = [(word, getattr(variable, word)) for word in _OF_VARIABLES]
+    words = [
+        f"{word} {_value(value)}" for word, value in values if value is not None and (word, value) != ("home", 0.0)
+    ]
+    return f"{{ {' '.join(words)} }}" if words else "{ }"
 
 
 def _value(value: Any) -> str:

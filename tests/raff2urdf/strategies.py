@@ -9,7 +9,9 @@ from typing import Any
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
 
+from raff2urdf.compound import VARIABLES
 from raff2urdf.document import (
+    CompoundKind,
     Document,
     DriveKind,
     JointType,
@@ -23,6 +25,7 @@ from raff2urdf.document import (
     RaffLoop,
     RaffRobot,
     RaffSensor,
+    RaffVariable,
     SensorConstraint,
 )
 
@@ -58,7 +61,8 @@ TEXTS = st.text(st.characters(exclude_categories=["Cs"], exclude_characters='"\n
 KEYWORDS = st.sampled_from(
     re.findall(
         r"\w+",
-        "RAFF robot sensor units path base link frame constraint parameters type pred limits velocity actuated name "
+        "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
+        "velocity actuated name "
         "filename theta r d alpha gamma epsilon port translation rotation mm",
     )
 )
@@ -136,6 +140,9 @@ def _robots(
             continue
         pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
         speed = values.map(abs).filter(lambda value: value > least_speed)
+        if draw(st.integers(0, 3)) == 0:
+            parts.append(draw(_compounds(common, values, pair, speed)))
+            continue
         link = RaffLink(
             **common,
             type=draw(st.sampled_from(JointType)),
@@ -158,6 +165,24 @@ def _robots(
         tuple(draw(st.lists(held, max_size=2))),
         draw(st.none() | TEXTS) if graphics else None,
     )
+
+
+@st.composite
+def _compounds(draw: st.DrawFn, common: dict[str, Any], values: Any, pair: Any, speed: Any) -> RaffLink:
+    """A link whose joint has several variables."""
+    kind = draw(st.sampled_from(CompoundKind))
+    variables = [
+        RaffVariable(
+            name,
+            home=0.0 if written else draw(st.just(0.0) | values),
+            limits=draw(st.none() | pair),
+            velocity=draw(st.none() | speed),
+            actuated=draw(st.sampled_from([None, None, True, False])),
+        )
+        for name, written in VARIABLES[kind].items()
+        if draw(st.booleans())
+    ]
+    return RaffLink(**common, type=JointType.FIXED, compound=kind, variables=tuple(variables))
 
 
 @st.composite

@@ -1,0 +1,155 @@
+"""Joints of several variables: the motion that RAFF's reference defines, their successive joints, and errors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import cinegen
+import raff2urdf
+from raff2urdf.compound import VARIABLES, expanded
+from raff2urdf.constraints import constraints
+from raff2urdf.document import CompoundKind, Parameters
+from raff2urdf.kleinfinger import transform
+from raff2urdf.tree import home, kleinfinger, placements
+
+FILE = """
+RAFF Joints
+robot arm {
+  link 1 { parameters { theta 15 r 70 d 100 alpha 20 gamma 5 epsilon 30 } joint KIND pred 0 VARIABLES }
+  frame 2 { parameters { d 100 alpha 30 } pred 1 }
+}
+"""
+HOMES = {"ball": "variable x { home 20 } variable z { home -30 }", "planar": "variable ty { home 40 }"}
+KINDS = [kind.value for kind in CompoundKind]
+
+
+def text(kind: str, variables: str = "") -> str:
+    return FILE.replace("KIND", kind).replace("VARIABLES", variables)
+
+
+def step(name: str, value: float) -> np.ndarray:
+    """The transform of a variable (rad, m): of x a rotation about x, of tx a translation along it."""
+    along, k = np.eye(4), "xyz".index(name[-1])
+    if name.startswith("t"):
+        along[k, 3] = value
+        return along
+    i, j = (k + 1) % 3, (k + 2) % 3
+    along[[i, j], [i, j]] = np.cos(value)
+    along[i, j], along[j, i] = -np.sin(value), np.sin(value)
+    return along
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_joints_move_as_the_reference_defines(kind: str) -> None:
+    document = raff2urdf.loads(text(kind, HOMES.get(kind, "")))
+    robot = document.robot()
+    link = robot.links[0]
+    mechanism_joints = [one for one in expanded(robot).links if one.type]
+    values = dict(zip([one.joint for one in mechanism_joints], [0.4, -0.7, 1.9], strict=False))
+    kept = {parameter: 0.0 for parameter in VARIABLES[link.compound].values() if parameter}
+    expected = transform(kleinfinger(document, replace(link.parameters, **kept)))
+    for (name, _), value in zip(VARIABLES[link.compound].items(), values.values(), strict=True):
+        expected = expected @ step(name, value)
+    for each in (values, {one.joint: home(document, one) for one in mechanism_joints}):
+        found = placements(document, expanded(robot), each)
+        if each is values:
+            assert np.abs(found[1] - expected).max() < 1e-15
+        else:
+            assert np.abs(found[1] - placements(document, expanded(robot))[1]).max() < 1e-15
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_urdf_sdf_and_mjcf_move_alike(kind: str, tmp_path) -> None:
+    file = tmp_path / "arm.raff"
+    variables = {"universal": "variable y { home 5 limits { -50 60 } }", "ball": "variable y { actuated 1 }"}
+    file.write_text(text(kind, variables.get(kind, "")))
+    mechanism = cinegen.load(file)
+    q = mechanism.random_closed(1)[0]
+    for format, ending in (("urdf", "urdf"), ("sdf", "sdf"), ("mjcf", "xml")):
+        raff2urdf.convert(file, tmp_path, format=format)
+        read = cinegen.load(tmp_path / f"arm.{ending}")
+        assert read.joints == mechanism.joints
+        assert read.actuated == mechanism.actuated
+        there = read.configuration({name: q[mechanism.q_index(name)] for name in mechanism.joints})
+        for node in ("link1", "frame2"):
+            assert read.placement(there, node).isApprox(mechanism.placement(q, node), 1e-9)
+        assert np.abs(read.q_home - mechanism.q_home).max() < 1e-12
+
+
+def test_the_constraints_file_lists_joints_and_ball_joints_but_no_links_between() -> None:
+    document = raff2urdf.loads(text("ball", "variable y { home 40 }"))
+    values = constraints(document, document.robot(), None)
+    assert values["nodes"] == ["base", "link1", "frame2"]
+    assert [(joint["name"], joint["actuated"]) for joint in values["joints"]] == [
+        ("joint1_X", False), ("joint1_Y", False), ("joint1_Z", False),
+    ]  # fmt: skip
+    assert values["joints"][1]["home"] == np.radians(40.0)
+    assert values["balls"] == [{"name": "joint1", "joints": ["joint1_X", "joint1_Y", "joint1_Z"]}]
+
+
+@pytest.mark.parametrize("word", ["limits { -80 80 }", "velocity 90", "actuated 1"])
+def test_a_ball_joint_with_limits_or_an_actuator_is_three_joints(word: str) -> None:
+    document = raff2urdf.loads(text("ball", f"variable y {{ {word} }}"))
+    assert "balls" not in constraints(document, document.robot(), None)
+
+
+def test_limits_velocity_and_actuated_are_of_a_variable() -> None:
+    words = "variable tz { limits { 0 90 } velocity 10 actuated 1 } variable z { actuated 0 }"
+    document = raff2urdf.loads(text("cylindrical", words))
+    rotation, translation = constraints(document, document.robot(), None)["joints"]
+    assert rotation["limits"] is None
+    assert rotation["actuated"] is False
+    assert rotation["home"] == np.radians(15.0)
+    assert translation["limits"] == [0.0, 0.09]
+    assert translation["velocity"] == 0.01
+    assert translation["actuated"]
+    assert translation["home"] == 0.07
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_text_of_a_document_reads_back(kind: str) -> None:
+    document = raff2urdf.loads(text(kind, HOMES.get(kind, "")))
+    assert raff2urdf.loads(raff2urdf.dumps(document)) == document
+    assert f"joint {kind}" in raff2urdf.dumps(document)
+
+
+@pytest.mark.parametrize(
+    ("link", "message"),
+    [
+        ("joint bal pred 0", "4:18: unknown joint 'bal': did you mean 'ball'?"),
+        ("joint ball type 2 pred 0", "link 1 has both 'type' and 'joint': remove one of them"),
+        ("pred 0", "link 1 has no 'type' (0 fixed, 1 prismatic, 2 revolute)"),
+        ("joint ball pred 0 limits { 0 1 }", "write 'limits' for one of them, in 'variable x { }'"),
+        ("joint ball pred 0 variable tx { }", "a ball joint has no variable 'tx' (known: x, y, z)"),
+        ("joint ball pred 0 variable x { } variable x { }", "variable x of link 1 is defined twice"),
+        ("joint ball pred 0 variable x { limits { 3 2 } }", "variable x of link 1"),
+        ("joint ball pred 0 variable x { velocity 0 }", "the velocity limit of variable x of link 1 is 0"),
+        ("joint universal pred 0 variable z { home 3 }", "is 'theta' of its parameters: write it there"),
+        ("type 2 pred 0 variable z { }", "link 1 has variables but no joint that has several"),
+        ('joint ball pred 0 name "link1_X"', "the name 'link1_X' is needed for a joint of link 1"),
+    ],
+)
+def test_errors_name_the_place_and_the_remedy(link: str, message: str) -> None:
+    with pytest.raises(raff2urdf.RaffError) as caught:
+        raff2urdf.loads(f"RAFF Wrong\nrobot r {{\n  // a link\n  link 1 {{ {link} }}\n}}")
+    assert message in str(caught.value)
+
+
+def test_a_coupling_of_such_a_joint_is_an_error() -> None:
+    links = "link 1 { joint cylindrical pred 0 } link 2 { type 2 pred 1 }"
+    with pytest.raises(raff2urdf.RaffError, match="whose cylindrical joint has several variables: write it as succ"):
+        raff2urdf.check(raff2urdf.loads(f"RAFF Wrong robot r {{ {links} coupling {{ link 1 link 2 lead 5 }} }}"))
+
+
+def test_a_home_outside_its_limits_is_warned_of() -> None:
+    with pytest.warns(raff2urdf.RaffWarning, match="home 15 of variable z of link 1 is outside its limits 20 to 40"):
+        raff2urdf.check(raff2urdf.loads(text("planar", "variable z { limits { 20 40 } }")))
+
+
+def test_a_robot_without_such_joints_is_not_copied() -> None:
+    robot = raff2urdf.loads("RAFF Arm robot r { link 1 { type 2 pred 0 } }").robot()
+    assert expanded(robot) is robot
+    assert robot.links[0].parameters == Parameters()
