@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from raff2urdf.compound import expanded
 from raff2urdf.coupling import Coupling, followed
 from raff2urdf.document import (
     Document,
@@ -77,7 +78,7 @@ def velocity(document: Document, link: RaffLink) -> float:
 
 def placements(document: Document, robot: RaffRobot, q: Mapping[str, float] | None = None) -> dict[int, Array]:
     """Return the world placement (4, 4) of every node, by number, as written or at joint values `q` (rad, m)."""
-    base = transform(kleinfinger(document, robot.base.parameters))
+    base, robot = transform(kleinfinger(document, robot.base.parameters)), expanded(robot)
     parameters = {part.number: kleinfinger(document, part.parameters) for part in robot.parts}
     values = {part.number: q[part.joint] for part in robot.parts if q is not None and part.joint in q}
     return {0: base} | _placed(robot.outward, parameters, values, base)

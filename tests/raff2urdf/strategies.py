@@ -85,7 +85,7 @@ def documents(
 
     Args:
         draw: hypothesis's.
-        moderate: numbers of a robot one can build, instead of any double.
+        moderate: numbers of a robot one can build, instead of any double; each link has one variable at most.
         loops: with loops; they join any two nodes, so that few of them can be closed.
         graphics: with names of graphic files (there are no such files).
         least_robots: at least so many robots.
@@ -98,7 +98,17 @@ def documents(
     names = draw(st.lists(XML_NAMES | KEYWORDS, unique=True, min_size=least_robots, max_size=max(2, least_robots)))
     robots = [
         draw(
-            _robots(name, [0, *numbers], parameters(lengths, angles), lengths, loops, graphics, most_parts, least_speed)
+            _robots(
+                name,
+                [0, *numbers],
+                parameters(lengths, angles),
+                lengths,
+                loops,
+                graphics,
+                most_parts,
+                least_speed,
+                compounds=not moderate,
+            )
         )
         for name in names
     ]
@@ -121,6 +131,7 @@ def _robots(
     graphics: bool,
     most_parts: int,
     least_speed: float,
+    compounds: bool,
 ) -> RaffRobot:
     files = st.none() | st.lists(TEXTS, max_size=2).map(tuple) if graphics else st.none()
     numbers = draw(st.lists(st.integers(1, 40) | st.integers(1, 10**9), unique=True, max_size=most_parts))
@@ -140,7 +151,7 @@ def _robots(
             continue
         pair = st.tuples(values, values).map(lambda two: (min(two), max(two)))
         speed = values.map(abs).filter(lambda value: value > least_speed)
-        if draw(st.integers(0, 3)) == 0:
+        if compounds and draw(st.integers(0, 3)) == 0:
             parts.append(draw(_compounds(common, values, pair, speed)))
             continue
         link = RaffLink(
