@@ -62,7 +62,12 @@ class UncontrolledDoF:
 
 
 def lost(
-    mechanism: Mechanism, q: Array, tasks: Sequence[tuple[FrameTask, Array]], rank: int, resting: int = 0
+    mechanism: Mechanism,
+    q: Array,
+    tasks: Sequence[tuple[FrameTask, Array]],
+    rank: int,
+    resting: int = 0,
+    system: ClosedLoops | None = None,
 ) -> LostDoF | None:
     """Return the weakest direction of some tasks; None if no configuration can move them.
 
@@ -72,10 +77,11 @@ def lost(
         tasks: valid tasks, each with its axes in the world (3, 3).
         rank: generic rank of all tasks together.
         resting: number of leading columns that are fixed.
+        system: the mechanism's loops, if not its own: `joints` is then in the columns of its Jacobian.
     """
     if rank == 0:
         return None
-    system = mechanism.system
+    system = mechanism.system if system is None else system
     ever = _ever(mechanism, system, q, tasks, resting)
     rows, motions = _on_free_motions(mechanism, system, q, tasks, resting)
     rank = min(rank, *ever.shape)  # less where a target's rotation was set to what is none
@@ -91,22 +97,24 @@ def lost(
 def passive_singular_values(mechanism: Mechanism, q: Array) -> Array:
     """Return the singular values of the passive joints' columns in the loops' Jacobian at q (nq,), dimensionless,
     largest first, as many as their generic rank. The mechanism is at a type 2 singularity where the last is 0."""
-    return np.asarray(np.linalg.svd(_passive(mechanism, q), compute_uv=False)[: mechanism.passive_rank])
+    passive = mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
+    return np.asarray(np.linalg.svd(passive, compute_uv=False)[: mechanism.passive_rank])
 
 
-def gained(mechanism: Mechanism, q: Array) -> UncontrolledDoF | None:
-    """Return the motion that the actuated joints control least at q (nq,); None without passive joints in loops."""
+def gained(mechanism: Mechanism, q: Array, system: ClosedLoops | None = None) -> UncontrolledDoF | None:
+    """Return the motion that the actuated joints control least at q (nq,); None without passive joints in loops.
+
+    With `system`, the motion is in the columns of its Jacobian, see `lost`.
+    """
     rank = mechanism.passive_rank
     if rank == 0:
         return None
-    _, sigma, vt = np.linalg.svd(_passive(mechanism, q), full_matrices=False)
+    system = mechanism.system if system is None else system
+    passive = system.evaluate(q)[1][:, mechanism.passive_columns]
+    _, sigma, vt = np.linalg.svd(passive, full_matrices=False)
     joints = np.zeros(mechanism.model.nv)
     joints[mechanism.passive_columns] = vt[rank - 1]
     return UncontrolledDoF(float(sigma[rank - 1]), _sign(joints) * joints * mechanism.scale)
-
-
-def _passive(mechanism: Mechanism, q: Array) -> Array:
-    return mechanism.system.evaluate(q)[1][:, mechanism.passive_columns]
 
 
 def _on_free_motions(

@@ -16,6 +16,7 @@ from cinegen.ik._kernels import memory as m
 from cinegen.ik.equations import equations, free_motions
 from cinegen.ik.singular import LostDoF, UncontrolledDoF, gained, lost, passive_singular_values
 from cinegen.ik.task import FrameTask
+from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -158,9 +159,13 @@ class Step:
     def lost_dof(self) -> LostDoF | None:
         """Direction that the tasks follow worst at q, with its singular value (type 1); None without a task that can
         move. Computed on access."""
+        return self.lost_dof_in(None)
+
+    def lost_dof_in(self, system: ClosedLoops | None) -> LostDoF | None:
+        """Return `lost_dof` by another Jacobian of the mechanism's loops: see `cinegen.ik.singular.lost`."""
         wanted, layout = self._wanted(), self._layout
         count = int(self._record[m.TASK_RANK])
-        found = lost(layout.mechanism, self.q, wanted, count, layout.resting)
+        found = lost(layout.mechanism, self.q, wanted, count, layout.resting, system)
         if found is None or len(wanted) == len(layout.tasks):
             return found
         twists = np.zeros((len(layout.tasks), 6))

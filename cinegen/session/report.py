@@ -10,11 +10,12 @@ import pinocchio as pin
 from msgspec import Struct
 from numpy.typing import NDArray
 
-from cinegen.ik import EventKind, FrameTask, LookAhead
+from cinegen.ik import Event, EventKind, FrameTask, LookAhead, Step
 from cinegen.ik.equations import free_motions
-from cinegen.ik.singular import NEAR_PASSIVE
+from cinegen.ik.singular import NEAR_PASSIVE, gained
 from cinegen.model import Mechanism
 from cinegen.session.state import RobotState
+from cinegen.singularities.ball_joints import CountedLoops, balls
 
 Array = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ _REACH = 0.2  # rad or lengths: motion of the joints for the ellipsoid
 _ALONG = 0.9  # component of a unit vector that is "along" an axis
 _CLEAR = 0.08  # fraction of a joint's range that is near its limit
 _POINTS = 40  # of the forecast
+_ROUGH = 0.01  # error of a singular value at an event, which lies between two ticks
 
 
 class SingularityReport(Struct, frozen=True):
@@ -118,12 +120,20 @@ class RobotReport(Struct, frozen=True):
 class Reporter:
     """Reports on one robot. For one thread at a time.
 
+    Where three revolute joints stand for a ball joint, their gimbal lock is not reported as a singularity.
+
     Args:
         mechanism: mechanism of the robot.
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
         self.mechanism = mechanism
+        inner = {mechanism.model.getJointId(joint) for names in balls(mechanism) for joint in names[:2]}
+        frames = {node: mechanism.model.frames[mechanism.frame_id(node)] for node in mechanism.nodes}
+        self._within = {node for node, frame in frames.items() if frame.parentJoint in inner}
+        self._own = mechanism.own_system()
+        self._counted = CountedLoops(mechanism) if inner else self._own
+        self._loops = self._counted
         self._look_ahead = LookAhead(mechanism, _DT)
         self._solver = self._look_ahead.solver
         self._last: dict[int, tuple[float, pin.SE3]] = {}  # last targets, with their times
@@ -138,23 +148,21 @@ class Reporter:
         mechanism, q = self.mechanism, robot.q
         self._set_tasks(robot)
         tasks = self._solver.tasks
+        self._loops = self._own if any(task.node in self._within for task in tasks) else self._counted
         node, at = tasks[0].node, tasks[0].offset
         self._look_ahead.velocities = self._velocities(robot, time)
-        self._solver.q = q
-        here = mechanism.placement(q, node) * at
-        for task in tasks:
-            task.target = mechanism.placement(q, task.node) * task.offset
-        step = self._solver.step()  # a step of length 0, whose numbers are those of q
-        lost, gained = step.lost_dof, step.uncontrolled_dof
+        here, step = mechanism.placement(q, node) * at, self._step_at(q)
+        lost, uncontrolled = step.lost_dof_in(self._loops), gained(mechanism, q, self._loops)
         type1 = type2 = None
         base = robot.base
         if lost is not None:
             which = int(np.argmax(np.linalg.norm(lost.twists, axis=1)))
             own = tasks[which]
             type1 = self._singularity(lost.sigma, NEAR, own.node, own.offset, lost.twists[which], robot, "lost")
-        if gained is not None:
-            moving, twist = self._moved_most(q, gained.joints)
-            type2 = self._singularity(gained.sigma, NEAR_PASSIVE, moving, pin.SE3.Identity(), twist, robot, "gained")
+        if uncontrolled is not None:
+            moving, twist = self._moved_most(uncontrolled.joints)
+            unit = pin.SE3.Identity()
+            type2 = self._singularity(uncontrolled.sigma, NEAR_PASSIVE, moving, unit, twist, robot, "gained")
         path, events = self._forecast(robot, node, at)
         ellipsoid = self._ellipsoid(q, node, at)
         if ellipsoid is not None:
@@ -169,6 +177,13 @@ class Reporter:
             None if ellipsoid is None else Ellipsoid(base.act(here.translation), ellipsoid),
             ForecastReport(path @ base.rotation.T + base.translation, events),
         )
+
+    def _step_at(self, q: Array) -> Step:
+        """Return a step of length 0, whose numbers are those of q."""
+        self._solver.q = q
+        for task in self._solver.tasks:
+            task.target = self.mechanism.placement(q, task.node) * task.offset
+        return self._solver.step()
 
     # --- tasks ---------------------------------------------------------------------------------------------------
 
@@ -232,27 +247,32 @@ class Reporter:
                 return f"{how} {'xyz'[k]} of {of}"
         return f"{how} ({', '.join(f'{x:.1f}' for x in axis)}) of the base"
 
-    def _moved_most(self, q: Array, joints: Array) -> tuple[str, Array]:
-        """Return the node that a joint motion moves most, preferably the end, and its twist in the world's axes."""
+    def _moved_most(self, joints: Array) -> tuple[str, Array]:
+        """Return the node that a motion, of the columns of `_loops`, moves most, preferably the end, and its twist in
+        the world's axes."""
         best, most, found = self.mechanism.end, 0.0, np.zeros(6)
         for node in (self.mechanism.end, *self.mechanism.nodes):
-            twist = self.mechanism.jacobian(q, node) @ joints
+            if node in self._within:
+                continue
+            twist = self._jacobian(node, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED) @ joints
             size = float(np.linalg.norm(twist / np.array([self.mechanism.length] * 3 + [1.0] * 3)))
             if size > 1.5 * most + 1e-6:
-                rotation = self.mechanism.placement(q, node).rotation
-                best, most = node, size
-                found = np.concatenate([rotation @ twist[:3], rotation @ twist[3:]])
+                best, most, found = node, size, twist
         return best, found
+
+    def _jacobian(self, node: str, axes: pin.ReferenceFrame) -> Array:
+        """Return the Jacobian (6, nv) of a node where `_loops` was evaluated last, m and rad."""
+        frame, model, data = self.mechanism.frame_id(node), self.mechanism.model, self._loops.data
+        pin.updateFramePlacement(model, data, frame)
+        return np.asarray(pin.getFrameJacobian(model, data, frame, axes)).reshape(6, -1)
 
     def _ellipsoid(self, q: Array, node: str, at: pin.SE3) -> Array | None:
         """Return the half axes as rows (3, 3), m, in the axes of the robot's own world."""
         mechanism = self.mechanism
-        motions = np.eye(mechanism.model.nv)
-        if mechanism.is_constrained:
-            motions = free_motions(mechanism.system.evaluate(q)[1], mechanism.loop_rank)[0]
+        motions = free_motions(self._loops.evaluate(q)[1], mechanism.loop_rank)[0]
         if motions.shape[1] == 0:
             return None
-        own = at.toActionMatrixInverse() @ mechanism.jacobian(q, node)
+        own = at.toActionMatrixInverse() @ self._jacobian(node, pin.ReferenceFrame.LOCAL)
         rotation = (mechanism.placement(q, node) * at).rotation
         u, sigma, _ = np.linalg.svd(rotation @ own[:3] * mechanism.scale @ motions)
         sizes = np.zeros(3)
@@ -290,6 +310,16 @@ class Reporter:
                 robot.base.act((mechanism.placement(event.q, node) * at).translation),
             )
             for event in forecast.events
-            if event.time > 0.0 and event.kind is not EventKind.STOPPED
+            if event.time > 0.0 and event.kind is not EventKind.STOPPED and not self._is_gimbal_lock(event)
         )
         return path, events
+
+    def _is_gimbal_lock(self, event: Event) -> bool:
+        """Return whether only the joints that stand for ball joints are singular at an event."""
+        if not isinstance(self._loops, CountedLoops) or event.kind not in (EventKind.TYPE_1, EventKind.TYPE_2):
+            return False
+        if event.kind is EventKind.TYPE_1:
+            found = self._step_at(event.q).lost_dof_in(self._loops)
+            return found is not None and found.sigma > NEAR + _ROUGH
+        weakest = gained(self.mechanism, event.q, self._loops)
+        return weakest is not None and weakest.sigma > NEAR_PASSIVE + _ROUGH

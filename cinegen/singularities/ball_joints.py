@@ -16,9 +16,29 @@ from numpy.typing import NDArray
 
 from cinegen.assembly.linkage import Linkage, ModesError
 from cinegen.joints import common_point
+from cinegen.loops.closed_loops import ClosedLoops
 from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
+
+
+class CountedLoops(ClosedLoops):
+    """The loops of a mechanism, with a Jacobian in which a ball joint counts as one joint.
+
+    Args:
+        mechanism: that has them.
+    """
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        super().__init__(mechanism.model, mechanism.loops, mechanism.length, mechanism.couplings)
+        self._mechanism = mechanism
+
+    def evaluate(self, q: Array) -> tuple[Array, Array]:
+        """Return the residual (rows,) at q (nq,), and its derivative (rows, nv) by the counted velocities."""
+        if self.model.nv == 0:
+            return super().evaluate(q)
+        _count(self._mechanism, self.data, q)
+        return self.evaluate_placed(q)
 
 
 class CountedJacobians(NamedTuple):
@@ -56,7 +76,7 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
     model, frame = mechanism.model, mechanism.frame_id(node)
     if model.nv == 0:  # Pinocchio would crash
         return CountedJacobians(np.zeros((0, 0)), np.zeros((6, 0)), np.zeros((0, 0)))
-    written, joints = _count(mechanism, q), np.eye(model.nv)
+    written, joints = _count(mechanism, mechanism.system.data, q), np.eye(model.nv)
     for columns, axes in written:
         joints[np.ix_(columns, columns)] = np.linalg.pinv(axes, rcond=1e-9)
     data, aligned = mechanism.system.data, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -68,14 +88,14 @@ def counted(mechanism: Mechanism, q: Array, node: str) -> CountedJacobians:
 
 def counted_loops(mechanism: Mechanism, q: Array) -> Array:
     """Return the Jacobian (rows, nv) of all loops and couplings at q (nq,), dimensionless."""
-    _count(mechanism, q)
+    _count(mechanism, mechanism.system.data, q)
     return mechanism.system.evaluate_placed(q)[1]
 
 
-def _count(mechanism: Mechanism, q: Array) -> list[tuple[list[int], Array]]:
+def _count(mechanism: Mechanism, data: pin.Data, q: Array) -> list[tuple[list[int], Array]]:
     """Compute Pinocchio's placements and joint Jacobians at q (nq,), those of ball joints replaced; return of each ball
     joint the columns, and the axes (3, 3) by columns."""
-    written, model, data, found = balls(mechanism), mechanism.model, mechanism.system.data, []
+    written, model, found = balls(mechanism), mechanism.model, []
     pin.computeJointJacobians(model, data, q)
     for names in written:
         columns = [mechanism.v_index(name) for name in names]

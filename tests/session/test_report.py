@@ -8,10 +8,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from cinegen.ik.singular import gained
 from cinegen.model import ForwardKinematics
 from cinegen.session import Reporter, Session, arrange
 from cinegen.session import commands as c
 from cinegen.session.report import HORIZON
+from cinegen.singularities import singularity
+from cinegen.singularities.ball_joints import counted
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*no such port:cinegen.CinegenWarning")
 
@@ -84,7 +87,7 @@ def test_outer_links_in_line_do_not_hold_the_motion_across_them(session):
 
 @pytest.mark.parametrize("name", ["rx90", "delta4", "gough", "five_bar"])
 def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
-    """Its support in any direction, against finite differences along the free motions."""
+    """Its support in any direction, against finite differences along the free motions, a ball joint as one joint."""
     one = session(name)
     mechanism = one.setup.robots[name]
     ellipsoid = report(one, name).ellipsoid
@@ -92,10 +95,10 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     q, end = mechanism.q_home, mechanism.end
     place = mechanism.placement(q, end).translation
     assert centre == pytest.approx(place)
-    loops = mechanism.system.evaluate(q)[1]
+    jacobians = counted(mechanism, q, end)
     motions = np.eye(mechanism.model.nv)
     if mechanism.loops:
-        motions = np.linalg.svd(loops)[2][mechanism.loop_rank :].T
+        motions = jacobians.joints @ np.linalg.svd(jacobians.loops)[2][mechanism.loop_rank :].T
     step = 1e-6
     moved = [
         (
@@ -111,6 +114,24 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     for direction in rng.normal(size=(50, 3)):
         direction /= np.linalg.norm(direction)
         assert np.linalg.norm(axes @ direction) == pytest.approx(0.2 * np.linalg.norm(rate @ direction), abs=1e-7)
+
+
+@pytest.mark.parametrize("name", ["tssm", "gough"])
+def test_gimbal_lock_of_a_ball_joint_is_not_near_a_singularity(session, name):
+    one = session(name)
+    mechanism = one.setup.robots[name]
+    q = mechanism.close(mechanism.configuration({"joint5": 1e-3}), ["joint5"])
+    assert gained(mechanism, q).sigma < 0.01
+    one.robots[name].jump_to(q)
+    found, near = report(one, name), singularity(mechanism, q)
+    assert found.type2.sigma == pytest.approx(near.second[-1], rel=1e-6)
+    assert found.type2.sigma > 0.02
+    assert found.type1.sigma > 0.05
+    one.obey(c.Pin(name, mechanism.end))
+    reporter = Reporter(mechanism)
+    for _ in range(3):
+        one.tick()
+        assert not report(one, name, reporter).forecast.events
 
 
 def test_what_a_moving_hand_will_meet_is_foreseen_where_and_when_it_then_happens(session):
