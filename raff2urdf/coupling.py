@@ -16,7 +16,7 @@ the distance, in rad or characteristic lengths, to the nearest joint values that
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,6 +79,32 @@ class Coupling:
             residual += value
             derivative[joint] = slope
         return residual, derivative
+
+
+def coupled_scales(
+    couplings: Sequence[Coupling], scales: Mapping[str, float], outermost: Collection[str]
+) -> dict[str, float]:
+    """Return the size of a dimensionless step of each joint in couplings, rad or m.
+
+    A joint that drives others by gears or a screw may make many revolutions while they move by little. Counted like any
+    other joint it would dominate every motion that it takes part in, and the mechanism would seem nearly singular. So
+    one step of a joint that moves nothing but its own body is as large as the step of the joint that it drives.
+
+    Args:
+        couplings: all of them.
+        scales: of the joints without couplings: the characteristic length (m), or 1 rad.
+        outermost: joints behind which there are no other joints and no ends of loops.
+    """
+    found = dict(scales)
+    for coupling in couplings:
+        for joint in coupling.terms.keys() & outermost:
+            own = abs(coupling.terms[joint][0])
+            driven = max(
+                (abs(c[0]) * scales[other] for other, c in coupling.terms.items() if other != joint), default=0.0
+            )
+            if own > 0.0:
+                found[joint] = max(found[joint], driven / own)
+    return found
 
 
 def followed(couplings: Iterable[Coupling], values: Mapping[str, float]) -> dict[str, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.compound import expanded
-from raff2urdf.coupling import Coupling, followed
+from raff2urdf.coupling import Coupling, coupled_scales, followed
 from raff2urdf.document import (
     Document,
     DriveKind,
@@ -141,8 +141,11 @@ class Cluster:
         self._parameters = {part.number: kleinfinger(document, part.parameters) for part in self.parts}
         self._signs = [self._sign(*pair) for pair in branches]
         self._columns = {joint.joint: i for i, joint in enumerate(self.joints)}
-        scales = dict(zip(self._columns, self.scale.tolist(), strict=True))
         equations = [coupling_of(document, robot, i) for i in couplings]
+        scales = coupled_scales(
+            equations, dict(zip(self._columns, self.scale.tolist(), strict=True)), _outermost(robot)
+        )
+        self.scale = np.array(list(scales.values()))
         self._equations = [(equation, equation.size(scales)) for equation in equations]
 
     @property
@@ -250,6 +253,19 @@ def _coupled(robot: RaffRobot, coupling: int) -> set[int]:
     """Return the numbers of the links whose joints a coupling names."""
     one = robot.couplings[coupling]
     return {one.follower, *(drive.link for drive in one.drives)}
+
+
+def _outermost(robot: RaffRobot) -> set[str]:
+    """Return the joints behind which there are no other joints and no ends of loops, by name."""
+    moving = [link for link in robot.links if link.type is not JointType.FIXED]
+    inner = {0}
+    for number in (*(link.pred for link in moving), *(end for one in robot.loops for end in (one.first, one.second))):
+        while number not in inner:
+            inner.add(number)
+            part = robot.nodes[number]
+            assert not isinstance(part, RaffBase)
+            number = part.pred
+    return {link.joint for link in moving if link.number not in inner}
 
 
 def _branches(robot: RaffRobot, loop: int) -> tuple[list[RaffPart], list[RaffPart]]:

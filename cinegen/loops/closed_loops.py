@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from cinegen.joints import kinematic_data, step_scale, supporting_columns
-from raff2urdf.coupling import Coupling
+from raff2urdf.coupling import Coupling, coupled_scales
 from raff2urdf.document import LoopKind
 from raff2urdf.residual import ROWS, loop_residual
 
@@ -72,7 +72,8 @@ class ClosedLoops:
 
     Attributes:
         coupling_sizes: factors that make the couplings' residuals dimensionless: see `raff2urdf.coupling`.
-        scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations.
+        scale: (nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations; more for
+            joints that only drive others, see `raff2urdf.coupling.coupled_scales`.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
         kinds: of the loops.
         rows: number of equations.
@@ -91,13 +92,24 @@ class ClosedLoops:
         self.data = kinematic_data(model)
         self.kinds = [loop.kind for loop in self.loops]
         self.rows = sum(loop.rows for loop in self.loops) + len(self.couplings)
-        names = {joint for coupling in self.couplings for joint in coupling.terms}
+        names = dict.fromkeys(joint for coupling in self.couplings for joint in coupling.terms)
         self._coupled = {name: model.joints[model.getJointId(name)] for name in names}
-        scales = {name: float(self.scale[joint.idx_v]) for name, joint in self._coupled.items()}
+        scales = coupled_scales(self.couplings, self._scales_of(names), self._outermost(names))
+        for name, joint in self._coupled.items():
+            self.scale[joint.idx_v] = scales[name]
         self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
         ends = [[supporting_columns(model, anchor[end]) for end in (0, 2)] for anchor in self.anchors]
         self._moving = [np.flatnonzero(first != second) for first, second in ends]
         self._signs = [((second - first) * self.scale)[first != second] for first, second in ends]
+
+    def _scales_of(self, names: Iterable[str]) -> dict[str, float]:
+        return {name: float(self.scale[self._coupled[name].idx_v]) for name in names}
+
+    def _outermost(self, names: Iterable[str]) -> list[str]:
+        """Return the joints behind which there are no other joints and no ends of loops."""
+        ends = {joint for anchor in self.anchors for joint in anchor[::2]}
+        alone = {name: list(self.model.subtrees[self._coupled[name].id]) for name in names}
+        return [name for name, behind in alone.items() if len(behind) == 1 and behind[0] not in ends]
 
     def with_kinds(self, kinds: Sequence[LoopKind]) -> ClosedLoops:
         """Return the same loops, closed by other kinds of joints."""

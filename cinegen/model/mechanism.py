@@ -158,7 +158,8 @@ class Mechanism:
 
     @cached_property
     def scale(self) -> Array:
-        """(nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations."""
+        """(nv,) size of one dimensionless step: `length` (m) for translations, 1 rad for rotations; more for joints
+        that only drive others, see `raff2urdf.coupling.coupled_scales`."""
         return self.system.scale
 
     @property

@@ -110,10 +110,10 @@ def test_bounds_are_kept_together_with_all_else(robot, name, seed, wishing, acce
     for _ in range(15):
         step = solver.step()
         # what can't stop at once turns back by half, which is not quite within what the loops of this tick would allow
-        rounded = 1e-4 if accelerated and mechanism.loops else EXACT
+        rounded = 1e-4 if accelerated and mechanism.is_constrained else EXACT
         assert (rows @ proposed(solver) <= most + rounded * size).all()
         # closing the loops, and keeping tasks where wishes would move them, adds what is of second order
-        exact = not (mechanism.loops or wishing)
+        exact = not (mechanism.is_constrained or wishing)
         second = 0.0 if exact else 2.0 * (np.abs(step.v / mechanism.scale).max() * DT) ** 2 / DT
         assert (rows @ step.v <= most + (rounded + second) * size).all()
         assert (np.abs(step.v) <= fastest(mechanism) * (1.0 + 1e-9)).all()

@@ -362,7 +362,7 @@ def test_singular_values_are_those_of_the_path(robot, seed, name):
         there.add_task(mechanism.end, axes="world", rotation=task.rotation)
         step = there.step()
         assert step.lost_dof.sigma == pytest.approx(sigma, abs=1e-9)
-        assert passive == (pytest.approx(step.uncontrolled_dof.sigma, abs=1e-9) if mechanism.loops else np.inf)
+        assert passive == (pytest.approx(step.uncontrolled_dof.sigma, abs=1e-9) if mechanism.is_constrained else np.inf)
 
 
 def test_a_coarser_tick_makes_good_as_much_in_the_same_time(raff):

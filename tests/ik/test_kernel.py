@@ -62,11 +62,12 @@ def near(mechanism: cinegen.Mechanism, pose: pin.SE3, rng: np.random.Generator, 
 @every_robot
 def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name, which):
     mechanism = load(name, which)
-    if not mechanism.loops:
+    if not mechanism.is_constrained:
         return
     rng = np.random.default_rng(0)
     memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
-    unit = np.array([1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components])
+    of_loops = [1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components]
+    unit = np.array([*of_loops, *mechanism.system.coupling_sizes])
     for q in mechanism.random_closed(6, seed=1):
         for bent in (0.0, 0.3, 3.0):
             there = q + bent * rng.normal(size=len(q)) * mechanism.scale
@@ -81,6 +82,12 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
                 first = mechanism.placement(there, loop.first) * loop.first_placement
                 second = mechanism.placement(there, loop.second) * loop.second_placement
                 by_hand.append(loop_residual(loop.kind, first.actInv(second).homogeneous, mechanism.length)[0])
+            for coupling, size in zip(mechanism.couplings, mechanism.system.coupling_sizes, strict=True):
+                values = [
+                    np.polynomial.Polynomial([0.0, *c])(there[mechanism.q_index(joint)])
+                    for joint, c in coupling.terms.items()
+                ]
+                by_hand.append([(sum(values) - coupling.constant) / size])
             assert memory.residual == pytest.approx(np.concatenate(by_hand), abs=1e-13)
 
 

@@ -90,7 +90,7 @@ def test_along_the_weakest_joint_direction_pulls_move_by_sigma(robot, seed, name
     assert jacobian @ lost.joints / unit == pytest.approx(lost.sigma * lost.twists[0] / unit, abs=1e-9)
     assert np.linalg.norm(lost.joints / mechanism.scale) == pytest.approx(1.0)
     assert np.linalg.norm(lost.twists[0] / unit) == pytest.approx(1.0)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         assert mechanism.loop_jacobian(step.q) @ lost.joints == pytest.approx(0.0, abs=1e-9)
     assert lost.sigma == pytest.approx(step.singular_values[-1], abs=1e-9)
 

@@ -35,7 +35,7 @@ def test_a_target_within_reach_is_reached_exactly(robot, name):
         solver = Solver(mechanism, DT)
         target = mechanism.placement(q, node)
         home = mechanism.placement(mechanism.q_home, node)
-        near = pin.SE3.Interpolate(home, target, 0.3) if not mechanism.loops else target
+        near = pin.SE3.Interpolate(home, target, 0.3) if not mechanism.is_constrained else target
         solver.add_task(node, near)
         step = _run(solver, 600)
         assert step.errors[0][0] < 1e-9 * max(1.0, mechanism.length)

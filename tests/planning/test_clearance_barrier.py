@@ -79,7 +79,7 @@ def test_whatever_leads_it_nothing_comes_nearer_than_the_safety_distance(
         step = solver.step()
         assert step.closure <= 1e-9
         path.append(step.q)
-    if not mechanism.loops:
+    if not mechanism.is_constrained:
         assert densely(clearance, path, 4) >= safety - EXACT
     assert min(clearance.least(q) for q in path) >= safety - EXACT
     assert path_clearance(clearance, np.array(path), 0.05) >= (1.0 - 0.05) * safety - EXACT

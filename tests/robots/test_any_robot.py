@@ -387,7 +387,7 @@ def test_robots_without_joints_stand_still(tmp_path):
 def tool_motions(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
     """(6, 6) projector on the tool's twists that the loops leave, in the tool's frame, without unit."""
     motions = np.eye(mechanism.model.nv)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         motions = np.linalg.svd(mechanism.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
     twists = mechanism.jacobian(q, "tool") * mechanism.scale @ motions
     twists[:3] /= mechanism.length

@@ -212,7 +212,7 @@ def what_could_be_won(mechanism: cinegen.Mechanism, q: np.ndarray, task: cinegen
     error = np.concatenate([part * min(1.0, 0.2 / max(float(np.linalg.norm(part)), 1e-9)) for part in parts])
     gradient = (rows / unit[:, None]).T @ error
     motions = np.eye(mechanism.model.nv)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         motions = np.linalg.svd(mechanism.system.evaluate(q)[1])[2][mechanism.loop_rank :].T
     bounds = np.concatenate([np.maximum(high, 0.0), np.maximum(-low, 0.0)])
     best = linprog(-motions.T @ gradient, np.vstack([motions, -motions]), bounds, bounds=(None, None))

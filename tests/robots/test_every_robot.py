@@ -157,7 +157,7 @@ def derivative(mechanism, function, q: np.ndarray, h: float = 1e-6) -> np.ndarra
 @every_robot
 def test_the_loops_jacobian_is_the_derivative_of_their_residual_closed_and_open(name, which):
     mechanism = load(name, which)
-    if not mechanism.loops:
+    if not mechanism.is_constrained:
         assert mechanism.loop_jacobian(mechanism.q_home).shape == (0, mechanism.model.nv)
     else:
         for q, closed in configurations(mechanism, 4):
@@ -184,8 +184,12 @@ def test_the_rank_of_the_loops_is_the_same_all_over_its_workspace(name, which):
     """So that home is no singular posture, and the mobility no accident of where it was counted."""
     mechanism = load(name, which)
     for q in [mechanism.q_home] + [q for seed in range(4) for q in mechanism.random_closed(5, seed)]:
-        sigma = np.linalg.svd(mechanism.system.evaluate(q)[1], compute_uv=False) if mechanism.loops else np.zeros(0)
+        sigma = (
+            np.linalg.svd(mechanism.system.evaluate(q)[1], compute_uv=False)
+            if mechanism.is_constrained
+            else np.zeros(0)
+        )
         assert np.count_nonzero(sigma > 1e-7) == mechanism.loop_rank
-    if mechanism.loops:
+    if mechanism.is_constrained:
         sigma = np.linalg.svd(mechanism.system.evaluate(mechanism.q_home)[1], compute_uv=False)
         assert sigma[mechanism.loop_rank - 1] > 0.02

@@ -242,7 +242,9 @@ def test_in_a_singularity_whatever_is_free_moves_at_once(name, which):
     arm = load(name, which)
     q = arm.close(arm.configuration(dict.fromkeys(arm.actuated, 0.0)), arm.actuated)
     here = arm.placement(q, "tool")
-    motions = np.linalg.svd(arm.system.evaluate(q)[1])[2][arm.loop_rank :] if arm.loops else np.eye(arm.model.nv)
+    motions = (
+        np.linalg.svd(arm.system.evaluate(q)[1])[2][arm.loop_rank :] if arm.is_constrained else np.eye(arm.model.nv)
+    )
     u, sigma, _ = np.linalg.svd(here.rotation @ (arm.jacobian(q, "tool") * arm.scale)[:3] @ motions.T / arm.length)
     for way in u[:, sigma > 2.0 * NEAR].T:
         for sign in (1.0, -1.0):

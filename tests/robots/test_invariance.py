@@ -30,7 +30,7 @@ from making import (
 
 import cinegen
 import raff2urdf
-from raff2urdf.document import Document, JointType, Parameters, RaffLink
+from raff2urdf.document import Document, DriveKind, JointType, Parameters, RaffLink
 
 DT = 1 / 60
 FILES = sorted(path.stem for path in ROBOTS.glob("*.raff"))
@@ -62,11 +62,22 @@ def larger(text: Document, factor: float, units: str) -> Document:
             p = replace(p, limits=limits, velocity=None if p.velocity is None else factor * p.velocity)
         return p
 
+    def coupling(one):
+        slides = {p.number for p in text.robots[0].parts if isinstance(p, RaffLink) and p.type is JointType.PRISMATIC}
+        assert all(drive.kind is not DriveKind.POLYNOMIAL for drive in one.drives)
+        drives = [
+            drive if drive.kind is DriveKind.RATIO else replace(drive, numbers=(factor * drive.numbers[0],))
+            for drive in one.drives
+        ]
+        offset = factor * one.offset if one.follower in slides else one.offset
+        return replace(one, drives=tuple(drives), offset=offset)
+
     robots = tuple(
         replace(
             robot,
             base=replace(robot.base, parameters=longer(robot.base.parameters)),
             parts=tuple(part(p) for p in robot.parts),
+            couplings=tuple(coupling(one) for one in robot.couplings),
         )
         for robot in text.robots
     )

@@ -97,7 +97,7 @@ def test_the_ellipsoid_is_as_far_as_the_joints_lead_the_node(session, name):
     assert centre == pytest.approx(place)
     jacobians = counted(mechanism, q, end)
     motions = np.eye(mechanism.model.nv)
-    if mechanism.loops:
+    if mechanism.is_constrained:
         motions = jacobians.joints @ np.linalg.svd(jacobians.loops)[2][mechanism.loop_rank :].T
     step = 1e-6
     moved = [

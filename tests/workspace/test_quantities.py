@@ -48,7 +48,7 @@ def cells(spec):
 def by_motors(spec, q):
     """(6, motors) how motors move the node, in its own axes: the loops solved by least squares."""
     mechanism = spec.mechanism
-    loops = mechanism.system.evaluate(q)[1] if mechanism.loops else np.zeros((0, mechanism.model.nv))
+    loops = mechanism.system.evaluate(q)[1] if mechanism.is_constrained else np.zeros((0, mechanism.model.nv))
     motors = [mechanism.v_index(name) for name in mechanism.actuated]
     moved = np.zeros((mechanism.model.nv, len(motors)))
     for k, motor in enumerate(motors):
@@ -85,7 +85,7 @@ def test_condition_and_manipulability_are_numpy_s(robot, name):
         sigma = np.linalg.svd(matrix, compute_uv=False)[: spec.rank]
         assert values["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-4)
         assert values["manipulability"] == pytest.approx(np.prod(sigma), rel=1e-4, abs=1e-9)
-        if not spec.mechanism.loops:
+        if not spec.mechanism.is_constrained:
             assert values["sigma_1"] == pytest.approx(sigma[-1], rel=1e-4, abs=1e-7)
 
 
@@ -149,7 +149,7 @@ def limits_of(mechanism, given):
 def greatest_speed(mechanism, q, node, along):
     """m/s: of all joint velocities that keep the loops closed and motors within their limits."""
     limits = limits_of(mechanism, mechanism.model.upperVelocityLimit)
-    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.loops else np.zeros((0, len(limits)))
+    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.is_constrained else np.zeros((0, len(limits)))
     own = mechanism.placement(q, node).rotation.T @ along
     best = linprog(
         -own @ mechanism.jacobian(q, node)[:3], A_eq=rows, b_eq=np.zeros(len(rows)), bounds=np.c_[-limits, limits],
@@ -162,7 +162,7 @@ def greatest_force(mechanism, q, node, along):
     """N: of all efforts of motors and loops that balance it; joints without a motor bear nothing."""
     limits = limits_of(mechanism, mechanism.model.upperEffortLimit)
     limits[np.isinf(limits)] = 0.0
-    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.loops else np.zeros((0, len(limits)))
+    rows = mechanism.system.evaluate(q)[1] / mechanism.scale if mechanism.is_constrained else np.zeros((0, len(limits)))
     pushed = mechanism.jacobian(q, node)[:3].T @ (mechanism.placement(q, node).rotation.T @ along)
     bounds = [(0.0, None), *zip(-limits, limits, strict=True), *[(None, None)] * len(rows)]
     best = linprog(

@@ -1,0 +1,233 @@
+"""Couplings: equations between joints, judged by numpy's polynomials, by finite differences and by MuJoCo."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.polynomial import Polynomial
+
+import cinegen
+import raff2urdf
+from cinegen.loops._kernels import kinematics, residual
+from cinegen.loops._kernels.memory import LoopMemory
+from cinegen.loops.arrays import set_up
+from raff2urdf.coupling import Coupling, coupled_scales, followed
+from tests.raff2urdf.strategies import examples
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def random_text(rng: np.random.Generator) -> tuple[str, int]:
+    """A random tree of 3 to 8 joints with couplings, each of which follows joints before it; and their number."""
+    count = int(rng.integers(3, 9))
+    kinds = rng.choice([1, 2, 2, 2], size=count)
+    lines = ["RAFF any", "robot any {"]
+    for i in range(count):
+        a, b, c, d, e = rng.uniform(-100.0, 100.0, size=5)
+        lines.append(
+            f"  link {i + 1} {{ parameters {{ theta {a} r {b} d {c + 200.0} alpha {d} gamma {e} }} type {kinds[i]} "
+            f"pred {rng.integers(0, i + 1)} }}"
+        )
+    followers = rng.permutation(np.arange(1, count))[: int(rng.integers(1, count))]
+    for i in followers:
+        drives = rng.permutation(i)[: int(rng.integers(1, min(i, 3) + 1))]
+        words = []
+        for j in drives:
+            mixed = kinds[i] != kinds[j]
+            word = rng.choice(["lead", "radius"] if mixed else ["ratio"])
+            value = rng.choice([-1.0, 1.0]) * rng.uniform(20.0, 200.0) if mixed else rng.uniform(-8.0, 8.0)
+            if not mixed and rng.random() < 0.3:
+                words.append(f"link {j + 1} polynomial ( {value} {1e-3 * value} )")
+            else:
+                words.append(f"link {j + 1} {word} {value}")
+        lines.append(f"  coupling {{ link {i + 1} {' '.join(words)} offset {rng.uniform(-50.0, 50.0)} }}")
+    return "\n".join([*lines, "}"]) + "\n", len(followers)
+
+
+def loaded(tmp_path, text: str) -> cinegen.Mechanism:
+    path = tmp_path / "any.raff"
+    path.write_text(text, encoding="utf-8")
+    return cinegen.load(path)
+
+
+def lacks(mechanism: cinegen.Mechanism, q: np.ndarray) -> np.ndarray:
+    """What the couplings lack at q, rad or m, by numpy's polynomials."""
+    return np.array(
+        [
+            sum(Polynomial([0.0, *c])(q[mechanism.q_index(joint)]) for joint, c in coupling.terms.items())
+            - coupling.constant
+            for coupling in mechanism.couplings
+        ]
+    )
+
+
+@examples(60)
+@given(seeds)
+def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
+    """Mobility by counting: each coupling follows joints before it, so each removes one degree of freedom."""
+    rng = np.random.default_rng(seed)
+    text, couplings = random_text(rng)
+    mechanism = loaded(tmp_path_factory.mktemp("any"), text)
+    assert mechanism.mobility == len(mechanism.joints) - couplings
+    followers = {coupling.follower for coupling in mechanism.couplings}
+    assert set(mechanism.actuated) == set(mechanism.joints) - followers
+    assert np.abs(lacks(mechanism, mechanism.q_home)).max() <= 1e-10
+    memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
+    q = mechanism.q_home + rng.normal(size=mechanism.model.nq)
+    assert mechanism.loop_residual(q) == pytest.approx(lacks(mechanism, q), rel=1e-12, abs=1e-12)
+    differences = [
+        (lacks(mechanism, q + 1e-6 * one) - lacks(mechanism, q - 1e-6 * one)) / 2e-6 for one in np.eye(len(q))
+    ]
+    jacobian = mechanism.loop_jacobian(q)
+    assert jacobian == pytest.approx(np.array(differences).T, rel=1e-6, abs=1e-6 * max(1.0, np.abs(jacobian).max()))
+    c, rows = mechanism.system.evaluate(q)
+    kinematics.evaluate(memory, q)
+    residual.evaluate_loops(memory, True)
+    assert memory.residual == pytest.approx(c, abs=1e-13 * max(1.0, np.abs(c).max()))
+    assert memory.jacobian == pytest.approx(rows, abs=1e-13 * max(1.0, np.abs(rows).max()))
+
+
+@examples(20)
+@given(seeds)
+def test_couplings_hold_at_every_tick(tmp_path_factory, seed):
+    rng = np.random.default_rng(seed)
+    mechanism = loaded(tmp_path_factory.mktemp("any"), random_text(rng)[0])
+    solver = cinegen.Solver(mechanism, 0.01)
+    task = solver.add_task(mechanism.end)
+    closed = mechanism.random_closed(8, seed % 1000)
+    for tick in range(120):
+        if tick % 20 == 0 and closed:
+            task.target = mechanism.placement(closed[tick // 20 % len(closed)], mechanism.end)
+        step = solver.step()
+        assert step.closure <= 1e-10
+        sizes = np.array(mechanism.system.coupling_sizes)
+        assert np.abs(lacks(mechanism, step.q) / sizes).max() <= 1e-10
+
+
+def test_mujoco_finds_the_couplings_of_a_closed_configuration_fulfilled(tmp_path):
+    """MuJoCo has equality constraints of joints by polynomials, with a residual of its own."""
+    mujoco = pytest.importorskip("mujoco")
+    text = """RAFF any
+robot any {
+  link 1 { parameters { theta 20 d 100 } type 2 pred 0 }
+  link 2 { parameters { theta 30 d 100 } type 2 pred 1 }
+  link 3 { parameters { r 30 alpha 90 } type 1 pred 2 }
+  link 4 { parameters { theta 10 d 100 } type 2 pred 3 }
+  coupling { link 2 link 1 polynomial ( -1.5 0.02 0.0001 ) offset 7 }
+  coupling { link 3 link 1 lead 40 offset 5 }
+  coupling { link 4 link 3 radius 25 }
+}
+"""
+    mechanism = loaded(tmp_path, text)
+    assert mechanism.mobility == 1
+    bodies, equalities = "", ""
+    for i, joint in enumerate(mechanism.joints):
+        kind = "slide" if mechanism.is_prismatic(joint) else "hinge"
+        bodies += f'<body name="b{i}"><joint name="{joint}" type="{kind}" axis="0 0 1"/><geom size="0.1"/>'
+    for coupling in mechanism.couplings:
+        follower, (driver,) = coupling.follower, list(coupling.terms)[1:]
+        polynomial = [coupling.constant, *(-c for c in coupling.terms[driver])]
+        polynomial += [0.0] * (5 - len(polynomial))
+        numbers = " ".join(map(repr, polynomial))
+        equalities += f'<joint joint1="{follower}" joint2="{driver}" polycoef="{numbers}"/>'
+    bodies += "</body>" * len(mechanism.joints)
+    model = mujoco.MjModel.from_xml_string(
+        f"<mujoco><worldbody>{bodies}</worldbody><equality>{equalities}</equality></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    rng = np.random.default_rng(0)
+    for q in [mechanism.q_home, *mechanism.random_closed(20)]:
+        q = mechanism.close(q + 0.1 * rng.normal(size=len(q)), locked=["joint1"])
+        data.qpos[:] = [q[mechanism.q_index(joint)] for joint in mechanism.joints]
+        mujoco.mj_forward(model, data)
+        assert data.ne == 3
+        assert np.abs(data.efc_pos[: data.ne]).max() <= 1e-12
+        assert np.linalg.matrix_rank(data.efc_J.reshape(data.nefc, model.nv)[:3]) == len(q) - mechanism.mobility
+
+
+def test_followers_move_first_and_chains_follow():
+    couplings = [Coupling("a", {"y": (1.0,), "x": (-2.0,)}, 3.0), Coupling("b", {"z": (2.0,), "y": (1.0, 1.0)}, 0.0)]
+    assert followed(couplings, {"x": 1.0, "y": 0.0, "z": 9.0}) == {"x": 1.0, "y": 5.0, "z": -15.0}
+    bent = Coupling("c", {"y": (0.0, 1.0), "x": (-1.0,)})
+    assert followed([bent], {"x": 4.0, "y": 1.0}) == {"x": 4.0, "y": 1.0}  # closing decides between 2 and -2
+
+
+def test_an_equation_is_shown_as_one_would_write_it():
+    assert str(Coupling("a", {"y": (1.0,), "x": (-2.0, 0.5)}, 3.0)) == "y - 2 x + 0.5 x^2 = 3"
+    assert str(Coupling("a", {"y": (-1.0,), "x": (1.0,)})) == "-y + x = 0"
+
+
+def test_a_joint_that_only_drives_others_counts_as_much_as_what_it_drives(robot):
+    couplings = [Coupling("a", {"y": (1.0,), "x": (-0.01,)})]
+    assert coupled_scales(couplings, {"y": 1.0, "x": 1.0}, {"x"}) == {"y": 1.0, "x": 100.0}
+    assert coupled_scales(couplings, {"y": 1.0, "x": 1.0}, set()) == {"y": 1.0, "x": 1.0}
+    scara = robot("scara")
+    assert scara.scale[scara.v_index("joint3")] == pytest.approx(scara.length * 2.0 * np.pi / 0.02)
+    assert scara.scale[scara.v_index("joint4")] == 1.0  # it turns the quill, too
+    solver = cinegen.Solver(scara, 0.01)
+    solver.add_task("tool")
+    assert solver.step().singular_values.min() > 0.1  # by the plain angle of the nut it would be 0.009
+
+
+def test_gears_are_what_their_textbooks_say(robot):
+    gear = robot("planetary_gear")  # Willis: sun / carrier = 1 + 72 / 24
+    motion = np.linalg.svd(gear.loop_jacobian(gear.q_home))[2][-1]
+    by = dict(zip(gear.columns, motion, strict=True))
+    assert by["joint1"] / by["joint2"] == pytest.approx(4.0)
+    assert by["joint3"] / by["joint2"] == pytest.approx(-3.0)
+    assert (gear.system.rows, gear.loop_rank, gear.mobility) == (6, 4, 1)
+    scara = robot("scara")  # one revolution of the screw nut lifts the quill by 20 mm, one of the spline nut lowers it
+    up = scara.close(
+        scara.configuration({"joint3": scara.q_home[scara.q_index("joint3")] + 2.0 * np.pi}), ["joint3", "joint4"]
+    )
+    assert up[scara.q_index("joint5")] == pytest.approx(-0.03)
+    wrist = robot("differential_wrist")
+    q = wrist.close(wrist.configuration({"joint1": 0.5, "joint2": 0.1}), ["joint1", "joint2"])
+    assert [q[wrist.q_index(joint)] for joint in ("joint3", "joint4")] == pytest.approx([0.3, 0.2])
+
+
+def test_couplings_that_contradict_each_other_are_named(tmp_path):
+    text = """RAFF any
+robot any {
+  link 1 { type 2 pred 0 } link 2 { parameters { d 100 } type 2 pred 1 }
+  coupling { name "one" link 2 link 1 ratio 2 }
+  coupling { name "other" link 2 link 1 ratio 2 offset 10 }
+}
+"""
+    with pytest.raises(cinegen.ClosureError, match=r"these loops and couplings remain open: 'one' \(coupling, 0.0"):
+        loaded(tmp_path, text)
+    path = tmp_path / "any.raff"
+    with pytest.raises(raff2urdf.RaffError, match="these loops and couplings remain open: 'one'"):
+        raff2urdf.convert(path, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("coupling", "message"),
+    [
+        ("link 2", "must name the link that follows, and then those that drive it"),
+        ("link 2 link 1", "link 1 drives a coupling: say by which 'ratio', 'lead', 'radius' or 'polynomial'"),
+        ("link 2 ratio 2 link 1", "'ratio' belongs after a link that drives"),
+        ("link 2 link 1 ratio 2 ratio 3", "'ratio' belongs after a link that drives"),
+        ("link 2 link 1 link 3 ratio 2", "link 1 drives a coupling: say by which"),
+        ("link 2 link 9 ratio 2", "a coupling names link 9, which is not a link that moves"),
+        ("link 2 link 4 ratio 2", "a coupling names link 4, which is not a link that moves"),
+        ("link 2 link 2 ratio 2", "a coupling names link 2 twice"),
+        ("link 3 link 1 ratio 2", "'ratio' couples joints of one type, but link 3 is prismatic"),
+        ("link 2 link 1 lead 2", "'lead' couples a prismatic and a revolute joint, but links 2 and 1 are both"),
+        ("link 2 link 1 ratio 0", "link 1 does not drive link 2: its 'ratio' is 0"),
+        ("link 2 link 1 polynomial ( )", "'polynomial' needs a number"),
+        ("link 2 link 1 raito 2", "unknown word 'raito' in coupling.* did you mean 'ratio'"),
+    ],
+)  # fmt: skip
+def test_a_wrong_coupling_is_an_error_with_its_line(tmp_path, coupling, message):
+    text = f"""RAFF any
+robot any {{
+  link 1 {{ type 2 pred 0 }} link 2 {{ parameters {{ d 100 }} type 2 pred 1 }} link 3 {{ type 1 pred 2 }}
+  link 4 {{ type 0 pred 3 }}
+  coupling {{ {coupling} }}
+}}
+"""
+    with pytest.raises(raff2urdf.RaffError, match=f"any.raff:5:.*{message}"):
+        loaded(tmp_path, text)
