@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ from raff2urdf import loads
 from raff2urdf.check import check
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.document import Document
+from raff2urdf.errors import RaffWarning
 from raff2urdf.reader import parse, read
 from raff2urdf.tree import characteristic_length, placements
 from raff2urdf.writers import WriteOptions, files
@@ -86,13 +88,17 @@ class Exported:
 
     def text(self, format: str, **options: Any) -> str:
         """The robot's own file."""
-        return next(iter(files(format, self.made, "robot", WriteOptions(**options)).values())).decode()
+        return next(iter(self._files(format, options).values())).decode()
+
+    def _files(self, format: str, options: dict[str, Any]) -> dict[str, bytes]:
+        with warnings.catch_warnings():  # of couplings of three joints
+            warnings.filterwarnings("ignore", "robot '.*': SDF has no notation for", RaffWarning)
+            return dict(files(format, self.made, "robot", WriteOptions(**options)))
 
     def write(self, format: str, folder: Path, **options: Any) -> Path:
         """All files, where their meshes are found; returns the robot's own."""
         assert folder == self.folder
-        made = files(format, self.made, "robot", WriteOptions(**options))
-        contents = {folder / name: content for name, content in made.items()}
+        contents = {folder / name: content for name, content in self._files(format, options).items()}
         for path, content in {**self.made.meshes, **contents}.items():
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(content)
