@@ -62,8 +62,8 @@ KEYWORDS = st.sampled_from(
     re.findall(
         r"\w+",
         "RAFF robot sensor units path base link frame constraint parameters type joint ball variable home pred limits "
-        "velocity actuated name filename theta r d alpha gamma epsilon port translation rotation mm coupling ratio lead "
-        "radius polynomial offset",
+        "velocity actuated name filename theta r d alpha gamma epsilon port translation rotation mm coupling ratio "
+        "lead radius polynomial offset",
     )
 )
 
