@@ -31,8 +31,7 @@ from cinegen.devices import fit_path
 from cinegen.ik._kernels.memory import SolverMemory
 from cinegen.ik._kernels.tasks import read_tasks
 from cinegen.jit.compiled import entry, prepare
-from cinegen.jit.factor import null_space
-from cinegen.loops._kernels.closure import factor_loops, loop_correction
+from cinegen.loops._kernels.closure import factor_loops, find_null_space, loop_correction
 from cinegen.loops._kernels.kinematics import evaluate, integrate
 from cinegen.loops._kernels.residual import evaluate_loops
 
@@ -66,7 +65,7 @@ def loops_at_q(memory: SolverMemory, times: int) -> None:
     for _ in range(times):
         evaluate_loops(memory, True)
         factor_loops(memory, False)
-        null_space(memory.rank, memory.tau, memory.reflectors, memory.null_space)
+        find_null_space(memory)
 
 
 @entry
@@ -80,7 +79,7 @@ def residuals(memory: SolverMemory, times: int) -> None:
 def corrections(memory: SolverMemory, times: int) -> None:
     """Compute a correction of the loops and the configuration that it leads to, so often."""
     for _ in range(times):
-        loop_correction(memory, 0.0, memory.correction)
+        loop_correction(memory, True, memory.correction)
         integrate(memory, memory.q, memory.delta, memory.candidate)
 
 

@@ -112,7 +112,7 @@ class BatchEvaluator:
         self.mechanism, self._whole = mechanism, whole
         model, frame = mechanism.model, mechanism.model.frames[mechanism.frame_id(node)]
         fixed = 6 if mechanism.floating and node != mechanism.nodes[0] else 0
-        self._memory = memory = set_up(BatchMemory(), mechanism.system, mechanism.loop_rank, fixed)
+        self._memory = memory = set_up(BatchMemory(), mechanism.system, mechanism.cluster_ranks, fixed)
         actuate(memory, [mechanism.v_index(joint) for joint in mechanism.actuated])
         self._actuated = [mechanism.q_index(joint) for joint in mechanism.actuated]
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, CORRECTION

@@ -23,7 +23,7 @@ def set_up(memory: TasksMemory, mechanism: Mechanism, fixed: int) -> None:
         mechanism: mechanism to move.
         fixed: 6 where a base that could move stays where it is, else 0.
     """
-    loops.set_up(memory, mechanism.system, mechanism.loop_rank, fixed)
+    loops.set_up(memory, mechanism.system, mechanism.cluster_ranks, fixed)
     at_q, at_v = mechanism.scalar_joints
     memory.lower[:], memory.upper[:] = -np.inf, np.inf
     memory.lower[at_v - fixed], memory.upper[at_v - fixed] = mechanism.limits.lower[at_q], mechanism.limits.upper[at_q]

@@ -26,6 +26,7 @@ from cinegen.ik.thresholds import BEGIN, CLEARANCE_NEEDED, DONE, ERROR_CAP, PROP
 from cinegen.jit.compiled import is_cached
 from cinegen.jit.foreign import SE3_DISTANCE
 from cinegen.jit.starting import InterpretedKernel, start
+from cinegen.loops.arrays import null_space
 from cinegen.model import Mechanism
 from cinegen.tolerances import CLOSURE
 from raff2urdf.residual import log
@@ -449,7 +450,7 @@ class Solver:
         tasks = memory.task_jacobian[: memory.active_rows]
         rank = min(memory.task_rank, len(tasks), memory.mobility)
         passive = memory.jacobian[:, self.mechanism.passive_columns - memory.fixed]
-        return Linearisation(tasks.copy(), memory.null_space.copy(), passive, rank)
+        return Linearisation(tasks.copy(), null_space(memory), passive, rank)
 
     # --- redundancy ----------------------------------------------------------------------------------------------
 

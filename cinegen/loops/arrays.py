@@ -7,13 +7,15 @@ from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from cinegen.jit.callback import address_of
 from cinegen.jit.foreign import frame_of
-from cinegen.joints import axis, supporting_columns
+from cinegen.joints import axis
 from cinegen.loops._kernels import kinematics, residual
-from cinegen.loops._kernels.memory import NOWHERE, LoopMemory
+from cinegen.loops._kernels.memory import NOWHERE, ClusterMemory, LoopMemory
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.clusters import clusters
 from cinegen.loops.pinocchio_joints import kinematics_callback
 
 _KINDS = {
@@ -27,19 +29,20 @@ _KINDS = {
 AnyMemory = TypeVar("AnyMemory", bound=LoopMemory)
 
 
-def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) -> AnyMemory:
+def set_up(memory: AnyMemory, system: ClosedLoops, ranks: Sequence[int], fixed: int = 0) -> AnyMemory:
     """Fill the memory of a mechanism's kernels with its joints and loops.
 
     Args:
         memory: memory to fill.
         system: the mechanism's loops.
-        rank: generic rank of their Jacobian.
+        ranks: generic rank of each cluster of them.
         fixed: 6 if a floating base is fixed, else 0.
     """
     model = system.model
     memory.resize(
         nq=model.nq, n=model.nv - fixed, fixed=fixed, joints=model.njoints, loops=len(system.loops), rows=system.rows,
-        rank=rank, couplings=len(system.couplings), coupled=model.nq if system.couplings else 0,
+        rank=sum(ranks), couplings=len(system.couplings), coupled=model.nq if system.couplings else 0,
+        clusters=len(ranks), steps=sum(map(len, system.columns[: len(system.loops)])),
     )  # fmt: skip
     memory.length = system.length
     memory.scale[:] = system.scale[fixed:]
@@ -49,16 +52,42 @@ def set_up(memory: AnyMemory, system: ClosedLoops, rank: int, fixed: int = 0) ->
     if not all([_set_up_joint(memory, model, j, fixed) for j in range(1, model.njoints)]):
         memory.callback = kinematics_callback(memory, model)
         memory.callback_address = address_of(memory.callback)
-    row = 0
+    row = step = 0
     for i, (loop, anchor) in enumerate(zip(system.loops, system.anchors, strict=True)):
-        joints, offsets = anchor[::2], anchor[1::2]
-        first, second = (supporting_columns(model, joint) for joint in joints)
+        joints, offsets, columns = anchor[::2], anchor[1::2], system.columns[i]
         memory.loop_kind[i], memory.loop_row[i] = getattr(residual, loop.kind.name), row
         memory.loop_joints[i], memory.loop_offsets[i] = joints, [frame_of(offset) for offset in offsets]
-        memory.loop_signs[i] = (second - first)[fixed:]
-        row += loop.rows
+        sizes, columns = system.sizes[i][columns >= fixed], columns[columns >= fixed] - fixed
+        end = step + len(columns)
+        memory.loop_steps[i], memory.step_dof[step:end], memory.step_size[step:end] = (step, end), columns, sizes
+        row, step = row + loop.rows, end
     _set_up_couplings(memory, system)
+    _set_up_clusters(memory, system, ranks)
     return memory
+
+
+def _set_up_clusters(memory: LoopMemory, system: ClosedLoops, ranks: Sequence[int]) -> None:
+    found = []
+    for cluster, rank in zip(clusters(system), ranks, strict=True):
+        dof = cluster.columns[cluster.columns >= memory.fixed] - memory.fixed
+        one = ClusterMemory(n=len(dof), rows=len(cluster.rows), rank=rank, mobility=max(len(dof) - rank, 0))
+        one.dof[:], one.row[:] = dof, cluster.rows
+        found.append(one)
+    memory.cluster_memories = found
+    memory.cluster_handles[:] = [one.handle for one in found]
+    idle = np.setdiff1d(np.arange(memory.n), np.concatenate([np.zeros(0, int), *(one.dof for one in found)]))
+    memory.resize(idle=len(idle))
+    memory.idle_dof[:] = idle
+
+
+def null_space(memory: LoopMemory) -> NDArray[np.float64]:
+    """Return the null space of all loops, a basis of motions that keep them closed: (mobility, n), dimensionless. First
+    those of the clusters, then the joints that are in none."""
+    found: list[NDArray[np.float64]] = []
+    for one in memory.cluster_memories:
+        found.append(np.zeros((one.mobility, memory.n)))
+        found[-1][:, one.dof] = one.null_space
+    return np.vstack([*found, np.eye(memory.n)[memory.idle_dof]])
 
 
 def _set_up_couplings(memory: LoopMemory, system: ClosedLoops) -> None:

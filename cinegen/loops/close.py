@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -22,16 +23,12 @@ class Closer:
 
     Args:
         system: the loops.
-        rank: generic rank of their Jacobian.
+        ranks: generic rank of each cluster of them.
     """
 
-    def __init__(self, system: ClosedLoops, rank: int) -> None:
+    def __init__(self, system: ClosedLoops, ranks: Sequence[int]) -> None:
         self._close = start(close_from_trial, LoopMemory, install=partial(setattr, self, "_close"))
-        self._memory = set_up(LoopMemory(), system, rank)
-        self._idle = np.asarray(
-            ~self._memory.loop_signs.any(axis=0)
-        )  # joints in no loop or coupling: they do not change at all
-        self._idle[self._memory.term_dof] = False
+        self._memory = set_up(LoopMemory(), system, ranks)
         self._locked: Array | None = None
 
     def close(self, q: Array, locked: Array) -> Closing:
@@ -43,7 +40,7 @@ class Closer:
         """
         memory = self._memory
         if locked is not self._locked:
-            memory.locked[:] = np.where(self._idle, 1.0, locked)
+            memory.locked[:] = locked
             self._locked = locked
         memory.trial[:] = q
         self._close(memory.handle)

@@ -76,6 +76,8 @@ class ClosedLoops:
             joints that only drive others, see `raff2urdf.coupling.coupled_scales`.
         anchors: for each loop, of its two ends: the joint that carries it (index), and its placement on that joint.
         kinds: of the loops.
+        columns: for each loop, and then each coupling, indices of the velocities that change it.
+        sizes: for each loop, of these velocities: `scale` where they move its second end, -`scale` where its first.
         rows: number of equations.
         data: Pinocchio's, with the placements and Jacobians of the joints at the last evaluated q.
     """
@@ -98,9 +100,10 @@ class ClosedLoops:
         for name, joint in self._coupled.items():
             self.scale[joint.idx_v] = scales[name]
         self.coupling_sizes = [coupling.size(scales) for coupling in self.couplings]
-        ends = [[supporting_columns(model, anchor[end]) for end in (0, 2)] for anchor in self.anchors]
-        self._moving = [np.flatnonzero(first != second) for first, second in ends]
-        self._signs = [((second - first) * self.scale)[first != second] for first, second in ends]
+        signs = [supporting_columns(model, anchor[2]) - supporting_columns(model, anchor[0]) for anchor in self.anchors]
+        coupled = [[self._coupled[name].idx_v for name in coupling.terms] for coupling in self.couplings]
+        self.columns = [np.array(columns, dtype=np.intp) for columns in [*map(np.flatnonzero, signs), *coupled]]
+        self.sizes = [sign[sign != 0.0] * self.scale[sign != 0.0] for sign in signs]
 
     def _scales_of(self, names: Iterable[str]) -> dict[str, float]:
         return {name: float(self.scale[self._coupled[name].idx_v]) for name in names}
@@ -132,13 +135,13 @@ class ClosedLoops:
         """Return the same for the placements and the Jacobians of the joints at q that are in `data`."""
         residual, jacobian, row = np.empty(self.rows), np.zeros((self.rows, self.model.nv)), 0
         columns, placements = np.asarray(self.data.J).reshape(6, -1), self.data.oMi
-        for loop, anchor, moving, signs in zip(self.loops, self.anchors, self._moving, self._signs, strict=True):
+        for loop, anchor, moving, sizes in zip(self.loops, self.anchors, self.columns, self.sizes, strict=False):
             first, second = placements[anchor[0]] * anchor[1], placements[anchor[2]] * anchor[3]
             c, by_twist = loop_residual(loop.kind, first.actInv(second).homogeneous, self.length)
             rows = slice(row, row + loop.rows)
             residual[rows] = c
             # the twist of the second end relative to the first, in the first's axes, at its origin
-            jacobian[rows, moving] = by_twist @ first.toActionMatrixInverse() @ columns[:, moving] * signs
+            jacobian[rows, moving] = by_twist @ first.toActionMatrixInverse() @ columns[:, moving] * sizes
             row += loop.rows
         if self.couplings:
             values = {name: float(q[joint.idx_q]) for name, joint in self._coupled.items()}

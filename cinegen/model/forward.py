@@ -62,7 +62,7 @@ class ForwardKinematics:
             name: (i, float(mechanism.scale[column]))
             for i, (name, column) in enumerate(zip(names, columns, strict=True))
         }
-        self._memory = memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
+        self._memory = memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
         actuate(memory, columns)
         memory.tolerance, memory.longest_stride, memory.most_added = _TOLERANCE, _STRIDE, _CORRECTION
         self._goal = memory.goal

@@ -16,6 +16,7 @@ import raff2urdf
 from cinegen.errors import ClosureError, LoadError, UnknownNameError, warn
 from cinegen.joints import kinematic_data
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.loops.clusters import subsystems
 from cinegen.model.limits import Limits
 from cinegen.model.mechanism import Mechanism, MechanismSource
 from cinegen.model.urdf import completed, kinematics, simple
@@ -159,22 +160,18 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
     except (ValueError, RuntimeError) as error:
         raise LoadError(f"{name}: Pinocchio can't read it: {error}") from None
     _set_limits(model, constraints)
-    q, rank, gap = _written(model, constraints), 0, 0.0
+    q, gap = _written(model, constraints), 0.0
     loops = tuple(_loop(entry) for entry in constraints["loops"])
     length = _length(model, constraints["nodes"], q)
     stated = any("actuated" in joint for joint in constraints["joints"])
     actuated = {joint["name"]: joint.get("actuated", True if stated else None) for joint in constraints["joints"]}
-    determined: set[str] = set()
+    ranks, determined = list[int](), set[str]()
     couplings = tuple(map(coupling_of, constraints.get("couplings", [])))
     system = ClosedLoops(model, loops, length, couplings)
     if loops or couplings:
         gap = max(closure.gaps(system, q))
-        q = _home(
-            system, _followed(system, q), Limits(model, tuple(actuated)), f"{name}: robot '{constraints['robot']}'"
-        )
-        rank, generic = closure.generic_rank(system, q)
-        if None in actuated.values():
-            determined = _determined(system, generic, actuated)
+        q, limits = _followed(system, q), Limits(model, tuple(actuated))
+        ranks, determined = _close(system, q, limits, actuated, f"{name}: robot '{constraints['robot']}'")
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     return Mechanism(
         name=constraints["robot"],
@@ -187,13 +184,13 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
         length=length,
         floating=constraints.get("floating") is not None,
         q_home=q,
-        loop_rank=rank,
+        cluster_ranks=tuple(ranks),
         gap_as_written=gap,
         sensors={sensor["number"]: sensor for sensor in constraints.get("sensors", [])},
         sensor_constraints=tuple(
             (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
         ),
-        source=MechanismSource(urdf, _stated(given, _degrees_of_freedom(system, rank), chosen), folder, name),
+        source=MechanismSource(urdf, _stated(given, _degrees_of_freedom(system, sum(ranks)), chosen), folder, name),
     )
 
 
@@ -222,12 +219,14 @@ def _determined(system: ClosedLoops, q: Array, actuated: Mapping[str, bool | Non
         actuated: whether joints are, in file order; None: not stated.
     """
     model = system.model
-    joints = {name: model.joints[model.getJointId(name)] for name in reversed(list(actuated))}
+    joints = {
+        name: model.joints[model.getJointId(name)] for name in reversed(list(actuated)) if model.existJointName(name)
+    }
     depth = {name: len(model.supports[joint.id]) for name, joint in joints.items()}
     followers = {coupling.follower for coupling in system.couplings}
     order = sorted(joints, key=lambda name: (actuated[name] is not False, name not in followers, -depth[name]))
-    names = {int(joints[name].idx_v): name for name in order}
-    return {names[column] for column in closure.passive(system.evaluate(q)[1], list(names))}
+    columns = {int(joints[name].idx_v): name for name in order}
+    return {columns[column] for column in closure.passive(system.evaluate(q)[1], list(columns))}
 
 
 def _set_limits(model: pin.Model, constraints: Mapping[str, Any]) -> None:
@@ -277,16 +276,34 @@ def _loop(entry: Mapping[str, Any]) -> LoopConstraint:
     return LoopConstraint(entry["name"], loop_kind(entry["kind"]), first["node"], second["node"], *placements)
 
 
-def _home(system: ClosedLoops, written: Array, limits: Limits, name: str) -> Array:
-    """Return the closed configuration (nq,) nearest to the written one, within the limits if possible."""
-    closing = closure.close_from_afar(system, written)
-    if not closing.closed:
-        names = [*(loop.name for loop in system.loops), *(coupling.name for coupling in system.couplings)]
-        why = closure.why_open(system, names, written, closing)
-        raise ClosureError(f"{name}: {why}")
-    home = closure.close_within(system, closing.q, limits.lower, limits.upper)
-    beyond = limits.exceeded(home)
+def _close(
+    system: ClosedLoops, q: Array, limits: Limits, actuated: Mapping[str, bool | None], name: str
+) -> tuple[list[int], set[str]]:
+    """Close all clusters of loops, each by itself: q (nq,) becomes the closed configuration nearest to it, within the
+    limits if possible.
+
+    Returns:
+        the generic rank of each cluster, and the joints that others determine (see `_determined`).
+
+    Raises:
+        ClosureError: clusters can't be closed.
+    """
+    ranks, determined, problems = list[int](), set[str](), list[str]()
+    for own, at in subsystems(system):
+        closing = closure.close_from_afar(own, q[at])
+        if not closing.closed:
+            names = [*(loop.name for loop in own.loops), *(coupling.name for coupling in own.couplings)]
+            problems.append(closure.why_open(own, names, q[at], closing))
+            continue
+        q[at] = closure.close_within(own, closing.q, limits.lower[at], limits.upper[at])
+        rank, generic = closure.generic_rank(own, q[at])
+        ranks.append(rank)
+        if None in actuated.values():
+            determined |= _determined(own, generic, actuated)
+    if problems:
+        raise ClosureError(f"{name}: " + "\n".join(problems))
+    beyond = limits.exceeded(q)
     if beyond:
         message = f"{name}: with all loops closed, home is outside the limits of {', '.join(beyond)}"
         warn(message)
-    return home
+    return ranks, determined

@@ -17,6 +17,7 @@ from cinegen.html import table
 from cinegen.joints import scalar_joints, translations
 from cinegen.loops.close import Closer
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.loops.clusters import subsystems
 from cinegen.model.jacobian import COMPONENTS, ExtendedJacobian
 from cinegen.model.limits import Limits
 from cinegen.model.shapes import collision_shapes, shapes
@@ -65,7 +66,8 @@ class Mechanism:
         length: characteristic length, m, which makes translations commensurable with angles.
         floating: whether the base can move; then q begins with its seven numbers.
         q_home: (nq,) the configuration as written, moved to where all loops are closed; read-only.
-        loop_rank: number of independent equations of the loops and couplings (generic rank).
+        cluster_ranks: number of independent equations (generic rank) of each cluster of loops and couplings, see
+            `cinegen.loops.clusters`.
         gap_as_written: largest residual of a loop or coupling at the configuration as written, rad or characteristic
             lengths.
         sensors: the sensors of the file, by number, as the constraints file has them.
@@ -85,7 +87,7 @@ class Mechanism:
     length: float
     floating: bool
     q_home: Array
-    loop_rank: int
+    cluster_ranks: tuple[int, ...]
     gap_as_written: float
     sensors: Mapping[int, Mapping[str, Any]]
     sensor_constraints: tuple[tuple[str, tuple[int, ...]], ...]
@@ -135,6 +137,11 @@ class Mechanism:
         from cinegen.model.load import build
 
         return build, tuple(self.source)
+
+    @property
+    def loop_rank(self) -> int:
+        """Number of independent equations of all loops and couplings (generic rank)."""
+        return sum(self.cluster_ranks)
 
     @property
     def mobility(self) -> int:
@@ -454,7 +461,7 @@ class Mechanism:
         """The compiled algorithm, with scratch data of this thread's own."""
         closer: Closer | None = getattr(self._scratch, "closer", None)
         if closer is None:
-            closer = self._scratch.closer = Closer(self.own_system(), self.loop_rank)
+            closer = self._scratch.closer = Closer(self.own_system(), self.cluster_ranks)
         return closer
 
     def _mask(self, names: tuple[str, ...]) -> Array:
@@ -475,7 +482,18 @@ class Mechanism:
     def random_closed(self, count: int, seed: int = 0) -> list[Array]:
         """Return random closed configurations (nq,) along a walk from home: at most `count`, fewer where little can
         move. Joint limits are not considered."""
-        if self.is_constrained:
-            return list(closure.closed_walk(self.system, self.q_home, count, seed))
         rng = np.random.default_rng(seed)
-        return [self.system.integrate(self.q_home, rng.normal(size=self.model.nv)) for _ in range(count)]
+        if not self.is_constrained:
+            return [self.system.integrate(self.q_home, rng.normal(size=self.model.nv)) for _ in range(count)]
+        parts = subsystems(self.system)
+        walks = [list(closure.closed_walk(own, self.q_home[at], count, seed + i)) for i, (own, at) in enumerate(parts)]
+        idle = np.ones(self.model.nv)  # joints in no cluster; a single cluster has all joints
+        idle[np.concatenate(self.system.columns)] = 0.0
+        found, steps = list[Array](), count if len(parts) > 1 and idle.any() else max(map(len, walks))
+        for i in range(steps):
+            q = self.system.integrate(self.q_home, idle * rng.normal(size=len(idle)))
+            for (_, at), walk in zip(parts, walks, strict=True):
+                if walk:
+                    q[at] = walk[min(i, len(walk) - 1)]
+            found.append(q)
+        return found

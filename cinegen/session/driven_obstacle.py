@@ -155,6 +155,6 @@ def _free_body(name: str, dof: int) -> Mechanism:
     joints = tuple(joint for joint, _ in _JOINTS[dof]) if dof == 3 else ()
     return Mechanism(
         name=name, model=model, nodes=(name,), joints=joints, actuated=joints, loops=(), length=1.0, floating=dof == 6,
-        q_home=pin.neutral(model), loop_rank=0, gap_as_written=0.0, sensors={}, sensor_constraints=(),
+        q_home=pin.neutral(model), cluster_ranks=(), gap_as_written=0.0, sensors={}, sensor_constraints=(),
         source=MechanismSource("", None, None, name),
     )  # fmt: skip

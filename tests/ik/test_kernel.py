@@ -65,7 +65,7 @@ def test_rows_and_gaps_of_the_loops_are_the_mechanisms_own_closed_and_open(name,
     if not mechanism.is_constrained:
         return
     rng = np.random.default_rng(0)
-    memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
+    memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
     of_loops = [1.0 if "r" in part else mechanism.length for loop in mechanism.loops for part in loop.components]
     unit = np.array([*of_loops, *mechanism.system.coupling_sizes])
     for q in mechanism.random_closed(6, seed=1):

@@ -63,7 +63,7 @@ def tree(kinds, rng) -> pin.Model:
 
 
 def memory_of(model: pin.Model, fixed: int = 0) -> LoopMemory:
-    return set_up(LoopMemory(), ClosedLoops(model, [], 1.0), 0, fixed)
+    return set_up(LoopMemory(), ClosedLoops(model, [], 1.0), (), fixed)
 
 
 def check(model: pin.Model, q: np.ndarray, step: np.ndarray) -> None:
@@ -184,7 +184,7 @@ def mechanism_of(model: pin.Model, nodes: int) -> cinegen.Mechanism:
     joints = tuple(name for name, joint in zip(model.names[1:], model.joints[1:], strict=True) if joint.nq == 1)
     return cinegen.Mechanism(
         name="by hand", model=model, nodes=tuple(f"n{j}" for j in range(nodes)), joints=joints, actuated=joints,
-        loops=(), length=0.5, floating=False, q_home=np.array(pin.neutral(model)), loop_rank=0, gap_as_written=0.0,
+        loops=(), length=0.5, floating=False, q_home=np.array(pin.neutral(model)), cluster_ranks=(), gap_as_written=0.0,
         sensors={}, sensor_constraints=(), source=None,
     )  # fmt: skip
 

@@ -255,7 +255,7 @@ def rod_between_balls() -> cinegen.Mechanism:
         length=0.5,
         floating=False,
         q_home=q,
-        loop_rank=closure.generic_rank(system, q)[0],
+        cluster_ranks=(closure.generic_rank(system, q)[0],),
         gap_as_written=0.0,
         sensors={},
         sensor_constraints=(),

@@ -6,15 +6,15 @@ import math
 
 from cinegen.ik._kernels.memory import BatchMemory
 from cinegen.jit.compiled import Array, compiled, entry
-from cinegen.jit.factor import eliminate, null_space
+from cinegen.jit.factor import eliminate
 from cinegen.jit.se3 import compose, cross, dot
 from cinegen.jit.smallest import smallest_singular_value
 from cinegen.jit.svd import COLD_SWEEPS, orthogonalise
 from cinegen.jit.vectors import add_multiple, copy, inner, swap
-from cinegen.loops._kernels.closure import factor_loops
+from cinegen.loops._kernels.closure import factor_loops, find_null_space
 from cinegen.loops._kernels.follow import go_on, set_out
 from cinegen.loops._kernels.kinematics import evaluate
-from cinegen.loops._kernels.memory import NOWHERE
+from cinegen.loops._kernels.memory import NOWHERE, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 
 _GIMBAL = 1e-4  # below this volume, the axes of a spherical joint are in a plane
@@ -104,17 +104,20 @@ def _find_node(memory: BatchMemory) -> None:
 @compiled
 def _find_null_space(memory: BatchMemory) -> bool:
     """Compute the null space (mobility, n) of the loops; return as `_count_balls`."""
-    right = True
     memory.locked[: memory.n] = 0.0
-    if memory.rank > 0:
-        evaluate_loops(memory, True)
-        right = _count_balls(memory)
-        factor_loops(memory, False)
-        null_space(memory.rank, memory.tau, memory.reflectors, memory.null_space)
-    else:
-        for a in range(memory.n):
-            for j in range(memory.n):
-                memory.null_space[a, j] = 1.0 if a == j else 0.0
+    evaluate_loops(memory, True)
+    right = _count_balls(memory)
+    factor_loops(memory, False)
+    find_null_space(memory)
+    at = 0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        for i in range(cluster.mobility):
+            for k in range(cluster.n):
+                memory.null_space[at + i, cluster.dof[k]] = cluster.null_space[i, k]
+        at += cluster.mobility
+    for i in range(memory.idle):
+        memory.null_space[at + i, memory.idle_dof[i]] = 1.0
     for a in range(memory.actuated):
         memory.locked[memory.actuated_dof[a]] = 1.0
     return right

@@ -10,30 +10,43 @@ from cinegen.jit.compiled import Array, compiled
 from cinegen.jit.factor import factor, null_space
 from cinegen.jit.svd import decompose, straighten
 from cinegen.jit.vectors import add_multiple, copy, inner
+from cinegen.loops._kernels.memory import cluster_at
 
 _LOST = 1e-12  # directions of singular values below this fraction of the largest are undetermined
 
 
 @compiled
 def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
-    """Write the coordinates y (mobility,) of a joint step x (n,) in the null space of the loops."""
-    for i in range(memory.mobility):
-        if memory.rank == 0:
-            y[i] = x[i]
-            continue
-        y[i] = 0.0
-        for k in range(memory.n):
-            y[i] += memory.null_space[i, k] * x[k]
+    """Write the coordinates y (mobility,) of a joint step x (n,) in the null space of the loops: those of its clusters,
+    then those of joints in none."""
+    at = 0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        part = cluster.part
+        for k in range(cluster.n):
+            part[k] = x[cluster.dof[k]]
+        for i in range(cluster.mobility):
+            y[at + i] = inner(cluster.null_space[i], part, cluster.n)
+        at += cluster.mobility
+    for i in range(memory.idle):
+        y[at + i] = x[memory.idle_dof[i]]
 
 
 @compiled
 def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
     """Write the joint step x (n,) of a step y (mobility,) in the null space."""
-    for k in range(memory.n):
-        x[k] = 0.0 if memory.rank > 0 else y[k]
-    if memory.rank > 0:
-        for i in range(memory.mobility):
-            add_multiple(y[i], memory.null_space[i], x, memory.n)
+    at = 0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        part = cluster.part
+        part[: cluster.n] = 0.0
+        for i in range(cluster.mobility):
+            add_multiple(y[at + i], cluster.null_space[i], part, cluster.n)
+        for k in range(cluster.n):
+            x[cluster.dof[k]] = part[k]
+        at += cluster.mobility
+    for i in range(memory.idle):
+        x[memory.idle_dof[i]] = y[at + i]
 
 
 @compiled
@@ -46,14 +59,14 @@ def damping(square: float, error: float, threshold: float) -> float:
 @compiled
 def _reduce(memory: SolverMemory, transposed: bool) -> None:
     """Compute `reduced`: the tasks' rows in the null space, (rows, mobility), or transposed."""
-    a, jacobian, free = memory.reduced, memory.task_jacobian, memory.null_space
+    a = memory.reduced
     for i in range(memory.active_rows):
+        if not transposed:
+            to_free(memory, memory.task_jacobian[i], a[i])
+            continue
+        to_free(memory, memory.task_jacobian[i], memory.coordinates)
         for j in range(memory.mobility):
-            s = inner(jacobian[i], free[j], memory.n) if memory.rank > 0 else jacobian[i, j]
-            if transposed:
-                a[j, i] = s
-            else:
-                a[i, j] = s
+            a[j, i] = memory.coordinates[j]
 
 
 @compiled

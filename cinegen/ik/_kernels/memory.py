@@ -193,7 +193,7 @@ class SolverMemory(TasksMemory):
     secondary_scale: float = state(1.0)  # step scale of the null-space velocity
 
     # directions of the tasks
-    null_space: Array = array("mobility", "n")
+    coordinates: Array = array("mobility")  # scratch
     reduced: Array = array("lesser", "larger")  # the tasks' rows in the null space of the loops
     left: Array = array("lesser", "lesser")
     right: Array = array("lesser", "larger")

@@ -18,9 +18,8 @@ from cinegen.ik._kernels.secondary import project_secondary
 from cinegen.ik._kernels.tasks import aim_tasks, tasks_left
 from cinegen.ik.thresholds import ARRIVED, ERROR_CAP, NOISE, REST
 from cinegen.jit.compiled import Array, compiled
-from cinegen.jit.factor import null_space
 from cinegen.jit.vectors import copy
-from cinegen.loops._kernels.closure import factor_loops
+from cinegen.loops._kernels.closure import factor_loops, find_null_space
 from cinegen.loops._kernels.memory import AT_Q
 from cinegen.loops._kernels.residual import evaluate_loops
 
@@ -38,10 +37,9 @@ def propose(memory: SolverMemory) -> bool:
         return False
     if memory.rows > 0:
         memory.gap = evaluate_loops(memory, True)
-    if memory.rank > 0:
         factor_loops(memory, False)
         memory.factored_at = AT_Q
-        null_space(memory.rank, memory.tau, memory.reflectors, memory.null_space)
+        find_null_space(memory)
     p = memory.active_rows
     if memory.task_distance <= NOISE:  # all are reached: no step of rounding errors
         wanted[:p] = 0.0

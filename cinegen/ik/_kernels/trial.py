@@ -30,9 +30,8 @@ from cinegen.ik.thresholds import (
     TRIES,
 )
 from cinegen.jit.compiled import compiled
-from cinegen.jit.factor import null_space
 from cinegen.jit.vectors import copy, inner
-from cinegen.loops._kernels.closure import correct, cut_correction, squared_residual
+from cinegen.loops._kernels.closure import correct, cut_correction, find_null_space
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
 from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE
 from cinegen.loops._kernels.residual import evaluate_loops
@@ -162,7 +161,7 @@ def _correct(memory: SolverMemory) -> None:
         correction[j] = 0.0
         is_locked = is_locked or memory.locked[j] != 0.0
     if memory.rows > 0:
-        correct(memory, squared_residual(memory), CLOSED, False)
+        correct(memory, CLOSED, False)
     if memory.is_refined != 0:
         if memory.rows > 0:
             for i in range(memory.active_rows):
@@ -180,14 +179,13 @@ def _correct(memory: SolverMemory) -> None:
 @compiled
 def _leave_out_locked(memory: SolverMemory) -> bool:
     """Decompose the tasks again without locked joints; return False if they are singular then."""
-    if memory.rank > 0 and memory.is_singular != 0:
+    if memory.is_singular != 0:
         return False
     for i in range(memory.active_rows):
         for j in range(memory.n):
             if memory.locked[j] != 0.0:
                 memory.task_jacobian[i, j] = 0.0
-    if memory.rank > 0:
-        null_space(memory.rank, memory.tau, memory.reflectors, memory.null_space)
+    find_null_space(memory)
     rank = min(memory.task_rank, memory.active_rows, memory.mobility)
     if memory.active_rows == rank and find_basis(memory, memory.trial_error):
         return True

@@ -4,6 +4,8 @@ Its damped step (J^T J + mu 1) d = -J^T c uses the singular value decomposition.
 J = L Q^T, the same step is d = Q y with (L^T L + mu 1) y = -L^T c, without iterations, where the rank is clear. Where
 it is not, singular vectors are used here, too.
 
+Each cluster of loops is factored, damped and judged by itself: only that of the slowest takes more steps.
+
 Factors are reused while they are good enough: they reduce a gap by about the gap at which they were computed.
 """
 
@@ -12,11 +14,11 @@ from __future__ import annotations
 import math
 
 from cinegen.jit.compiled import Array, compiled, entry
-from cinegen.jit.factor import damped_solution, factor, shortest_solution
+from cinegen.jit.factor import damped_solution, factor, null_space, shortest_solution
 from cinegen.jit.svd import decompose
 from cinegen.jit.vectors import add_multiple, copy, inner
 from cinegen.loops._kernels.kinematics import evaluate, integrate
-from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, LoopMemory
+from cinegen.loops._kernels.memory import AT_TRIAL, NOWHERE, ClusterMemory, LoopMemory, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops.thresholds import CLOSED, HEALTHY, NEGLIGIBLE, NOTHING_ADDED, ROUNDING, STEP_CAP
 
@@ -45,44 +47,83 @@ def close(memory: LoopMemory, tolerance: float, most: int, exact: bool) -> None:
         most: largest number of corrections; `corrections` becomes their number.
         exact: see `factor_loops`.
     """
-    trial, candidate = memory.trial, memory.candidate
+    trial, candidate, delta = memory.trial, memory.candidate, memory.delta
     evaluate(memory, trial)
     memory.gap = evaluate_loops(memory, False)
     memory.corrections = 0
-    squared, mu, shrinks = squared_residual(memory), 1.0, True
-    while memory.gap > tolerance and shrinks and memory.corrections < most and memory.gap < math.inf:
-        correct(memory, mu * squared, tolerance, exact)
+    goes_on = False
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        cluster.gap, cluster.squared, cluster.mu = _gap(memory, cluster), _squared_residual(memory, cluster), 1.0
+        cluster.is_open = 1 if cluster.gap > tolerance else 0
+        goes_on = goes_on or cluster.is_open != 0
+    while goes_on and memory.corrections < most and memory.gap < math.inf:
+        correct(memory, tolerance, exact)
         cut_correction(memory)
-        integrate(memory, trial, memory.delta, candidate)
+        for c in range(memory.clusters):
+            cluster = cluster_at(memory.cluster_handles[c])
+            if cluster.is_open == 0:
+                _stop(memory, cluster)
+        integrate(memory, trial, delta, candidate)
         evaluate(memory, candidate)
-        gap = evaluate_loops(memory, False)
-        now = squared_residual(memory)
+        memory.gap = evaluate_loops(memory, False)
         memory.corrections += 1
-        if now < squared:
-            copy(candidate, trial, memory.nq)
-            shrinks = gap > CLOSED or gap <= 0.5 * memory.gap
-            memory.gap, squared, mu = gap, now, max(0.1 * mu, 1e-4)
-        else:
-            evaluate(memory, trial)
-            evaluate_loops(memory, False)
-            shrinks = memory.gap > CLOSED and mu <= 1e12
-            mu *= 10.0
+        goes_on, is_worse = False, False
+        for c in range(memory.clusters):
+            cluster = cluster_at(memory.cluster_handles[c])
+            if cluster.is_open == 0:
+                continue
+            squared, gap = _squared_residual(memory, cluster), _gap(memory, cluster)
+            if squared < cluster.squared:
+                shrinks = gap > CLOSED or gap <= 0.5 * cluster.gap
+                cluster.gap, cluster.squared, cluster.mu = gap, squared, max(0.1 * cluster.mu, 1e-4)
+            else:
+                is_worse = True
+                _stop(memory, cluster)
+                shrinks = cluster.gap > CLOSED and cluster.mu <= 1e12
+                cluster.mu *= 10.0
+            cluster.is_open = 1 if shrinks and cluster.gap > tolerance else 0
+            goes_on = goes_on or cluster.is_open != 0
+        if is_worse:
+            integrate(memory, trial, delta, candidate)
+            evaluate(memory, candidate)
+            memory.gap = evaluate_loops(memory, False)
+        copy(candidate, trial, memory.nq)
 
 
 @compiled
-def squared_residual(memory: LoopMemory) -> float:
-    """Return c^T c of the residual c."""
-    return float(inner(memory.residual, memory.residual, memory.rows))
+def _stop(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    """Remove the motion of a cluster's joints from `delta`."""
+    for k in range(cluster.n):
+        memory.delta[cluster.dof[k]] = 0.0
 
 
 @compiled
-def correct(memory: LoopMemory, damping: float, tolerance: float, exact: bool) -> None:
+def _gap(memory: LoopMemory, cluster: ClusterMemory) -> float:
+    """Return a cluster's largest residual."""
+    largest = 0.0
+    for i in range(cluster.rows):
+        largest = max(largest, abs(memory.residual[cluster.row[i]]))
+    return largest
+
+
+@compiled
+def _squared_residual(memory: LoopMemory, cluster: ClusterMemory) -> float:
+    """Return c^T c of a cluster's residual c."""
+    s = 0.0
+    for i in range(cluster.rows):
+        s += memory.residual[cluster.row[i]] * memory.residual[cluster.row[i]]
+    return s
+
+
+@compiled
+def correct(memory: LoopMemory, tolerance: float, exact: bool) -> None:
     """Set `correction` to the step that removes the present residual."""
     if exact or memory.factored_at == NOWHERE or memory.gap * memory.factors_gap > tolerance:
         evaluate_loops(memory, True)
         factor_loops(memory, exact)
         memory.factored_at, memory.factors_gap = AT_TRIAL, memory.gap
-    loop_correction(memory, damping, memory.correction)
+    loop_correction(memory, True, memory.correction)
 
 
 @compiled
@@ -101,66 +142,97 @@ def cut_correction(memory: LoopMemory) -> None:
 
 @compiled
 def factor_loops(memory: LoopMemory, exact: bool) -> None:
-    """Factor `jacobian` without the columns of locked joints.
+    """Factor `jacobian` without the columns of locked joints, cluster by cluster.
 
     Args:
         memory: `factors` become the factors, or the singular vectors if the rank is not clear.
         exact: count rows, too, that are independent only because loops are open.
     """
-    f, tau, h, order = memory.factors, memory.tau, memory.reflectors, memory.row_order
-    rows, n, free = memory.rows, memory.n, 0
+    memory.is_singular, memory.sigma = 0, 1.0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        _factor_cluster(memory, cluster, exact)
+        memory.is_singular = max(memory.is_singular, cluster.is_singular)
+        memory.sigma = min(memory.sigma, cluster.sigma)
+
+
+@compiled
+def _factor_cluster(memory: LoopMemory, cluster: ClusterMemory, exact: bool) -> None:
+    f, tau, h, order = cluster.factors, cluster.tau, cluster.reflectors, cluster.row_order
+    rows, n, free = cluster.rows, cluster.n, 0
     for k in range(n):
-        if memory.locked[k] == 0.0:
+        if memory.locked[cluster.dof[k]] == 0.0:
             free += 1
-    _copy_unlocked(memory)
-    rank = min(memory.rank, free)
-    memory.factored_rank = rank
-    memory.is_singular = 0
-    clear = factor(f, rank, order, memory.row_left, tau, h) >= HEALTHY
+    _copy_unlocked(memory, cluster)
+    rank = min(cluster.rank, free)
+    cluster.factored_rank = rank
+    cluster.is_singular = 0
+    clear = factor(f, rank, order, cluster.row_left, tau, h) >= HEALTHY
     if exact:
         nothing = NOTHING_ADDED * NOTHING_ADDED * f[0, 0] * f[0, 0] if rank > 0 else 0.0
         for i in range(rank, rows):
-            clear = clear and memory.row_left[i] <= nothing
+            clear = clear and cluster.row_left[i] <= nothing
     if clear:
         if free == n:
-            memory.sigma = 1.0
+            cluster.sigma = 1.0
         return
-    memory.is_singular = 1
-    _copy_unlocked(memory)
-    u, b, square = memory.left_vectors, memory.right_vectors, memory.squared_sigma
+    cluster.is_singular = 1
+    _copy_unlocked(memory, cluster)
+    u, b, square = cluster.left_vectors, cluster.right_vectors, cluster.squared_sigma
     decompose(f, rows, n, u, b, square, False)
-    if free == n and rank > 0:  # reflections along the right singular vectors, for `null_space`
-        memory.sigma = math.sqrt(square[rank - 1])
+    if free == n and rank > 0:  # reflections along the right singular vectors, for the null space
+        cluster.sigma = math.sqrt(square[rank - 1])
         for i in range(rank):
             s = 1.0 / math.sqrt(square[i]) if square[i] > 1e-30 * square[0] else 0.0
             for k in range(n):
                 f[i, k] = s * b[i, k]
-        factor(f[:rank], rank, order, memory.row_left, tau, h)
+        factor(f[:rank], rank, order, cluster.row_left, tau, h)
 
 
 @compiled
-def _copy_unlocked(memory: LoopMemory) -> None:
-    for i in range(memory.rows):
-        for k in range(memory.n):
-            memory.factors[i, k] = 0.0 if memory.locked[k] != 0.0 else memory.jacobian[i, k]
+def _copy_unlocked(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    for i in range(cluster.rows):
+        equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
+        for k in range(cluster.n):
+            f[k] = 0.0 if memory.locked[cluster.dof[k]] != 0.0 else equation[cluster.dof[k]]
 
 
 @compiled
-def loop_correction(memory: LoopMemory, damping: float, out: Array) -> None:
-    """Write the shortest step (n,) that removes the residual: Newton's, or Levenberg and Marquardt's if damped."""
-    f, tau, h, order, rank = memory.factors, memory.tau, memory.reflectors, memory.row_order, memory.factored_rank
-    right = memory.minus_residual
-    for i in range(memory.rows):
-        right[i] = -memory.residual[i]
-    if memory.is_singular == 0:
+def find_null_space(memory: LoopMemory) -> None:
+    """Compute the null space of each cluster from its factors."""
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        null_space(cluster.rank, cluster.tau, cluster.reflectors, cluster.null_space)
+
+
+@compiled
+def loop_correction(memory: LoopMemory, is_damped: bool, out: Array) -> None:
+    """Write the shortest step (n,) that removes the residual: Newton's, or Levenberg's and Marquardt's if damped."""
+    out[: memory.n] = 0.0
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        damping = cluster.mu * _squared_residual(memory, cluster) if is_damped else 0.0
+        for i in range(cluster.rows):
+            cluster.right[i] = -memory.residual[cluster.row[i]]
+        _cluster_correction(cluster, damping)
+        for k in range(cluster.n):
+            out[cluster.dof[k]] = cluster.part[k]
+
+
+@compiled
+def _cluster_correction(cluster: ClusterMemory, damping: float) -> None:
+    """Set `part` to the step of a cluster's joints that removes the residual -`right`."""
+    f, tau, h, order, rank = cluster.factors, cluster.tau, cluster.reflectors, cluster.row_order, cluster.factored_rank
+    right, out = cluster.right, cluster.part
+    if cluster.is_singular == 0:
         if rank == 0 or damping <= NEGLIGIBLE * f[rank - 1, rank - 1] * f[rank - 1, rank - 1]:
             shortest_solution(f, rank, order, tau, h, right, out)
         else:
-            damped_solution(f, rank, order, tau, h, right, damping, memory.left_vectors, out)
+            damped_solution(f, rank, order, tau, h, right, damping, cluster.left_vectors, out)
         return
-    u, b, square = memory.left_vectors, memory.right_vectors, memory.squared_sigma
-    out[: memory.n] = 0.0
-    for i in range(memory.rows):
+    u, b, square = cluster.left_vectors, cluster.right_vectors, cluster.squared_sigma
+    out[: cluster.n] = 0.0
+    for i in range(cluster.rows):
         if square[i] <= 1e-20 * square[0]:
             break
-        add_multiple(inner(u[i], right, memory.rows) / (square[i] + damping), b[i], out, memory.n)
+        add_multiple(inner(u[i], right, cluster.rows) / (square[i] + damping), b[i], out, cluster.n)

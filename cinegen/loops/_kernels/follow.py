@@ -17,7 +17,7 @@ from cinegen.jit.factor import eliminate
 from cinegen.jit.vectors import copy
 from cinegen.loops._kernels.closure import close, factor_loops, loop_correction
 from cinegen.loops._kernels.kinematics import difference, evaluate, integrate
-from cinegen.loops._kernels.memory import AT_Q, NOWHERE, LoopMemory
+from cinegen.loops._kernels.memory import AT_Q, NOWHERE, ClusterMemory, LoopMemory, cluster_at
 from cinegen.loops._kernels.residual import evaluate_loops
 from cinegen.loops.thresholds import CLOSURE
 
@@ -46,7 +46,7 @@ def go_on(memory: LoopMemory) -> bool:
     """Follow the path. Return whether its end was reached; then frames are evaluated there."""
     while memory.halvings <= _MOST_HALVED and _step(memory):
         close(memory, memory.tolerance, _MOST, False)
-        if _is_near(memory) and (memory.corrections == 0 or _side(memory) * memory.side >= 0.0):
+        if _is_near(memory) and (memory.corrections == 0 or _is_on_branch(memory)):
             copy(memory.trial, memory.q, memory.nq)
             memory.closure = memory.gap
             if memory.corrections == 0:
@@ -68,29 +68,40 @@ def go_on(memory: LoopMemory) -> bool:
 def _find_tangent(memory: LoopMemory) -> None:
     """Compute `tangent`, the path to the goal to first order: the passive joints compensate the motion of the actuated
     ones in the loops."""
-    n, rows, jacobian, tangent, wanted = memory.n, memory.rows, memory.jacobian, memory.tangent, memory.residual
+    tangent, delta = memory.tangent, memory.delta
     is_new = memory.factored_at == NOWHERE
     if is_new:  # otherwise they are of a configuration near by, which suffices
         evaluate(memory, memory.q)
         memory.gap = evaluate_loops(memory, True)
         factor_loops(memory, False)
         memory.factored_at = AT_Q
-    for i in range(rows):
-        wanted[i] = 0.0
-        copy(jacobian[i], memory.jacobian_at_q[i], n)
-    if is_new:
-        memory.side = _side(memory)
+    delta[: memory.n] = 0.0
     for a in range(memory.actuated):
         k = memory.actuated_dof[a]
-        memory.delta[k] = (memory.goal[a] - memory.q[memory.q_index[k]]) / memory.scale[k]
-        for i in range(rows):
-            wanted[i] += jacobian[i, k] * memory.delta[k]
-    loop_correction(memory, 0.0, tangent)
-    for k in range(n):
+        delta[k] = (memory.goal[a] - memory.q[memory.q_index[k]]) / memory.scale[k]
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        _keep_jacobian(memory, cluster)
+        if is_new:
+            cluster.side = _side(memory, cluster)
+        for i in range(cluster.rows):
+            s = 0.0
+            for k in range(cluster.n):
+                s += cluster.jacobian_at_q[i, k] * delta[cluster.dof[k]]
+            memory.residual[cluster.row[i]] = s
+    loop_correction(memory, False, tangent)
+    for k in range(memory.n):
         if memory.locked[k] != 0.0:
             tangent[k] = 0.0
     for a in range(memory.actuated):
-        tangent[memory.actuated_dof[a]] = memory.delta[memory.actuated_dof[a]]
+        tangent[memory.actuated_dof[a]] = delta[memory.actuated_dof[a]]
+
+
+@compiled
+def _keep_jacobian(memory: LoopMemory, cluster: ClusterMemory) -> None:
+    for i in range(cluster.rows):
+        for k in range(cluster.n):
+            cluster.jacobian_at_q[i, k] = memory.jacobian[cluster.row[i], cluster.dof[k]]
 
 
 @compiled
@@ -132,33 +143,43 @@ def _is_near(memory: LoopMemory) -> bool:
 
 
 @compiled
-def _side(memory: LoopMemory) -> float:
-    """Return the sign of the determinant of the loops' Jacobian J by the passive joints, or of det(J_q^T J) if there
+def _is_on_branch(memory: LoopMemory) -> bool:
+    """Return whether no cluster's determinant has changed its sign since q."""
+    same = True
+    for c in range(memory.clusters):
+        cluster = cluster_at(memory.cluster_handles[c])
+        same = same and _side(memory, cluster) * cluster.side >= 0.0
+    return same
+
+
+@compiled
+def _side(memory: LoopMemory, cluster: ClusterMemory) -> float:
+    """Return the sign of the determinant of a cluster's Jacobian J by its passive joints, or of det(J_q^T J) if there
     are more rows than joints. 0 if the actuated joints do not determine the others.
 
     The determinant is 0 between two branches, so its sign separates them.
     """
-    n, rows, locked, jacobian = memory.n, memory.rows, memory.locked, memory.jacobian
-    free = 0
-    for k in range(n):
-        if locked[k] == 0.0:
+    locked, jacobian, dof, row = memory.locked, memory.jacobian, cluster.dof, cluster.row
+    rows, free = cluster.rows, 0
+    for k in range(cluster.n):
+        if locked[dof[k]] == 0.0:
             free += 1
-    if free > memory.rank:
+    if free > cluster.rank:
         return 0.0
-    a, j = memory.determinant, 0
-    for k in range(n):
-        if locked[k] != 0.0:
+    a, j = cluster.determinant, 0
+    for k in range(cluster.n):
+        if locked[dof[k]] != 0.0:
             continue
         if rows == free:
             for i in range(rows):
-                a[i, j] = jacobian[i, k]
+                a[i, j] = jacobian[row[i], dof[k]]
         else:
             i = 0
-            for other in range(n):
-                if locked[other] == 0.0:
+            for other in range(cluster.n):
+                if locked[dof[other]] == 0.0:
                     a[i, j] = 0.0
-                    for row in range(rows):
-                        a[i, j] += memory.jacobian_at_q[row, other] * jacobian[row, k]
+                    for r in range(rows):
+                        a[i, j] += cluster.jacobian_at_q[r, other] * jacobian[row[r], dof[k]]
                     i += 1
         j += 1
     return eliminate(a, free, free)

@@ -10,7 +10,47 @@ import math
 from typing import Any
 
 from cinegen.jit.compiled import Array, Table
-from cinegen.jit.memory import Memory, array, parameter, state
+from cinegen.jit.memory import Memory, array, parameter, state, view
+
+
+class ClusterMemory(Memory):
+    """Loops and couplings that share joints (`cinegen.loops.clusters`), and the factors of their Jacobian."""
+
+    n: int = parameter(0)  # DoF that change them
+    rows: int = parameter(0)
+    rank: int = parameter(0)  # of these rows: generic
+    mobility: int = parameter(0)  # n - rank
+    dof: Table = array("n", dtype=int)  # of the mechanism
+    row: Table = array("rows", dtype=int)  # of the mechanism's equations
+
+    factors: Array = array("rows", "n")
+    row_order: Table = array("rows", dtype=int)
+    row_left: Array = array("rows")
+    tau: Array = array("rows")
+    reflectors: Array = array("rows", "n")
+    left_vectors: Array = array("rows", "rows")
+    right_vectors: Array = array("rows", "n")
+    squared_sigma: Array = array("rows")
+    is_singular: int = state(0)  # the factors are singular vectors
+    factored_rank: int = state(0)
+    sigma: float = state(1.0)  # the smallest singular value, or 1 where it is not small
+    null_space: Array = array("mobility", "n")  # an orthonormal basis of motions that keep the loops closed
+
+    # closing
+    is_open: int = state(0)
+    gap: float = state(0.0)  # largest residual
+    squared: float = state(0.0)  # c^T c of the residual c
+    mu: float = state(1.0)  # damping, as a multiple of it
+    right: Array = array("rows")  # scratch
+    part: Array = array("n")  # scratch
+
+    # following the actuated joints
+    jacobian_at_q: Array = array("rows", "n")
+    determinant: Array = array("rows", "rows")  # scratch
+    side: float = state(0.0)  # sign of a determinant at q
+
+
+cluster_at = view(ClusterMemory)
 
 
 class LoopMemory(Memory):
@@ -25,9 +65,12 @@ class LoopMemory(Memory):
     couplings: int = parameter(0)
     coupling_terms: int = parameter(0)  # of all couplings
     coupling_degree: int = parameter(0)  # highest power of a joint variable
+    steps: int = parameter(0)  # of all loops
     coupled: int = parameter(0)  # nq if there are couplings, else 0
     rows: int = parameter(0)  # of all loops, and then of all couplings
     rank: int = parameter(0)  # of these rows: generic
+    clusters: int = parameter(0)
+    idle: int = parameter(0)  # DoF in no cluster
     actuated: int = parameter(0)
     length: float = parameter(1.0)  # characteristic length, m
 
@@ -56,7 +99,9 @@ class LoopMemory(Memory):
     loop_joints: Table = array("loops", 2, dtype=int)  # the joints that carry its ends
     loop_offsets: Array = array("loops", 2, 4, 3)  # its ends, relative to these joints
     loop_row: Table = array("loops", dtype=int)  # its first row
-    loop_signs: Array = array("loops", "n")  # 1 for a DoF that moves the second end, -1 the first, 0 both or none
+    loop_steps: Table = array("loops", 2, dtype=int)  # range of its entries in the two lists below
+    step_dof: Table = array("steps", dtype=int)  # DoF that move its ends relative to each other
+    step_size: Array = array("steps")  # `scale` of a DoF that moves the second end, -`scale` if it moves the first
     # couplings: equations between joints
     term_coupling: Table = array("coupling_terms", dtype=int)
     term_dof: Table = array("coupling_terms", dtype=int)
@@ -65,21 +110,14 @@ class LoopMemory(Memory):
     coupled_q: Array = array("coupled")  # configuration of the last evaluation
 
     residual: Array = array("rows")
-    minus_residual: Array = array("rows")  # scratch
     jacobian: Array = array("rows", "n")
 
-    # their factors
+    # clusters of them, and their factors
+    cluster_memories: Any = ()  # keeps what `cluster_handles` are the handles of
+    cluster_handles: Table = array("clusters", dtype=int)
+    idle_dof: Table = array("idle", dtype=int)
     locked: Array = array("n")  # not 0 for DoF that do not move while loops are closed
-    factors: Array = array("rows", "n")
-    row_order: Table = array("rows", dtype=int)
-    row_left: Array = array("rows")
-    tau: Array = array("rows")
-    reflectors: Array = array("rows", "n")
-    left_vectors: Array = array("rows", "rows")
-    right_vectors: Array = array("rows", "n")
-    squared_sigma: Array = array("rows")
-    is_singular: int = state(0)  # the factors are singular vectors
-    factored_rank: int = state(0)
+    is_singular: int = state(0)  # the factors of a cluster are singular vectors
     factored_at: int = state(0)  # configuration at which the loops are factored: see below
     factors_gap: float = state(math.inf)  # largest residual there
     sigma: float = state(1.0)  # the smallest singular value of the loops, or 1 where it is not small
@@ -105,9 +143,6 @@ class LoopMemory(Memory):
     curvature: Array = array("n")  # second-order term of this step, and of the two before
     curvature_1: Array = array("n")
     curvature_2: Array = array("n")
-    jacobian_at_q: Array = array("rows", "n")
-    determinant: Array = array("rows", "rows")  # scratch
-    side: float = state(0.0)  # sign of a determinant at q
 
     # scratch
     ends: Array = array(2, 4, 3)

@@ -14,7 +14,10 @@ RIGID, PRISMATIC, REVOLUTE, BALL = range(4)
 
 @compiled
 def evaluate_loops(memory: LoopMemory, with_jacobian: bool) -> float:
-    """Compute `residual`, and `jacobian` if requested, from the joints' frames; return the largest residual."""
+    """Compute `residual`, and `jacobian` if requested, from the joints' frames; return the largest residual.
+
+    Entries of DoF that do not change an equation are never written: they remain zero.
+    """
     for i in range(memory.loops):
         _evaluate_loop(memory, i, with_jacobian)
     if memory.couplings > 0:
@@ -54,13 +57,9 @@ def _evaluate_loop(memory: LoopMemory, loop: int, with_jacobian: bool) -> None:
         se3.log_derivative(turned, by)
     for i in range(angular):
         combine(by[i], first, seen[i])
-    p, jacobian, screws, signs, scale = second[3], memory.jacobian, memory.screws, memory.loop_signs, memory.scale
-    for k in range(memory.n):
-        s = signs[loop, k] * scale[k]
-        if s == 0.0:
-            for i in range(linear + angular):
-                jacobian[row + i, k] = 0.0
-            continue
+    p, jacobian, screws = second[3], memory.jacobian, memory.screws
+    for step in range(memory.loop_steps[loop, 0], memory.loop_steps[loop, 1]):
+        k, s = memory.step_dof[step], memory.step_size[step]
         velocity, omega = screws[k], screws[k, 3:6]
         x = velocity[0] + omega[1] * p[2] - omega[2] * p[1]  # of the second end's origin
         y = velocity[1] + omega[2] * p[0] - omega[0] * p[2]
@@ -76,9 +75,6 @@ def _evaluate_couplings(memory: LoopMemory, with_jacobian: bool) -> None:
     first, jacobian, degree = memory.rows - memory.couplings, memory.jacobian, memory.coupling_degree
     for i in range(memory.couplings):
         memory.residual[first + i] = -memory.coupling_constant[i]
-        if with_jacobian:
-            for k in range(memory.n):
-                jacobian[first + i, k] = 0.0
     for t in range(memory.coupling_terms):
         row, k, coefficients = first + memory.term_coupling[t], memory.term_dof[t], memory.term_coefficients[t]
         q, value, slope = memory.coupled_q[memory.q_index[k]], 0.0, 0.0

@@ -1,0 +1,93 @@
+"""Clusters: loops and couplings that share joints, directly or through others. Each can be closed by itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.loops.closed_loops import ClosedLoops
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True, slots=True)
+class LoopCluster:
+    """Loops and couplings that share joints.
+
+    Attributes:
+        loops: their indices.
+        couplings: their indices.
+        rows: indices of their equations.
+        columns: indices of the velocities that change them.
+    """
+
+    loops: tuple[int, ...]
+    couplings: tuple[int, ...]
+    rows: Indices
+    columns: Indices
+
+
+def clusters(system: ClosedLoops) -> list[LoopCluster]:
+    """Return the clusters of a mechanism, in the order of their first equations; no equation and no column is in
+    two."""
+    groups: list[tuple[set[int], list[int]]] = []  # columns, constraints
+    for i, columns in enumerate(system.columns):
+        together, members, apart = set(columns.tolist()), [i], []
+        for group in groups:
+            if group[0].isdisjoint(together):
+                apart.append(group)
+            else:
+                together, members = group[0] | together, group[1] + members
+        groups = [*apart, (together, sorted(members))]
+    heights = [*(loop.rows for loop in system.loops), *[1] * len(system.couplings)]
+    rows = np.split(np.arange(system.rows), np.cumsum(heights)[:-1])
+    count = len(system.loops)
+    return [
+        LoopCluster(
+            tuple(i for i in members if i < count),
+            tuple(i - count for i in members if i >= count),
+            np.concatenate([rows[i] for i in members]),
+            np.array(sorted(together), dtype=np.intp),
+        )
+        for together, members in sorted(groups, key=lambda group: group[1])
+    ]
+
+
+def subsystems(system: ClosedLoops) -> list[tuple[ClosedLoops, Indices]]:
+    """Return each cluster as a mechanism of its own joints, and the indices of its numbers in q; a single cluster is
+    the mechanism itself, with all its joints. All other joints are at zero, which changes no loop."""
+    found = clusters(system)
+    if len(found) == 1:
+        return [(system, np.arange(system.model.nq))]
+    pin.forwardKinematics(system.model, system.data, pin.neutral(system.model))
+    return [_subsystem(system, cluster) for cluster in found]
+
+
+def _subsystem(system: ClosedLoops, cluster: LoopCluster) -> tuple[ClosedLoops, Indices]:
+    """Return a cluster as a mechanism of its own joints; placements are those at zero, in the system's data."""
+    model, at, own = system.model, system.data.oMi, pin.Model()
+    joints = np.unique(np.repeat(np.arange(model.njoints), model.nvs)[cluster.columns]).tolist()
+    inner = {0: 0}  # joints by their indices in both models
+
+    def carrier(joint: int) -> tuple[int, pin.SE3]:
+        """Return the joint of the cluster that carries another, and the placement of that on it."""
+        on = joint
+        while on not in inner:
+            on = model.parents[on]
+        return inner[on], pin.SE3.Identity() if on == joint else at[on].actInv(at[joint])
+
+    for joint in joints:
+        parent, placement = carrier(model.parents[joint])
+        placement = placement * model.jointPlacements[joint]
+        inner[joint] = own.addJoint(parent, model.joints[joint], placement, model.names[joint])
+    loops = [system.loops[i] for i in cluster.loops]
+    for node in {node for loop in loops for node in (loop.first, loop.second)}:
+        frame = model.frames[model.getFrameId(node, pin.FrameType.BODY)]
+        parent, placement = carrier(frame.parentJoint)
+        own.addFrame(pin.Frame(node, parent, 0, placement * frame.placement, pin.FrameType.BODY))
+    numbers = [np.arange(model.idx_qs[j], model.idx_qs[j] + model.nqs[j]) for j in joints]
+    couplings = [system.couplings[i] for i in cluster.couplings]
+    return ClosedLoops(own, loops, system.length, couplings), np.concatenate([np.zeros(0, np.intp), *numbers])
