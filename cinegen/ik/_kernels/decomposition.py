@@ -19,6 +19,9 @@ _LOST = 1e-12  # directions of singular values below this fraction of the larges
 def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
     """Write the coordinates y (mobility,) of a joint step x (n,) in the null space of the loops: those of its clusters,
     then those of joints in none."""
+    if memory.clusters == 0:
+        copy(x, y, memory.n)
+        return
     at = 0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])
@@ -35,6 +38,9 @@ def to_free(memory: SolverMemory, x: Array, y: Array) -> None:
 @compiled
 def to_joints(memory: SolverMemory, y: Array, x: Array) -> None:
     """Write the joint step x (n,) of a step y (mobility,) in the null space."""
+    if memory.clusters == 0:
+        copy(y, x, memory.n)
+        return
     at = 0
     for c in range(memory.clusters):
         cluster = cluster_at(memory.cluster_handles[c])

@@ -194,7 +194,11 @@ def _copy_unlocked(memory: LoopMemory, cluster: ClusterMemory) -> None:
     for i in range(cluster.rows):
         equation, f = memory.jacobian[cluster.row[i]], cluster.factors[i]
         for k in range(cluster.n):
-            f[k] = 0.0 if memory.locked[cluster.dof[k]] != 0.0 else equation[cluster.dof[k]]
+            f[k] = equation[cluster.dof[k]]
+    for k in range(cluster.n):
+        if memory.locked[cluster.dof[k]] != 0.0:
+            for i in range(cluster.rows):
+                cluster.factors[i, k] = 0.0
 
 
 @compiled
