@@ -330,7 +330,7 @@ class Solver:
     def _write_tasks(self) -> None:
         """Write the tasks into the kernel's memory, which is allocated again for their number."""
         memory, fixed = self._memory, 6 if self._base_is_fixed() else 0
-        if memory.nv != self._model.nv or memory.fixed != fixed:
+        if memory.joints == 0 or memory.fixed != fixed:  # it is not set up, or for another base
             set_up_solver(memory, self.mechanism, fixed)
             if self._accelerations is not None:
                 memory.longest_change[:] = self._accelerations[fixed:]
