@@ -74,7 +74,7 @@ def test_random_couplings_on_random_mechanisms(tmp_path_factory, seed):
     followers = {coupling.follower for coupling in mechanism.couplings}
     assert set(mechanism.actuated) == set(mechanism.joints) - followers
     assert np.abs(lacks(mechanism, mechanism.q_home)).max() <= 1e-10
-    memory = set_up(LoopMemory(), mechanism.system, mechanism.loop_rank)
+    memory = set_up(LoopMemory(), mechanism.system, mechanism.cluster_ranks)
     q = mechanism.q_home + rng.normal(size=mechanism.model.nq)
     assert mechanism.loop_residual(q) == pytest.approx(lacks(mechanism, q), rel=1e-12, abs=1e-12)
     differences = [
