@@ -23,6 +23,7 @@ from cinegen.jit.compiled import Table, prepare, together
 from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf import closure
+from raff2urdf.coupling import followed
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
@@ -99,9 +100,12 @@ class Linkage:
         self._joints = range(1 + self.root, model.njoints)
         names = self.joint_names = [model.names[j] for j in self._joints]
         columns = {name: mechanism.v_index(name) for name in names}
-        rows = [mechanism.system.evaluate(q)[1] for q in mechanism.samples]
+        followers = set() if as_built else _followers(mechanism)
+        equations = mechanism.system.rows - len(mechanism.couplings)  # of loops: couplings only say where joints are
+        rows = [mechanism.system.evaluate(q)[1][:equations] for q in mechanism.samples]
         inside = {name for name in names if max(np.abs(row[:, columns[name]]).max() for row in rows) > _STILL}
-        loose = [name for name in names if name not in inside and name not in mechanism.actuated]
+        given = {*mechanism.actuated, *followers}
+        loose = [name for name in names if name not in inside and name not in given]
         if loose:
             raise ModesError(
                 f"{mechanism.name}: {_listed(loose)} {'is' if len(loose) == 1 else 'are'} neither actuated nor in a "
@@ -109,11 +113,12 @@ class Linkage:
             )
         driven = [name for name in names if name in inside and name in mechanism.actuated]
         self.redundant = () if as_built else _redundant(mechanism, rows, [columns[name] for name in driven], driven)
-        passive = {name for name in inside if name not in mechanism.actuated or name in self.redundant}
+        passive = {name for name in inside if name not in given or name in self.redundant}
         self.passive = tuple(name for name in names if name in passive)
         self.locked = tuple(name for name in names if name not in passive)
         self.driving = np.array([name in inside for name in self.locked], dtype=bool)
-        self._rank = mechanism.loop_rank if self.redundant else mechanism.passive_rank
+        unknown = [columns[name] for name in self.passive]
+        self._rank = max(closure.rank(row[:, unknown]) for row in rows)
         self.idle = len(self.passive) - self._rank
         self._prismatic = np.array([mechanism.is_prismatic(name) for name in names])
         self._index = np.array([mechanism.q_index(name) for name in names])
@@ -212,8 +217,11 @@ class Linkage:
         return np.asarray(np.where(self._prismatic[at], gaps, (gaps + np.pi) % (2.0 * np.pi) - np.pi))
 
     def locked_values(self, q: Array) -> Array:
-        """Return the values (locked,) of the locked joints in q (nq,), dimensionless."""
-        return np.asarray(q[self._index[self._locked]] / self._unit[self._locked])
+        """Return the values (locked,) of the locked joints in q (nq,), dimensionless; joints that follow others in
+        couplings are where these lead them."""
+        values = dict(zip(self.joint_names, q[self._index].tolist(), strict=True))
+        there = followed(self.mechanism.couplings, values)
+        return np.array([there[name] for name in self.locked]) / self._unit[self._locked]
 
     def actuated_values(self, q: Array) -> Array:
         """Return the values (actuated,) of all actuated joints in q (nq,), rad and m, in the mechanism's order."""
@@ -249,8 +257,8 @@ class Linkage:
         free[[mechanism.v_index(name) for name in self.locked]] = False
         found = (closure.close(mechanism.system, start, free) for start in starts)
         best = min(found, key=lambda closing: closing.gap)
-        gaps = zip(mechanism.loops, closure.gaps(mechanism.system, best.q), strict=True)
-        listed = ", ".join(f"'{loop.name}' by {gap:.3g}" for loop, gap in gaps if gap > closure.CLOSED)
+        gaps = zip(mechanism.constraint_names, closure.gaps(mechanism.system, best.q), strict=True)
+        listed = ", ".join(f"'{name}' by {gap:.3g}" for name, gap in gaps if gap > closure.CLOSED)
         unit = f"(rad, or lengths of {mechanism.length:.4g} m)"
         return NearestConfiguration(best.q, best.gap, message or f"open stay {listed} {unit}")
 
@@ -420,9 +428,7 @@ def scratch_of(tables: LinkageTables, passive: int) -> LinkageScratch:
 
 
 def _check_joints(mechanism: Mechanism) -> None:
-    if mechanism.couplings:
-        raise ModesError(f"{mechanism.name}: assembly modes of mechanisms with couplings are not computed")
-    if not mechanism.is_constrained:
+    if not mechanism.loops:
         raise ModesError(f"{mechanism.name} has no loops: each value of its joints has one configuration")
     model = mechanism.model
     for name, joint in zip(model.names, model.joints, strict=True):
@@ -433,11 +439,38 @@ def _check_joints(mechanism: Mechanism) -> None:
             )
 
 
+def _followers(mechanism: Mechanism) -> set[str]:
+    """Return the joints that follow the actuated ones in couplings, directly or one after another.
+
+    Raises:
+        ModesError: a coupling has joints that do not.
+    """
+    known = set(mechanism.actuated)
+    for coupling in mechanism.couplings:
+        leaders = [joint for joint in coupling.terms if joint != coupling.follower]
+        if known.issuperset(leaders) and len(coupling.terms[coupling.follower]) == 1:
+            known.add(coupling.follower)
+    for coupling in mechanism.couplings:
+        unknown = [joint for joint in coupling.terms if joint not in known]
+        if unknown:
+            raise ModesError(
+                f"{mechanism.name}: coupling '{coupling.name}' does not determine {_listed(unknown)}: assembly modes "
+                "are computed where the first joint of each coupling follows actuated joints, or joints of couplings "
+                "before it. Declare 'actuated 1' for others"
+            )
+    return known - set(mechanism.actuated)
+
+
 def _redundant(mechanism: Mechanism, rows: list[Array], columns: list[int], names: list[str]) -> tuple[str, ...]:
     """Return the actuated joints whose values follow from those of the others."""
     count = mechanism.loop_rank - mechanism.passive_rank
     if count == 0:
         return ()
+    if mechanism.couplings:
+        raise ModesError(
+            f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings: declare "
+            "'actuated 0' for those"
+        )
     best: list[int] = []
     strongest = 0.0
     for matrix in rows:

@@ -8,7 +8,6 @@ from typing import Any
 
 from cinegen.cli.files import count, print_result
 from cinegen.cli.options import FILE, JSON, RobotOptions
-from raff2urdf.coupling import Coupling
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 
@@ -41,7 +40,7 @@ def _text(report: Mapping[str, Any]) -> str:
         what = " and ".join(["loops"] * bool(loops) + ["couplings (rad, m)"] * bool(couplings))
         lines += ["", f"  {what}: {report['loop_rows']} rows of rank {report['loop_rank']}"]
         lines += [f"    {loop['name']}: {loop['kind']}" for loop in loops]
-        lines += [f"    {one['name']}: {Coupling(**one)}" for one in couplings]
+        lines += [f"    {one['name']}: {one['equation']}" for one in couplings]
         gaps = report["gap_as_written"], report["closure_at_home"]
         lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
         lines.append(f"    singular values at home: {_values(report['loop_singular_values'])}")

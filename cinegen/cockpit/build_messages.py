@@ -27,7 +27,7 @@ from cinegen.devices.kinds import what_is
 from cinegen.jit.starting import COMPILATION
 from cinegen.joints import kinematic_data
 from cinegen.model import Mechanism
-from cinegen.model.description import describe_joint, describe_loop
+from cinegen.model.description import describe_coupling, describe_joint, describe_loop
 from cinegen.session import RobotReport, SessionState, Setup
 from cinegen.session.commands import CommandFrame
 from cinegen.session.state import PlaybackStatus, SessionInfo, TaskInfo, TaskState
@@ -72,6 +72,7 @@ def _robot(setup: Setup, name: str, mechanism: Mechanism) -> RobotDescription:
         nodes=tuple(_nodes(mechanism)),
         joints=tuple(describe_joint(mechanism, joint) for joint in mechanism.joints),
         loops=tuple(map(describe_loop, mechanism.loops)),
+        couplings=tuple(map(describe_coupling, mechanism.couplings)),
     )
 
 

@@ -11,7 +11,7 @@ from typing import Literal
 import msgspec
 from msgspec import UNSET, Struct, UnsetType
 
-from cinegen.model.description import JointDescription, LoopDescription
+from cinegen.model.description import CouplingDescription, JointDescription, LoopDescription
 from cinegen.session.commands import Command, CommandFrame, TypedMessage
 from cinegen.session.report import RobotReport
 from cinegen.session.setup import SensorSwitch
@@ -74,6 +74,7 @@ class RobotDescription(Struct, frozen=True):
         nodes: its nodes.
         joints: its joints.
         loops: its loops.
+        couplings: equations between its joints.
     """
 
     name: str
@@ -85,6 +86,7 @@ class RobotDescription(Struct, frozen=True):
     nodes: tuple[NodeDescription, ...]
     joints: tuple[JointDescription, ...]
     loops: tuple[LoopDescription, ...]
+    couplings: tuple[CouplingDescription, ...]
 
 
 class ObstacleDescription(Struct, frozen=True):

@@ -57,11 +57,13 @@ class CouplingDescription(Struct, frozen=True):
         name: name of the coupling.
         terms: coefficients c1, c2, ... by joint; first the joint that follows.
         constant: the constant.
+        equation: all of it as text.
     """
 
     name: str
     terms: dict[str, tuple[float, ...]]
     constant: float
+    equation: str
 
 
 def describe(mechanism: Mechanism) -> dict[str, Any]:
@@ -106,7 +108,7 @@ def describe_loop(loop: LoopConstraint) -> LoopDescription:
 
 def describe_coupling(coupling: Coupling) -> CouplingDescription:
     """Describe a coupling."""
-    return CouplingDescription(coupling.name, dict(coupling.terms), coupling.constant)
+    return CouplingDescription(coupling.name, dict(coupling.terms), coupling.constant, str(coupling))
 
 
 def describe_joint(mechanism: Mechanism, joint: str) -> JointDescription:

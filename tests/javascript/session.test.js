@@ -5,7 +5,7 @@ import { line, root } from "./browser.js";
 
 const { keyOf, Session } = await import("../../cinegen/cockpit/static/base/session.js");
 
-const ARM = { name: "arm", nodes: [{ name: "base" }, { name: "tool" }], joints: [], loops: [] };
+const ARM = { name: "arm", nodes: [{ name: "base" }, { name: "tool" }], joints: [], loops: [], couplings: [] };
 const WALL = { name: "wall", length: 1, mobility: 0 };
 let link;
 let session;

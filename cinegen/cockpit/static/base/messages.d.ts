@@ -150,6 +150,7 @@ export interface RobotDescription {
   nodes: NodeDescription[];
   joints: JointDescription[];
   loops: LoopDescription[];
+  couplings: CouplingDescription[];
 }
 
 export interface NodeDescription {
@@ -174,6 +175,13 @@ export interface LoopDescription {
   kind: string;
   first: string;
   second: string;
+}
+
+export interface CouplingDescription {
+  name: string;
+  terms: Record<string, number[]>;
+  constant: number;
+  equation: string;
 }
 
 export interface ObstacleDescription {

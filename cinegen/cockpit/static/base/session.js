@@ -150,7 +150,8 @@ export class Session extends Events {
 function asRobot({ name, length, mobility }) {
   const node = { name, parent: null, joint: null, kind: /** @type {const} */ ("link") };
   const byName = new Map([[name, node]]);
-  return { name, robot: name, obstacle: true, length, mobility, end: name, base: null, nodes: [node], joints: [], loops: [], byName };
+  const parts = { nodes: [node], joints: [], loops: [], couplings: [], byName };
+  return { name, robot: name, obstacle: true, length, mobility, end: name, base: null, ...parts };
 }
 
 /**

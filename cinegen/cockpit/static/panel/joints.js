@@ -55,7 +55,7 @@ export class Joints {
       const passive = rows.filter(({ joint }) => !joint.actuated);
       body.append(...actuated.map(({ element }) => element));
       if (passive.length > 0) {
-        const hint = "Passive joints: the loops move them";
+        const hint = "Passive joints: loops and couplings move them";
         body.append(folded(`${passive.length} passive`, hint, ...passive.map(({ element }) => element)));
       }
       if (rows.length === 0) body.append(make("p", { class: "empty" }, "This robot has no joints."));
@@ -88,7 +88,9 @@ export class Joints {
       Number.isFinite(joint.lower) || Number.isFinite(joint.upper)
         ? `${units.joint(joint, row.lower)} to ${units.joint(joint, row.upper)}`
         : "no limits";
-    const name = make("span", { class: "name", title: `${joint.name}: ${joint.type}, ${limits}` }, joint.name);
+    const coupled = robot.couplings.filter(({ terms }) => joint.name in terms).map(({ equation }) => `; ${equation} (rad, m)`);
+    const title = `${joint.name}: ${joint.type}, ${limits}${coupled.join("")}`;
+    const name = make("span", { class: "name", title }, joint.name);
     row.element = joint.actuated ? this.#actuated(row, name, limits) : this.#passive(row, name, limits);
     this.#rows.set(row.key, row);
     return row;

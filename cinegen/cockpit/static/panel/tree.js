@@ -45,6 +45,7 @@ export class Tree {
       list.addEventListener("keydown", (event) => this.#walk(event, list));
       const actuated = robot.joints.filter((joint) => joint.actuated).length;
       const texts = [`mobility ${robot.mobility ?? "–"}`, `${actuated} actuated joints`, `${robot.loops.length} loops`];
+      if (robot.couplings.length > 0) texts.push(`${robot.couplings.length} couplings`);
       if (robot.base !== null) texts.push(`base on ${robot.base.join(" · ")}`);
       body.append(make("p", { class: "empty" }, texts.join(" · ")), list);
     });
