@@ -49,7 +49,7 @@ class MapOptions:
     over: str = option(
         "AXES", "axes, each NAME, NAME=LOW..HIGH or NAME=LOW..HIGH:CELLS: x, y, z, rx, ry, rz of a node ('xy' is x,y), "
         f"azimuth, elevation, radius about --centre, or actuated joints ({UNITS}; "
-        "default: all translations, or the actuated joint of a robot of mobility 1)", "",
+        "default: all translations, or the actuated joints where these are fewer)", "",
     )  # fmt: skip
     line: str | None = option("A..B", "instead of axes, a line between two points (m): 0,0,-1..0.5,0,-1:200")
     at: str = option("VALUES", f"values of other coordinates, such as z=-0.9,rx=0 ({UNITS}; default: home)", "")

@@ -63,8 +63,8 @@ def region(
 
 
 def _translations(mechanism: Mechanism, node: str | None, given: dict[str, float]) -> list[str]:
-    """Return the translations that the node can make, without those whose value is given; with mobility 1 the actuated
-    joint, whose range is all of the motion."""
+    """Return the translations that the node can make, without those whose value is given; the actuated joints of a
+    robot that has fewer degrees of freedom, whose node moves along a curve or on a surface."""
     from cinegen.workspace import MapError
 
     if mechanism.mobility == 1 and len(mechanism.actuated) == 1 and not given:
@@ -79,7 +79,8 @@ def _translations(mechanism: Mechanism, node: str | None, given: dict[str, float
             except MapError:
                 continue
             found.append(name)
-    return found
+    is_thin = len(found) > mechanism.mobility == len(mechanism.actuated)
+    return list(mechanism.actuated) if is_thin and not given else found
 
 
 def _axis(

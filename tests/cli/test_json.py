@@ -88,7 +88,7 @@ def printed(root, capsys, monkeypatch, tmp_path):
 
 
 def test_info(root, printed):
-    check(root, printed("info", "four_bar.raff", "planar_3r.raff"), "info")
+    check(root, printed("info", "four_bar.raff", "planar_3r.raff", "scara.raff"), "info")
 
 
 def test_modes(root, printed):
