@@ -65,7 +65,7 @@ def run(
         from cinegen.collision import load_scene
         from cinegen.session import scene_setup
 
-        loaded_scene = load_scene(scene, robots.ignore_loops)
+        loaded_scene = load_scene(scene, robots.ignore_loops, robots.ignore)
         recorded = str(record) if record else None
         setup = scene_setup(loaded_scene, sensor, _shape(follow or "still"), node, rate, recorded)
     if record:

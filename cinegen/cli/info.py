@@ -44,6 +44,8 @@ def _text(report: Mapping[str, Any]) -> str:
         gaps = report["gap_as_written"], report["closure_at_home"]
         lines.append("    open by {:.2g} as written, by {:.2g} at home".format(*gaps))
         lines.append(f"    singular values at home: {_values(report['loop_singular_values'])}")
+        lines += [f"    declared by: {', '.join(report['dialects'])}"] * bool(report["dialects"])
+    lines += [f"  note: {note}" for note in report["notes"]]
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
     length = report["characteristic_length"]
     lines.append(f"  (dimensionless: lengths divided by the characteristic length, {shown(length, LENGTH)})")

@@ -95,7 +95,7 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     exclude(json=options.json, view=options.view)
     check_outputs(options.plot, force=page.force, json=options.json)
     name, mechanism = robots.load_one(file)
-    spec = specification(mechanism, options, robots.ignore_loops)
+    spec = specification(mechanism, options, robots)
     shown = (*spec.quantities, "reachable", "status")
     if options.show not in (None, *shown):
         raise UnknownNameError("quantity", options.show, shown)
@@ -132,7 +132,7 @@ def run(robots: RobotOptions, options: MapOptions, page: PageOptions, file: Path
     return 0
 
 
-def specification(mechanism: Mechanism, options: MapOptions, ignore_loops: bool = False) -> MapSpecification:
+def specification(mechanism: Mechanism, options: MapOptions, robots: RobotOptions) -> MapSpecification:
     """Return the specification of a map.
 
     Raises:
@@ -145,7 +145,7 @@ def specification(mechanism: Mechanism, options: MapOptions, ignore_loops: bool 
         mechanism, options.over, options.at, options.node, options.orientation, options.grid, options.centre,
         options.line,
     )  # fmt: skip
-    scene = None if options.scene is None else _obstacles(mechanism, options.scene, ignore_loops)
+    scene = None if options.scene is None else _obstacles(mechanism, options.scene, robots)
     names = [name.strip() for given in options.quantity or ["sigma_1,sigma_2"] for name in given.split(",") if name]
     if "all" in names:
         slow = {*_SLOW, *(() if scene else ("clearance",))}
@@ -160,11 +160,11 @@ def specification(mechanism: Mechanism, options: MapOptions, ignore_loops: bool 
     )  # fmt: skip
 
 
-def _obstacles(mechanism: Mechanism, file: Path, ignore_loops: bool) -> dict[str, Any]:
+def _obstacles(mechanism: Mechanism, file: Path, robots: RobotOptions) -> dict[str, Any]:
     """Return the obstacles of a scene, with this robot instead of the scene's."""
     from cinegen.collision import load_scene
 
-    scene = load_scene(file, ignore_loops)
+    scene = load_scene(file, robots.ignore_loops, robots.ignore)
     home = mechanism.placement(mechanism.q_home, mechanism.end).translation.tolist()
     values: dict[str, Any] = {"name": scene.name, "goal": {"point": home}}
     if scene.allowed_collisions:
@@ -180,7 +180,12 @@ def _sweep(name: str, spec: MapSpecification, file: Path, robots: RobotOptions, 
     from raff2urdf.reader import load as load_document
     from raff2urdf.shipped import find_robot
 
-    for other, value in {"loop": robots.loop, "ignore_loops": robots.ignore_loops, "view": options.view}.items():
+    for other, value in {
+        "loop": robots.loop,
+        "ignore_loops": robots.ignore_loops,
+        "ignore": robots.ignore,
+        "view": options.view,
+    }.items():
         exclude(vary=True, **{other: value})
     document = load_document(find_robot(file))
     variations = [Variation.typed(text, document, robots.robot) for text in options.vary]

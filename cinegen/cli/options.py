@@ -55,7 +55,8 @@ FILES = typer.Argument(
     (), metavar="FILE", help="RAFF, URDF, SDF or MJCF files, or names of shipped robots", show_default=False
 )
 FORCE = flag("--force", "replace an existing file that cinegen did not generate, or a recording")
-IGNORE_LOOPS = flag("--ignore-loops", "leave all loops open: the tree only, even if loops or couplings can't be read")
+IGNORE = option("ELEMENT", "leave out loops and couplings of this name or element, such as pin or loop_joint", ())
+IGNORE_LOOPS = flag("--ignore-loops", "leave out all loops and couplings: every joint moves independently")
 JSON = flag("--json", "print JSON: m, rad and s; docs/commands.md lists the keys")
 NODE = option("NAME", "node whose pose is meant (default: the last of the file)")
 PLOT = option("FILE", "draw a picture: .png, .svg or .pdf", callback=_check_drawable)
@@ -73,6 +74,7 @@ class RobotOptions:
         "NAME=KIND", "close a loop as rigid, prismatic, revolute or ball, whatever the file says", ()
     )
     ignore_loops: bool = IGNORE_LOOPS
+    ignore: list[str] = IGNORE
     units: Literal["m", "mm"] = UNITS
 
     def load(self, files: Iterable[Path]) -> dict[str, tuple[Mechanism, Path]]:
@@ -93,7 +95,7 @@ class RobotOptions:
         for file in files:
             wanted = robots(file) if self.robot is None else [self.robot]
             for robot in wanted:
-                mechanism = load(file, robot, loops, self.ignore_loops)
+                mechanism = load(file, robot, loops, self.ignore_loops, self.ignore)
                 stem = stem_of(file).encode(errors="replace").decode()  # a file's name need not be UTF-8
                 name = stem if len(wanted) == 1 else f"{stem}.{mechanism.name}"
                 while name in found:

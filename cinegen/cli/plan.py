@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import typer
 
 from cinegen.cli.files import check_outputs, count, empty, print_result, write_figure
-from cinegen.cli.options import IGNORE_LOOPS, JSON, PLOT, UNITS, VIEW, exclude, option
+from cinegen.cli.options import IGNORE, IGNORE_LOOPS, JSON, PLOT, UNITS, VIEW, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError
@@ -42,6 +42,7 @@ def run(
         "vortex",
     ),
     ignore_loops: bool = IGNORE_LOOPS,
+    ignore: list[str] = IGNORE,
     output: str | None = option(
         "FILE.jsonl", "record the path, for `cinegen replay` and `export`", None, "-o", "--output"
     ),
@@ -63,7 +64,7 @@ def run(
     recording = output_path(output, f"{stem_of(scene)}.jsonl") if output else None
     check_outputs(plot, force=page.force, json=json)
     check_outputs(recording, force=page.force, json=json, remakeable=False)
-    loaded = load_scene(scene, ignore_loops)
+    loaded = load_scene(scene, ignore_loops, ignore)
     if not json:
         print("\n".join(_task(loaded)), flush=True)
     with Progress() as progress:

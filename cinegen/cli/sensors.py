@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from cinegen.cli.options import FILES, IGNORE_LOOPS, JSON, SECONDS, option
+from cinegen.cli.options import FILES, IGNORE, IGNORE_LOOPS, JSON, SECONDS, option
 from raff2urdf.output import write_at_once
 
 
@@ -15,6 +15,7 @@ def run(
     monitor: str | None = option("URL", "show the readings of this port or URL"),
     seconds: float | None = SECONDS,
     ignore_loops: bool = IGNORE_LOOPS,
+    ignore: list[str] = IGNORE,
     json: bool = JSON,
 ) -> int:
     """List the sensors of files and of this machine; monitor one.
@@ -27,5 +28,5 @@ def run(
     if monitor:
         monitoring.monitor(monitor, write_at_once, seconds, json, rewrite=sys.stdout.isatty() and not json)
     else:
-        print(monitoring.listing(map(str, files), sensor, json, ignore_loops))
+        print(monitoring.listing(map(str, files), sensor, json, ignore_loops, ignore))
     return 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -36,12 +36,13 @@ SAFETY = 0.01
 _STEP = 0.1  # rad or characteristic lengths: largest step of the actuated joints from home to the start
 
 
-def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
+def load_scene(path: str | Path, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Scene:
     """Return the scene of a file; numbers without a unit are in m and degrees.
 
     Args:
         path: a .toml or .json file, or the name of a shipped scene, such as "disc"; `-` is standard input.
         ignore_loops: as for `cinegen.load`, for the robot of the scene.
+        ignore: likewise.
 
     Raises:
         SceneError: the file can't be read, or a value is invalid; the message names the file and the key.
@@ -60,7 +61,7 @@ def load_scene(path: str | Path, ignore_loops: bool = False) -> Scene:
     if parse is None:
         parse = _json if text.lstrip().startswith("{") else _toml
     table = SceneTable(*_angles(parse(text, path), str(path), "deg"))
-    return _scene(table, stem_of(path), path, path.parent, None, ignore_loops)
+    return _scene(table, stem_of(path), path, path.parent, None, (ignore_loops, ignore))
 
 
 def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mechanism | None = None) -> Scene:
@@ -78,7 +79,12 @@ def scene_of(values: Mapping[str, Any], folder: str | Path = ".", mechanism: Mec
 
 
 def _scene(
-    table: SceneTable, name: str, path: Path | None, folder: Path, given: Mechanism | None, ignore_loops: bool = False
+    table: SceneTable,
+    name: str,
+    path: Path | None,
+    folder: Path,
+    given: Mechanism | None,
+    ignored: _Ignored = (False, ()),
 ) -> Scene:
     name = table.text("name") if "name" in table else name
     safety = table.number("safety") if "safety" in table else SAFETY
@@ -96,7 +102,7 @@ def _scene(
     table.know("node", "robot", "mobile", "allowed_collisions")
     table.finish()  # before the robot is loaded, which may take a while
 
-    mechanism, written, radius = _robot(table, folder, given, ignore_loops)
+    mechanism, written, radius = _robot(table, folder, given, ignored)
     node = table.text("node") if "node" in table else mechanism.end
     if node not in mechanism.nodes:
         raise table.error("node", f"'{node}' is not a node of {mechanism.name}{did_you_mean(node, mechanism.nodes)}")
@@ -138,6 +144,10 @@ def _allowed(table: SceneTable, mechanism: Mechanism) -> tuple[tuple[str, str], 
 # --- the robot ---------------------------------------------------------------------------------------------------
 
 
+_Ignored = tuple[bool, Sequence[str]]
+"""`ignore_loops` and `ignore`, as for `cinegen.load`."""
+
+
 class _Robot(NamedTuple):
     """A mechanism, its file as it was written, and the radius of a mobile robot, m."""
 
@@ -146,7 +156,7 @@ class _Robot(NamedTuple):
     radius: float | None
 
 
-def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, ignore_loops: bool) -> _Robot:
+def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, ignored: _Ignored) -> _Robot:
     """Return the robot of a scene.
 
     It is given by `robot`, a file that `cinegen.load` reads, or for a file with several robots a table with its `file`
@@ -167,18 +177,18 @@ def _robot(table: SceneTable, folder: Path, mechanism: Mechanism | None, ignore_
         return _Robot(mechanism, None, None)
     if not table.has_table("robot"):
         text = table.text("robot")
-        return _Robot(mechanism or _load(table, "robot", folder, None, ignore_loops), text, None)
+        return _Robot(mechanism or _load(table, "robot", folder, None, ignored), text, None)
     inner = table.table("robot")
     inner.text("file")
     name = inner.text("name") if "name" in inner else None
     inner.finish()
-    return _Robot(mechanism or _load(inner, "file", folder, name, ignore_loops), inner.read, None)
+    return _Robot(mechanism or _load(inner, "file", folder, name, ignored), inner.read, None)
 
 
-def _load(table: SceneTable, key: str, folder: Path, name: str | None, ignore_loops: bool) -> Mechanism:
+def _load(table: SceneTable, key: str, folder: Path, name: str | None, ignored: _Ignored) -> Mechanism:
     path = table.file(key, folder)
     try:
-        return load(path, robot=name, ignore_loops=ignore_loops)
+        return load(path, robot=name, ignore_loops=ignored[0], ignore=ignored[1])
     except (CinegenError, RaffError, OSError) as error:
         raise table.error(key, f"can't be loaded: {error}") from None
 

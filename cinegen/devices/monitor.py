@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,13 @@ _CLEAR = "\r\033[K"  # moves to the start of the terminal's line and clears it
 # --- devices ---------------------------------------------------------------------------------------------------
 
 
-def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False, ignore_loops: bool = False) -> str:
+def listing(
+    files: Iterable[str],
+    ports: Iterable[str],
+    as_json: bool = False,
+    ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
+) -> str:
     """Return a list of the sensors of files, and of possible devices of this machine.
 
     Args:
@@ -37,13 +43,14 @@ def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False, i
         ports: texts such as `1=/dev/ttyUSB0` that replace ports of the files.
         as_json: JSON instead of text.
         ignore_loops: as for `cinegen.load`.
+        ignore: likewise.
 
     Raises:
         raff2urdf.RaffError: a RAFF file is invalid.
         CinegenError: a file is invalid, or a port is given for an unknown sensor.
     """
     given = overrides(ports)
-    found = {file: named(file, given, ignore_loops) for file in files}
+    found = {file: named(file, given, ignore_loops, ignore) for file in files}
     known = {sensor["number"] for sensors in found.values() for sensor in sensors}
     for number in given:
         if number not in known:
@@ -53,19 +60,22 @@ def listing(files: Iterable[str], ports: Iterable[str], as_json: bool = False, i
     return _listed(found, here())
 
 
-def named(path: str | Path, ports: Mapping[int, str], ignore_loops: bool = False) -> list[dict[str, Any]]:
+def named(
+    path: str | Path, ports: Mapping[int, str], ignore_loops: bool = False, ignore: Sequence[str] = ()
+) -> list[dict[str, Any]]:
     """Return the sensors of a file, with the nodes that may follow them.
 
     Args:
         path: file, as for `cinegen.load`.
         ports: ports that replace those of the file, by the sensor's number.
         ignore_loops: as for `cinegen.load`.
+        ignore: likewise.
 
     Raises:
         raff2urdf.RaffError: the RAFF file is invalid.
         CinegenError: the file is invalid.
     """
-    mechanisms = [load(path, robot, ignore_loops=ignore_loops) for robot in robots(path)]
+    mechanisms = [load(path, robot, ignore_loops=ignore_loops, ignore=ignore) for robot in robots(path)]
     found: dict[int, dict[str, Any]] = {}
     for mechanism in mechanisms:
         for number, sensor in mechanism.sensors.items():

@@ -83,6 +83,8 @@ def describe(mechanism: Mechanism) -> dict[str, Any]:
     end_sigma = np.linalg.svd(mechanism.jacobian(q, end) * mechanism.scale @ motions / units, compute_uv=False)
     return {
         "robot": mechanism.name,
+        "dialects": list(mechanism.source.dialects),
+        "notes": list(mechanism.source.notes),
         "nodes": list(mechanism.nodes),
         "joints": [to_builtins(describe_joint(mechanism, joint)) for joint in mechanism.joints],
         "loops": [to_builtins(describe_loop(loop)) for loop in mechanism.loops],

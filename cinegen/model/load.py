@@ -25,6 +25,7 @@ from raff2urdf.analysis import loop_kind
 from raff2urdf.constraints import Constraints, without_loops
 from raff2urdf.coupling import coupling_of, followed
 from raff2urdf.json_lines import line_of
+from raff2urdf.readers.declaration import IgnoreList
 from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import UNLIMITED, parse
 from raff2urdf.readers.xml_file import read_text
@@ -33,12 +34,15 @@ from raff2urdf.tree import characteristic_length
 
 Array = NDArray[np.float64]
 
+_SAMPLES = 20  # configurations of which home is chosen if the file has none and all joints at 0 is singular
+
 
 def load(
     path: str | Path,
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
     ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
 ) -> Mechanism:
     """Load a mechanism and close its loops.
 
@@ -48,14 +52,16 @@ def load(
             Gepetto's example-parallel-robots has it.
         robot: name of one robot of a file that holds several; the first unless given.
         loops: kinds of closure (rigid, prismatic, revolute, ball) that replace those of the file, by the loop's name.
-        ignore_loops: leave all loops open, also those that a URDF declares in elements that are not read. Every joint
-            is actuated then, and one warning lists what was left out.
+        ignore_loops: leave out all loops and couplings, also those that can't be read. Every joint is actuated then,
+            and one warning lists what was left out.
+        ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint"; or files next
+            to a URDF, such as "robot.yaml".
 
     Raises:
         raff2urdf.RaffError: the RAFF file, or the constraints, are wrong: where and why.
         ClosureError: the loops can't be closed; names them, their gaps, and what would close them.
-        LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why. A URDF declares loops or couplings that
-            are not read, and `ignore_loops` is false.
+        LoadError: the URDF, SDF, MJCF or robot.yaml is wrong: where and why. It declares a loop or a coupling that
+            can't be read, and that is not ignored.
         UnknownNameError: no such loop.
     """
     path = find_robot(path)
@@ -64,7 +70,7 @@ def load(
             f"{path}: a kind is given for loop '{next(iter(loops))}', but all are to be ignored: leave one out"
         )
     if readers.holds_xml(path):
-        return _load_xml(path, robot, loops, ignore_loops)
+        return _load_xml(path, robot, loops, ignore_loops, ignore)
     from raff2urdf.conversion import describe
     from raff2urdf.reader import parse as parse_raff
     from raff2urdf.reader import read
@@ -75,15 +81,24 @@ def load(
     for name in loops or {}:
         if name not in chosen.loop_names:
             raise UnknownNameError("loop", name, chosen.loop_names)
-    if ignore_loops and (chosen.loops or chosen.couplings):
-        listed = ", ".join(
-            [f"loop '{name}'" for name in chosen.loop_names] + [f"coupling '{name}'" for name in chosen.coupling_names]
+    words = IgnoreList(ignore)
+    open_loops = [name for name in chosen.loop_names if words.takes(name) or ignore_loops]
+    open_couplings = [name for name in chosen.coupling_names if words.takes(name) or ignore_loops]
+    words.check(str(path))
+    if open_loops or open_couplings:
+        listed = [f"loop '{name}'" for name in open_loops] + [f"coupling '{name}'" for name in open_couplings]
+        moves = "; every joint moves independently" if ignore_loops else ""
+        warn(f"{path}: left out, as requested{moves}: {', '.join(listed)}")
+        named = zip(chosen.loop_names, chosen.loops, strict=True)
+        coupled = zip(chosen.coupling_names, chosen.couplings, strict=True)
+        chosen = replace(
+            chosen,
+            loops=tuple(loop for name, loop in named if name not in open_loops),
+            couplings=tuple(coupling for name, coupling in coupled if name not in open_couplings),
         )
-        message = f"{path}: left out, as requested; every joint moves independently: {listed}"
-        warn(message)
-        urdf, constraints = describe(document, replace(chosen, loops=(), couplings=()), path.parent)
-        return build(urdf, without_loops(constraints), name=str(path))
     urdf, constraints = describe(document, chosen, path.parent, loops)
+    if ignore_loops and (open_loops or open_couplings):
+        constraints = without_loops(constraints)
     return build(urdf, constraints, name=str(path))
 
 
@@ -99,18 +114,21 @@ def robots(path: str | Path) -> list[str | None]:
     return [robot.name for robot in raff2urdf.load(path).robots] or [None]
 
 
-def _load_xml(path: Path, robot: str | None, loops: Mapping[str, str] | None, ignore_loops: bool) -> Mechanism:
+def _load_xml(
+    path: Path, robot: str | None, loops: Mapping[str, str] | None, ignore_loops: bool, ignore: Sequence[str]
+) -> Mechanism:
     """Load a URDF with its sidecar file, an SDF or an MJCF."""
     try:
-        urdf, constraints = readers.read(path, robot, ignore_loops)
+        found = readers.read(path, robot, ignore_loops, ignore)
     except raff2urdf.RaffError as error:
         raise LoadError(str(error)) from None
+    constraints = found.constraints
     entries = {entry["name"]: entry for entry in constraints["loops"]} if constraints else {}
     for name, kind in (loops or {}).items():
         if name not in entries:
             raise UnknownNameError("loop", name, tuple(entries))
         entries[name]["kind"] = loop_kind(kind).name.lower()
-    mechanism = build(urdf, constraints, str(path.parent), str(path))
+    mechanism = build(found.urdf, constraints, str(path.parent), str(path), found.dialects, found.notes)
     if constraints and not loops:
         _check_stated(mechanism, constraints, constraints_of(path))
     return mechanism
@@ -134,7 +152,14 @@ def _degrees_of_freedom(system: ClosedLoops, rank: int) -> dict[str, int]:
     return {"loop_rows": system.rows, "loop_rank": rank, "mobility": system.model.nv - rank}
 
 
-def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None = None, name: str = "URDF") -> Mechanism:
+def build(
+    urdf: str,
+    constraints: Mapping[str, Any] | None,
+    folder: str | None = None,
+    name: str = "URDF",
+    dialects: tuple[str, ...] = (),
+    notes: tuple[str, ...] = (),
+) -> Mechanism:
     """Build a mechanism from a URDF's text and everything that a URDF cannot express.
 
     Args:
@@ -144,6 +169,8 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
             everywhere, or None), they are chosen as for a RAFF file.
         folder: where the URDF's meshes are searched; None where it names them absolutely.
         name: the file's, for errors.
+        dialects: in which loops and couplings were declared.
+        notes: about what was read.
 
     Raises:
         LoadError: no URDF, or it lacks what the constraints name.
@@ -171,7 +198,9 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
     if loops or couplings:
         gap = max(closure.gaps(system, q))
         q, limits = _followed(system, q), Limits(model, tuple(actuated))
-        ranks, determined = _close(system, q, limits, actuated, f"{name}: robot '{constraints['robot']}'")
+        drawn = not any("home" in joint for joint in (given or {}).get("joints", []))
+        ranks, determined, moved = _close(system, q, limits, actuated, drawn, f"{name}: robot '{constraints['robot']}'")
+        notes += ("all joints at 0 is singular: home is a configuration near it",) if moved else ()
     chosen = tuple(joint for joint, has in actuated.items() if has or (has is None and joint not in determined))
     return Mechanism(
         name=constraints["robot"],
@@ -190,7 +219,9 @@ def build(urdf: str, constraints: Mapping[str, Any] | None, folder: str | None =
         sensor_constraints=tuple(
             (entry["node"], tuple(entry["sensors"])) for entry in constraints.get("sensor_constraints", [])
         ),
-        source=MechanismSource(urdf, _stated(given, _degrees_of_freedom(system, sum(ranks)), chosen), folder, name),
+        source=MechanismSource(
+            urdf, _stated(given, _degrees_of_freedom(system, sum(ranks)), chosen), folder, name, dialects, notes
+        ),
     )
 
 
@@ -277,18 +308,27 @@ def _loop(entry: Mapping[str, Any]) -> LoopConstraint:
 
 
 def _close(
-    system: ClosedLoops, q: Array, limits: Limits, actuated: Mapping[str, bool | None], name: str
-) -> tuple[list[int], set[str]]:
+    system: ClosedLoops, q: Array, limits: Limits, actuated: Mapping[str, bool | None], drawn: bool, name: str
+) -> tuple[list[int], set[str], bool]:
     """Close all clusters of loops, each by itself: q (nq,) becomes the closed configuration nearest to it, within the
     limits if possible.
 
+    Args:
+        system: the loops and couplings.
+        q: (nq,), changed.
+        limits: of all joints.
+        actuated: whether joints are; None: not stated.
+        drawn: whether q is only how the file draws the robot: where it is singular, another one is chosen.
+        name: of the robot, in errors.
+
     Returns:
-        the generic rank of each cluster, and the joints that others determine (see `_determined`).
+        the generic rank of each cluster, the joints that others determine (see `_determined`), and whether a singular
+        configuration was left.
 
     Raises:
         ClosureError: clusters can't be closed.
     """
-    ranks, determined, problems = list[int](), set[str](), list[str]()
+    ranks, determined, problems, moved = list[int](), set[str](), list[str](), False
     for own, at in subsystems(system):
         closing = closure.close_from_afar(own, q[at])
         if not closing.closed:
@@ -298,6 +338,9 @@ def _close(
         q[at] = closure.close_within(own, closing.q, limits.lower[at], limits.upper[at])
         rank, generic = closure.generic_rank(own, q[at])
         ranks.append(rank)
+        if drawn and closure.rank(own.evaluate(q[at])[1]) < rank:
+            q[at] = closure.close_within(own, _regular(own, q[at], rank), limits.lower[at], limits.upper[at])
+            moved = True
         if None in actuated.values():
             determined |= _determined(own, generic, actuated)
     if problems:
@@ -306,4 +349,10 @@ def _close(
     if beyond:
         message = f"{name}: with all loops closed, home is outside the limits of {', '.join(beyond)}"
         warn(message)
-    return ranks, determined
+    return ranks, determined, moved
+
+
+def _regular(system: ClosedLoops, q: Array, rank: int) -> Array:
+    """Return the least singular of closed configurations (nq,) around a closed one; `rank` is their generic rank."""
+    samples = closure.closed_walk(system, q, _SAMPLES)
+    return max(samples, key=lambda q: float(np.linalg.svd(system.evaluate(q)[1], compute_uv=False)[rank - 1]))

@@ -39,12 +39,16 @@ class MechanismSource(NamedTuple):
         constraints: everything that a URDF cannot express, as `raff2urdf.constraints` describes; None for a tree.
         folder: where the URDF's meshes are searched; None where it names them absolutely.
         name: the file's, for errors.
+        dialects: in which loops and couplings are declared, such as "URDF+" or "mimic".
+        notes: about what was read.
     """
 
     urdf: str
     constraints: Mapping[str, Any] | None
     folder: str | None
     name: str
+    dialects: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -33,7 +33,7 @@ def simple(tree: Any, name: str) -> Constraints:
 
     Joints of several degrees of freedom become successive ones (`raff2urdf.readers.successive`). All joints are given
     limits, since Pinocchio would represent an angle without limits by its cosine and sine. One warning lists joints
-    whose limits are left out, and one joints that should mimic others.
+    whose limits are left out.
 
     Args:
         tree: root of the URDF; changed.
@@ -139,15 +139,10 @@ def completed(declared: Constraints, sidecar: Mapping[str, Any] | None, name: st
 
 
 def _warn_of_assumptions(tree: Any, name: str) -> None:
-    """Warn of joints whose limits are left out, and of joints that should mimic others."""
+    """Warn of joints whose limits are left out."""
     left_out = [joint for joint in joints(tree) if lacks_limits(joint)]
-    followers = [joint for joint in joints(tree) if joint.find("mimic") is not None]
-    for found, what in (
-        (left_out, "no lower and upper limit are given; taken as unlimited"),
-        (followers, "it should mimic another joint; taken as a joint of its own"),
-    ):
-        if found:
-            warn(f"{listed(found, name)}: {what}")
+    if left_out:
+        warn(f"{listed(left_out, name)}: no lower and upper limit are given; taken as unlimited")
 
 
 def _give_limits(joint: Any, allowed: tuple[float, float] | None) -> None:

@@ -1,16 +1,16 @@
 """Read robots from other formats, as the text of a URDF and the contents of a constraints file.
 
-Loops of a URDF are in a sidecar file next to it: `<stem>.constraints.json`, or a `robot.yaml`. SDF and MJCF declare
-theirs themselves. A new format is a new module here, and a line in `READERS`; a new dialect of loops in URDFs is a new
-module, and a name in `LOOP_SOURCES`.
+SDF and MJCF declare loops and couplings themselves; for URDF there are many dialects, which `dialects` collects. A new
+format is a new module here, and a line in `READERS`.
 """
 
 from __future__ import annotations
 
+import re
 import warnings
-from importlib import import_module
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from raff2urdf.errors import RaffWarning
 from raff2urdf.files import STANDARD, read_bytes
@@ -18,11 +18,30 @@ from raff2urdf.readers.xml_file import error_at, parse_xml, read_text
 
 if TYPE_CHECKING:  # each format is imported when it is read
     from raff2urdf.constraints import Constraints
+    from raff2urdf.readers.declaration import IgnoreList
 
-Description = tuple[str, "Constraints | None"]
-"""The text of a URDF, and the contents of its constraints file; None if nothing more is known."""
 
-ENDINGS = (".urdf", ".xml", ".sdf", ".world", ".mjcf")
+class Description(NamedTuple):
+    """A robot as it was read.
+
+    Attributes:
+        urdf: the text of a URDF.
+        constraints: the contents of its constraints file; None if nothing more is known.
+        dialects: in which its loops and couplings are declared.
+        notes: about what was read.
+        left_out: loops and couplings that were ignored, as requested.
+        ignored: elements that were ignored.
+    """
+
+    urdf: str
+    constraints: Constraints | None
+    dialects: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    ignored: tuple[str, ...] = ()
+
+
+ENDINGS = (".urdf", ".xml", ".sdf", ".world", ".mjcf", ".xacro")
 """Endings of files that are read here. They hold XML; the root element determines the format."""
 
 
@@ -31,18 +50,22 @@ def holds_xml(path: Path) -> bool:
     return path.suffix.lower() in ENDINGS or (path == STANDARD and read_bytes(path).lstrip()[:1] == b"<")
 
 
-def read(path: Path, robot: str | None = None, ignore_loops: bool = False) -> Description:
-    """Read the robot of a URDF, SDF or MJCF.
+def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
+    """Read the robot of a URDF, SDF or MJCF; a URDF may be in xacro.
 
     Args:
         path: of the file.
         robot: which robot of a file with several; the first by default.
-        ignore_loops: leave all loops open; one warning lists them.
+        ignore_loops: leave out all loops and couplings; one warning lists them.
+        ignore: loops and couplings to be left out, by name or by element, such as "pin" or "loop_joint", and files next
+            to a URDF, such as "robot.yaml"; one warning lists them.
 
     Raises:
-        RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A URDF declares loops or
-            couplings that are not read, and `ignore_loops` is false.
+        RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
+            coupling that can't be read, and that is not ignored. `ignore` names none.
     """
+    from raff2urdf.readers.declaration import IgnoreList
+
     text = read_text(path)
     root = parse_xml(text, str(path))
     kind = str(root.tag)
@@ -50,66 +73,60 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False) -> De
         known = ", ".join(f"<{word}>" for word in READERS)
         why = _OTHER_ROOTS.get(kind, f"this is not a robot (known: {known})")
         raise error_at(str(path), root, f"its first element is <{kind}>: {why}")
-    urdf, constraints, ignored = READERS[kind](text, path, robot, ignore_loops)
+    words = IgnoreList(ignore)
+    found = _without(READERS[kind](text, path, robot, ignore_loops, words), words, ignore_loops)
     if not ignore_loops:
-        return urdf, constraints
+        words.check(str(path))
+    if found.left_out:
+        moves = "; every joint moves independently" if ignore_loops else ""
+        message = f"{path}: left out, as requested{moves}: {', '.join(found.left_out)}"
+        warnings.warn(message, RaffWarning, stacklevel=4)
+    return found
+
+
+def _without(found: Description, ignore: IgnoreList, all_of_them: bool) -> Description:
+    """Return a robot without the loops and couplings that are ignored."""
     from raff2urdf.constraints import without_loops
 
-    ignored += [f"loop '{loop['name']}'" for loop in constraints["loops"]] if constraints else []
-    if ignored:
-        message = f"{path}: left out, as requested; every joint moves independently: {', '.join(ignored)}"
-        warnings.warn(message, RaffWarning, stacklevel=4)
-    return urdf, without_loops(constraints) if constraints else None
+    if found.constraints is None:
+        return found
+    kept, left_out = dict(found.constraints), list(found.left_out)
+    for key, label in (("loops", "loop"), ("couplings", "coupling")):
+        for entry in found.constraints.get(key, []):
+            if all_of_them or ignore.takes(entry["name"]):
+                kept[key] = [other for other in kept[key] if other is not entry]
+                left_out.append(f"{label} '{entry['name']}'")
+    if all_of_them:
+        return found._replace(constraints=without_loops(kept), left_out=tuple(left_out))
+    if len(left_out) > len(found.left_out):
+        stated = ("mobility", "loop_rows", "loop_rank")
+        kept = {key: value for key, value in kept.items() if key not in stated and (key != "couplings" or value)}
+    return found._replace(constraints=kept, left_out=tuple(left_out))
 
 
-_Found = tuple[str, "Constraints | None", list[str]]
-"""A description, and the declarations in the file that were ignored."""
+def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:
+    from raff2urdf.readers import dialects
+
+    return dialects.read(text, path, ignore, ignore_loops)
 
 
-def _urdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:
-    from raff2urdf.errors import RaffError
-    from raff2urdf.readers import declared_loops, sidecar
-    from raff2urdf.readers.urdf import parse, xacro_hint
-
-    name, values, misplaced = str(path), None, None
-    declared: list[declared_loops.Declaration] = []
-    if ignore_loops:
-        text, declared = declared_loops.without_second_parents(text, name)
-    tree = parse(text, name)
-    declared += declared_loops.find(tree)
-    found = next(filter(None, (import_module(source).loops_of(path, text) for source in LOOP_SOURCES)), None)
-    if found is not None:
-        text, values = found
-    else:
-        misplaced = sidecar.misplaced(path, text)
-    if ignore_loops:
-        if values is not None:  # its loops are listed themselves
-            declared = [declaration for declaration in declared if declaration.dialect != declared_loops.COMMENT]
-        ignored = [declared_loops.listed(declared)] if declared else []
-        return text, values, ignored + ([f"the loops of {misplaced.file}"] if misplaced else [])
-    if misplaced:
-        raise RaffError(misplaced.refusal(path))
-    closed = len(values["loops"]) if values else 0
-    lost = declared_loops.unread(declared, closed)
-    certain = [declaration for declaration in lost if declaration.certain]
-    if certain:
-        raise RaffError(f"{declared_loops.refusal(certain, path, closed)}{xacro_hint(tree, name)}")
-    if lost:
-        also = f". Also not read: {declared_loops.listed(lost[1:], 3)}" if lost[1:] else ""
-        warnings.warn(f"{name}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=5)
-    return text, values, []
-
-
-def _sdf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:
+def _sdf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:
     from raff2urdf.readers import sdf
 
-    return sdf.read(text, str(path), robot)
+    return _of_format("SDF", ignore, *sdf.read(text, str(path), robot, ignore.given))
 
 
-def _mjcf(text: str, path: Path, robot: str | None, ignore_loops: bool) -> _Found:
+def _mjcf(text: str, path: Path, robot: str | None, ignore_loops: bool, ignore: IgnoreList) -> Description:
     from raff2urdf.readers import mjcf
 
-    return mjcf.read(path)
+    return _of_format("MJCF", ignore, *mjcf.read(path, ignore.given))
+
+
+def _of_format(dialect: str, ignore: IgnoreList, urdf: str, values: Constraints, ignored: Sequence[str]) -> Description:
+    """Return a robot of a format that declares loops and couplings itself."""
+    declares = values["loops"] or values.get("couplings")
+    requested = tuple(one for one in ignored if ignore.takes(*re.findall("'([^']*)'", one)))
+    return Description(urdf, values, (dialect,) if declares else (), (), requested, tuple(ignored))
 
 
 _OTHER_ROOTS = {
@@ -118,9 +135,3 @@ _OTHER_ROOTS = {
 }
 
 READERS = {"robot": _urdf, "sdf": _sdf, "mujoco": _mjcf}
-
-LOOP_SOURCES = ("raff2urdf.readers.sidecar", "raff2urdf.readers.robot_yaml")
-"""Modules that read the loops of a URDF, the first that finds some; a new dialect is a new module and a name here.
-
-Each has `loops_of(path, text)`, which returns the URDF's text, with joints replaced if the dialect asks for it, and the
-contents of a constraints file; None if the URDF has no loops in this dialect."""

@@ -1,16 +1,8 @@
-"""Find the loops and couplings that a URDF declares outside its tree of joints.
+"""Find loops and couplings in a URDF that can't be read, so that none is lost in silence.
 
-URDF has no element for a loop. These dialects exist:
-
-    <loop>, <coupling>               URDF+
-    <constraint>                     a proposal to ROS, written by `raff2urdf --constraint-elements`
-    <loop_joint>                     Isaac Sim
-    <drake:ball_constraint>, ...     Drake: constraints and bushings
-    <joint> in <gazebo>              Gazebo: a joint of SDF, or a plugin with a <parent> and a <child>
-    closing_NAME_1, closing_NAME_2   onshape-to-robot and placo: two frames that coincide
-    a link with two parents          the second joint closes a loop
-
-None of them is read: loops come from a sidecar file, which a comment by raff2urdf names.
+These are elements whose names contain loop, constraint, coupling and the like, and that no dialect reads; joints and
+plugins of simulators between links that are connected already; and the comment by raff2urdf that names the file with
+the loops, where that file is missing.
 """
 
 from __future__ import annotations
@@ -18,15 +10,15 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from lxml import etree
 
+from raff2urdf.readers.closing_joints import Connections, joined_links
+from raff2urdf.readers.declaration import Declaration, label_of, listed, local, tag_of
 from raff2urdf.readers.sidecar import ENDING
-from raff2urdf.readers.urdf import IGNORE, ends, joints, links, remove
-from raff2urdf.readers.xml_file import parse_xml
+from raff2urdf.readers.urdf import IGNORE, joints, links
 
 NOTE = "raff2urdf constraints:"
 """Beginning of the comment in a URDF that names the file with its loops."""
@@ -34,110 +26,59 @@ NOTE = "raff2urdf constraints:"
 COMMENT = "comment"
 """The dialect of comments that raff2urdf writes."""
 
-_LOOP_LIKE = re.compile(r"loop|constrain|coupl|bushing|equalit|cut_?joint|(?<!en)(?<!dis)clos(?:ed|ing|ure)")
-_COUPLING = re.compile(r"coupl|tendon|gear")
-_CLOSING = re.compile(r"(?:.*[^a-z0-9])?closing_.+_([12])")
+_LOOP_LIKE = re.compile(
+    r"loop|constrain|coupl|bushing|equalit|cut_?joint|(?<!en)(?<!dis)clos(?:ed|ing|ure)|mimic|tendon|weld|pulley"
+    r"|(?<![a-z])belt|(?<![a-z])gear(?!.?(?:ratio|reduction))"
+)
+_COUPLING = re.compile(r"coupl|tendon|gear|mimic|pulley|belt")
 _SIMULATORS = ("gazebo", "plugin", "ros2_control", "sensor", "transmission")
-_ENDS = (("parent", "child"), ("body1", "body2"))
 
 
-@dataclass(frozen=True, slots=True)
-class Declaration:
-    """A loop or a coupling that a URDF declares.
-
-    Attributes:
-        line: of the URDF.
-        dialect: the kind of element.
-        label: the element, in a few words.
-        text: the element and what it declares.
-        coupling: whether it couples joints, which no sidecar file can declare.
-        certain: whether it certainly removes degrees of freedom.
-    """
-
-    line: int
-    dialect: str
-    label: str
-    text: str
-    coupling: bool = False
-    certain: bool = True
-
-
-def find(tree: Any) -> list[Declaration]:
-    """Return all declarations in a URDF, by line.
+def find(root: Any, read: Collection[int]) -> list[Declaration]:
+    """Return the declarations in a URDF that can't be read.
 
     Args:
-        tree: the root element; its joints form a tree.
+        root: the root element; its joints form a tree.
+        read: `id` of the elements that a dialect reads.
     """
-    names = {str(element.get("name")) for element in (*links(tree), *joints(tree))}
-    found = [*_notes(tree), *_closing_frames(tree), *_elements(tree, names, _Connections(tree))]
-    return sorted(found, key=lambda declaration: declaration.line)
+    moving = [joint for joint in joints(root) if joint.get("type") != "fixed"]
+    names = {str(element.get("name")) for element in (*links(root), *moving)}
+    return [*_notes(root), *_elements(root, names, Connections(root), read)]
 
 
-def unread(declarations: Sequence[Declaration], loops: int) -> list[Declaration]:
-    """Return the declarations that are lost if a sidecar file closes a number of loops.
+def lost(unread: Sequence[Declaration], spare: int, closed: int) -> list[Declaration]:
+    """Return the declarations that are lost.
 
-    A loop may be declared in several dialects at once: the file must close as many as the dialect with the most.
+    A loop that can't be read may be closed by a file next to the URDF, and may be declared in several dialects at once:
+    the file must close as many as the dialect with the most declares.
+
+    Args:
+        unread: declarations that can't be read.
+        spare: number of loops in files next to the URDF that no element declares.
+        closed: number of loops that are read.
     """
-    closing = [declaration for declaration in declarations if not declaration.coupling]
-    most = max(Counter(one.dialect for one in closing if one.certain).values(), default=0)
-    if loops:
-        declarations = [one for one in declarations if one.dialect != COMMENT]
-    return [one for one in declarations if one.coupling or loops < most or loops == 0]
+    elements = [one for one in unread if one.dialect != COMMENT]
+    most = max(Counter(one.dialect for one in elements if one.certain and not one.coupling).values(), default=0)
+    notes = [one for one in unread if one.dialect == COMMENT and int(one.also[0]) > closed]
+    return notes + [one for one in elements if one.coupling or spare == 0 or spare < most]
 
 
-def refusal(lost: Sequence[Declaration], urdf: Path, loops: int) -> str:
+def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
     """Return the error for declarations that are lost: place, cause and remedy.
 
     Args:
         lost: at least one.
         urdf: path of the URDF.
-        loops: how many a sidecar file closes.
     """
     sidecar = urdf.with_suffix(ENDING).name
     more = f". Also not read: {listed(lost[1:], 3)}" if len(lost) > 1 else ""
-    remedy = f"Declare the loops in {sidecar} or robot.yaml next to the URDF, or leave them open"
-    if loops:
-        remedy = f"Declare all loops in the file next to the URDF, which has {loops}, or leave all of them open"
+    word = lost[0].words[0]
+    leave = f'or leave it out with --ignore {word} (in Python ignore=["{word}"]), or all loops with {IGNORE}'
+    what = "couplings" if all(one.coupling for one in lost) else "loops"
+    remedy = f"Declare the {what} in {sidecar} next to the URDF, {leave}"
     if lost[0].dialect == COMMENT:
-        remedy = f"Restore that file next to the URDF as {sidecar}, or leave the loops open"
-    elif all(one.coupling for one in lost):
-        remedy = "Couplings are not supported yet: let the joints move independently"
-    return f"{urdf}:{lost[0].line}: {lost[0].text}{more}. {remedy} with {IGNORE}"
-
-
-def listed(declarations: Sequence[Declaration], most: int = 20) -> str:
-    """Return labels with their lines, the first few of them."""
-    shown = ", ".join(f"{one.label} (line {one.line})" for one in declarations[:most])
-    return shown + (f" and {len(declarations) - most} more" if len(declarations) > most else "")
-
-
-def without_second_parents(text: str, name: str) -> tuple[str, list[Declaration]]:
-    """Remove every joint whose child is the child of an earlier joint.
-
-    Args:
-        text: of the URDF.
-        name: of the file, in errors.
-
-    Returns:
-        the text, unchanged if each link has one parent, and the joints that were removed.
-
-    Raises:
-        RaffError: invalid XML.
-    """
-    tree = parse_xml(text, name)
-    children: set[str] = set()
-    removed = []
-    for joint in joints(tree):
-        child = ends(joint)[1]
-        if child in children:
-            label = f"joint '{joint.get('name', '')}'"
-            removed.append(Declaration(joint.sourceline, "second parent", label, f"{label} closes a loop"))
-            remove(joint)
-        children.add(child)
-    if removed:
-        before = "\n" * (tree.sourceline - 1)  # errors name lines
-        text = before + etree.tostring(tree, encoding="unicode")
-    return text, removed
+        remedy = f"Restore that file next to the URDF as {sidecar}, or leave the loops open with {IGNORE}"
+    return f"{urdf}:{lost[0].line}: {lost[0].text}{more}. {remedy}"
 
 
 def note(file: str, loops: int) -> Any:
@@ -148,65 +89,47 @@ def note(file: str, loops: int) -> Any:
     return etree.Comment(text)
 
 
-def _notes(tree: Any) -> Iterator[Declaration]:
-    for comment in (*tree.itersiblings(etree.Comment, preceding=True), *tree.iterchildren(etree.Comment)):
+def _notes(root: Any) -> Iterator[Declaration]:
+    for comment in (*root.itersiblings(etree.Comment, preceding=True), *root.iterchildren(etree.Comment)):
         head, _, file = str(comment.text).strip().partition(NOTE)
         if not head and file:
-            where = re.sub(r" [(][0-9]+ loops?[)]$", "", file.strip())
-            text = f"according to this comment, the loops are in {where}, but none was read"
-            yield Declaration(comment.sourceline, COMMENT, f"the loops in {where}", text)
+            where, _, number = file.strip().removesuffix(")").rpartition(" (")
+            loops = number.partition(" ")[0]
+            where, loops = (where, loops) if where and loops.isdigit() else (file.strip(), "1")
+            text = f"according to this comment, the loops are in {where}, but they were not read"
+            yield Declaration(comment.sourceline, COMMENT, f"the loops in {where}", text, where, also=(loops,))
 
 
-def _closing_frames(tree: Any) -> Iterator[Declaration]:
-    pairs: dict[str, dict[str, Any]] = {}
-    for element in (*links(tree), *tree.iterchildren("frame")):
-        name = str(element.get("name", ""))
-        match = _CLOSING.fullmatch(name.lower())
-        if match:
-            pairs.setdefault(name.lower()[:-1], {})[match[1]] = element
-    for pair in pairs.values():
-        first, last = pair[min(pair)], pair[max(pair)]
-        name = first.get("name")
-        if first is not last:
-            label = f"frames '{name}' and '{last.get('name')}'"
-            text = f"the {label} (line {last.sourceline}) declare a loop, which is not read from a URDF"
-            yield Declaration(first.sourceline, "closing frames", label, text)
-        else:
-            partner = f"{name[:-1]}{'2' if '1' in pair else '1'}"
-            text = f"the frame '{name}' is named as the end of a loop, but there is no '{partner}': it closes none"
-            yield Declaration(first.sourceline, "closing frames", f"frame '{name}'", text, certain=False)
-
-
-def _elements(parent: Any, names: Collection[str], links: _Connections, simulator: str = "") -> Iterator[Declaration]:
+def _elements(
+    parent: Any, names: Collection[str], connected: Connections, read: Collection[int], simulator: str = ""
+) -> Iterator[Declaration]:
     """Yield the declarations in the elements below `parent`; `simulator` is the simulator's element around it."""
     for element in parent.iterchildren("*"):
-        word = _local(element)
+        word = local(element)
         in_tree = element.tag == "joint" and parent.tag == "robot"
-        joined = None if in_tree else _joined(element)
+        joined = None if in_tree else joined_links(element)
+        closes = joined is not None and connected.join(*joined)
+        if id(element) in read or (word == "mimic" and parent.get("type") == "fixed"):
+            continue
         if _LOOP_LIKE.search(word) and (not simulator or len(_named(element, names)) > 1):
             yield _declaration(element, _named(element, names), simulator, bool(_COUPLING.search(word)))
-        elif joined is not None and links.join(*joined):
+        elif joined is not None and closes:
             yield _declaration(element, joined, simulator, False, element.find("body1") is None)
         elif word == "plugin" and _LOOP_LIKE.search(_own_words(element)) and len(_named(element, names)) > 1:
             yield _declaration(element, _named(element, names), simulator, False)
         else:
-            yield from _elements(element, names, links, simulator or (word if word in _SIMULATORS else ""))
+            within = simulator or (word if word in _SIMULATORS else "")
+            yield from _elements(element, names, connected, read, within)
 
 
 def _declaration(
     element: Any, named: Sequence[str], simulator: str, coupling: bool, certain: bool = True
 ) -> Declaration:
-    tag = re.sub(r"\{.*\}", f"{element.prefix}:" if element.prefix else "", str(element.tag))
-    own = f" '{element.get('name')}'" if element.get("name") else ""
-    label = f"<{tag}>{own}{f' in <{simulator}>' if simulator else ''}"
+    label, tag = label_of(element, simulator), tag_of(element)
     between = f" ({', '.join(map(repr, named[:4]))})" if named else ""
-    text = f"{label}{between} declares {'a coupling' if coupling else 'a loop'}, which is not read from a URDF"
-    return Declaration(element.sourceline, tag, label, text, coupling, certain)
-
-
-def _local(element: Any) -> str:
-    """Return an element's name in lower case, without a namespace or its prefix."""
-    return re.split("[}:]", str(element.tag))[-1].lower()
+    text = f"{label}{between} declares {'a coupling' if coupling else 'a loop'}, which can't be read"
+    name = element.get("name", "")
+    return Declaration(element.sourceline, tag, label, text, name, coupling=coupling, certain=certain, element=element)
 
 
 def _own_words(element: Any) -> str:
@@ -221,35 +144,3 @@ def _named(element: Any, names: Collection[str]) -> list[str]:
         for word in (*own, inner.text or ""):
             words[word.strip().rpartition("::")[2]] = None
     return [word for word in words if word in names]
-
-
-def _joined(element: Any) -> tuple[str, str] | None:
-    """Return the links that an element joins, in SDF's notation of joints; None if it joins none."""
-    inner = {
-        _local(end): (end.get("link") or end.text or "").strip().rpartition("::")[2]
-        for end in element.iterchildren("*")
-    }
-    for first, second in _ENDS:
-        if inner.get(first) and inner.get(second):
-            return inner[first], inner[second]
-    return None
-
-
-class _Connections:
-    """Links that are connected by joints, directly or through others."""
-
-    def __init__(self, tree: Any) -> None:
-        self._next: dict[str, str] = {}
-        for joint in joints(tree):
-            self.join(*ends(joint))
-
-    def join(self, first: str, second: str) -> bool:
-        """Connect two links; return whether they were connected already."""
-        first, second = self._last(first), self._last(second)
-        self._next[second] = first
-        return first == second
-
-    def _last(self, link: str) -> str:
-        while self._next.get(link, link) != link:
-            link = self._next[link]
-        return link

@@ -73,10 +73,6 @@ def misplaced(urdf: Path, text: str) -> Misplaced | None:
             if not why and b"closed_loop" in _content(path):
                 stem = "robot" if lower.startswith("robot.") else urdf.stem
                 why = f"is not read under this name: rename it to {stem}.yaml"
-        elif name == "loop_closures.yaml":
-            words = re.findall(r"[^\s,:\[\]{}\"']+", _content(path).decode(errors="replace"))
-            if len({*words} & {*names, *joints}) > 1:
-                why = f"is of a format that is not read: declare its loops in {own.name} or robot.yaml"
         elif _is_candidate(name, urdf, there) and _fits(path, robot, names, joints):
             why = f"fits this URDF and no other one here: rename it to {own.name}"
         if why:

@@ -44,23 +44,24 @@ def urdf2raff(
         Literal["um", "mm", "cm", "m"] | None, Option(help="unit of lengths [that of most meshes, else mm]")
     ] = None,
     no_graphics: Annotated[bool, Option("--no-graphics", help="leave out meshes and shapes")] = False,
-    free_mimic: Annotated[
-        bool, Option("--free-mimic", help="write joints that mimic others as independent joints")
-    ] = False,
     loop: Loops = None,
     ignore_loops: Annotated[
         bool,
         Option(
             "--ignore-loops",
-            help="leave all loops open: write the tree only, without loops and couplings that can't be read",
+            help="leave out all loops and couplings: write the tree only",
         ),
     ] = False,
+    ignore: Annotated[
+        list[str] | None,
+        Option(metavar="ELEMENT", help="leave out loops and couplings of this name or element; may be repeated"),
+    ] = None,
     json: Json = False,
     version: Version = False,
 ) -> int:
     """Describe a robot in RAFF (Kleinfinger parameters, loops) from a URDF, an SDF or an MJCF.
 
-    Loops of a URDF are read from NAME.constraints.json or robot.yaml next to it.
+    Loops and couplings of a URDF are read in all dialects that cinegen reads.
     """
     path = output_path(output, f"{stem_of(Path(file))}.raff")
     if path == STANDARD and json:
@@ -70,7 +71,7 @@ def urdf2raff(
             from raff2urdf.urdf2raff.conversion import to_raff
 
             loops = parse_loops(loop)
-            found = to_raff(file, path, units, free_mimic, not no_graphics, robot, loops, ignore_loops, force)
+            found = to_raff(file, path, units, not no_graphics, robot, loops, ignore_loops, ignore or (), force)
         except RaffError as error:
             print_error(str(error))
             return 1

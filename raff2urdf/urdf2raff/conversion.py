@@ -22,27 +22,27 @@ def to_raff(
     path: str | Path,
     out: str | Path | None = None,
     units: str | None = None,
-    free_mimic: bool = False,
     graphics: bool = True,
     robot: str | None = None,
     loops: Mapping[str, str] | None = None,
     ignore_loops: bool = False,
+    ignore: Sequence[str] = (),
     overwrite: bool = True,
 ) -> RaffImport:
     """Describe a robot in RAFF, from a URDF, SDF or MJCF.
 
-    Loops of a URDF are read from `<stem>.constraints.json` or `robot.yaml` next to it.
+    Loops and couplings of a URDF are read in all dialects that `cinegen.load` reads.
 
     Args:
         path: the file.
         out: the RAFF file to write; its graphics are written to the folder `<stem>_graphics` next to it. Nothing is
             written if None.
         units: of the RAFF file: um, mm, cm or m; by default the unit of most meshes, or else mm.
-        free_mimic: write joints that mimic others as independent joints.
         graphics: whether meshes and shapes are converted too.
         robot: which model of an SDF with several; the first by default.
         loops: kinds (rigid, prismatic, revolute, ball) that replace the file's, by the loop's name.
-        ignore_loops: leave all loops open, including those that a URDF declares in elements that are not read.
+        ignore_loops: leave out all loops and couplings.
+        ignore: loops and couplings to be left out, by name or by element.
         overwrite: whether to replace a RAFF file.
 
     Returns:
@@ -53,7 +53,7 @@ def to_raff(
             read; a mesh is missing; `out` can't be written.
     """
     path, out = Path(path), None if out is None else Path(out)
-    text, constraints = readers.read(path, robot, ignore_loops)
+    text, constraints, *_ = readers.read(path, robot, ignore_loops, ignore)
     entries = {entry["name"]: entry for entry in (constraints or {}).get("loops", [])}
     for name, kind in (loops or {}).items():
         if name not in entries:
@@ -64,7 +64,7 @@ def to_raff(
     if unlimited:
         message = f"{listed(unlimited, str(path))}: neither lower nor upper limit is given; written without limits"
         warnings.warn(message, RaffWarning, stacklevel=2)
-    found = import_tree(tree, str(path), constraints, units or units_of(tree), free_mimic)
+    found = import_tree(tree, str(path), constraints, units or units_of(tree))
     try:
         check(found.document)
     except RaffError as error:

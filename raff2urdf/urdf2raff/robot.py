@@ -76,9 +76,7 @@ class RaffImport:
     notes: Mapping[int, str]
 
 
-def import_tree(
-    tree: Any, name: str, constraints: Constraints | None = None, units: str = "mm", free_mimic: bool = False
-) -> RaffImport:
+def import_tree(tree: Any, name: str, constraints: Constraints | None = None, units: str = "mm") -> RaffImport:
     """Convert a URDF to RAFF, without its graphics.
 
     Args:
@@ -87,17 +85,10 @@ def import_tree(
         name: of the file, in errors.
         constraints: the contents of its constraints file: loops, couplings, actuated joints, home, sensors.
         units: of the RAFF file's lengths: um, mm, cm or m.
-        free_mimic: write a joint that mimics another one as an independent joint.
 
     Raises:
-        RaffError: a joint mimics another, for which RAFF has no notation; `constraints` names what the URDF lacks.
+        RaffError: `constraints` names what the URDF lacks, or has a coupling for which RAFF has no notation.
     """
-    mimics = [joint for joint in joints(tree) if joint.find("mimic") is not None]
-    if mimics and not free_mimic:
-        listed = ", ".join(f"'{joint.get('name')}' (line {joint.sourceline})" for joint in mimics[:8])
-        more = f" and {len(mimics) - 8} more" if len(mimics) > 8 else ""
-        remedy = "With --free-mimic (in Python free_mimic=True) they become independent joints"
-        raise error_at(name, mimics[0], f"RAFF has no notation for joints that mimic others: {listed}{more}. {remedy}")
     loop_ends = {loop[end]["node"] for loop in (constraints or {}).get("loops", []) for end in ("first", "second")}
     successive.replace_compound(tree, name, keep_root=root_first(tree)[0] not in loop_ends)
     return _Import(tree, name, constraints or {}, units, loop_ends).run()

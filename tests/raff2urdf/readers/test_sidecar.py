@@ -70,14 +70,6 @@ def test_a_robot_yaml_under_another_name(name, wanted, five_bar):
     refused(five_bar / "five_bar.urdf", f"{name} is not read under this name: rename it to {wanted}")
 
 
-def test_loop_closures(five_bar):
-    (five_bar / "five_bar.constraints.json").unlink()
-    (five_bar / "loop_closures.yaml").write_text("closures:\n- {link_a: link3, link_b: link5}\n")
-    refused(
-        five_bar / "five_bar.urdf", "loop_closures.yaml is of a format that is not read: declare its loops in five_b"
-    )
-
-
 def test_a_urdf_to_which_a_tool_has_added_links_still_fits(five_bar):
     path = five_bar / "five_bar.urdf"
     added = (

@@ -162,14 +162,6 @@ def test_home_is_0_or_where_the_limits_let_it():
     assert math.radians(first.parameters.theta) - found.offsets["joint1"] == pytest.approx(1.5)
 
 
-def test_a_joint_that_mimics_another_is_named_or_freed():
-    text = CHAIN.replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0"/><mimic joint="lift"/>')
-    says = r"x:5: RAFF has no notation for joints that mimic others: 'bend' \(line 5\).*--free-mimic"
-    with pytest.raises(raff2urdf.RaffError, match=says):
-        import_tree(parse(text, "x"), "x")
-    assert set(import_tree(parse(text, "x"), "x", free_mimic=True).joints) == {"lift", "bend"}
-
-
 @pytest.mark.parametrize(("kind", "said"), [("planar", 3), ("spherical", 3), ("floating", 6)])
 def test_joints_of_several_freedoms_become_successive_ones(kind, said):
     text = CHAIN.replace('name="bend" type="revolute"', f'name="bend" type="{kind}"')

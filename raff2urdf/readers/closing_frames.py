@@ -1,0 +1,76 @@
+"""Read pairs of frames that coincide: `closing_NAME_1` and `closing_NAME_2`, of onshape-to-robot and placo.
+
+The frames are links with fixed joints, or elements <frame>. A prefix is allowed, as in `left/closing_NAME_1`. The
+format does not tell the kind of the joint: the two origins coincide (a ball loop), as placo closes them. Of a hinge
+onshape-to-robot writes two pairs, the second one with `_z`, on the axis: then it is a revolute loop about z.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from raff2urdf.placement import from_origin
+from raff2urdf.readers.declaration import Declaration
+from raff2urdf.readers.loop_joint import LoopJoint
+from raff2urdf.readers.urdf import links, three
+from raff2urdf.readers.urdf_tree import UrdfTree
+
+Array = NDArray[np.float64]
+
+_CLOSING = re.compile(r"((?:.*[^a-z0-9])?closing_.+)_([12])(_z)?")
+
+DIALECT = "closing frames"
+
+
+def find(root: Any) -> Iterator[Declaration]:
+    """Yield the pairs of frames of a URDF, and frames that lack their partner."""
+    pairs: dict[str, dict[str, Any]] = {}
+    hinges: set[str] = set()
+    for element in (*links(root), *root.iterchildren("frame")):
+        name = str(element.get("name", ""))
+        match = _CLOSING.fullmatch(name.lower())
+        if match and match[3]:
+            hinges.add(match[1])
+        elif match:
+            pairs.setdefault(match[1], {})[match[2]] = element
+    for own, pair in pairs.items():
+        first, last = pair[min(pair)], pair[max(pair)]
+        name = str(first.get("name"))
+        if first is last:
+            partner = f"{name[:-1]}{'2' if '1' in pair else '1'}"
+            text = f"the frame '{name}' is named as the end of a loop, but there is no '{partner}': it closes none"
+            yield Declaration(first.sourceline, DIALECT, f"frame '{name}'", text, name, certain=False)
+            continue
+        kind = "revolute" if own in hinges else "ball"
+        label = f"frames '{name}' and '{last.get('name')}'"
+        text = f"the {label} (line {last.sourceline}) declare a loop"
+        note = f"the {label} don't tell the kind of loop: their origins coincide; --loop {name[:-2]}=revolute otherwise"
+        yield Declaration(
+            first.sourceline, DIALECT, label, text, name[:-2], read=_reader(first, last, kind), also=tuple(
+                str(one.get("name")) for one in pair.values()
+            ), notes=(note,) if kind == "ball" else (),
+        )  # fmt: skip
+
+
+def _reader(first: Any, last: Any, kind: str) -> Any:
+    def read(tree: UrdfTree) -> LoopJoint:
+        (one, at), (other, there) = _end(tree, first), _end(tree, last)
+        if tree.body(one)[0] == tree.body(other)[0]:
+            names = f"'{first.get('name')}' and '{last.get('name')}'"
+            raise tree.error(first, f"the frames {names} are on one rigid body: put each on another link")
+        return LoopJoint(kind, one, other, (at, there))
+
+    return read
+
+
+def _end(tree: UrdfTree, element: Any) -> tuple[str, Array]:
+    """Return the link of a frame, and the frame's placement (4, 4) on it."""
+    if element.tag == "link":
+        return str(element.get("name")), np.eye(4)
+    placed = from_origin(three(element, "xyz", tree.name), three(element, "rpy", tree.name))
+    return tree.link(element, element.get("link"), f"the frame '{element.get('name')}'"), placed

@@ -1,0 +1,323 @@
+"""Read the loops and couplings of a URDF in all dialects together.
+
+The dialects are those of the files next to a URDF (`sidecar`, `robot_yaml`, `loop_closures`), of joints that close
+loops (`closing_joints`), of elements (`loop_elements`, `joint_couplings`) and of frames (`closing_frames`). What
+`declared_loops` finds besides can't be read.
+
+Several dialects may declare the same loop: it is read once. Of two declarations between the same two bodies, the one
+that implies the other holds; two that contradict each other are an error.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from raff2urdf.constraints import Constraints
+from raff2urdf.errors import RaffError, RaffWarning
+from raff2urdf.readers import (
+    Description,
+    closing_frames,
+    closing_joints,
+    declared_loops,
+    joint_couplings,
+    loop_closures,
+    loop_elements,
+    robot_yaml,
+    sidecar,
+    successive,
+)
+from raff2urdf.readers.declaration import CouplingEntry, Declaration, IgnoreList, listed
+from raff2urdf.readers.loop_joint import LoopJoint, implies
+from raff2urdf.readers.urdf import default_value, joints, limits, parse, xacro_hint
+from raff2urdf.readers.urdf_tree import UrdfTree, text_of
+from raff2urdf.readers.xml_file import parse_xml
+
+
+def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Description:
+    """Read the loops and couplings of a URDF.
+
+    Args:
+        text: of the URDF.
+        path: of the URDF.
+        ignore: elements to be left out.
+        ignore_loops: leave out all of them.
+
+    Raises:
+        RaffError: the URDF or a file next to it is wrong; it declares a loop or a coupling that can't be read, and that
+            is not ignored; two declarations contradict each other.
+    """
+    name = str(path)
+    root = parse_xml(text, name)
+    declared = closing_joints.cut(root, name) if root.tag == "robot" else []
+    if declared:
+        text = text_of(root)
+    root = parse(text, name)
+    declared += [
+        *joint_couplings.find(root),
+        *loop_elements.find(root),
+        *closing_frames.find(root),
+        *closing_joints.find(root, name),
+    ]
+    declared += declared_loops.find(root, {id(one.element) for one in declared})
+    declared.sort(key=lambda one: one.line)
+    files = _Files(path, text, ignore, ignore_loops)
+    left_out = [one for one in declared if ignore_loops or ignore.takes(*one.words)]
+    kept = [one for one in declared if not any(one is other for other in left_out)]
+    if ignore_loops:
+        shown = [one for one in left_out if one.certain]
+        shown = shown if files.values is None else [one for one in shown if one.dialect != declared_loops.COMMENT]
+        return Description(files.text, files.values, (), (), ((listed(shown),) if shown else ()) + files.left_out)
+    names = tuple(f"{one.label} (line {one.line})" for one in left_out)
+    tree = UrdfTree(parse(files.text, name), name)
+    composed = _Composed(tree, files)
+    closures = files.closures(tree)
+    if closures is not None:
+        following = [one for one in kept if one.dialect == "mimic" and one.name in closures.following]
+        kept = [one for one in kept if not any(one is other for other in following)]
+        composed.notes += [f"{one.label} (line {one.line}): replaced by {loop_closures.FILE}" for one in following]
+        composed.add_all([one for one in closures.declared if not ignore.takes(*one.words)])
+    composed.add_all([one for one in kept if one.read is not None])
+    _check_unread([one for one in kept if one.read is None], composed, root, path)
+    return composed.result(names + files.left_out)
+
+
+def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any, path: Path) -> None:
+    """Refuse declarations that can't be read, or warn of those that may declare nothing."""
+    lost = declared_loops.lost(unread, composed.spare, composed.closed)
+    certain = [one for one in lost if one.certain]
+    if certain:
+        raise RaffError(f"{declared_loops.refusal(certain, path)}{xacro_hint(root, str(path))}")
+    if lost:
+        also = f". Also not read: {listed(lost[1:], 3)}" if lost[1:] else ""
+        warnings.warn(f"{path}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=6)
+
+
+class _Files:
+    """The files next to a URDF.
+
+    Attributes:
+        text: of the URDF, with joints replaced if a file asks for it.
+        values: contents of a constraints file; None without any.
+        dialect: of those; empty without any.
+        left_out: files that were ignored.
+    """
+
+    def __init__(self, path: Path, text: str, ignore: IgnoreList, ignore_loops: bool) -> None:
+        self.text, self.dialect = text, ""
+        self.left_out: tuple[str, ...] = ()
+        self.values: Constraints | None = None
+        for own, reader in ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml)):
+            if own is None or not own.exists():
+                continue
+            if ignore.takes(own.name):
+                self.left_out += (own.name,)
+                continue
+            self.text, self.values = reader.loops_of(path, text) or (text, None)
+            self.dialect = own.name if own.name == "robot.yaml" else "".join(own.suffixes[-2:]) or own.name
+            break
+        own_closures = loop_closures.sidecar_of(path, UrdfTree(parse(self.text, str(path)), str(path)))
+        if own_closures is not None and ignore.takes(own_closures.name):
+            self.left_out += (own_closures.name,)
+            own_closures = None
+        self._closures = own_closures
+        self._read: loop_closures.LoopClosures | None = None
+        if self.values is None and own_closures is None and not self.left_out:
+            found = sidecar.misplaced(path, text)
+            if found and not ignore_loops and not ignore.takes(found.file):
+                raise RaffError(found.refusal(path))
+            if found:
+                self.left_out += (f"the loops of {found.file}",)
+        elif ignore_loops and own_closures is not None:
+            self.left_out += (f"the loops of {own_closures.name}",)
+
+    def closures(self, tree: UrdfTree) -> loop_closures.LoopClosures | None:
+        """Return the contents of `loop_closures.yaml`; None without it."""
+        if self._closures is not None and self._read is None:
+            self._read = loop_closures.read(self._closures, tree)
+        return self._read
+
+
+class _Composed:
+    """Loops and couplings of several dialects, each once.
+
+    Attributes:
+        loops: entries of the loops.
+        couplings: entries of the couplings.
+        notes: about what was read.
+    """
+
+    def __init__(self, tree: UrdfTree, files: _Files) -> None:
+        self._tree, self._files = tree, files
+        self._cuts: list[tuple[Declaration, LoopJoint]] = []
+        self._equations: list[tuple[Declaration, CouplingEntry]] = []
+        self._met: set[int] = set()  # loops that several dialects declare
+        self.notes: list[str] = []
+        self._dialects = [files.dialect] if files.values is not None else []
+        for entry in (files.values or {}).get("loops", []):
+            self.add(_of_file(files.dialect, entry["name"]), _cut_of(entry))
+        for entry in (files.values or {}).get("couplings", []):
+            self.add(_of_file(files.dialect, entry["name"]), entry)
+
+    @property
+    def closed(self) -> int:
+        """Number of loops."""
+        return len(self._cuts)
+
+    @property
+    def spare(self) -> int:
+        """Number of loops in files next to the URDF that no element declares, too."""
+        return sum(not declared.line and i not in self._met for i, (declared, _) in enumerate(self._cuts))
+
+    def add_all(self, declared: Iterable[Declaration]) -> None:
+        """Read declarations and add them."""
+        for one in declared:
+            assert one.read is not None
+            self.add(one, one.read(self._tree))
+
+    def add(self, declared: Declaration, found: LoopJoint | CouplingEntry) -> None:
+        """Add a loop or a coupling, unless it is there.
+
+        Raises:
+            RaffError: it contradicts one that another dialect declares.
+        """
+        self._dialects += [declared.dialect] if declared.dialect not in self._dialects else []
+        if isinstance(found, LoopJoint):
+            self._add_loop(declared, found)
+        else:
+            self._add_coupling(declared, found)
+
+    def _add_loop(self, declared: Declaration, cut: LoopJoint) -> None:
+        for i, (other, there) in enumerate(self._cuts):
+            held = implies(self._tree, there, cut)
+            if held is False and implies(self._tree, cut, there):
+                self._cuts[i], held = (replace(other, notes=declared.notes), cut), True
+            if held:
+                self._met.add(i)
+                return
+            if held is False and other.dialect != declared.dialect:
+                raise self._contradiction(declared, other)
+        self._cuts.append((declared, cut))
+
+    def _add_coupling(self, declared: Declaration, entry: CouplingEntry) -> None:
+        own = _normal(entry)
+        for other, there in self._equations:
+            theirs = _normal(there)
+            if own.keys() == theirs.keys():
+                if all(np.allclose(own[key], theirs[key], rtol=1e-9, atol=1e-12) for key in own):
+                    return
+                if other.dialect != declared.dialect:
+                    raise self._contradiction(declared, other)
+        self._equations.append((declared, entry))
+
+    def _contradiction(self, declared: Declaration, other: Declaration) -> RaffError:
+        where = f"{self._tree.name}:{declared.line}" if declared.line else self._tree.name
+        there = f"{other.label}{f' (line {other.line})' if other.line else ''}"
+        word = next(iter(declared.words))
+        return RaffError(
+            f"{where}: {declared.label} contradicts {there} of {other.dialect}: correct one of them, or leave it out "
+            f"with --ignore {word}"
+        )
+
+    def result(self, left_out: tuple[str, ...]) -> Description:
+        """Return the URDF with everything that was added."""
+        tree, files = self._tree, self._files
+        if not self._cuts and not self._equations and files.values is None:
+            return Description(files.text, None, (), tuple(self.notes), left_out)
+        passive: list[str] = []
+        spherical = self._make_spherical()
+        taken: set[str] = set()
+        loops = []
+        for declared, cut in self._cuts:
+            name = _free(declared.name or f"{cut.first}-{cut.second}", taken)
+            entry, added = cut.add_to(tree, name)
+            self.notes += declared.notes
+            passive += added
+            loops.append(entry)
+        couplings = [{**entry, "name": _free(entry["name"], taken)} for _, entry in self._in_order()]
+        text = text_of(tree.root) if passive or spherical else files.text
+        values = dict(files.values or {})
+        values["loops"] = loops
+        if couplings:
+            values["couplings"] = couplings
+        values["joints"] = self._joints(text, passive + spherical)
+        return Description(text, values, tuple(self._dialects), tuple(self.notes), left_out)
+
+    def _make_spherical(self) -> list[str]:
+        """Replace joints that are ball joints; return their successive joints."""
+        closures = self._files.closures(self._tree)
+        made: list[str] = []
+        for joint in closures.spherical if closures is not None else ():
+            made += successive.replace(self._tree.root, self._tree.joints[joint], successive.SPHERICAL, self._tree.name)
+        return made
+
+    def _in_order(self) -> list[tuple[Declaration, CouplingEntry]]:
+        """Return the couplings, each behind those that lead the joints it depends on."""
+        pending, ordered = list(self._equations), list[tuple[Declaration, CouplingEntry]]()
+        while pending:
+            following = {entry["terms"][0]["joint"] for _, entry in pending}
+            first = next(
+                (one for one in pending if not following & {term["joint"] for term in one[1]["terms"][1:]}), pending[0]
+            )
+            ordered.append(first)
+            pending = [one for one in pending if one is not first]
+        return ordered
+
+    def _joints(self, text: str, passive: Sequence[str]) -> list[dict[str, Any]]:
+        """Return the entries of all joints that move: those of a file, and passive ones behind them."""
+        given = list((self._files.values or {}).get("joints", []))
+        if given:
+            return [*given, *({"name": joint, "home": 0.0, "actuated": False} for joint in passive)]
+        closures = self._files.closures(self._tree)
+        root = self._tree.root
+        by_name = {str(joint.get("name")): joint for joint in joints(root)}
+        moving = successive.moving(text, self._tree.name)
+        driven = None if closures is None else closures.actuated
+        dependent = {name for name, joint in by_name.items() if joint.get("independent") == "false"} | {*passive}
+        entries = []
+        for joint in moving:
+            entry: dict[str, Any] = {"name": joint}
+            if not self._cuts and joint in by_name:  # without loops, 0 is as good as anything else
+                entry["home"] = default_value(limits(by_name[joint]))
+            if driven is not None:
+                entry["actuated"] = joint in driven
+            elif dependent:
+                entry["actuated"] = False if joint in dependent else None
+            entries.append(entry)
+        return entries
+
+
+def _of_file(dialect: str, name: str) -> Declaration:
+    label = f"loop '{name}'"
+    return Declaration(0, dialect, label, f"{label} of {dialect}", name)
+
+
+def _cut_of(entry: Mapping[str, Any]) -> LoopJoint:
+    """Return the joint of a loop's entry."""
+    first, second = entry["first"], entry["second"]
+    placed = (np.array(first["placement"], dtype=float), np.array(second["placement"], dtype=float))
+    return LoopJoint(entry["kind"], first["node"], second["node"], placed)
+
+
+def _normal(entry: CouplingEntry) -> dict[str, list[float]]:
+    """Return the coefficients of a coupling by joint, and its constant by "", in parts of the first joint's."""
+    terms = {str(term["joint"]): [float(c) for c in term["coefficients"]] for term in entry["terms"]}
+    unit = next(c for c in terms[min(terms)] if c)
+    powers = max(map(len, terms.values()))
+    scaled = {joint: [c / unit for c in (*own, *[0.0] * (powers - len(own)))] for joint, own in terms.items()}
+    return {**scaled, "": [float(entry.get("constant", 0.0)) / unit]}
+
+
+def _free(name: str, taken: set[str]) -> str:
+    """Return a name that is not taken, and take it: NAME, or NAME#2 and so on."""
+    own, count = name, 1
+    while own in taken:
+        count += 1
+        own = f"{name}#{count}"
+    taken.add(own)
+    return own

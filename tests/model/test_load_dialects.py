@@ -1,0 +1,599 @@
+"""Each dialect of loops and couplings in URDFs: mobility as counted by hand, closed at every tick of a drag.
+
+Four bars in the xy plane, with all joints at 0: the crank is upright, the coupler lies on it, the rocker leans to it.
+
+    ground (0, 0) -- crank --> (0, 1) -- coupler --> (2, 1) = P <-- rocker -- (2.5, 0) ground
+
+Three revolute joints about z move in the plane. A pin at P takes two degrees of freedom: one remains.
+"""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from dragging import dragged
+
+import cinegen
+from cinegen import CinegenError
+from raff2urdf import readers
+from raff2urdf.errors import RaffError, RaffWarning
+
+DATA = Path(__file__).parent / "data"
+
+JOINT = (
+    '<joint name="{}" type="continuous"> <parent link="{}"/> <child link="{}"/> <origin xyz="{}"/> <axis xyz="0 0 1"/>'
+)
+
+BARS = f"""<robot name="bars">
+  <link name="ground"/> <link name="crank"/> <link name="coupler"/> <link name="rocker"/>
+  {JOINT.format("drive", "ground", "crank", "0 0 0")} </joint>
+  {JOINT.format("elbow", "crank", "coupler", "0 1 0")} </joint>
+  {JOINT.format("swing", "ground", "rocker", "2.5 0 0")} </joint>
+"""  # what is added begins on line 6
+
+ENDS = '<parent link="coupler"/><child link="rocker"/>'
+SDF_ENDS = "<parent>coupler</parent><child>bars::rocker</child>"
+ON_COUPLER, ON_ROCKER = "2 0 0", "-0.5 1 0"
+FRAME = (
+    '<link name="{0}"/><joint name="{0}_frame" type="fixed"><parent link="{1}"/><child link="{0}"/><origin xyz="{2}"/>'
+    "</joint>"
+)
+TIP = FRAME.format("tip", "coupler", ON_COUPLER)
+SECOND = f'<parent link="rocker"/><child link="tip"/><origin xyz="{ON_ROCKER}"/><axis xyz="0 0 1"/>'
+PAIR = FRAME.format("closing_pin_1", "coupler", ON_COUPLER) + FRAME.format("closing_pin_2", "rocker", ON_ROCKER)
+
+LOOPS = {
+    "URDF+": (
+        f'<loop name="pin" type="revolute"><predecessor link="coupler"><origin xyz="{ON_COUPLER}"/></predecessor>'
+        f'<successor link="rocker"><origin xyz="{ON_ROCKER}"/></successor><axis xyz="0 0 1"/></loop>',
+        "URDF+", "pin", "revolute",
+    ),
+    "URDF+, exported": (
+        f'<constraint name="pin" type="continuous"><axis xyz="0 0 1"/><predecessor link="coupler">'
+        f'<origin xyz="{ON_COUPLER}"/></predecessor><successor link="rocker"><origin xyz="{ON_ROCKER}"/></successor>'
+        "</constraint>",
+        "constraint elements", "pin", "revolute",
+    ),
+    "proposal to ROS": (
+        f'<constraint name="pin" type="revolute">{ENDS}<parent_origin xyz="{ON_COUPLER}"/><parent_axis xyz="0 0 1"/>'
+        f'<child_origin xyz="{ON_ROCKER}"/><child_axis xyz="0 0 1"/></constraint>',
+        "constraint elements", "pin", "revolute",
+    ),
+    "proposal to ROS, ball": (
+        f'<constraint name="pin" type="spherical">{ENDS}<parent_origin xyz="{ON_COUPLER}"/>'
+        f'<child_origin xyz="{ON_ROCKER}"/></constraint>',
+        "constraint elements", "pin", "ball",
+    ),
+    "Isaac Sim": (
+        f'<loop_joint name="pin" type="spherical"><link1 link="coupler" rpy="0 0 0" xyz="{ON_COUPLER}"/>'
+        f'<link2 link="rocker" rpy="0 0 0" xyz="{ON_ROCKER}"/></loop_joint>',
+        "loop_joint elements", "pin", "ball",
+    ),
+    "Isaac Sim, as documented": (
+        f'<loop_joint name="pin" type="spherical"><link1 link="coupler" xyz="{ON_COUPLER}"/>'
+        f'<link1 link="rocker" xyz="{ON_ROCKER}"/></loop_joint>',
+        "loop_joint elements", "pin", "ball",
+    ),
+    "Fusion 360": (
+        f'<loop_joint name="pin" type="revolute">{ENDS}<parent_origin xyz="{ON_COUPLER}"/>'
+        f'<child_origin xyz="{ON_ROCKER}"/><axis xyz="0 0 1" frame="parent"/></loop_joint>',
+        "loop_joint elements", "pin", "revolute",
+    ),
+    "onshape-to-robot": (PAIR, "closing frames", "closing_pin", "ball"),
+    "onshape-to-robot, hinge": (
+        PAIR
+        + FRAME.format("closing_pin_1_z", "coupler", "2 0 .1")
+        + FRAME.format("closing_pin_2_z", "rocker", "-.5 1 .1"),
+        "closing frames", "closing_pin", "revolute",
+    ),
+    "frames with a prefix": (
+        f'<frame name="left/closing_pin_1" link="coupler" xyz="{ON_COUPLER}"/>'
+        f'<frame name="left/closing_pin_2" link="rocker" xyz="{ON_ROCKER}"/>',
+        "closing frames", "left/closing_pin", "ball",
+    ),
+    "second parent": (
+        f'{TIP}<joint name="pin" type="continuous">{SECOND}</joint>',
+        "second parents", "pin", "revolute",
+    ),
+    "Drake's second parent": (
+        f'{TIP}<drake:joint name="pin" type="revolute">{SECOND}</drake:joint>',
+        "second parents", "pin", "revolute",
+    ),
+    "Drake constraint": (
+        '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/>'
+        f'<drake:ball_constraint_body_B name="rocker"/><drake:ball_constraint_p_AP value="{ON_COUPLER}"/>'
+        f'<drake:ball_constraint_p_BQ value="{ON_ROCKER}"/></drake:ball_constraint>',
+        "Drake", "coupler-rocker", "ball",
+    ),
+    "Drake bushing": (
+        f'<frame name="a" link="coupler" xyz="{ON_COUPLER}"/><frame name="c" link="rocker" xyz="{ON_ROCKER}"/>'
+        '<drake:linear_bushing_rpy><drake:bushing_frameA name="a"/><drake:bushing_frameC name="c"/>'
+        '<drake:bushing_torque_stiffness value="3e4 3e4 0"/><drake:bushing_torque_damping value="1 1 0"/>'
+        '<drake:bushing_force_stiffness value="3e4 3e4 3e4"/><drake:bushing_force_damping value="1 1 1"/>'
+        "</drake:linear_bushing_rpy>",
+        "Drake", "coupler-rocker", "revolute",
+    ),
+    "Gazebo joint": (
+        f'<gazebo><joint name="pin" type="revolute">{SDF_ENDS}<pose>{ON_ROCKER} 0 0 0</pose>'
+        "<axis><xyz>0 0 1</xyz></axis></joint></gazebo>",
+        "Gazebo joints", "pin", "revolute",
+    ),
+    "Gazebo ball joint": (
+        f'<gazebo><joint name="pin" type="ball">{SDF_ENDS}<pose>{ON_ROCKER} 0 0 0</pose></joint></gazebo>',
+        "Gazebo joints", "pin", "ball",
+    ),
+}  # fmt: skip
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(added: str = "", base: str = BARS) -> Path:
+        path = tmp_path / "bars.urdf"
+        path.write_text(f"{base}{added}\n</robot>")
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("dialect", LOOPS)
+def test_a_loop_of_each_dialect_is_closed(dialect, write):
+    added, name, loop, kind = LOOPS[dialect]
+    mechanism = cinegen.load(write(added))
+    assert mechanism.mobility == 1
+    assert mechanism.joints == ("drive", "elbow", "swing")
+    assert mechanism.actuated == ("drive",)
+    assert [(one.name, one.kind.name.lower()) for one in mechanism.loops] == [(loop, kind)]
+    assert mechanism.gap_as_written <= 1e-15  # all joints at 0 is closed
+    assert mechanism.source.dialects == (name,)
+    closure, farthest = dragged(mechanism)
+    assert closure <= 1e-10
+    assert farthest > 0.3
+
+
+# Of each kind of joint: equations that bind the three joints of the plane, counted by hand.
+KINDS = {
+    "fixed": 3,  # x, y, the angle
+    "prismatic": 2,  # y, the angle: the axis is x
+    "revolute": 2,  # x, y
+    "spherical": 2,
+    "universal": 2,
+    "cylindrical": 2,
+    "planar": 0,  # the plane that they move in
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("element", ["loop", "constraint", "loop_joint"])
+def test_each_kind_of_joint_closes_a_loop(kind, element, write):
+    axis = "1 0 0" if kind == "prismatic" else "0 0 1"
+    ends = {
+        "loop": f'<predecessor link="coupler"><origin xyz="{ON_COUPLER}"/></predecessor>'
+        f'<successor link="rocker"><origin xyz="{ON_ROCKER}"/></successor><axis xyz="{axis}"/><axis2 xyz="1 0 0"/>',
+        "constraint": f'{ENDS}<parent_origin xyz="{ON_COUPLER}"/><child_origin xyz="{ON_ROCKER}"/>'
+        f'<parent_axis xyz="{axis}"/><child_axis xyz="{"1 0 0" if kind == "universal" else axis}"/>',
+        "loop_joint": f'<link1 link="coupler" xyz="{ON_COUPLER}"/><link2 link="rocker" xyz="{ON_ROCKER}"/>'
+        f'<axis xyz="{axis}"/><axis2 xyz="1 0 0"/>',
+    }[element]
+    mechanism = cinegen.load(write(f'<{element} name="pin" type="{kind}">{ends}</{element}>'))
+    assert mechanism.mobility == 3 - KINDS[kind]
+    assert set(mechanism.actuated) <= {"drive", "elbow", "swing"}
+    assert mechanism.mobility == 0 or dragged(mechanism, 60)[0] <= 1e-10
+
+
+def test_a_universal_loop_in_space(write):
+    """The end of an arm of six joints (three translations, three rotations) on a cross: four equations."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(7))
+    kinds = [("prismatic", "1 0 0"), ("prismatic", "0 1 0"), ("prismatic", "0 0 1")]
+    kinds += [("continuous", "1 0 0"), ("continuous", "0 1 0"), ("continuous", "0 0 1")]
+    joints = "".join(
+        f'<joint name="j{i}" type="{kind}"><parent link="l{i}"/><child link="l{i + 1}"/><axis xyz="{axis}"/>'
+        '<limit lower="-9" upper="9" effort="1" velocity="9"/></joint>'
+        for i, (kind, axis) in enumerate(kinds)
+    )
+    loop = (
+        '<constraint name="cross" type="universal"><parent link="l0"/><child link="l6"/>'
+        '<parent_origin xyz="1 2 3" rpy="0.3 0.2 0.1"/><parent_axis xyz="0 1 1"/><child_origin xyz="0.1 0 0"/>'
+        '<child_axis xyz="1 0 0"/></constraint>'
+    )
+    mechanism = cinegen.load(write(loop, f'<robot name="arm">{links}{joints}'))
+    assert mechanism.mobility == 2
+    rotation = mechanism.placement(mechanism.q_home, "l0").rotation @ pin_rotation(0.3, 0.2, 0.1)
+    for q in [mechanism.q_home, *mechanism.random_closed(5, 0)]:
+        placed = mechanism.placement(q, "l6")
+        np.testing.assert_allclose(placed.translation + placed.rotation @ (0.1, 0.0, 0.0), (1, 2, 3), atol=1e-9)
+        assert abs((rotation @ (0, 1, 1)) @ (placed.rotation @ (1, 0, 0))) < 1e-9
+
+
+def pin_rotation(roll, pitch, yaw):
+    import pinocchio as pin
+
+    return pin.rpy.rpyToMatrix(roll, pitch, yaw)
+
+
+# --- real robots -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "dialect", "mobility", "actuated"),
+    [
+        ("urdf_plus/four_bar", "URDF+", 3 - 2, 1),  # three joints in a plane, and a pin
+        ("urdf_plus/six_bar", "URDF+", 5 - 2, 3),
+        ("urdf_plus/mini_cheetah", "URDF+", 6 + 24 - 12, 12),  # a free base, and a gear for each of twelve rotors
+        ("ability_hand/ability_hand_left_large", "mimic", 10 - 4, 6),  # four fingers whose second joint follows
+    ],
+)
+def test_robots_of_the_field(file, dialect, mobility, actuated):
+    mechanism = cinegen.load(DATA / f"{file}.urdf")
+    assert (mechanism.mobility, len(mechanism.actuated)) == (mobility, actuated)
+    assert mechanism.source.dialects == (dialect,)
+    closure, farthest = dragged(mechanism)
+    assert closure <= 1e-10
+    assert farthest > 0.1
+
+
+def test_urdf_plus_tells_which_joints_are_passive():
+    assert cinegen.load(DATA / "urdf_plus" / "four_bar.urdf").actuated == ("joint1",)
+    assert cinegen.load(DATA / "urdf_plus" / "six_bar.urdf").actuated == ("joint1", "joint2", "joint3")
+    cheetah = cinegen.load(DATA / "urdf_plus" / "mini_cheetah.urdf")
+    assert not [joint for joint in cheetah.actuated if "rotor" in joint]
+    q = cheetah.random_closed(1, 3)[0]
+    q = q if np.ndim(q) else cheetah.random_closed(1, 3)
+    for joint, ratio in (("FR_abad", 6.0), ("FR_hip", 6.0)):
+        link = {"FR_abad": "torso_to_FR_abad_j", "FR_hip": "FR_abad_to_hip_j"}[joint]
+        rotor = link.replace("_j", "_rotor_j")
+        assert q[cheetah.q_index(rotor)] == pytest.approx(ratio * q[cheetah.q_index(link)], abs=1e-10)
+
+
+def test_home_at_a_singular_drawing_is_beside_it():
+    """The four bars are drawn stretched out: there they could move in no direction."""
+    mechanism = cinegen.load(DATA / "urdf_plus" / "four_bar.urdf")
+    assert mechanism.q_home.any()
+    assert "all joints at 0 is singular; home is a configuration near it" in mechanism.source.notes
+
+
+# --- couplings ---------------------------------------------------------------------------------------------------
+
+ARM = f"""<robot name="arm"> {"".join(f'<link name="l{i}"/>' for i in range(5))}
+  {JOINT.format("a", "l0", "l1", "0 0 0")} {{0}} </joint>
+  {JOINT.format("b", "l1", "l2", "1 0 0")} {{1}} </joint>
+  <joint name="f" type="fixed"> <parent link="l2"/> <child link="l3"/> <origin xyz="1 0 0"/> </joint>
+  {JOINT.format("c", "l3", "l4", "0 0 0").replace("continuous", "prismatic")} {{2}}
+    <limit lower="-1" upper="1" effort="1" velocity="9"/> </joint>
+"""
+
+COUPLINGS = {
+    "mimic": ("", '<mimic joint="a" multiplier="-2" offset="0.5"/>', "", "", {"b": -2.0}, {"b": 0.5}),
+    "mimic of a mimic": (
+        "", '<mimic joint="c" multiplier="3"/>', '<mimic joint="a" multiplier="0.1" offset="0.2"/>', "",
+        {"b": 0.3, "c": 0.1}, {"b": 0.6, "c": 0.2},
+    ),
+    "mimic with defaults": ('<mimic joint="b"/>', "", "", "", {"b": 1.0}, {}),
+    "Gazebo plugin": (
+        "", "", "",
+        '<gazebo><plugin name="m" filename="libgazebo_mimic_joint_plugin.so"><joint>a</joint><mimicJoint>b</mimicJoint>'
+        "<multiplier>-1.5</multiplier><offset>0.1</offset></plugin></gazebo>",
+        {"b": -1.5}, {"b": 0.1},
+    ),
+    "ros2_control": (
+        "", "", "",
+        '<ros2_control name="r" type="system"><joint name="b"><param name="mimic">a</param>'
+        '<param name="multiplier">2</param></joint></ros2_control>',
+        {"b": 2.0}, {},
+    ),
+    "URDF+": (
+        "", "", "",
+        '<coupling name="gear"><predecessor link="l1"/><successor link="l3"/><ratio value="4"/></coupling>',
+        {"b": 0.0}, {},  # the predecessor is the nearest common ancestor: 0 = b
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("dialect", COUPLINGS)
+def test_couplings_of_each_dialect_hold(dialect, write):
+    *mimics, added, slopes, offsets = COUPLINGS[dialect]
+    mechanism = cinegen.load(write(added, ARM.format(*mimics)))
+    assert len(mechanism.couplings) == len(slopes)
+    assert mechanism.mobility == 3 - len(slopes)
+    for q in [mechanism.q_home, *np.atleast_2d(mechanism.random_closed(3, 0))]:
+        a = q[mechanism.q_index("a")]
+        for joint, slope in slopes.items():
+            own = q[mechanism.q_index(joint)]
+            assert own == pytest.approx(slope * a + offsets.get(joint, 0.0), abs=1e-10)
+    assert dragged(mechanism)[0] <= 1e-10
+
+
+def test_a_ratio_of_urdf_plus_counts_the_joints_of_both_chains(write):
+    """Two chains from the ground: 5 (a + b) = d + e."""
+    links = "".join(f'<link name="{link}"/>' for link in ("o", "a", "b", "d", "e"))
+    joints = "".join(
+        f'<joint name="j{child}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+        '<origin xyz="1 0 0"/><axis xyz="0 0 1"/></joint>'
+        for parent, child in ("oa", "ab", "od", "de")
+    )
+    coupling = '<coupling name="gear"><predecessor link="b"/><successor link="e"/><ratio value="5"/></coupling>'
+    mechanism = cinegen.load(write(coupling, f'<robot name="r">{links}{joints}'))
+    assert mechanism.mobility == 3
+    assert {name: c for name, (c,) in mechanism.couplings[0].terms.items()} == {"ja": 5, "jb": 5, "jd": -1, "je": -1}
+
+
+@pytest.mark.parametrize(
+    ("mimic", "says"),
+    [
+        ('<mimic joint="b"/>', r"bars\.urdf:3: <mimic> in joint 'b' mimics the joint itself"),
+        ('<mimic joint="z"/>', r"bars\.urdf:3: <mimic> in joint 'b' names joint 'z', which the URDF lacks"),
+        ("<mimic/>", r"bars\.urdf:3: <mimic> in joint 'b' names joint ''"),
+        ('<mimic joint="f"/>', r"couples joint 'f', which is fixed: correct it, or leave it out with --ignore mimic"),
+        ('<mimic joint="a" multiplier="x"/>', r"the multiplier 'x' of <mimic> in joint 'b' is not a number"),
+        ('<mimic joint="a" offset="inf"/>', r"the offset 'inf'"),
+    ],
+)
+def test_mimic_joints_that_follow_nothing_are_refused(mimic, says, write):
+    path = write("", ARM.format("", mimic, ""))
+    with pytest.raises(CinegenError, match=says):
+        cinegen.load(path)
+    with pytest.warns(RaffWarning, match=r"left out, as requested: <mimic> in joint 'b' \(line 3\)"):
+        assert cinegen.load(path, ignore=["mimic"]).mobility == 3
+
+
+def test_joints_that_mimic_each_other_are_refused(write):
+    with pytest.raises(CinegenError, match="joints mimic each other in a circle: a -> b -> a"):
+        cinegen.load(write("", ARM.format('<mimic joint="b"/>', '<mimic joint="a" multiplier="2"/>', "")))
+
+
+@pytest.mark.parametrize(
+    ("coupling", "says"),
+    [
+        ('<successor link="l1"/><ratio value="2"/>', "has no <predecessor>"),
+        ('<predecessor link="l1"/><successor link="lx"/><ratio value="2"/>', "names 'lx', which is not a link"),
+        ('<predecessor link="l1"/><successor link="l2"/>', "has no <ratio>"),
+        ('<predecessor link="l1"/><successor link="l2"/><ratio value="six"/>', "the ratio 'six' of <coupling> 'g'"),
+        ('<predecessor link="l2"/><successor link="l3"/><ratio value="2"/>', "couples no joint"),
+    ],
+)
+def test_couplings_of_urdf_plus_that_make_no_sense_are_refused(coupling, says, write):
+    with pytest.raises(CinegenError, match=says):
+        cinegen.load(write(f'<coupling name="g">{coupling}</coupling>', ARM.format("", "", "")))
+
+
+# --- links with two parents --------------------------------------------------------------------------------------
+
+
+def test_of_two_joints_the_one_without_limits_is_cut(write):
+    limited = '<limit lower="-1" upper="1" effort="1" velocity="9"/>'
+    pin = JOINT.format("pin", "crank", "rocker", "2.5 0 0").replace("continuous", "revolute")
+    mechanism = cinegen.load(write(f"{pin} {limited} </joint>"))
+    assert mechanism.joints == ("drive", "elbow", "pin")
+    assert [loop.name for loop in mechanism.loops] == ["swing"]
+    both = BARS.replace('name="swing" type="continuous">', f'name="swing" type="revolute">{limited}')
+    mechanism = cinegen.load(write(f"{pin} {limited} </joint>", both))
+    assert [loop.name for loop in mechanism.loops] == ["pin"]
+    assert mechanism.source.notes == ("joint 'pin' closes a loop: its limits are not enforced",)
+
+
+def test_a_ring_of_joints_without_a_root(write):
+    """ros/urdf#13: each link has one parent, and the first link is the base."""
+    links = "".join(f'<link name="l{i}"/>' for i in range(4))
+    corners = [(0, 0), (2, 0), (3, 2), (0, 1)]
+    joints = ""
+    for i in range(4):
+        (x, y), (u, v) = corners[i], corners[(i + 1) % 4]
+        joints += (
+            f'<joint name="j{i}" type="continuous"><parent link="l{i}"/><child link="l{(i + 1) % 4}"/>'
+            f'<origin xyz="{u - x} {v - y} 0"/><axis xyz="0 0 1"/></joint>'
+        )
+    mechanism = cinegen.load(write("", f'<robot name="ring">{links}{joints}'))
+    assert mechanism.nodes[0] == "l0"
+    assert [loop.name for loop in mechanism.loops] == ["j3"]
+    assert mechanism.mobility == 1
+    assert dragged(mechanism)[0] <= 1e-10
+
+
+def test_a_joint_that_closes_a_loop_and_leads_another_is_refused(write):
+    pin = f'<joint name="pin" type="continuous">{ENDS}<mimic joint="drive"/></joint>'
+    both = BARS.replace('<child link="rocker"/>', '<child link="rocker"/> <mimic joint="drive"/>')
+    with pytest.raises(CinegenError, match="joint 'pin' closes a loop and mimics another joint, or leads one"):
+        cinegen.load(write(pin, both))
+
+
+# --- loop_closures.yaml ------------------------------------------------------------------------------------------
+
+CLOSURES = """# of scikit-robot
+closures:
+- {link_a: coupler, link_b: rocker, point: [2.0, 1.0, 0.0], axis: [0.0, 0.0, 1.0]}
+dependent: [elbow, swing]
+independent: [drive]
+"""
+
+
+@pytest.mark.parametrize("folder", [".", "../config"])
+def test_loop_closures_of_jsk(folder, tmp_path):
+    (tmp_path / "urdf").mkdir()
+    (tmp_path / "config").mkdir()
+    path = tmp_path / "urdf" / "bars.urdf"
+    approximate = BARS.replace('link="coupler"/> ', 'link="coupler"/> <mimic joint="drive" multiplier="-1.3"/> ')
+    path.write_text(f"{approximate}</robot>")
+    (path.parent / folder / "loop_closures.yaml").write_text(CLOSURES)
+    mechanism = cinegen.load(path)
+    assert (mechanism.mobility, mechanism.actuated) == (1, ("drive",))
+    assert [loop.kind.name for loop in mechanism.loops] == ["REVOLUTE"]
+    assert mechanism.couplings == ()  # the <mimic> is an approximation
+    assert mechanism.source.dialects == ("loop_closures.yaml",)
+    assert mechanism.source.notes == ("<mimic> in joint 'elbow' (line 4): replaced by loop_closures.yaml",)
+    assert dragged(mechanism)[0] <= 1e-10
+
+
+def test_loop_closures_of_robonex(write, tmp_path):
+    (tmp_path / "loop_closures.yaml").write_text(
+        "pin_loops:\n  - name: pin\n    parent: coupler\n    child: rocker\n    parent_xyz: [2.0, 0.0, 0.0]\n"
+        "    child_xyz: [-0.5, 1.0, 0.0]\n    axis: [0.0, 0.0, 1.0]\nball_upgrades: [elbow]\nactuated_joints: [drive]\n"
+    )
+    mechanism = cinegen.load(write())
+    assert mechanism.joints == ("drive", "elbow_X", "elbow_Y", "elbow_Z", "swing")
+    assert mechanism.actuated == ("drive",)
+    assert mechanism.mobility == 1  # five joints; the hinge takes x, y, z (by tilting) and both tilts
+    assert dragged(mechanism)[0] <= 1e-10
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (
+            "closures: [{link_a: coupler, link_b: rockr, point: [0, 0, 0], axis: [0, 0, 1]}]\n#rocker",
+            "link_b of a loop",
+        ),
+        ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0], axis: [0, 0, 1]}]", "point of a loop must be"),
+        ("closures: [{link_a: coupler, link_b: rocker, point: [0, 0, 0], axis: [0, 0, 0]}]", "must not be 0 0 0"),
+        ("closure: [{link_a: coupler, link_b: rocker}]", "unknown key 'closure'"),
+        ("closures: {link_a: coupler, link_b: rocker}", "closures must be a list"),
+        ("dependent: [coupler, rocker]", "dependent names 'coupler', which is not a joint"),
+    ],
+)
+def test_loop_closures_that_are_wrong_are_refused(text, says, write, tmp_path):
+    (tmp_path / "loop_closures.yaml").write_text(f"{text}\ndependent: [elbow]\n" if "dependent" not in text else text)
+    with pytest.raises(CinegenError, match=says):
+        cinegen.load(write())
+
+
+# --- several dialects at once ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("one", LOOPS)
+@pytest.mark.parametrize("other", ["URDF+", "Isaac Sim", "onshape-to-robot", "second parent", "Gazebo joint"])
+def test_a_loop_that_two_dialects_declare_is_closed_once(one, other, write):
+    if ("second parent" in one and "second parent" in other) or ("onshape" in one and "onshape" in other):
+        pytest.skip("the same names")
+    mechanism = cinegen.load(write(LOOPS[one][0] + LOOPS[other][0]))
+    assert len(mechanism.loops) == 1
+    assert mechanism.mobility == 1
+    kinds = {LOOPS[one][3], LOOPS[other][3]}
+    assert mechanism.loops[0].kind.name.lower() == ("revolute" if "revolute" in kinds else "ball")
+
+
+def test_a_loop_of_a_sidecar_file_keeps_its_name(write, tmp_path):
+    (tmp_path / "robot.yaml").write_text(
+        "closed_loop: [[closing_pin_1, closing_pin_2]]\ntype: [3d]\nname_mot: [swing]\n"
+    )
+    mechanism = cinegen.load(write(PAIR + LOOPS["URDF+"][0]))
+    assert [(loop.name, loop.kind.name) for loop in mechanism.loops] == [("closing_pin_1-closing_pin_2", "REVOLUTE")]
+    assert mechanism.actuated == ("swing",)
+    assert mechanism.source.dialects == ("robot.yaml", "URDF+", "closing frames")
+
+
+def test_dialects_that_contradict_each_other_are_an_error(write):
+    moved = LOOPS["URDF+"][0].replace(ON_COUPLER, "1.5 0 0")
+    path = write(f"{LOOPS['Isaac Sim'][0]}\n{moved}")
+    says = (
+        r"bars\.urdf:7: <loop> 'pin' contradicts <loop_joint> 'pin' \(line 6\) of loop_joint elements: .*--ignore loop"
+    )
+    with pytest.raises(CinegenError, match=says):
+        cinegen.load(path)
+    with pytest.warns(RaffWarning, match=r"left out, as requested: <loop> 'pin' \(line 7\)"):
+        assert cinegen.load(path, ignore=["loop"]).mobility == 1
+
+
+def test_couplings_that_contradict_each_other_are_an_error(write):
+    plugin = COUPLINGS["Gazebo plugin"][3]
+    same = ARM.format("", '<mimic joint="a" multiplier="-1.5" offset="0.1"/>', "")
+    assert len(cinegen.load(write(plugin, same)).couplings) == 1
+    with pytest.raises(CinegenError, match=r"<plugin> 'm' in <gazebo> contradicts <mimic> in joint 'b' \(line 3\)"):
+        cinegen.load(write(plugin, same.replace("0.1", "0.2")))
+
+
+# --- --ignore ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dialect", LOOPS)
+def test_each_loop_can_be_left_out_by_its_dialect_or_its_name(dialect, write):
+    added, name, loop, _ = LOOPS[dialect]
+    for word in {name, loop} - {"coupler-rocker"}:
+        with pytest.warns(RaffWarning, match="left out, as requested: ") as seen:
+            assert cinegen.load(write(added), ignore=[word]).mobility == 3
+        assert len(seen) == 1
+
+
+@pytest.mark.parametrize("dialect", [*LOOPS, *COUPLINGS])
+def test_all_are_opened_by_ignore_loops(dialect, write):
+    path = (
+        write(LOOPS[dialect][0])
+        if dialect in LOOPS
+        else write(COUPLINGS[dialect][3], ARM.format(*COUPLINGS[dialect][:3]))
+    )
+    with pytest.warns(RaffWarning, match="left out, as requested; every joint moves independently: ") as seen:
+        mechanism = cinegen.load(path, ignore_loops=True)
+    assert len(seen) == 1
+    assert mechanism.mobility == len(mechanism.actuated) == 3
+
+
+def test_a_name_that_nothing_has_is_refused(write):
+    with pytest.raises(CinegenError, match=r"--ignore pim: the file declares no loop .* did you mean 'pin'"):
+        cinegen.load(write(LOOPS["URDF+"][0]), ignore=["pim"])
+
+
+@pytest.mark.parametrize("format", ["raff", "sdf", "mjcf", "urdf"])
+def test_a_loop_is_left_out_by_name_in_every_format(format, root, tmp_path):
+    import raff2urdf
+
+    path = root / "robots" / "five_bar.raff"
+    if format != "raff":
+        path = raff2urdf.convert(path, tmp_path, format=format)[0].file
+    name = cinegen.load(path).loops[0].name
+    with pytest.warns(UserWarning, match=f"left out, as requested: .*'{name}'"):
+        mechanism = cinegen.load(path, ignore=[name])
+    assert (len(mechanism.loops), mechanism.mobility) == (0, 5)
+
+
+# --- our own URDFs -----------------------------------------------------------------------------------------------
+
+
+def test_our_own_elements_close_the_loops_where_the_constraints_are_lost(root, tmp_path):
+    import raff2urdf
+
+    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, constraint_elements=True)
+    path = tmp_path / "five_bar.urdf"
+    whole = cinegen.load(path)
+    assert len(whole.loops) == 1
+    (tmp_path / "five_bar.constraints.json").unlink()
+    found = cinegen.load(path)
+    assert (found.mobility, [loop.name for loop in found.loops]) == (2, [loop.name for loop in whole.loops])
+    assert found.source.dialects == ("constraint elements",)
+    assert dragged(found)[0] <= 1e-10
+
+
+def test_what_is_read_raises_no_warning(write):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for added, *_ in LOOPS.values():
+            readers.read(write(added))
+
+
+@pytest.mark.parametrize(
+    ("loop", "says"),
+    [
+        ('<loop name="x" type="revolute"><predecessor link="coupler"/></loop>', "has no <successor>"),
+        ('<loop name="x"><predecessor link="coupler"/><successor link="rocker"/></loop>', "has no type"),
+        (
+            '<loop name="x" type="screw"><predecessor link="coupler"/><successor link="rocker"/></loop>',
+            "'screw' of",
+        ),
+        ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="rock"/></loop>', "not a link"),
+        ('<loop name="x" type="fixed"><predecessor link="coupler"/><successor link="coupler"/></loop>', "to itself"),
+        (
+            '<constraint name="x" type="floating"><parent link="crank"/><child link="rocker"/></constraint>',
+            "constrains",
+        ),
+        ('<loop_joint name="x" type="spherical"><link1 link="crank"/></loop_joint>', "must name two links"),
+        (
+            '<drake:ball_constraint><drake:ball_constraint_body_A name="coupler"/></drake:ball_constraint>',
+            "has no <ball_",
+        ),
+    ],
+)
+def test_loops_that_make_no_sense_are_refused(loop, says, write):
+    path = write(loop)
+    with pytest.raises(RaffError, match=rf"bars\.urdf:6: .*{says}"):
+        readers.read(path)
+    with pytest.warns(RaffWarning, match="left out, as requested"):
+        readers.read(path, ignore_loops=True)
