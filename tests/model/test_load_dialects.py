@@ -251,7 +251,7 @@ def test_home_at_a_singular_drawing_is_beside_it():
     """The four bars are drawn stretched out: there they could move in no direction."""
     mechanism = cinegen.load(DATA / "urdf_plus" / "four_bar.urdf")
     assert mechanism.q_home.any()
-    assert "all joints at 0 is singular; home is a configuration near it" in mechanism.source.notes
+    assert "all joints at 0 is singular: home is a configuration near it" in mechanism.source.notes
 
 
 # --- couplings ---------------------------------------------------------------------------------------------------
