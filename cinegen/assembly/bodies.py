@@ -10,7 +10,7 @@ prismatic joints.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -71,6 +71,7 @@ class LinkageJoint:
         sides: the two bodies, as `LinkageBodies.body` numbers them.
         members: the same as the linkage numbers them.
         locked: whether its value is given.
+        single: whether it is no part of a universal or a ball joint.
         carrier: a body (of the linkage) in which point and axis are fixed.
         axis: (3,) unit vector, in the carrier; of no use for a ball.
         at: (3,) a point of the axis at home, in the base.
@@ -81,6 +82,7 @@ class LinkageJoint:
     sides: tuple[int, int]
     members: tuple[int, int]
     locked: bool
+    single: bool
     carrier: int
     axis: Array
     at: Array
@@ -117,6 +119,7 @@ class LinkageBodies:
         cuts: the joints that close loops.
         placements: (n + 1) of base and bodies at home, dimensionless.
         end: the body whose whole placement counts.
+        distinct: joints that are no part of a universal or a ball joint.
 
     Attributes:
         placements: as given.
@@ -126,8 +129,9 @@ class LinkageBodies:
     """
 
     def __init__(
-        self, joints: Table, axes: Array, unknowns: int, cuts: Sequence[CutJoint], placements: list[pin.SE3], end: int
-    ) -> None:
+        self, joints: Table, axes: Array, unknowns: int, cuts: Sequence[CutJoint], placements: list[pin.SE3], end: int,
+        distinct: Collection[int] = (),
+    ) -> None:  # fmt: skip
         self.placements, self._end = placements, end
         self.body = np.arange(len(joints) + 1)
         for cut in cuts:
@@ -137,10 +141,11 @@ class LinkageBodies:
         self.joints: list[LinkageJoint] = []
         for k, joint in enumerate(joints):
             kind = LoopKind.PRISMATIC if joint[IS_PRISMATIC] else LoopKind.REVOLUTE
-            self._add(kind, (int(joint[PARENT]), k + 1), bool(joint[COLUMN] > unknowns), k + 1, np.zeros(3), axes[k])
+            locked, members = bool(joint[COLUMN] > unknowns), (int(joint[PARENT]), k + 1)
+            self._add(kind, members, locked, k in distinct, k + 1, np.zeros(3), axes[k])
         for cut in cuts:
             if cut.kind is not LoopKind.RIGID:
-                self._add(cut.kind, cut.bodies, False, cut.bodies[0], cut.anchors[0, 3], cut.anchors[0, 2])
+                self._add(cut.kind, cut.bodies, False, False, cut.bodies[0], cut.anchors[0, 3], cut.anchors[0, 2])
         self.group = self.body.copy()
         for joint in self.joints:
             if joint.locked:
@@ -148,12 +153,13 @@ class LinkageBodies:
                 self.group[self.group == second] = first
 
     def _add(
-        self, kind: LoopKind, members: tuple[int, int], locked: bool, carrier: int, point: Array, axis: Array
-    ) -> None:
+        self, kind: LoopKind, members: tuple[int, int], locked: bool, single: bool, carrier: int, point: Array,
+        axis: Array,
+    ) -> None:  # fmt: skip
         first, second = (int(self.body[member]) for member in members)
         if first != second:
             at, along = self.placements[carrier].act(point), self.placements[carrier].rotation @ axis
-            self.joints.append(LinkageJoint(kind, (first, second), members, locked, carrier, axis, at, along))
+            self.joints.append(LinkageJoint(kind, (first, second), members, locked, single, carrier, axis, at, along))
 
     @cached_property
     def group_of(self) -> dict[int, int]:
@@ -178,7 +184,7 @@ class LinkageBodies:
             if spherical or body == self.body[0] or len(joints) != 2:
                 continue
             first, second = joints
-            if any(joint.locked or joint.kind is not LoopKind.REVOLUTE for joint in joints):
+            if any(joint.locked or joint.single or joint.kind is not LoopKind.REVOLUTE for joint in joints):
                 continue
             one, two = owner[id(first)], owner[id(second)]
             meeting = None if one is two else _meeting([*one.joints, *two.joints])
@@ -227,11 +233,32 @@ class LinkageBodies:
         return [feature for feature in distinct.values() if not feature.fixed]
 
     def _is_rod(self, group: int) -> bool:
-        """Return whether a group has two centres, of more than one DoF each, and nothing else: its rotation about the
-        line between them does not count."""
-        on = [joint for joint in self.passive if group in (self.group_of[side] for side in joint.sides)]
-        centres = [c for c in self.centres if c.dof > 1 and any(joint in on for joint in c.joints)]
+        """Return whether a group has two centres, of more than one DoF each, and nothing else, or is a half of such a
+        rod that a prismatic joint lengthens: its rotation about the line between them does not count."""
+        on, centres = self._on(group)
+        if any(group in (self.group_of[side] for side in joint.sides) for joint in self.telescopes):
+            return True
         return len(centres) == 2 and all(any(joint in c.joints for c in centres) for joint in on)
+
+    def _on(self, group: int) -> tuple[list[LinkageJoint], list[JointCentre]]:
+        """Return the passive joints of a group, and the centres of more than one DoF."""
+        on = [joint for joint in self.passive if group in (self.group_of[side] for side in joint.sides)]
+        return on, [c for c in self.centres if c.dof > 1 and any(joint in on for joint in c.joints)]
+
+    @cached_property
+    def telescopes(self) -> list[LinkageJoint]:
+        """The passive prismatic joints that lengthen a rod: along the line between its two centres."""
+        found = []
+        for joint in self.passive:
+            halves = [self._on(self.group_of[side]) for side in joint.sides]
+            if joint.kind is not LoopKind.PRISMATIC or any(len(centres) != 1 for _, centres in halves):
+                continue
+            (first,), (second,) = (centres for _, centres in halves)
+            others = [other for on, _ in halves for other in on if other is not joint]
+            alone = all(other in first.joints or other in second.joints for other in others)
+            if alone and np.abs(np.cross(second.at - first.at, joint.along)).max() < _MEET:
+                found.append(joint)
+        return found
 
     def _of_centre(self, centre: JointCentre) -> tuple[set[int], list[Feature]]:
         """Return the groups that a centre connects, and its features."""

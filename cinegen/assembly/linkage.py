@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import NamedTuple
@@ -47,6 +47,18 @@ class ModesError(CinegenError):
     """Assembly modes that can't be computed; the message names the joints, and what to do."""
 
 
+class FreeMotionError(ModesError):
+    """Assembly modes that can't be computed as the locked joints don't determine the mechanism.
+
+    Attributes:
+        dof: number of DoF that remain.
+    """
+
+    def __init__(self, message: str, dof: int) -> None:
+        super().__init__(message)
+        self.dof = dof
+
+
 class Tracked(NamedTuple):
     """Solutions at the end of a path.
 
@@ -76,6 +88,7 @@ class Linkage:
         mechanism: with loops; its joints are revolute or prismatic.
         as_built: whether actuated joints are taken as they are, even if some are redundant or don't determine the
             others: to examine its structure; nothing can be solved so.
+        distinct: passive joints whose values distinguish modes: they are no part of a universal or a ball joint.
 
     Attributes:
         locked: names of the locked joints, in q's order.
@@ -91,11 +104,12 @@ class Linkage:
         ModesError: no loops, joints of other kinds, or actuated joints that don't determine the others.
     """
 
-    def __init__(self, mechanism: Mechanism, as_built: bool = False) -> None:
+    def __init__(self, mechanism: Mechanism, as_built: bool = False, distinct: Collection[str] = ()) -> None:
         self.mechanism = mechanism
         self.work = 0.0
         _check_joints(mechanism)
         model = mechanism.model
+        self._distinct = frozenset(distinct)
         self.root = 1 if mechanism.floating else 0  # a base that could move is fixed
         self._joints = range(1 + self.root, model.njoints)
         names = self.joint_names = [model.names[j] for j in self._joints]
@@ -172,7 +186,10 @@ class Linkage:
         mechanism.system.evaluate(q)
         found = [mechanism.system.data.oMi[j] for j in (self.root, *self._joints)]
         placements = [pin.SE3(at.rotation, at.translation / mechanism.length) for at in found]
-        return LinkageBodies(self._joint_table, self._axes, len(self.passive), self.cuts, placements, self.end)
+        distinct = frozenset(k for k, name in enumerate(self.joint_names) if name in self._distinct)
+        return LinkageBodies(
+            self._joint_table, self._axes, len(self.passive), self.cuts, placements, self.end, distinct
+        )
 
     def _prepare(self) -> None:
         """Compile what is not yet compiled."""
@@ -196,10 +213,11 @@ class Linkage:
             matrix = self.scratch.matrix[: len(self.passive)].real.T
             motions = np.linalg.svd(matrix[:-1])[2][self._rank :].T
             if np.abs(matrix[-1] @ motions).max(initial=0.0) > _IDLE:
-                raise ModesError(
+                raise FreeMotionError(
                     f"{self.mechanism.name}: with its actuated joints locked it still moves, with {self.idle} DoF that "
                     "its loops don't remove: there is a curve of configurations, not a number of them. Declare "
-                    "'actuated 1' for more of its joints"
+                    "'actuated 1' for more of its joints",
+                    self.idle,
                 )
 
     def jacobian(self, solution: Complex, locked: Complex | Array) -> Complex:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cinegen.assembly.families import recognise
+from cinegen.assembly.families import Family, recognise
 from cinegen.assembly.homotopy import Homotopy
 from cinegen.assembly.linkage import Linkage, ModesError
 from cinegen.assembly.results import AssemblyModes, NearestConfiguration
@@ -71,22 +71,28 @@ def _values(mechanism: Mechanism, actuated: ArrayLike | None) -> Array:
     return values
 
 
-class _Solver:
+class ModesSolver:
     """Solves a mechanism for any values; what does not depend on them is computed once.
 
     Args:
         mechanism: to solve.
-        families: whether knowledge of families is used.
+        recognise: returns the family that its linkage belongs to, if it is known.
+        distinct: joints whose values distinguish modes, see `Linkage`.
+        virtual: whether actuated joints are virtual: they are not named in results.
     """
 
-    def __init__(self, mechanism: Mechanism, families: bool) -> None:
+    def __init__(
+        self, mechanism: Mechanism, recognise: Callable[[Linkage], Family | None], distinct: Collection[str] = (),
+        virtual: bool = False,
+    ) -> None:  # fmt: skip
+        self._virtual = virtual
         self.lock = threading.Lock()
         try:
-            self._linkage = Linkage(mechanism)
+            self._linkage = Linkage(mechanism, distinct=distinct)
         except ModesError:
             _check_rods(mechanism)
             raise
-        family = recognise(self._linkage) if families else None
+        family = recognise(self._linkage)
         self._rods = SixRods(self._linkage, family) if family is not None and family.name == "hexapod" else None
         self._homotopy = Homotopy(self._linkage, family)
 
@@ -97,17 +103,21 @@ class _Solver:
         asked = mechanism.configuration(dict(zip(mechanism.actuated, map(float, values), strict=True)))
         found = self._rods.modes(asked) if self._rods is not None else self._homotopy.modes(asked, report, effort)
         if self._linkage.redundant:
-            found = _matching(self._linkage, found, asked)
-        home = self._features(mechanism.q_home)
-        far = [round(float(np.abs(self._features(q) - home).sum()), 9) for q in found]
+            found = _matching(self._linkage, found, asked, self._virtual)
+        home = self.features(mechanism.q_home)
+        far = [round(float(np.abs(self.features(q) - home).sum()), 9) for q in found]
         return _selected(found, np.argsort(far, kind="stable").tolist())
 
-    def _features(self, q: Array) -> NDArray[np.complex128]:
+    def features(self, q: Array) -> NDArray[np.complex128]:
+        """Return the points and directions (3 f,) that distinguish modes, in the configuration q (nq,)."""
         linkage = self._linkage
         return np.asarray(linkage.features(linkage.unknowns(q)[None], linkage.locked_values(q))[0])
 
 
-_METHODS = {"auto": partial(_Solver, families=True), "monodromy": partial(_Solver, families=False)}
+_METHODS = {
+    "auto": partial(ModesSolver, recognise=recognise),
+    "monodromy": partial(ModesSolver, recognise=lambda _: None),
+}
 
 
 def _check_rods(mechanism: Mechanism) -> None:
@@ -128,14 +138,17 @@ def _selected(found: AssemblyModes, which: list[int]) -> AssemblyModes:
     return replace(found, configurations=tuple(found[k] for k in which), coincident=coincident)
 
 
-def _matching(linkage: Linkage, found: AssemblyModes, asked: Array) -> AssemblyModes:
+def _matching(linkage: Linkage, found: AssemblyModes, asked: Array, virtual: bool) -> AssemblyModes:
     """Return those modes in which the redundant joints have the values asked for."""
     errors = [linkage.redundancy_error(q, asked) for q in found]
     worst = [float(np.abs(error).max()) for error in errors]
     kept, closest = [k for k, error in enumerate(worst) if error < _THERE], found.closest
     names = ", ".join(f"'{name}'" for name in linkage.redundant)
     counted = f"{len(worst)} modes, {len(kept)} as asked"
-    method = f"{found.method}; with {names} following the other actuated joints: {counted}"
+    remark = f"; with {names} following the other actuated joints: {counted}"
+    if virtual:
+        remark = f"; {len(kept)} of {len(worst)} meet all of the pose" if len(kept) < len(worst) else ""
+    method = found.method + remark
     if worst and not kept:
         best = int(np.argmin(worst))
         listed = ", ".join(f"'{n}' by {error:.3g}" for n, error in zip(linkage.redundant, errors[best], strict=True))

@@ -1,5 +1,6 @@
 """Inverse kinematics: resolved rates by singular values inside what the loops leave, one tick at a time."""
 
+from cinegen.ik.all_solutions import IKError, IKSolutions
 from cinegen.ik.batch import Evaluations, evaluate
 from cinegen.ik.forecast import Event, EventKind, Forecast
 from cinegen.ik.global_ik import IKResult, inverse_kinematics
@@ -17,7 +18,9 @@ __all__ = [
     "EventKind",
     "Forecast",
     "FrameTask",
+    "IKError",
     "IKResult",
+    "IKSolutions",
     "LimitMargin",
     "LookAhead",
     "LostDoF",

@@ -1,11 +1,12 @@
-"""Global inverse kinematics: a configuration that brings nodes to poses, from many starts of the local solver."""
+"""Global inverse kinematics: a configuration that brings nodes to poses, from many starts of a local solver; or all."""
 
 from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Literal, overload
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
 from cinegen.html import table
+from cinegen.ik.all_solutions import IKError, IKSolutions, all_solutions, with_closest
 from cinegen.ik.local_ik import LocalIK
 from cinegen.ik.solver import Solver
 from cinegen.ik.step import Status
@@ -26,6 +28,7 @@ _SAMPLES = 1000  # configurations that starts are taken from
 _CLOSED_SAMPLES = 400  # with loops, where they cost more
 _NEAREST = 8  # starts that are nearest to the targets; after them every other one is random
 _KEPT = 16  # global solvers that are kept
+_LAST = 20  # starts where no solution was found otherwise
 _APPROACH = 400  # ticks towards targets that were not reached
 
 
@@ -77,6 +80,7 @@ class IKResult:
         return table(f"{self._mechanism.name}: {self}", ("node", "error (m)", "error (rad)"), rows)
 
 
+@overload
 def inverse_kinematics(
     mechanism: Mechanism,
     targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
@@ -86,25 +90,62 @@ def inverse_kinematics(
     limits: bool = True,
     starts: int = 100,
     seed: int = 0,
-) -> IKResult:
-    """Find a configuration that brings nodes to targets, loops closed and joints within their limits.
+    all: Literal[False] = False,
+) -> IKResult: ...
+@overload
+def inverse_kinematics(
+    mechanism: Mechanism,
+    targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
+    q: ArrayLike | None = None,
+    *,
+    all: Literal[True],
+    locked: Mapping[str, float] | None = None,
+    report: Callable[[str], None] | None = None,
+    effort: float = 1.0,
+) -> IKSolutions: ...
+def inverse_kinematics(
+    mechanism: Mechanism,
+    targets: Mapping[str, pin.SE3] | Sequence[FrameTask],
+    q: ArrayLike | None = None,
+    *,
+    tolerance: float = 1e-6,
+    limits: bool = True,
+    starts: int = 100,
+    seed: int = 0,
+    all: bool = False,
+    locked: Mapping[str, float] | None = None,
+    report: Callable[[str], None] | None = None,
+    effort: float = 1.0,
+) -> IKResult | IKSolutions:
+    """Find a configuration that brings nodes to targets, loops closed and joints within their limits; or all.
 
     The first start is q; the next are the nearest to the targets among samples of all configurations that can be
     reached from home; later ones are random. The first solution is returned. Samples are kept: the first call for a
     mechanism and its nodes takes milliseconds, later ones microseconds. Threads do not share them.
 
+    With `all=True` all isolated configurations are computed, by the methods of `assembly_modes`: within limits or not,
+    as `IKSolutions.outside` lists. The first call for a mechanism and a node may take seconds, later ones milliseconds.
+    A robot with more DoF than the task constrains has curves of solutions: lock some of its joints.
+
     Args:
         mechanism: mechanism.
-        targets: pose of each node in the world; or tasks, where a pose is constrained in part.
-        q: (nq,) first start, loops closed or not; a solution near it is preferred.
+        targets: pose of each node in the world; or tasks, where a pose is constrained in part. With `all` a single one.
+        q: (nq,) first start, loops closed or not; a solution near it is preferred. With `all` the configuration from
+            which distances are measured; joints that don't move the node stay there.
         tolerance: largest error, m and rad. Usually less than 1e-12 remains.
         limits: whether joints must keep their position limits.
         starts: largest number of starts. A target is reported as not reached only after all of them.
         seed: seed of the samples and random starts.
+        all: whether all solutions are computed; then the four above are not used.
+        locked: with `all`, joints that keep a value, rad and m.
+        report: with `all`, called with a sentence on the progress, if it takes long.
+        effort: with `all`, how much may be done the first time for a mechanism of no known family; 1 is about half a
+            minute. What was not done is stated in the result, and done if more is allowed.
 
     Raises:
-        UnknownNameError: no such node.
+        UnknownNameError: no such node or joint.
         ConfigurationError: q has a wrong shape or is not finite.
+        IKError: all solutions can't be computed, for instance as there is a curve of them.
         CinegenError: there is no target, a target is invalid, or tolerance or starts is not positive.
     """
     if isinstance(targets, Mapping):
@@ -116,9 +157,29 @@ def inverse_kinematics(
             raise CinegenError(f"a target of '{task.node}' must be a finite pinocchio.SE3, and its weight above 0")
     if not (tolerance > 0.0 and starts > 0):
         raise CinegenError(f"tolerance and starts must be above 0, not {tolerance} and {starts}")
-    return _global_ik(mechanism, tuple(targets), limits, seed).solve(
-        [task.target for task in targets], None if q is None else mechanism.checked(q), tolerance, starts
-    )
+    checked = None if q is None else mechanism.checked(q)
+    if all:
+        return _all(mechanism, targets, checked, locked or {}, report, effort)
+    if locked:
+        raise CinegenError("joints are locked only where all solutions are computed: all=True")
+    poses = [task.target for task in targets]
+    return _global_ik(mechanism, tuple(targets), limits, seed).solve(poses, checked, tolerance, starts)
+
+
+def _all(
+    mechanism: Mechanism, tasks: Sequence[FrameTask], q: Array | None, locked: Mapping[str, float],
+    report: Callable[[str], None] | None, effort: float,
+) -> IKSolutions:  # fmt: skip
+    """Return all solutions; without any, a configuration near the target that many starts of the local solver find."""
+    if len(tasks) > 1:
+        names = ", ".join(f"'{task.node}'" for task in tasks)
+        raise IKError(f"all solutions are computed for one node at a time, not for {names}")
+    start = mechanism.q_home if q is None else q
+    solutions = all_solutions(mechanism, tasks[0], start, locked, report, effort)
+    if solutions or locked:
+        return solutions
+    nearest = inverse_kinematics(mechanism, tasks, start, limits=False, starts=_LAST)
+    return with_closest(solutions, nearest.q, nearest.found)
 
 
 class _GlobalIK:

@@ -1,0 +1,376 @@
+"""`TaskParts`: the joints that bring a node to a pose, as linkages that are solved one by one.
+
+To fix a node at a pose is to add a loop from the base to the node with all joints of the mechanism passive: the pose is
+given as the values of virtual joints from the base to a frame, to which the node is joined. So inverse solutions are
+assembly modes of a mechanism whose actuated joints are virtual. With the node fixed, loops that share no joint with
+others are independent of them, such as the legs of a parallel robot: each such part is solved by itself, and each
+solution of one goes with each of the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.assembly.chains import recognise_part
+from cinegen.assembly.linkage import FreeMotionError, ModesError
+from cinegen.assembly.modes import ModesSolver
+from cinegen.assembly.motion_group import MotionGroup, generated
+from cinegen.errors import ClosureError
+from cinegen.joints import kinematic_data
+from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.model import Mechanism
+from cinegen.model.mechanism import MechanismSource
+from raff2urdf import closure
+from raff2urdf.document import LoopKind
+
+Array = NDArray[np.float64]
+
+_STILL = 1e-9  # rad, characteristic lengths: a joint that moves the node and the loops less does not move them
+_WALK, _STEP = 3, 0.4  # configurations besides the first that motions are examined at; rad, characteristic lengths
+_PARALLEL = 1e-6
+_ALIKE = 1e-6  # features
+_TASK = -(2**62)  # the task among the joints and the cuts, which are numbered 1, 2, ... and -1, -2, ...
+_VIRTUAL = "virtual"
+
+
+class NodeTask(NamedTuple):
+    """A frame on a node is brought to a position; its orientation is given, free, or free about one of its axes.
+
+    Attributes:
+        node: name of the node.
+        offset: pose of the frame on the node.
+        rotation: number of constrained rotations: 3; 0; or 2, and then the orientation is free about `free_axis`.
+        free_axis: (3,) in the frame.
+    """
+
+    node: str
+    offset: pin.SE3
+    rotation: int = 3
+    free_axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+
+
+class VirtualPose(NamedTuple):
+    """The values of the virtual joints for a pose, and how far it is from all poses that the node's motions reach.
+
+    Attributes:
+        values: (count,) m and rad.
+        distance: m.
+        angle: rad.
+    """
+
+    values: Array
+    distance: float
+    angle: float
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A linkage of some of the joints that bring the node to its pose.
+
+    Attributes:
+        mechanism: whose actuated joints are the virtual ones.
+        joints: names of its other joints.
+        distinct: names of those whose values distinguish solutions: the actuated ones.
+        solver: computes its modes.
+    """
+
+    mechanism: Mechanism
+    joints: tuple[str, ...]
+    distinct: tuple[str, ...]
+    solver: ModesSolver
+
+    def values(self, q: Array) -> dict[str, float]:
+        """Return the values of its joints in its own configuration q (nq,), rad and m."""
+        return {name: float(q[self.mechanism.q_index(name)]) for name in self.joints}
+
+    def near(self, q: Array) -> Array:
+        """Return q (nq,) itself, or what places all its links alike with the joints of universal and ball joints, and
+        rods about themselves, nearer to home."""
+        mechanism, features = self.mechanism, self.solver.features(q)
+        kept = (*mechanism.actuated, *self.distinct)
+        start = mechanism.configuration({name: float(q[mechanism.q_index(name)]) for name in kept})
+        try:
+            found = mechanism.close(start, kept)
+        except ClosureError:
+            return q
+        alike = np.abs(self.solver.features(found) - features).max(initial=0.0) < _ALIKE
+        home = mechanism.q_home
+        return found if alike and mechanism.distance(home, found) < mechanism.distance(home, q) else q
+
+
+class TaskParts:
+    """The parts of a mechanism that bring a node to poses.
+
+    Args:
+        mechanism: the mechanism; a free base stays where it is at home.
+        task: the frame that is brought to poses.
+        locked: values that joints keep, rad and m.
+
+    Attributes:
+        mechanism, task: as given.
+        start: (nq,) home, with locked joints at their values.
+        motions: the group that the node's motions from `start` generate.
+        every: whether no motion of the joints, in any assembly mode, leaves this group.
+        idle: names of joints that move neither the node nor its loops, and are not locked.
+
+    Raises:
+        ModesError: no joint moves the node; locked values that can't be reached; a task that can't be solved so.
+    """
+
+    def __init__(self, mechanism: Mechanism, task: NodeTask, locked: Mapping[str, float]) -> None:
+        self.mechanism, self.task = mechanism, task
+        model, frame = mechanism.model, mechanism.model.frames[mechanism.frame_id(task.node)]
+        self._root, self._end = (1 if mechanism.floating else 0), int(frame.parentJoint)
+        self.start = self._configuration(locked)
+        self._locked = tuple(locked)
+        self._samples = self._walk()
+        data = kinematic_data(model)
+        pin.forwardKinematics(model, data, self.start)
+        self._at = [data.oMi[self._root].actInv(placement) for placement in data.oMi]
+        self._frame = frame.placement * task.offset
+        self._home = self._at[self._end] * self._frame
+        self._frozen = {model.getJointId(name) for name in (*locked, *self._still())}
+        twists = [self._twists(q) @ self._motions(q) for q in self._samples]
+        path = [model.joints[j].idx_v for j in self._chain(self._end)]
+        if not path:
+            raise ModesError(f"{mechanism.name}: no joint moves '{task.node}'")
+        length, near = mechanism.length, self._home.translation
+        self.motions = generated(np.hstack(twists), length, near)
+        self.every = self.motions.dimension == generated(self._twists(self.start)[:, path], length, near).dimension
+        self._kind, self._axis, self._virtual = self._closing()
+        split = self._split()
+        used = {model.names[j] for joints, _ in split for j in joints}
+        self.idle = tuple(name for name in mechanism.joints if name not in used and name not in locked)
+        self._check(used)
+        self._parts = split
+
+    @cached_property
+    def parts(self) -> list[Part]:
+        """The parts.
+
+        Raises:
+            ModesError: joints of other kinds; the task leaves the mechanism DoF.
+        """
+        return [self._part(joints, cuts) for joints, cuts in self._parts]
+
+    # --- the mechanism --------------------------------------------------------------------------------------------
+
+    def _configuration(self, locked: Mapping[str, float]) -> Array:
+        """Return home (nq,) with locked joints at their values."""
+        mechanism = self.mechanism
+        try:
+            return mechanism.close(mechanism.configuration(locked), tuple(locked))
+        except ClosureError as error:
+            raise ModesError(f"the values of locked joints can't be reached from home: {error}") from None
+
+    def _walk(self) -> list[Array]:
+        """Return configurations (nq,) near `start`, with locked joints where they are."""
+        rng, found = np.random.default_rng(0), [self.start]
+        for _ in range(_WALK):
+            motions = self._motions(found[-1])
+            step = motions @ rng.normal(size=motions.shape[1])
+            step *= _STEP / max(float(np.abs(step / self.mechanism.scale).max(initial=0.0)), 1e-300)
+            try:
+                found.append(self.mechanism.close(self.mechanism.integrate(found[-1], step), self._locked))
+            except ClosureError:
+                break
+        return found
+
+    def _motions(self, q: Array) -> Array:
+        """Return the velocities (nv, dof) that the loops allow at q (nq,), rad and m; locked joints are at rest."""
+        mechanism = self.mechanism
+        free = np.ones(mechanism.model.nv, dtype=bool)
+        free[[mechanism.v_index(name) for name in self._locked]] = False
+        free[: 6 * self._root] = False
+        columns = np.eye(mechanism.model.nv)[:, free] * mechanism.scale[free]
+        if not mechanism.is_constrained:
+            return np.asarray(columns)
+        jacobian = mechanism.loop_jacobian(q) @ columns
+        rank, rows = closure.rank(jacobian), np.linalg.svd(jacobian)[2]
+        return np.asarray(columns @ rows[rank:].T)
+
+    def _twists(self, q: Array) -> Array:
+        """Return the Jacobian (6, nv) of the node relative to the root at q (nq,), in the root's axes, of the velocity
+        of its origin; m and rad."""
+        model, data = self.mechanism.model, self.mechanism.system.data
+        jacobian = np.asarray(pin.computeJointJacobians(model, data, q)).reshape(6, model.nv)
+        columns = np.zeros_like(jacobian)
+        for j in model.supports[self._end]:
+            if j > self._root:
+                moved = slice(model.joints[j].idx_v, model.joints[j].idx_v + model.joints[j].nv)
+                columns[:, moved] = jacobian[:, moved]
+        return np.asarray(data.oMi[self._root].toActionMatrixInverse() @ columns)
+
+    def _still(self) -> list[str]:
+        """Return the joints that move neither the task's equations nor the loops."""
+        mechanism, moved = self.mechanism, np.zeros(self.mechanism.model.nv)
+        for q in self._samples:
+            rows = [mechanism.loop_jacobian(q)] if mechanism.is_constrained else []
+            placement = self._relative(q)
+            linear, angular = np.split(placement.toActionMatrixInverse() @ self._twists(q), 2)
+            rows.append(linear)
+            if self.task.rotation:
+                rows.append(angular if self.task.rotation == 3 else pin.skew(np.array(self.task.free_axis)) @ angular)
+            moved = np.maximum(moved, np.abs(np.vstack(rows) * mechanism.scale).max(axis=0))
+        return [name for name in mechanism.joints if moved[mechanism.v_index(name)] < _STILL]
+
+    def _relative(self, q: Array) -> pin.SE3:
+        """Return the frame's placement in the root at q (nq,)."""
+        data = self.mechanism.system.data
+        pin.forwardKinematics(self.mechanism.model, data, q)
+        return data.oMi[self._root].actInv(data.oMi[self._end]) * self._frame
+
+    # --- structure ------------------------------------------------------------------------------------------------
+
+    def _carrier(self, body: int) -> int:
+        """Return the first body towards the root that a joint which is not frozen moves; the root if there is none."""
+        while body > self._root and body in self._frozen:
+            body = int(self.mechanism.model.parents[body])
+        return max(body, self._root)
+
+    def _chain(self, body: int, fixed: int = -1) -> set[int]:
+        """Return the joints that are not frozen from a body to the root, or to the body `fixed` if that comes first."""
+        found, body = set[int](), self._carrier(body)
+        while body not in (self._root, fixed):
+            found.add(body)
+            body = self._carrier(int(self.mechanism.model.parents[body]))
+        return found
+
+    def _split(self) -> list[tuple[set[int], set[int]]]:
+        """Return the joints and the cuts of each part."""
+        anchors, end = self.mechanism.system.anchors, self._carrier(self._end)
+        cuts = {k: (int(a), int(b)) for k, (a, _, b, _) in enumerate(anchors)}
+        cycles = [self._chain(a) ^ self._chain(b) | {-1 - k} for k, (a, b) in cuts.items()]
+        (whole,) = (group for group in _joined([*cycles, self._chain(end) | {_TASK}]) if _TASK in group)
+        found = [whole]
+        if self._kind is LoopKind.RIGID:  # the node is part of the base now
+            above = self._carrier(int(self.mechanism.model.parents[end]))
+            cycles = [
+                self._chain(a, end) ^ self._chain(b, end) | {-1 - k} for k, (a, b) in cuts.items() if -1 - k in whole
+            ]
+            found = _joined([*cycles, self._chain(above) | {end}])
+        return [({i for i in group if i >= 0}, {-1 - i for i in group if _TASK < i < 0}) for group in found]
+
+    def _closing(self) -> tuple[LoopKind, Array, MotionGroup]:
+        """Return how the virtual joints' frame and the node are joined, the joint's axis (3,) in the frame, and the
+        motions of the virtual joints."""
+        motions, task = self.motions, self.task
+        if task.rotation == 3 or motions.rotations == 0:
+            return LoopKind.RIGID, np.array([0.0, 0.0, 1.0]), motions
+        free = np.array(task.free_axis) / np.linalg.norm(task.free_axis)
+        normal = self._home.rotation.T @ motions.axis
+        if task.rotation == 2 and motions.rotations == 3:
+            return LoopKind.REVOLUTE, free, motions
+        if task.rotation == 2 and np.abs(np.cross(free, normal)).max() > _PARALLEL:
+            raise ModesError(
+                f"{self.mechanism.name}: '{task.node}' moves {motions.description}, which does not rotate it about the "
+                "free axis: constrain all three rotations"
+            )
+        directions = motions.directions if len(motions.directions) > 1 else np.eye(3)
+        translations = replace(motions, rotations=0, directions=directions)
+        return (LoopKind.BALL if motions.rotations == 3 else LoopKind.REVOLUTE), normal, translations
+
+    def _check(self, used: set[str]) -> None:
+        for coupling in self.mechanism.couplings:
+            inside = [name for name in coupling.terms if name in used]
+            if inside:
+                raise ModesError(
+                    f"{self.mechanism.name}: '{inside[0]}' is in the coupling '{coupling.name}': inverse solutions of "
+                    "coupled joints are not computed"
+                )
+
+    # --- parts ----------------------------------------------------------------------------------------------------
+
+    def _part(self, joints: set[int], cuts: set[int]) -> Part:
+        """Return the linkage of some joints and cuts."""
+        own, source, at = pin.Model(), self.mechanism.model, self._at
+        body, virtual = 0, []
+        for k, (joint, placement) in enumerate(self._virtual.joints()):
+            virtual.append(f"{_VIRTUAL} {k + 1}")
+            body = own.addJoint(body, joint, placement, virtual[-1])
+        target = body, pin.SE3(np.eye(3), self._virtual.origin).inverse() * self._home
+        own.addFrame(pin.Frame(_VIRTUAL, *target, pin.FrameType.BODY))
+        fixed, index = self._carrier(self._end) if self._kind is LoopKind.RIGID else -1, dict[int, int]()
+
+        def carried(body: int) -> tuple[int, pin.SE3]:
+            """Return the own joint that carries a body of the mechanism, and the body's placement on it."""
+            carrier = self._carrier(body)
+            if carrier == fixed:
+                return target[0], target[1] * self._home.actInv(at[body])
+            return (0, at[body]) if carrier == self._root else (index[carrier], at[carrier].actInv(at[body]))
+
+        for j in sorted(joints):
+            parent, placement = carried(int(source.parents[j]))
+            index[j] = own.addJoint(parent, source.joints[j], placement * source.jointPlacements[j], source.names[j])
+        loops = list[LoopConstraint]()
+
+        def close(name: str, kind: LoopKind, *ends: tuple[int, pin.SE3]) -> None:
+            first, second = f"{name} 1", f"{name} 2"
+            for node, (joint, placement) in zip((first, second), ends, strict=True):
+                own.addFrame(pin.Frame(node, joint, placement, pin.FrameType.BODY))
+            loops.append(LoopConstraint(name, kind, first, second, pin.SE3.Identity(), pin.SE3.Identity()))
+
+        for k in sorted(cuts):
+            first, one, second, two = self.mechanism.system.anchors[k]
+            ends = [(joint, there * end) for (joint, there), end in ((carried(first), one), (carried(second), two))]
+            close(self.mechanism.loops[k].name, self.mechanism.loops[k].kind, *ends)
+        end = self._carrier(self._end)
+        if end in joints:
+            about = pin.SE3(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), self._axis).matrix(), np.zeros(3))
+            frame = at[end].actInv(self._home)
+            close(_VIRTUAL, self._kind, (target[0], target[1] * about), (index[end], frame * about))
+        return self._solved(own, virtual, loops)
+
+    def _solved(self, model: pin.Model, virtual: list[str], loops: list[LoopConstraint]) -> Part:
+        mechanism, q = self.mechanism, np.zeros(model.nq)
+        names = [name for name in model.names if name not in ("universe", *virtual)]
+        for name in names:
+            q[model.joints[model.getJointId(name)].idx_q] = self.start[mechanism.q_index(name)]
+        rank, _ = closure.generic_rank(ClosedLoops(model, loops, mechanism.length), q)
+        part = Mechanism(
+            name=mechanism.name, model=model, nodes=(_VIRTUAL,), joints=(*virtual, *names),
+            actuated=tuple(virtual), loops=tuple(loops), length=mechanism.length, floating=False, q_home=q,
+            loop_rank=rank, gap_as_written=0.0, sensors={}, sensor_constraints=(),
+            source=MechanismSource("", None, None, mechanism.name),
+        )  # fmt: skip
+        distinct = tuple(name for name in names if name in mechanism.actuated)
+        try:
+            return Part(part, tuple(names), distinct, ModesSolver(part, recognise_part, distinct, True))
+        except FreeMotionError as error:
+            raise ModesError(
+                f"{mechanism.name}: with '{self.task.node}' at a pose its joints {', '.join(names)} still have "
+                f"{error.dof} DoF: there is a curve of solutions, not a number of them. Constrain more of the pose, or "
+                f"lock {error.dof} of its joints"
+            ) from None
+
+    # --- poses ----------------------------------------------------------------------------------------------------
+
+    def virtual_pose(self, pose: pin.SE3, q: Array) -> VirtualPose:
+        """Return the values of the virtual joints for the frame's pose in the world; a free base is where it is in q
+        (nq,)."""
+        data = self.mechanism.system.data
+        pin.forwardKinematics(self.mechanism.model, data, q)
+        wanted = data.oMi[self._root].actInv(pose)
+        if self.task.rotation < 3 and self._virtual.rotations == 0:  # the orientation follows
+            wanted = pin.SE3(self._home.rotation, wanted.translation)
+        values, made = self._virtual.coordinates(wanted * self._home.inverse())
+        error = (made * self._home).actInv(wanted)
+        return VirtualPose(
+            values, float(np.linalg.norm(error.translation)), float(np.linalg.norm(pin.log3(error.rotation)))
+        )
+
+
+def _joined(cycles: list[set[int]]) -> list[set[int]]:
+    """Return the unions of sets that share elements, directly or through others."""
+    found = list[set[int]]()
+    for cycle in cycles:
+        sharing = [group for group in found if group & cycle]
+        found = [group for group in found if not group & cycle] + [cycle.union(*sharing)]
+    return found

@@ -1,0 +1,345 @@
+"""`IKSolutions`: all configurations that bring a node to a pose, and what is proved of their number."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter, OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from threading import Lock
+from typing import Any, overload
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from cinegen.assembly import AssemblyModes, ModesError
+from cinegen.assembly.task_parts import NodeTask, TaskParts
+from cinegen.errors import CinegenError
+from cinegen.hexapod import SolutionCounts
+from cinegen.html import table
+from cinegen.ik.task import FrameTask
+from cinegen.model import Mechanism
+from cinegen.tolerances import AT_LIMIT
+
+Array = NDArray[np.float64]
+
+_OFF = 1e-6  # rad, characteristic lengths: a pose this near to those that can be reached is one of them
+_POLISHED = 1e-13  # rad, characteristic lengths
+_WRONG = 1e-6  # rad, characteristic lengths: what is off by more after polishing is no solution
+_STEPS = 8  # of Newton's method
+_MOST = 10_000  # solutions
+_KEPT = 8  # tasks of a mechanism whose parts are kept
+
+
+class IKError(CinegenError):
+    """Inverse solutions that can't be computed; the message says why, and what to do."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class IKSolutions(Sequence[Array]):
+    """All isolated configurations q (nq,) that bring a node to a pose; a sequence, nearest to the start first.
+
+    Configurations are the same if they place all links alike: angles count modulo 2 pi. Where a whole number of
+    revolutions brings a joint within its limits, it is within them.
+
+    Attributes:
+        mechanism: the mechanism.
+        task: which frame is brought where.
+        start: (nq,) the configuration from which distances are measured; joints that don't move the node stay there.
+        locked: values of locked joints, rad and m.
+        configurations: the solutions, loops closed and the pose reached to 1e-12.
+        outside: of each solution the joints beyond their limits, each with that limit, rad and m.
+        coincident: of each solution how many coincide in it: 1, unless it is singular.
+        complete: whether it is proved that these are all isolated solutions: by as many as a theorem allows.
+        method: how they were computed, and why they are all, or what is missing or not excluded: a sentence.
+        counts: what became of all complex solutions.
+        trace_test: whether nothing is missing on the curves of configurations that were met, see `AssemblyModes`; None
+            if no trace test was needed.
+        closest: if there is no solution, a configuration (nq,) near the pose, if one is known.
+    """
+
+    mechanism: Mechanism
+    task: FrameTask
+    start: Array
+    locked: Mapping[str, float]
+    configurations: tuple[Array, ...]
+    outside: tuple[dict[str, float], ...]
+    coincident: tuple[int, ...]
+    complete: bool
+    method: str
+    counts: SolutionCounts
+    trace_test: bool | None = None
+    closest: Array | None = None
+
+    @overload
+    def __getitem__(self, index: int) -> Array: ...
+    @overload
+    def __getitem__(self, index: slice) -> tuple[Array, ...]: ...
+    def __getitem__(self, index: int | slice) -> Array | tuple[Array, ...]:
+        return self.configurations[index]
+
+    def __len__(self) -> int:
+        return len(self.configurations)
+
+    def __repr__(self) -> str:
+        worth = "proved to be all" if self.complete else "not proved to be all"
+        number = f"{len(self)} inverse solution{'s' * (len(self) != 1)} of {self.mechanism.name[:80]}"
+        return f"<{number}, {len(self.within_limits)} within the limits, {worth}>"
+
+    def _repr_html_(self) -> str:
+        """Show the joints of each solution as a table in a notebook."""
+        rows = []
+        for number, (q, beyond) in enumerate(zip(self, self.outside, strict=True), 1):
+            values = [float(q[self.mechanism.q_index(name)]) for name in self.mechanism.actuated]
+            rows.append([number, *(f"{value:.4f}" for value in values), ", ".join(beyond)])
+        header = ["solution", *(f"{name} (rad, m)" for name in self.mechanism.actuated), "outside limits"]
+        return table(f"{self!r}: {self.task.node}. {self.method}", header, rows)
+
+    @cached_property
+    def within_limits(self) -> tuple[Array, ...]:
+        """The solutions in which no joint is beyond its limits."""
+        return tuple(q for q, beyond in zip(self, self.outside, strict=True) if not beyond)
+
+    @property
+    def errors(self) -> tuple[tuple[float, float], ...]:
+        """Remaining error of each solution: m and rad."""
+        return tuple(self.task.distances(self.mechanism, q) for q in self)
+
+    def placements(self, node: str | None = None) -> list[pin.SE3]:
+        """Return the placement of a node, by default the task's, in the world, solution by solution.
+
+        Raises:
+            UnknownNameError: no such node.
+        """
+        return [self.mechanism.placement(q, node or self.task.node) for q in self]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return what JSON shows: rad and m."""
+        indices = {name: self.mechanism.q_index(name) for name in self.mechanism.joints}
+        target = self.task.target
+        return {
+            "robot": self.mechanism.name,
+            "node": self.task.node,
+            "position": target.translation.tolist(),
+            "rotation": target.rotation.tolist() if self.task.rotation else None,
+            "locked": dict(self.locked),
+            "complete": self.complete,
+            "trace_test": self.trace_test,
+            "method": self.method,
+            "counts": vars(self.counts),
+            "solutions": [
+                {
+                    "joints": {name: float(q[index]) for name, index in indices.items()},
+                    "within_limits": not beyond,
+                    "outside": beyond,
+                    "coincident": count,
+                    "error": list(error),
+                    "closure": self.mechanism.closure(q),
+                }
+                for q, beyond, count, error in zip(self, self.outside, self.coincident, self.errors, strict=True)
+            ],
+            "closest": None
+            if self.closest is None
+            else {
+                "joints": {name: float(self.closest[index]) for name, index in indices.items()},
+                "error": list(self.task.distances(self.mechanism, self.closest)),
+            },
+        }
+
+
+def all_solutions(
+    mechanism: Mechanism, task: FrameTask, q: Array, locked: Mapping[str, float],
+    report: Callable[[str], None] | None, effort: float,
+) -> IKSolutions:  # fmt: skip
+    """Compute all isolated configurations that bring a node to a pose; see `inverse_kinematics`."""
+    start = mechanism.configuration(locked, q)
+    try:
+        parts, lock = mechanism.derived(_Kept).parts(mechanism, _node_task(mechanism, task), locked)
+        with lock:
+            return _Assembly(mechanism, task, start, locked, parts).solutions(report, effort)
+    except ModesError as error:
+        raise IKError(str(error)) from None
+
+
+def _node_task(mechanism: Mechanism, task: FrameTask) -> NodeTask:
+    """Return what is constrained.
+
+    Raises:
+        IKError: all solutions of such a task are not computed.
+    """
+    linear, angular = task.weights[:3] > 0.0, task.weights[3:] > 0.0
+    plane = task.translation == 2 or task.rotation == 1  # the motion must be one in that plane
+    normal = ~linear if task.translation == 2 else angular
+    if (task.axes != "target" and task.translation + task.rotation not in (3, 6)) or task.translation < 2:
+        raise IKError(f"'{task.node}': all solutions are computed for tasks in the target's axes with a position")
+    if plane and (task.rotation not in (0, 1) or normal.sum() != 1 or (task.rotation and (normal != angular).any())):
+        raise IKError(
+            f"'{task.node}': all solutions are computed for tasks that constrain 3 translations and 0, 2 or 3 rotations"
+        )
+    if task.rotation == 2:
+        return NodeTask(task.node, task.offset, 2, tuple((~angular).astype(float)))
+    return NodeTask(task.node, task.offset, 3 if task.rotation else 0)
+
+
+class _Kept:
+    """The parts of the tasks that were solved last for a mechanism."""
+
+    def __init__(self, _: Mechanism) -> None:
+        self._lock = Lock()
+        self._recent: OrderedDict[tuple[Any, ...], tuple[TaskParts, Lock]] = OrderedDict()
+
+    def parts(self, mechanism: Mechanism, task: NodeTask, locked: Mapping[str, float]) -> tuple[TaskParts, Lock]:
+        """Return the parts of a task, and a lock for those who use them."""
+        numbers = task.offset.homogeneous.ravel().tolist()
+        key = (task.node, task.rotation, task.free_axis, *numbers, *sorted(locked.items()))
+        with self._lock:
+            found = self._recent.get(key)
+            if found is None:
+                found = self._recent[key] = TaskParts(mechanism, task, locked), Lock()
+                if len(self._recent) > _KEPT:
+                    self._recent.popitem(last=False)
+            self._recent.move_to_end(key)
+        return found
+
+
+class _Assembly:
+    """Solves the parts of a task for one pose, and combines their solutions."""
+
+    def __init__(
+        self, mechanism: Mechanism, task: FrameTask, start: Array, locked: Mapping[str, float], parts: TaskParts
+    ) -> None:
+        self._mechanism, self._task, self._start, self._locked, self._parts = mechanism, task, start, locked, parts
+        moving = {name for part in parts.parts for name in part.joints}
+        self._columns = np.array([mechanism.v_index(name) for name in mechanism.joints if name in moving])
+        revolute = [mechanism.q_index(name) for name in mechanism.joints if not mechanism.is_prismatic(name)]
+        self._revolute = np.array(revolute, dtype=np.intp)
+
+    def solutions(self, report: Callable[[str], None] | None, effort: float) -> IKSolutions:
+        """Return all solutions."""
+        parts, task = self._parts, self._task
+        pose = parts.virtual_pose(task.target, self._start)
+        partial = task.translation < 3 or task.rotation == 1  # what is not constrained may be off
+        if not partial and max(pose.distance / self._mechanism.length, pose.angle) > _OFF:
+            off = f"the pose is {1e3 * pose.distance:.6g} mm and {math.degrees(pose.angle):.6g} degrees off"
+            method = f"'{task.node}' moves {parts.motions.description}: {off}"
+            method += "" if parts.every else "; other modes of operation are not examined"
+            return self._result([], [], parts.every, None, method, SolutionCounts(0, 0, 0, 0, 0))
+        found = []
+        for number, part in enumerate(parts.parts, 1):
+            said = f"part {number} of {len(parts.parts)}: " if len(parts.parts) > 1 else ""
+            told = None if report is None else (lambda text, said=said: report(said + text))
+            found.append(part.solver.modes(part.mechanism, pose.values, told, effort))
+        counts = _product(found)
+        if counts.real > _MOST and min(map(len, found)):
+            raise IKError(f"{self._mechanism.name}: {counts.real} solutions; lock some joints")
+        configurations, times, wrong = [], [], 0
+        chosen = [[part.values(part.near(q)) for q in modes] for part, modes in zip(parts.parts, found, strict=True)]
+        coincident = itertools.product(*(modes.coincident for modes in found))
+        for values, together in zip(itertools.product(*chosen), coincident, strict=True):
+            q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
+            q = self._unwound(self._polished(q))
+            if self._error(q) < _WRONG:
+                configurations.append(q)
+                times.append(math.prod(together))
+            else:
+                wrong += 1
+        complete = all(modes.complete for modes in found) or any(modes.complete and not modes for modes in found)
+        remarks = [f"; {wrong} were lost in polishing"] if wrong else []
+        if task.rotation < 3 and not partial and parts.motions.rotations < 3 and not parts.every:
+            remarks.append("; modes of operation in which it rotates otherwise are not among them")
+            complete = False
+        if parts.idle:
+            remarks.append(f"; {', '.join(parts.idle)} do not move it and stay where they are")
+        tests = [modes.trace_test for modes in found if modes.trace_test is not None]
+        trace_test = all(tests) and not wrong if tests else None
+        return self._result(
+            configurations, times, complete and not wrong, trace_test, _method(found) + "".join(remarks), counts
+        )
+
+    def _result(
+        self, configurations: list[Array], times: list[int], complete: bool, trace_test: bool | None, method: str,
+        counts: SolutionCounts,
+    ) -> IKSolutions:  # fmt: skip
+        far = [self._mechanism.distance(self._start, q) for q in configurations]
+        order = np.argsort(np.round(far, 9), kind="stable").tolist()
+        limits = self._mechanism.limits
+        return IKSolutions(
+            self._mechanism, self._task.copy(), self._start, dict(self._locked),
+            tuple(configurations[k] for k in order),
+            tuple(limits.exceeded(configurations[k], AT_LIMIT) for k in order),
+            tuple(times[k] for k in order), complete, method, counts, trace_test,
+        )  # fmt: skip
+
+    # --- one solution ---------------------------------------------------------------------------------------------
+
+    def _equations(self, q: Array) -> tuple[Array, Array]:
+        """Return what is missing of the pose and the loops at q (nq,), dimensionless, and its derivative by the joints
+        that move; by Pinocchio's kinematics alone."""
+        mechanism, task, length = self._mechanism, self._task, self._mechanism.length
+        jacobian = task.offset.toActionMatrixInverse() @ mechanism.jacobian(q, task.node)
+        error, by = task.equations(mechanism.placement(q, task.node) * task.offset, jacobian)
+        units = np.repeat([length, 1.0], [task.translation, task.rotation])
+        c, loops = mechanism.system.evaluate(q)
+        rows = np.vstack([by * mechanism.scale / units[:, None], loops])
+        return np.concatenate([error / units, -c]), rows[:, self._columns]
+
+    def _error(self, q: Array) -> float:
+        return float(np.abs(self._equations(q)[0]).max(initial=0.0))
+
+    def _polished(self, q: Array) -> Array:
+        """Return the configuration (nq,) that Newton's method reaches from q."""
+        for _ in range(_STEPS):
+            missing, jacobian = self._equations(q)
+            if np.abs(missing).max(initial=0.0) < _POLISHED:
+                break
+            step = np.zeros(self._mechanism.model.nv)
+            step[self._columns] = np.linalg.lstsq(jacobian, missing, rcond=1e-9)[0]
+            better = self._mechanism.integrate(q, step * self._mechanism.scale)
+            if not self._error(better) < np.abs(missing).max():
+                break
+            q = better
+        return q
+
+    def _unwound(self, q: Array) -> Array:
+        """Return q (nq,) with whole revolutions added, so that joints are within limits, and then near the start."""
+        limits, revolute = self._mechanism.limits, self._revolute
+        near = q.copy()
+        near[revolute] -= 2.0 * np.pi * np.rint((q[revolute] - self._start[revolute]) / (2.0 * np.pi))
+        beyond = [self._mechanism.q_index(name) for name in limits.exceeded(near, AT_LIMIT)]
+        near[beyond] = limits.unwound(near)[beyond]
+        return near
+
+
+def _product(found: Sequence[AssemblyModes]) -> SolutionCounts:
+    """Return the counts of all combinations of solutions."""
+    counts = [modes.counts for modes in found]
+    real = math.prod(sum(modes.coincident) for modes in found)
+    finite = math.prod(c.real + c.complex for c in counts)
+    followed = math.prod(c.real + c.complex + c.infinite for c in counts)
+    every = math.prod(c.real + c.complex + c.infinite + c.lost for c in counts)
+    multiple = every - math.prod(c.real + c.complex + c.infinite + c.lost - c.multiple for c in counts)
+    return SolutionCounts(real, finite - real, followed - finite, multiple, every - followed)
+
+
+def _method(found: Sequence[AssemblyModes]) -> str:
+    methods = Counter(modes.method for modes in found)
+    if len(found) == 1:
+        return found[0].method
+    listed = [f"{number} times {text}" if number > 1 else text for text, number in methods.items()]
+    return f"{len(found)} parts, independent at a given pose: {'; '.join(listed)}"
+
+
+def with_closest(solutions: IKSolutions, q: Array, found: bool) -> IKSolutions:
+    """Return solutions, of which there are none, with the closest configuration q (nq,) that was found otherwise; with
+    that as a solution if it is one."""
+    if not found:
+        return replace(solutions, closest=q)
+    outside = solutions.mechanism.limits.exceeded(q, AT_LIMIT)
+    method = f"{solutions.method}; one solution was found by a local search"
+    return replace(
+        solutions, configurations=(q,), outside=(outside,), coincident=(1,), complete=False, method=method,
+        trace_test=None if solutions.trace_test is None else False,
+    )  # fmt: skip
