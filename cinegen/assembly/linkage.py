@@ -393,7 +393,7 @@ class DistinctSolutions:
             if not np.isfinite(its).all():
                 found.append(-1)
                 continue
-            known = np.array(self._known).reshape(-1, len(its))
+            known = np.array(self._known).reshape(len(self), len(its))
             size = np.maximum(np.abs(known).max(axis=1, initial=1.0), np.abs(its).max(initial=1.0))
             same = np.flatnonzero(np.abs(known - its).max(axis=1, initial=0.0) < SAME * size)
             found.append(int(same[0]) if len(same) else len(self))

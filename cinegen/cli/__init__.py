@@ -7,7 +7,22 @@ import warnings
 from collections.abc import Sequence
 from contextvars import copy_context
 
-from cinegen.cli import close, compare, compile, demo, drive, export, info, map, modes, plan, replay, sensors, singular
+from cinegen.cli import (
+    close,
+    compare,
+    compile,
+    demo,
+    drive,
+    export,
+    ik,
+    info,
+    map,
+    modes,
+    plan,
+    replay,
+    sensors,
+    singular,
+)
 from cinegen.cli.numbers import NumberLists
 from cinegen.errors import CinegenError
 from raff2urdf import output
@@ -19,7 +34,7 @@ app = new_app(
     help="Kinematics of serial, tree and closed-loop mechanisms described in RAFF, URDF, SDF or MJCF.",
     epilog="Exit codes: 0 done; 1 the input is bad, or the answer is no; 2 a wrong call.",
 )
-for _command in (demo, info, modes, singular, map, compare, plan, drive, replay, export, close, sensors, compile):
+for _command in (demo, info, ik, modes, singular, map, compare, plan, drive, replay, export, close, sensors, compile):
     app.command(_command.__name__.rpartition(".")[2], cls=NumberLists)(expand(_command.run))
 
 

@@ -8,12 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from cinegen.cli.files import check_outputs, count, print_result, write_figure
+from cinegen.cli.ik import TYPED, limits_text, missed_text, pose_task, pose_text
 from cinegen.cli.numbers import UNITS, parts, values
 from cinegen.cli.options import FILE, JSON, NODE, PLOT, VIEW, RobotOptions, exclude, option
 from cinegen.cli.page import PageOptions
 from cinegen.cli.progress import Progress
 from cinegen.errors import CinegenError, UnknownNameError
-from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
+from raff2urdf.quantities import LENGTH, shown_scale
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from cinegen.ik import FrameTask
     from cinegen.model import Mechanism
 
-_POSE = ("x", "y", "z", "rx", "ry", "rz")
-_TYPED = 1e-4  # m and rad: poses are typed with some digits only
 _WIDTH = 100  # columns
 _JOINED = "\xa0"  # a blank at which no line is broken
 _SPEED = 0.5  # modes per second
@@ -73,7 +72,7 @@ def run(
     every = True
     for name, mechanism in found.items():
         mechanism.frame_id(node or mechanism.end)  # refuses an unknown node before anything takes time
-        asked = None if at is None else _pose(mechanism, at, node or mechanism.end)
+        asked = None if at is None else pose_task(mechanism, at, node or mechanism.end)
         given = _solved(mechanism, asked) if asked else None if lengths is None else _values(mechanism, lengths)
         with Progress() as progress:
             modes = assembly_modes(mechanism, given, method, report=progress.text)
@@ -123,33 +122,6 @@ def _values(mechanism: Mechanism, text: str) -> NDArray[np.float64]:
     return np.array([home[joint] for joint in joints])
 
 
-def _pose(mechanism: Mechanism, text: str, node: str) -> FrameTask:
-    """Return the task of bringing a node to the pose of --at.
-
-    Raises:
-        CinegenError: it is not a pose.
-    """
-    import numpy as np
-    import pinocchio as pin
-
-    from cinegen.ik import FrameTask
-
-    given = parts(text)
-    if not any("=" in part for part in given):
-        if len(given) not in (3, 6):
-            raise CinegenError(f"--at: a pose is x,y,z or x,y,z,rx,ry,rz in m and degrees, not {len(given)} numbers")
-        text = ",".join(f"{name}={value}" for name, value in zip(_POSE, given, strict=False))
-    by_name = values(text, "--at", "x=0.01,rz=15 (m and degrees)", mechanism)
-    home = mechanism.placement(mechanism.q_home, node)
-    pose = dict(zip(_POSE, [*home.translation, *pin.rpy.matrixToRpy(home.rotation)], strict=True))
-    for coordinate in by_name:
-        if coordinate not in _POSE:
-            raise UnknownNameError("coordinate", coordinate, _POSE)
-    x, y, z, roll, pitch, yaw = {**pose, **by_name}.values()
-    target = pin.SE3(pin.rpy.rpyToMatrix(roll, pitch, yaw), np.array([x, y, z]))
-    return FrameTask(node, target, rotation=3 if any(name in by_name for name in _POSE[3:]) else 0)
-
-
 def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
     """Return the values (n,) of the actuated joints with a node at its target, within limits if possible, near home.
 
@@ -159,20 +131,14 @@ def _solved(mechanism: Mechanism, asked: FrameTask) -> NDArray[np.float64]:
     import numpy as np
 
     from cinegen.ik import inverse_kinematics
-    from cinegen.plotting.units import pose_numbers
 
     for limits in (True, False):  # a mode beyond limits is a mode, and listed as such
-        found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=_TYPED, limits=limits)
+        found = inverse_kinematics(mechanism, [asked], mechanism.q_home, tolerance=TYPED, limits=limits)
         if found:
             return np.array([found.q[mechanism.q_index(joint)] for joint in mechanism.actuated])
-    numbers = [f"{name} {value:.6g}" for name, value in zip(_POSE, pose_numbers(asked.target), strict=True)]
-    where, missed = f"{', '.join(numbers[:3])} {shown_scale(LENGTH)[1]}", shown(found.errors[0][0], LENGTH)
-    if asked.rotation:
-        where += f", {', '.join(numbers[3:])} deg"
-        missed += f" and {shown(found.errors[0][1], ANGLE)}"
     raise CinegenError(
-        f"{mechanism.name}: {asked.node} can't reach {where}, even beyond joint limits: the closest pose found misses "
-        f"it by {missed}"
+        f"{mechanism.name}: {asked.node} can't reach {pose_text(asked)}, even beyond joint limits: the closest pose "
+        f"found misses it by {missed_text(asked, found.errors[0])}"
     )
 
 
@@ -217,7 +183,7 @@ def _table(modes: AssemblyModes, node: str, asked: FrameTask | None) -> list[str
     if plane is not None and abs(plane[2]) > 1.0 - 1e-9 and np.abs(poses[:, 3:5]).max() < 1e-6:
         columns = [0, 1, 5]  # the coordinates of a planar motion in x, y
     marks = [asked is not None and _is_at(asked, placement) for placement in placements]
-    notes, digits = [_limits(modes.mechanism, q) for q in modes], length_digits()
+    notes, digits = [limits_text(modes.mechanism, q) for q in modes], length_digits()
     head = "".join(f"{heads[c]:>11}" if c < 3 else f"{heads[c]:>9}" for c in columns)
     lines = [f"  mode {head}   {'outside limits' if any(notes) else ''}".rstrip()]
     for k, (row, number) in enumerate(zip(poses, modes.coincident, strict=True)):
@@ -233,22 +199,7 @@ def _is_at(asked: FrameTask, placement: pin.SE3) -> bool:
     """Return whether a node is at its target, as exactly as that was typed."""
     import numpy as np
 
-    return all(float(np.linalg.norm(error)) <= 2.0 * _TYPED for error in asked.errors(placement, asked.target.rotation))
-
-
-def _limits(mechanism: Mechanism, q: NDArray[np.float64]) -> str:
-    """Return the first joint that is outside its limits, and how many others are; empty if all are inside."""
-    from cinegen.plotting.units import in_user_units, length_digits, rounded
-
-    beyond, there = mechanism.limits.outside(q), mechanism.limits.unwound(q)
-    if not beyond:
-        return ""
-    joint, limit = next(iter(beyond.items()))
-    value = float(there[mechanism.q_index(joint)])
-    digits = length_digits() - 2 if mechanism.is_prismatic(joint) else 1
-    (number, unit), (end, _) = (in_user_units(mechanism, joint, one) for one in (value, limit))
-    text = f"{joint} {rounded(number, digits):g} {'<' if value < limit else '>'} {rounded(end, digits):g} {unit}"
-    return text + (f", {len(beyond) - 1} more" if len(beyond) > 1 else "")
+    return all(float(np.linalg.norm(error)) <= 2.0 * TYPED for error in asked.errors(placement, asked.target.rotation))
 
 
 def _show(name: str, modes: AssemblyModes, page: PageOptions) -> int:

@@ -197,7 +197,7 @@ def quantity_option(
 class NumberLists(TyperCommand):
     """A command whose lists of numbers may also be separated by blanks: `--at x=10 rz=15`."""
 
-    _LISTS = frozenset({"--at", "--values"})
+    _LISTS = frozenset({"--at", "--lock", "--values"})
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the command line, with the words of a list joined by commas."""

@@ -176,9 +176,7 @@ def _node_task(mechanism: Mechanism, task: FrameTask) -> NodeTask:
     if (task.axes != "target" and task.translation + task.rotation not in (3, 6)) or task.translation < 2:
         raise IKError(f"'{task.node}': all solutions are computed for tasks in the target's axes with a position")
     if plane and (task.rotation not in (0, 1) or normal.sum() != 1 or (task.rotation and (normal != angular).any())):
-        raise IKError(
-            f"'{task.node}': all solutions are computed for tasks that constrain 3 translations and 0, 2 or 3 rotations"
-        )
+        raise IKError(f"'{task.node}': all solutions are not computed for a task that constrains these axes")
     if task.rotation == 2:
         return NodeTask(task.node, task.offset, 2, tuple((~angular).astype(float)))
     return NodeTask(task.node, task.offset, 3 if task.rotation else 0)
@@ -221,7 +219,7 @@ class _Assembly:
         """Return all solutions."""
         parts, task = self._parts, self._task
         pose = parts.virtual_pose(task.target, self._start)
-        partial = task.translation < 3 or task.rotation == 1  # what is not constrained may be off
+        partial = self._is_planar()  # what is not constrained may be off
         if not partial and max(pose.distance / self._mechanism.length, pose.angle) > _OFF:
             off = f"the pose is {1e3 * pose.distance:.6g} mm and {math.degrees(pose.angle):.6g} degrees off"
             method = f"'{task.node}' moves {parts.motions.description}: {off}"
@@ -272,6 +270,28 @@ class _Assembly:
             tuple(limits.exceeded(configurations[k], AT_LIMIT) for k in order),
             tuple(times[k] for k in order), complete, method, counts, trace_test,
         )  # fmt: skip
+
+    def _is_planar(self) -> bool:
+        """Return whether the task constrains two translations or one rotation of a node that moves in that plane.
+
+        Raises:
+            IKError: it does, and the node does not.
+        """
+        task, motions = self._task, self._parts.motions
+        if task.translation == 3 and task.rotation != 1:
+            return False
+        free = ~(task.weights[:3] > 0.0) if task.translation == 2 else task.weights[3:] > 0.0
+        normal = task.target.rotation @ free
+        if (
+            task.axes != "target"
+            or motions.rotations > 1
+            or np.abs(motions.directions @ normal).max(initial=0.0) > _OFF
+        ):
+            raise IKError(
+                f"'{task.node}': all solutions are computed for tasks that constrain 3 translations and 0, 2 or 3 "
+                "rotations; or 2 and 1 of a motion in their plane"
+            )
+        return True
 
     # --- one solution ---------------------------------------------------------------------------------------------
 
@@ -338,8 +358,7 @@ def with_closest(solutions: IKSolutions, q: Array, found: bool) -> IKSolutions:
     if not found:
         return replace(solutions, closest=q)
     outside = solutions.mechanism.limits.exceeded(q, AT_LIMIT)
-    method = f"{solutions.method}; one solution was found by a local search"
     return replace(
-        solutions, configurations=(q,), outside=(outside,), coincident=(1,), complete=False, method=method,
+        solutions, configurations=(q,), outside=(outside,), coincident=(1,), complete=False,
         trace_test=None if solutions.trace_test is None else False,
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, overload
 
 import numpy as np
@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
 from cinegen.errors import CinegenError
+from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.ik.all_solutions import IKError, IKSolutions, all_solutions, with_closest
 from cinegen.ik.local_ik import LocalIK
@@ -58,6 +59,20 @@ class IKResult:
     def errors(self) -> tuple[tuple[float, float], ...]:
         """Remaining error of each target: m and rad."""
         return tuple(task.distances(self._mechanism, self.q) for task in self._tasks)
+
+    def as_solutions(self) -> IKSolutions:
+        """Return the result of a single task as a list of one solution, or of none with this as the closest.
+
+        Raises:
+            IKError: there are several tasks.
+        """
+        if len(self._tasks) > 1:
+            raise IKError("solutions are listed for one node at a time")
+        none = IKSolutions(
+            self._mechanism, self._tasks[0], self._mechanism.q_home, {}, (), (), (), False, f"local search: {self}",
+            SolutionCounts(),
+        )  # fmt: skip
+        return with_closest(none, self.q, self.found)
 
     def __bool__(self) -> bool:
         return self.found
@@ -179,6 +194,8 @@ def _all(
     if solutions or locked:
         return solutions
     nearest = inverse_kinematics(mechanism, tasks, start, limits=False, starts=_LAST)
+    if nearest:
+        solutions = replace(solutions, method=f"{solutions.method}; one was found by a local search")
     return with_closest(solutions, nearest.q, nearest.found)
 
 

@@ -91,6 +91,12 @@ def test_info(root, printed):
     check(root, printed("info", "four_bar.raff", "planar_3r.raff", "scara.raff"), "info")
 
 
+def test_ik(root, printed):
+    check(root, printed("ik", "five_bar.raff", "--at", "x=0.01", "--all"), "ik")
+    check(root, printed("ik", "five_bar.raff", "--at", "x=0.01"), "ik")
+    check(root, printed("ik", "planar_3r.raff", "--at", "x=9,rz=20", "--all", code=1), "ik")
+
+
 def test_modes(root, printed):
     check(root, printed("modes", "four_bar.raff"), "modes")
     check(root, printed("modes", "gough.raff", "--values", "0.1,2,0.1,2,0.1,2", code=1), "modes")

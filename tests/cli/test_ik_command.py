@@ -1,0 +1,62 @@
+"""The command `cinegen ik`: one solution or all, on the terminal and as JSON."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from cinegen.cli import main
+
+
+@pytest.fixture
+def typed(root, capsys):
+    """`typed("rx90", "--all")`: what the command prints, or its errors."""
+
+    def command(name, *options, code=0):
+        assert main(["ik", str(root / f"robots/{name}.raff"), *options]) == code
+        said = capsys.readouterr()
+        return said.err if code and said.err else said.out
+
+    return command
+
+
+def test_all_solutions_are_listed_with_what_is_proved(typed):
+    said = typed("planar_3r", "--at", "x=310mm", "rz=20", "--all")
+    assert "2 inverse solutions, 2 within the limits" in said
+    assert "These are all. Two bodies and three hinges in a plane" in said
+    rows = [line.split() for line in said.splitlines() if line.split()[:1] in (["1"], ["2"])]
+    assert np.allclose(sum(float(value) for value in rows[0][1:]), 20.0, atol=0.02)
+    assert max(map(len, said.splitlines())) <= 100
+
+
+def test_limits_that_are_exceeded_are_named(typed):
+    said = typed("five_bar", "--at", "x=0.01", "--all")
+    assert "4 inverse solutions, 1 within the limits" in said
+    assert "joint1 15.9 < 60 deg, 1 more" in said
+
+
+def test_one_solution_within_limits_nearest_home(robot, typed):
+    delta = robot("delta4")
+    found = json.loads(typed("delta4", "--at", "x=0.1,y=0.2,z=-2.9", "--json"))
+    assert len(found["solutions"]) == 1
+    assert found["complete"] is False
+    q = delta.configuration(found["solutions"][0]["joints"])
+    assert np.allclose(delta.placement(q, "platform").translation, [0.1, 0.2, -2.9])
+    assert found["solutions"][0]["within_limits"]
+    assert "--all lists all" in typed("delta4", "--at", "x=0.1,y=0.2,z=-2.9")
+
+
+def test_a_pose_out_of_reach_ends_with_code_1(typed):
+    assert "None was found within the limits." in typed("planar_3r", "--at", "x=0.9,y=0.9,rz=20", code=1)
+    said = typed("planar_3r", "--at", "x=0.9,y=0.9,rz=20", "--all", code=1)
+    assert "misses it by" in said
+    assert "There is none." in said
+
+
+def test_a_redundant_arm_needs_a_locked_joint(typed):
+    assert "lock 1 of its joints" in typed("arm7", "--at", "x=0.4,rz=10", "--all", code=1)
+    assert "These are all." in typed("arm7", "--at", "x=0.4,rz=10", "--all", "--lock", "joint3=10")
+    assert "add --all" in typed("arm7", "--at", "x=0.4", "--lock", "joint3=10", code=2)
+    assert "no joint 'joint8'" in typed("arm7", "--at", "x=0.4", "--all", "--lock", "joint8=10", code=1)

@@ -1,0 +1,373 @@
+"""All inverse solutions: against published closed forms, and against Newton's method from thousands of starts."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import cinegen
+from cinegen.ik import FrameTask, IKError, IKSolutions
+from cinegen.model.load import build
+
+RIGHT = math.pi / 2.0
+
+
+def chain(*joints, name="arm"):
+    """A serial robot of joints (type, xyz, rpy), each about or along its z axis; the last is the tool's frame."""
+    text = f'<robot name="{name}"><link name="l0"/>'
+    for k, (kind, xyz, rpy) in enumerate(joints, 1):
+        child = f"l{k}" if k < len(joints) else "tool"
+        origin = f'<origin xyz="{" ".join(map(repr, map(float, xyz)))}" rpy="{" ".join(map(repr, map(float, rpy)))}"/>'
+        text += (
+            f'<link name="{child}"/><joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/><child link="{child}"/>'
+        )
+        text += f'{origin}<axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1" velocity="1"/></joint>'
+    return build(text + "</robot>", None)
+
+
+def denavit_hartenberg(a, d, alpha):
+    """A chain of revolute joints: rotation by theta and translation by d along z, then by a and alpha along x."""
+    origins = [((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))]
+    origins += [((ai, 0.0, di), (turn, 0.0, 0.0)) for ai, di, turn in zip(a, d, alpha, strict=True)]
+    kinds = ["revolute"] * len(a) + ["fixed"]
+    return chain(*((kind, *origin) for kind, origin in zip(kinds, origins, strict=True)))
+
+
+PUMA = denavit_hartenberg(
+    (0.0, 0.4318, 0.0203, 0.0, 0.0, 0.0),
+    (0.0, 0.0, 0.15005, 0.4318, 0.0, 0.0),
+    (RIGHT, 0.0, -RIGHT, RIGHT, -RIGHT, 0.0),
+)
+UR5 = denavit_hartenberg(
+    (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0), (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823),
+    (RIGHT, 0.0, 0.0, RIGHT, -RIGHT, 0.0),
+)  # fmt: skip
+
+
+def solved(mechanism, pose, node="tool", **task) -> IKSolutions:
+    """All solutions, each checked by Pinocchio: the pose is reached, loops are closed, and no two are the same."""
+    asked = FrameTask(node, pose, **task)
+    found = cinegen.inverse_kinematics(mechanism, [asked], all=True)
+    for q in found:
+        assert max(asked.distances(mechanism, q)) < 1e-12
+        assert mechanism.closure(q) < 1e-12
+    for k, q in enumerate(found):
+        assert all(apart(mechanism, q, other) > 1e-6 for other in found[:k])
+    assert len(found.outside) == len(found.coincident) == len(found)
+    return found
+
+
+def apart(mechanism, q, other):
+    """How far two configurations are apart, angles modulo 2 pi."""
+    gap = q - other
+    for joint in mechanism.joints:
+        if not mechanism.is_prismatic(joint):
+            k = mechanism.q_index(joint)
+            gap[k] = (gap[k] + math.pi) % (2.0 * math.pi) - math.pi
+    return float(np.abs(gap[[mechanism.q_index(joint) for joint in mechanism.actuated]]).max())
+
+
+def alike(mechanism, found, expected):
+    """Assert that two lists hold the same configurations."""
+    assert len(found) == len(expected)
+    for q in expected:
+        assert min(apart(mechanism, q, np.asarray(other)) for other in found) < 1e-8
+
+
+def random_pose(mechanism, seed, node="tool"):
+    rng = np.random.default_rng(seed)
+    return mechanism.placement(rng.uniform(-math.pi, math.pi, mechanism.model.nq), node)
+
+
+def guessed(mechanism, pose, node, starts, seed=0):
+    """What Newton's method finds from random starts of all joints: an algorithm that shares nothing with the other."""
+    rng, asked, found = np.random.default_rng(seed), FrameTask(node, pose), []
+    model, scale = mechanism.model, mechanism.scale
+    for _ in range(starts):
+        q = mechanism.integrate(mechanism.q_home, scale * rng.uniform(-math.pi, math.pi, model.nv))
+        for _ in range(40):
+            error, rows = asked.equations(mechanism.placement(q, node), mechanism.jacobian(q, node))
+            if mechanism.loops:
+                error = np.concatenate([error, -mechanism.loop_residual(q)])
+                rows = np.vstack([rows, mechanism.loop_jacobian(q)])
+            size = np.abs(error).max()
+            if size < 1e-11:
+                break
+            step = np.linalg.lstsq(rows * scale, error, rcond=1e-8)[0]
+            q = mechanism.integrate(q, scale * step * min(1.0, 0.8 / max(np.abs(step).max(), 1e-9)))
+        if size < 1e-11 and all(apart(mechanism, q, other) > 1e-5 for other in found):
+            found.append(q)
+    return found
+
+
+# --- published closed forms -------------------------------------------------------------------------------------------
+
+
+def test_a_manipulator_with_sixteen_real_solutions():
+    """R. Manseur and K. Doty, "A robot manipulator with 16 real inverse kinematic solution sets", Int. J. Robotics
+    Research 8, 1989."""
+    one = math.radians(1.0)
+    arm = denavit_hartenberg(
+        (0.3, 1.0, 0.0, 1.5, 0.0, 0.0), (0.0, 0.0, 0.2, 0.0, 0.0, 0.0), (RIGHT, one, RIGHT, one, RIGHT, 0.0)
+    )
+    written = [[-0.760117, -0.641689, 0.102262], [0.133333, 0.0, 0.991071], [-0.635959, 0.766965, 0.085558]]
+    left, _, right = np.linalg.svd(written)
+    found = solved(arm, pin.SE3(left @ right, np.array([-1.140175, 0.0, 0.0])))
+    assert (len(found), found.complete, found.counts.complex) == (16, True, 0)
+    assert "as many as there can be" in found.method
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_puma_has_the_eight_solutions_of_its_closed_form(seed):
+    """R. Paul and H. Zhang, "Computationally efficient kinematics for manipulators with spherical wrists", Int. J.
+    Robotics Research 5, 1986: shoulder, elbow and wrist have two configurations each."""
+    pose = random_pose(PUMA, seed)
+    a2, a3, d3, d4 = 0.4318, 0.0203, 0.15005, 0.4318
+    x, y, z = pose.translation
+    expected = []
+    for shoulder in (1.0, -1.0):
+        far = shoulder * math.sqrt(x * x + y * y - d3 * d3) if x * x + y * y > d3 * d3 else math.nan
+        one = math.atan2(y, x) - math.atan2(-d3, far)
+        for elbow in (1.0, -1.0):
+            k = (far * far + z * z - a2 * a2 - a3 * a3 - d4 * d4) / (2.0 * a2)
+            if not abs(k) <= math.hypot(a3, d4):
+                continue
+            # a3 cos(t3) - d4 sin(t3) = k
+            three = -math.atan2(d4, a3) + elbow * math.acos(k / math.hypot(a3, d4))
+            u, v = a2 + a3 * math.cos(three) - d4 * math.sin(three), a3 * math.sin(three) + d4 * math.cos(three)
+            two = math.atan2(z, far) - math.atan2(v, u)
+            arm = np.array([one, two, three, 0.0, 0.0, 0.0])
+            turn = PUMA.placement(arm, "l4").rotation.T @ pose.rotation  # Rz(t4) Rx(90) Rz(t5) Rx(-90) Rz(t6)
+            for flip in (1.0, -1.0):
+                five = math.atan2(flip * math.hypot(turn[0, 2], turn[1, 2]), turn[2, 2])
+                four = math.atan2(-flip * turn[1, 2], -flip * turn[0, 2])
+                six = math.atan2(-flip * turn[2, 1], flip * turn[2, 0])
+                expected.append(np.array([one, two, three, four, five, six]))
+    for q in expected:
+        assert np.abs(PUMA.placement(q, "tool").homogeneous - pose.homogeneous).max() < 1e-9
+    found = solved(PUMA, pose)
+    assert found.complete
+    alike(PUMA, found, expected)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_ur5_has_the_solutions_of_its_closed_form(seed):
+    """K. Hawkins, "Analytic inverse kinematics for the Universal Robots UR-5/UR-10 arms", 2013."""
+    pose = random_pose(UR5, seed)
+    d4, d6, a2, a3 = 0.10915, 0.0823, -0.425, -0.39225
+    wrist = pose.act(np.array([0.0, 0.0, -d6]))
+    expected = []
+    for shoulder in (1.0, -1.0):
+        reach = math.hypot(wrist[0], wrist[1])
+        one = math.atan2(wrist[1], wrist[0]) + shoulder * math.acos(d4 / reach) + RIGHT
+        s1, c1 = math.sin(one), math.cos(one)
+        for flip in (1.0, -1.0):
+            five = flip * math.acos((pose.translation[0] * s1 - pose.translation[1] * c1 - d4) / d6)
+            s5 = math.sin(five)
+            r = pose.rotation
+            six = math.atan2((-r[0, 1] * s1 + r[1, 1] * c1) / s5, (r[0, 0] * s1 - r[1, 0] * c1) / s5)
+            last = UR5.placement(np.array([0.0, 0.0, 0.0, 0.0, five, six]), "l4").actInv(
+                UR5.placement(np.array([0.0, 0.0, 0.0, 0.0, five, six]), "tool")
+            )
+            first = UR5.placement(np.array([one, 0.0, 0.0, 0.0, 0.0, 0.0]), "l2")
+            x, y, _ = first.actInv(pose * last.inverse()).translation  # a2 and a3 in their plane
+            cosine = (x * x + y * y - a2 * a2 - a3 * a3) / (2.0 * a2 * a3)
+            if abs(cosine) > 1.0:
+                continue
+            for elbow in (1.0, -1.0):
+                three = elbow * math.acos(cosine)
+                two = math.atan2(y, x) - math.atan2(a3 * math.sin(three), a2 + a3 * math.cos(three))
+                body = UR5.placement(np.array([one, two, three, 0.0, 0.0, 0.0]), "l4")
+                turn = body.rotation.T @ (pose * last.inverse()).rotation
+                expected.append(np.array([one, two, three, math.atan2(turn[1, 0], turn[0, 0]), five, six]))
+    for q in expected:
+        assert np.abs(UR5.placement(q, "tool").homogeneous - pose.homogeneous).max() < 1e-9
+    found = solved(UR5, pose)
+    assert found.complete
+    assert "three axes parallel" in found.method
+    alike(UR5, found, expected)
+
+
+def test_a_scara_has_two_elbows():
+    joints = [((0.0, 0.0, 0.5), (0.0, 0.0, 0.0)), ((0.4, 0.0, 0.0), (0.0, 0.0, 0.0))]
+    arm = chain(
+        *(("revolute", *joint) for joint in joints), ("prismatic", (0.3, 0.0, 0.0), (math.pi, 0.0, 0.0)),
+        ("revolute", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), ("fixed", (0.0, 0.0, 0.1), (0.0, 0.0, 0.0)),
+    )  # fmt: skip
+    q = np.array([0.3, 0.9, 0.05, -0.4])
+    found = solved(arm, arm.placement(q, "tool"))
+    assert (len(found), found.complete) == (2, True)
+    swing = 2.0 * math.atan2(0.3 * math.sin(0.9), 0.4 + 0.3 * math.cos(0.9))
+    alike(arm, found, [q, np.array([0.3 + swing, -0.9, 0.05, -0.4 + swing - 1.8])])
+    tilted = arm.placement(q, "tool")
+    tilted.rotation = tilted.rotation @ pin.exp3(np.array([0.01, 0.0, 0.0]))
+    none = solved(arm, tilted)
+    assert (len(none), none.complete) == (0, True)
+
+
+def test_a_planar_arm_has_two_elbows_and_none_out_of_its_reach(robot):
+    arm = robot("planar_3r")
+    pose = arm.placement(arm.q_home, "tool")
+    found = solved(arm, pose)
+    assert (len(found), found.complete) == (2, True)
+    assert apart(arm, found[0], arm.q_home) < 1e-12
+    assert np.isclose(found[1][1], -found[0][1])
+    far = pose * pin.SE3(np.eye(3), np.array([3.0, 0.0, 0.0]))
+    none = solved(arm, far)
+    assert (len(none), none.complete) == (0, True)
+    assert none.closest is not None
+    off = pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.01])) * pose
+    none = solved(arm, off)
+    assert (len(none), none.complete) == (0, True)
+    assert "moves in a plane: the pose is 10 mm" in none.method
+
+
+# --- closed mechanisms ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "task"),
+    [
+        ("delta4", 8, {}), ("delta4_linear", 8, {}), ("gough", 64, {}), ("tssm", 64, {}), ("four_bar", 1, {}),
+        ("five_bar", 4, {"rotation": 0}), ("rx90", 8, {}),
+    ],
+)  # fmt: skip
+def test_each_leg_has_two_solutions(robot, name, count, task):
+    mechanism = robot(name)
+    for q in (mechanism.q_home, mechanism.random_closed(2, seed=1)[-1]):
+        pose = mechanism.placement(q, mechanism.end)
+        found = solved(mechanism, pose, mechanism.end, **task)
+        assert (len(found), found.complete) == (count, True)
+        assert min(apart(mechanism, q, other) for other in found) < 1e-9
+    home = solved(mechanism, mechanism.placement(mechanism.q_home, mechanism.end), mechanism.end, **task)
+    assert not home.outside[0]
+    assert mechanism.distance(mechanism.q_home, home[0]) < 1e-9
+
+
+def test_a_leg_of_negative_length_is_outside_its_limits(robot):
+    gough = robot("gough")
+    found = solved(gough, gough.placement(gough.q_home, "platform"), "platform")
+    for q, beyond in zip(found, found.outside, strict=True):
+        assert bool(beyond) == any(q[gough.q_index(leg)] < 0.0 for leg in gough.actuated)
+    assert len(found.within_limits) == 1
+
+
+@pytest.mark.parametrize(("name", "starts"), [("rx90", 300), ("delta4", 120), ("serial_5dof", 200), ("five_bar", 150)])
+def test_newton_from_random_starts_finds_no_other_solution(robot, name, starts):
+    mechanism = robot(name)
+    node, q = mechanism.end, mechanism.random_closed(3, seed=2)[-1]
+    pose = mechanism.placement(q, node)
+    found = solved(mechanism, pose, node)
+    others = guessed(mechanism, pose, node, starts)
+    assert len(others) >= len(found) / 2
+    for other in others:
+        assert min(apart(mechanism, other, one) for one in found) < 1e-5
+
+
+def test_the_rotated_modes_of_operation_of_a_delta_are_not_claimed(robot):
+    delta = robot("delta4")
+    found = solved(delta, delta.placement(delta.q_home, "platform"), "platform", rotation=0)
+    assert (len(found), found.complete) == (8, False)
+    assert "modes of operation" in found.method
+
+
+# --- what is not isolated, and tasks ----------------------------------------------------------------------------------
+
+
+def test_a_redundant_arm_is_refused_until_a_joint_is_locked(robot):
+    arm = robot("arm7")
+    pose = arm.placement(arm.q_home, "tool")
+    with pytest.raises(IKError, match=r"still have 1 DoF: .* lock 1 of its joints"):
+        solved(arm, pose)
+    value = float(arm.q_home[arm.q_index("joint3")])
+    found = cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked={"joint3": value})
+    assert found.complete
+    assert arm.distance(arm.q_home, found[0]) < 1e-9
+    assert all(q[arm.q_index("joint3")] == value for q in found)
+    with pytest.raises(cinegen.CinegenError, match="no joint 'joint33'"):
+        cinegen.inverse_kinematics(arm, {"tool": pose}, all=True, locked={"joint33": value})
+    with pytest.raises(cinegen.CinegenError, match="all=True"):
+        cinegen.inverse_kinematics(arm, {"tool": pose}, locked={"joint3": value})
+
+
+def test_a_wrist_whose_axes_are_in_line_leaves_a_curve(robot):
+    arm = robot("rx90")
+    q = arm.configuration({"joint5": 0.0})
+    found = solved(arm, arm.placement(q, "tool"))
+    assert not found.complete
+    assert "a curve of configurations" in found.method
+
+
+def test_a_free_rotation_and_a_free_orientation():
+    """Five joints and a free axis; three joints and a ball."""
+    rng = np.random.default_rng(4)
+    joints = [("revolute", rng.uniform(-1, 1, 3), rng.uniform(-3, 3, 3)) for _ in range(5)]
+    tool = ("fixed", (0.1, 0.2, 0.3), (0.4, 0.5, 0.6))
+    three = chain(*joints[:3], tool)
+    found = solved(three, random_pose(three, 0), rotation=0)
+    assert found.complete
+    assert "three joints and a ball joint" in found.method
+    five = chain(*joints, tool)
+    pose = random_pose(five, 0)
+    found = solved(five, pose, rotation=2)
+    assert found.complete
+    turned = pose * pin.SE3(pin.exp3(np.array([0.0, 0.0, 0.7])), np.zeros(3))
+    alike(five, solved(five, turned, rotation=2), list(found))
+
+
+@pytest.mark.parametrize(
+    ("word", "bound"), [("RPRRRR", 16), ("PRRPRR", 8), ("RPRPRP", 2), ("RRR==R", 8), ("PRRR..", 8), ("PRPR..", 4)]
+)
+def test_serial_arms_have_as_many_solutions_as_theory_allows(word, bound):
+    """R: revolute, P: prismatic, =: parallel to the one before, .: through one point with it."""
+    rng = np.random.default_rng(5)
+    joints = []
+    for letter in word:
+        place = (0.0, 0.0, 0.0) if letter == "." else rng.uniform(-1, 1, 3)
+        turn = (0.0, 0.0, rng.uniform(-3, 3)) if letter == "=" else rng.uniform(-3, 3, 3)
+        joints.append(("prismatic" if letter == "P" else "revolute", place, turn))
+    arm = chain(*joints, ("fixed", (0.1, 0.2, 0.3), (0.4, 0.5, 0.6)))
+    found = solved(arm, random_pose(arm, 1))
+    assert found.complete
+    assert found.counts.total == bound
+
+
+def test_joints_are_brought_within_their_limits_by_whole_revolutions():
+    first = ("revolute", (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    arm = chain(first, ("fixed", (0.5, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    pose = arm.placement(np.array([0.5]), "tool")
+    near = cinegen.inverse_kinematics(arm, {"tool": pose}, np.array([6.0]), all=True)
+    assert np.allclose(near[0], 0.5 + 2.0 * math.pi)  # limits are -9 and 9
+    there = cinegen.inverse_kinematics(arm, {"tool": pose}, np.array([14.0]), all=True)
+    assert np.allclose(there[0], 0.5)  # nearest the middle between the limits, as 0.5 + 4 pi is beyond
+    assert not there.outside[0]
+
+
+def test_what_is_not_computed_is_an_error(robot):
+    arm, two = robot("rx90"), robot("gough")
+    pose = arm.placement(arm.q_home, "tool")
+    with pytest.raises(IKError, match="one node at a time"):
+        cinegen.inverse_kinematics(arm, {"tool": pose, "link3": pose}, all=True)
+    with pytest.raises(IKError, match=r"fixed to the base|no joint moves"):
+        cinegen.inverse_kinematics(two, {two.nodes[0]: pose}, all=True)
+    with pytest.raises(IKError, match="3 translations and 0, 2 or 3 rotations"):
+        solved(arm, pose, rotation=1)
+    with pytest.raises(IKError, match="with a position"):
+        solved(arm, pose, translation=0)
+
+
+def test_the_result_as_text_and_json(robot):
+    arm = robot("planar_3r")
+    found = solved(arm, arm.placement(arm.q_home, "tool"))
+    assert repr(found) == "<2 inverse solutions of arm, 2 within the limits, proved to be all>"
+    assert found._repr_html_().count("<tr>") == 3
+    document = found.as_dict()
+    assert [one["within_limits"] for one in document["solutions"]] == [True, True]
+    assert document["closest"] is None
+    assert len(found.placements()) == 2
+    said = []
+    cinegen.inverse_kinematics(arm, {"link3": arm.placement(arm.q_home, "link3")}, all=True, report=said.append)
+    assert found[:1][0] is found[0]
