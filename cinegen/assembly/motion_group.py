@@ -41,7 +41,7 @@ class MotionGroup:
 
     @property
     def description(self) -> str:
-        """Where it leads, as a part of a sentence."""
+        """A part of a sentence: `in a plane`, `about a point`."""
         if self.rotations == 0:
             return "without rotation"
         if self.rotations == 3:

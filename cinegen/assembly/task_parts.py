@@ -25,6 +25,7 @@ from cinegen.assembly.motion_group import MotionGroup, generated
 from cinegen.errors import ClosureError
 from cinegen.joints import kinematic_data
 from cinegen.loops.closed_loops import ClosedLoops, LoopConstraint
+from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
 from cinegen.model.mechanism import MechanismSource
 from raff2urdf import closure
@@ -71,7 +72,7 @@ class VirtualPose(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class TaskPart:
     """A linkage of some of the joints that bring the node to its pose.
 
     Attributes:
@@ -152,7 +153,7 @@ class TaskParts:
         self._parts = split
 
     @cached_property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[TaskPart]:
         """The parts.
 
         Raises:
@@ -288,7 +289,7 @@ class TaskParts:
 
     # --- parts ----------------------------------------------------------------------------------------------------
 
-    def _part(self, joints: set[int], cuts: set[int]) -> Part:
+    def _part(self, joints: set[int], cuts: set[int]) -> TaskPart:
         """Return the linkage of some joints and cuts."""
         own, source, at = pin.Model(), self.mechanism.model, self._at
         body, virtual = 0, []
@@ -328,21 +329,22 @@ class TaskParts:
             close(_VIRTUAL, self._kind, (target[0], target[1] * about), (index[end], frame * about))
         return self._solved(own, virtual, loops)
 
-    def _solved(self, model: pin.Model, virtual: list[str], loops: list[LoopConstraint]) -> Part:
+    def _solved(self, model: pin.Model, virtual: list[str], loops: list[LoopConstraint]) -> TaskPart:
         mechanism, q = self.mechanism, np.zeros(model.nq)
         names = [name for name in model.names if name not in ("universe", *virtual)]
         for name in names:
             q[model.joints[model.getJointId(name)].idx_q] = self.start[mechanism.q_index(name)]
-        rank, _ = closure.generic_rank(ClosedLoops(model, loops, mechanism.length), q)
+        systems = subsystems(ClosedLoops(model, loops, mechanism.length))
+        ranks = tuple(closure.generic_rank(own, q[at])[0] for own, at in systems)
         part = Mechanism(
             name=mechanism.name, model=model, nodes=(_VIRTUAL,), joints=(*virtual, *names),
             actuated=tuple(virtual), loops=tuple(loops), length=mechanism.length, floating=False, q_home=q,
-            loop_rank=rank, gap_as_written=0.0, sensors={}, sensor_constraints=(),
+            cluster_ranks=ranks, gap_as_written=0.0, sensors={}, sensor_constraints=(),
             source=MechanismSource("", None, None, mechanism.name),
         )  # fmt: skip
         distinct = tuple(name for name in names if name in mechanism.actuated)
         try:
-            return Part(part, tuple(names), distinct, ModesSolver(part, recognise_part, distinct, True))
+            return TaskPart(part, tuple(names), distinct, ModesSolver(part, recognise_part, distinct, True))
         except FreeMotionError as error:
             raise ModesError(
                 f"{mechanism.name}: with '{self.task.node}' at a pose its joints {', '.join(names)} still have "

@@ -35,7 +35,7 @@ _KEPT = 8  # tasks of a mechanism whose parts are kept
 
 
 class IKError(CinegenError):
-    """Inverse solutions that can't be computed; the message says why, and what to do."""
+    """Inverse solutions that can't be computed; the message names the reason, and what to do."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
