@@ -64,10 +64,14 @@ def raff2urdf(
             help=f"density of the links, for sdf and mjcf, whose masses are estimated from the graphics [{DENSITY:g}]",
         ),
     ] = None,
-    constraint_elements: Annotated[
-        bool,
-        Option("--constraint-elements", help="urdf: also write the loops as <constraint> elements, a proposal to ROS"),
-    ] = False,
+    dialect: Annotated[
+        Literal["json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml"],
+        Option(
+            "--loops",
+            help="urdf: dialect in which it declares loops and couplings to other programs; json: none but the "
+            "constraints file, which is always written",
+        ),
+    ] = "json",
     robot: Annotated[str | None, Option(metavar="NAME", help="convert only the robot of this name")] = None,
     loop: Loops = None,
     check: Annotated[
@@ -79,8 +83,8 @@ def raff2urdf(
     """Convert RAFF files (Kleinfinger parameters, loops, sensors) to URDF with a constraints file, SDF or MJCF."""
     if density is not None and format == "urdf":
         raise UsageError("--density is for --format sdf or mjcf: a URDF of RAFF has no masses")
-    if constraint_elements and format != "urdf":
-        raise UsageError(f"--constraint-elements is for --format urdf: {format} has its own elements for loops")
+    if dialect != "json" and format != "urdf":
+        raise UsageError(f"--loops is for --format urdf: {format} has its own elements for loops and couplings")
     out, target = _target(output, files, format, json)
     from raff2urdf.conversion import convert
 
@@ -89,7 +93,7 @@ def raff2urdf(
             return _check(name, robot)
         loops = parse_loops(loop)
         found = convert(
-            name, out, robot, loops, format=format, density=density, constraint_elements=constraint_elements,
+            name, out, robot, loops, format=format, density=density, dialect=dialect,
             file=target, overwrite=force,
         )  # fmt: skip
         return [_report(name, format, one) for one in found]

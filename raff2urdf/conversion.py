@@ -177,7 +177,7 @@ def convert(
     *,
     format: str = "urdf",
     density: float | None = None,
-    constraint_elements: bool = False,
+    dialect: str = "json",
     file: str | None = None,
     overwrite: bool = True,
 ) -> list[Conversion]:
@@ -195,7 +195,8 @@ def convert(
         density: of the links, kg/m3, for formats that need masses; 1000 by default.
         file: name of the robot's own file in `out`, whose stem is that of its other files; `-` is standard output.
         overwrite: whether to replace files that were not generated; see `raff2urdf.files.check_new`.
-        constraint_elements: also write the loops into the URDF, as a proposal to ROS defines them.
+        dialect: in which a URDF declares loops and couplings, beside its constraints file: json (none), constraint,
+            urdf+, closing-frames, mimic or robot.yaml; see `raff2urdf.writers.urdf_dialects`.
 
     Raises:
         RaffError: the file is wrong, its loops can't be closed, there is no such format, or `out` can't be written.
@@ -204,7 +205,7 @@ def convert(
     document = parse(read(path), str(path))
     check(document)
     robots = [document.robot(robot)] if robot is not None else list(document.robots)
-    options = WriteOptions(density, constraint_elements)
+    options = WriteOptions(density, dialect)
     if file is not None and len(robots) > 1:
         names = ", ".join(one.name for one in robots)
         raise RaffError(f"{path}: holds several robots ({names}): name one with --robot, or a folder to write to")
@@ -219,8 +220,9 @@ def convert(
         if format != "urdf":
             _warn_outside_limits(document, made)
         own, *others = files(format, made, name, options).items()
-        if streamed and made.constraints["loops"] and others:
-            message = f"{out / str(file)}: its loops are left out: a constraints file needs a file to be next to"
+        constrained = made.constraints["loops"] or made.constraints.get("couplings")
+        if streamed and constrained and others and dialect in ("json", "robot.yaml"):
+            message = f"{out / str(file)}: its loops are left out: {others[0][0]} needs a file to be next to"
             warnings.warn(f"robot '{one.name}': {message}", RaffWarning, stacklevel=2)
         written = {out / (file or own[0]): _marked(own[1])}
         written |= {out / key: content for key, content in (() if streamed else others)}

@@ -26,10 +26,12 @@ NOTE = "raff2urdf constraints:"
 COMMENT = "comment"
 """The dialect of comments that raff2urdf writes."""
 
-_LOOP_LIKE = re.compile(
+LOOP_LIKE = re.compile(
     r"loop|constrain|coupl|bushing|equalit|cut_?joint|(?<!en)(?<!dis)clos(?:ed|ing|ure)|mimic|tendon|weld|pulley"
     r"|(?<![a-z])belt|(?<![a-z])gear(?!.?(?:ratio|reduction))"
 )
+"""Names of elements that declare a loop or a coupling, in lower case."""
+
 _COUPLING = re.compile(r"coupl|tendon|gear|mimic|pulley|belt")
 _SIMULATORS = ("gazebo", "plugin", "ros2_control", "sensor", "transmission")
 
@@ -55,7 +57,7 @@ def lost(unread: Sequence[Declaration], spare: int, closed: int) -> list[Declara
     Args:
         unread: declarations that can't be read.
         spare: number of loops in files next to the URDF that no element declares.
-        closed: number of loops that are read.
+        closed: number of loops and couplings that are read.
     """
     elements = [one for one in unread if one.dialect != COMMENT]
     most = max(Counter(one.dialect for one in elements if one.certain and not one.coupling).values(), default=0)
@@ -81,9 +83,12 @@ def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
     return f"{urdf}:{lost[0].line}: {lost[0].text}{more}. {remedy}"
 
 
-def note(file: str, loops: int) -> Any:
-    """Return the comment that names the file with a URDF's loops."""
-    text = f" {NOTE} {file} ({loops} loop{'s' * (loops != 1)}) "
+def note(file: str, loops: int, couplings: int = 0) -> Any:
+    """Return the comment that names the file with a URDF's loops and couplings."""
+    counts = [
+        f"{count} {word}{'s' * (count != 1)}" for count, word in ((loops, "loop"), (couplings, "coupling")) if count
+    ]
+    text = f" {NOTE} {file} ({' and '.join(counts)}) "
     while "--" in text:
         text = text.replace("--", "- -")
     return etree.Comment(text)
@@ -93,11 +98,14 @@ def _notes(root: Any) -> Iterator[Declaration]:
     for comment in (*root.itersiblings(etree.Comment, preceding=True), *root.iterchildren(etree.Comment)):
         head, _, file = str(comment.text).strip().partition(NOTE)
         if not head and file:
-            where, _, number = file.strip().removesuffix(")").rpartition(" (")
-            loops = number.partition(" ")[0]
-            where, loops = (where, loops) if where and loops.isdigit() else (file.strip(), "1")
+            where, _, counts = file.strip().removesuffix(")").rpartition(" (")
+            numbers = [int(word) for word in counts.split() if word.isdecimal()]
+            if not where or not numbers:
+                where, numbers = file.strip(), [1]
             text = f"according to this comment, the loops are in {where}, but they were not read"
-            yield Declaration(comment.sourceline, COMMENT, f"the loops in {where}", text, where, also=(loops,))
+            yield Declaration(
+                comment.sourceline, COMMENT, f"the loops in {where}", text, where, also=(str(sum(numbers)),)
+            )
 
 
 def _elements(
@@ -111,12 +119,12 @@ def _elements(
         closes = joined is not None and connected.join(*joined)
         if id(element) in read or (word == "mimic" and parent.get("type") == "fixed"):
             continue
-        if _LOOP_LIKE.search(word) and (not simulator or len(_named(element, names)) > 1):
-            yield _declaration(element, _named(element, names), simulator, bool(_COUPLING.search(word)))
+        if LOOP_LIKE.search(word) and (not simulator or len(named_in(element, names)) > 1):
+            yield _declaration(element, named_in(element, names), simulator, bool(_COUPLING.search(word)))
         elif joined is not None and closes:
             yield _declaration(element, joined, simulator, False, element.find("body1") is None)
-        elif word == "plugin" and _LOOP_LIKE.search(_own_words(element)) and len(_named(element, names)) > 1:
-            yield _declaration(element, _named(element, names), simulator, False)
+        elif word == "plugin" and LOOP_LIKE.search(own_words(element)) and len(named_in(element, names)) > 1:
+            yield _declaration(element, named_in(element, names), simulator, False)
         else:
             within = simulator or (word if word in _SIMULATORS else "")
             yield from _elements(element, names, connected, read, within)
@@ -132,11 +140,12 @@ def _declaration(
     return Declaration(element.sourceline, tag, label, text, name, coupling=coupling, certain=certain, element=element)
 
 
-def _own_words(element: Any) -> str:
+def own_words(element: Any) -> str:
+    """Return the name and the file of a plugin, in lower case."""
     return f"{element.get('name', '')} {element.get('filename', '')}".lower()
 
 
-def _named(element: Any, names: Collection[str]) -> list[str]:
+def named_in(element: Any, names: Collection[str]) -> list[str]:
     """Return the links and joints that an element names, in its attributes or texts."""
     words: dict[str, None] = {}
     for inner in element.iter("*"):

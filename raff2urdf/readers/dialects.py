@@ -105,6 +105,7 @@ class _Files:
         text: of the URDF, with joints replaced if a file asks for it.
         values: contents of a constraints file; None without any.
         dialect: of those; empty without any.
+        checked: loops of robot.yaml, which must be among those of the values.
         left_out: files that were ignored.
     """
 
@@ -112,6 +113,7 @@ class _Files:
         self.text, self.dialect = text, ""
         self.left_out: tuple[str, ...] = ()
         self.values: Constraints | None = None
+        self.checked: list[Mapping[str, Any]] = []
         for own, reader in ((sidecar.constraints_of(path), sidecar), (robot_yaml.sidecar_of(path), robot_yaml)):
             if own is None or not own.exists():
                 continue
@@ -121,6 +123,10 @@ class _Files:
             self.text, self.values = reader.loops_of(path, text) or (text, None)
             self.dialect = own.name if own.name == "robot.yaml" else "".join(own.suffixes[-2:]) or own.name
             break
+        embedded = None if ignore.takes("raff:robot") else sidecar.embedded(path, text)
+        if embedded is not None and not self.dialect.endswith(".json"):
+            self.checked = self.values["loops"] if self.values is not None else []
+            self.text, self.values, self.dialect = text, embedded, "raff:robot"
         own_closures = loop_closures.sidecar_of(path, UrdfTree(parse(self.text, str(path)), str(path)))
         if own_closures is not None and ignore.takes(own_closures.name):
             self.left_out += (own_closures.name,)
@@ -161,13 +167,15 @@ class _Composed:
         self._dialects = [files.dialect] if files.values is not None else []
         for entry in (files.values or {}).get("loops", []):
             self.add(_of_file(files.dialect, entry["name"]), _cut_of(entry))
+        for entry in files.checked:
+            self.add(_of_file("robot.yaml", entry["name"]), _cut_of(entry))
         for entry in (files.values or {}).get("couplings", []):
             self.add(_of_file(files.dialect, entry["name"]), entry)
 
     @property
     def closed(self) -> int:
-        """Number of loops."""
-        return len(self._cuts)
+        """Number of loops and couplings."""
+        return len(self._cuts) + len(self._equations)
 
     @property
     def spare(self) -> int:
@@ -257,8 +265,9 @@ class _Composed:
         return made
 
     def _in_order(self) -> list[tuple[Declaration, CouplingEntry]]:
-        """Return the couplings, each behind those that lead the joints it depends on."""
-        pending, ordered = list(self._equations), list[tuple[Declaration, CouplingEntry]]()
+        """Return the couplings: those of a file as there, then each behind those that lead the joints it depends on."""
+        ordered = [one for one in self._equations if not one[0].line]
+        pending = [one for one in self._equations if one[0].line]
         while pending:
             following = {entry["terms"][0]["joint"] for _, entry in pending}
             first = next(

@@ -3,6 +3,8 @@
 <mimic>                    in a <joint>: q = multiplier * leader + offset
 <coupling>                 URDF+: ratio * (sum of the joints down to the predecessor) = sum of those down to the
                            successor, both from their nearest common ancestor
+<constraint type="coupling">  written by `raff2urdf --loops constraint`: the sum of c1 q + c2 q^2 + ... of each <term>,
+                           with these coefficients, is the <constant>
 <plugin> in <gazebo>       mimic plugins, with <joint> and <mimicJoint>
 <param name="mimic">       in a <joint> of <ros2_control>
 """
@@ -16,8 +18,11 @@ from typing import Any
 from raff2urdf.coupling import coupling_entry
 from raff2urdf.errors import did_you_mean
 from raff2urdf.readers.declaration import CouplingEntry, Declaration, label_of
-from raff2urdf.readers.urdf import joints, number
+from raff2urdf.readers.urdf import joints, number, numbers
 from raff2urdf.readers.urdf_tree import UrdfTree
+
+COUPLING = "coupling"
+"""Type of a `<constraint>` that couples joints."""
 
 _MOVING = ("revolute", "continuous", "prismatic")
 
@@ -37,6 +42,12 @@ def find(root: Any) -> Iterator[Declaration]:
         yield Declaration(
             element.sourceline, "URDF+", label, f"{label} declares a coupling", element.get("name", ""),
             coupling=True, read=_urdf_plus(element), element=element,
+        )  # fmt: skip
+    for element in root.iterfind(f"constraint[@type='{COUPLING}']"):
+        label = label_of(element)
+        yield Declaration(
+            element.sourceline, "constraint elements", label, f"{label} declares a coupling", element.get("name", ""),
+            coupling=True, read=_constraint(element), element=element,
         )  # fmt: skip
     for plugin in root.iterfind("gazebo/plugin"):
         leader, follower = ((plugin.findtext(word) or "").strip() for word in ("joint", "mimicJoint"))
@@ -90,6 +101,24 @@ def _urdf_plus(element: Any) -> Callable[[UrdfTree], CouplingEntry]:
         if not terms:
             raise tree.error(element, f"{label} couples no joint: '{links[0]}' and '{links[1]}' are one rigid body")
         return coupling_entry(element.get("name") or "-".join(links), terms)
+
+    return read
+
+
+def _constraint(element: Any) -> Callable[[UrdfTree], CouplingEntry]:
+    def read(tree: UrdfTree) -> CouplingEntry:
+        label, terms = label_of(element), dict[str, list[float]]()
+        for term in element.iterchildren("term"):
+            joint, coefficients = term.get("joint", ""), numbers(term.get("coefficients", ""))
+            _check(tree, element, joint, label)
+            if not coefficients or not any(coefficients) or joint in terms:
+                raise tree.error(term, f"the <term> of joint '{joint}' in {label} must have coefficients, and be one")
+            terms[joint] = coefficients
+        if not terms:
+            raise tree.error(element, f"{label} has no <term>: add one for each joint")
+        constant = element.find("constant")
+        value = 0.0 if constant is None else _number(tree, constant, label, constant.get("value", ""), "constant")
+        return coupling_entry(element.get("name") or "-".join(terms), terms, value)
 
     return read
 

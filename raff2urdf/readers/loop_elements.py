@@ -1,7 +1,7 @@
 """Read the elements of a URDF that declare a loop by its two ends, each with its placement.
 
     <loop>                     URDF+ (Chignoli et al., arXiv:2411.19753)
-    <constraint>               the proposal ros/urdfdom_headers#108; `raff2urdf --constraint-elements` writes it
+    <constraint>               the proposal ros/urdfdom_headers#108; `raff2urdf --loops constraint` writes it
     <loop_joint>               Isaac Sim, with <link1> and <link2>; exporters of Fusion 360, with <parent> and <child>
     <drake:ball_constraint>    Drake: two points coincide
     <drake:linear_bushing_rpy> Drake: read as the joint that it stands for, by the stiffnesses that are 0
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from raff2urdf.errors import did_you_mean
 from raff2urdf.placement import translation
 from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
+from raff2urdf.readers.joint_couplings import COUPLING
 from raff2urdf.readers.loop_joint import KINDS, LoopJoint
 from raff2urdf.readers.urdf import origin, three
 from raff2urdf.readers.urdf_tree import UrdfTree, along
@@ -35,7 +36,7 @@ def find(root: Any) -> Iterator[Declaration]:
     """Yield the declarations of these dialects."""
     for element in root.iterchildren("*"):
         word = local(element)
-        if word not in READERS:
+        if word not in READERS or element.get("type") == COUPLING:
             continue
         dialect, reader = READERS[word]
 

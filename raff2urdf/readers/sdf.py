@@ -24,6 +24,8 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import inverse, with_z
+from raff2urdf.readers.declaration import label_of, local, tag_of
+from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
 from raff2urdf.readers.sdf_model import (
     GEARBOX,
     LOOP_KINDS,
@@ -44,7 +46,7 @@ from raff2urdf.writers.tree_at_home import SIZES
 Array = NDArray[np.float64]
 
 _ON_AXIS = 1e-12  # m: a link whose origin is this near a joint's axis rotates about its origin
-_PARALLEL = 1e-9  # rad: axes of a gear train are parallel up to this
+_PARALLEL = 1e-3  # rad: axes of a gear train are parallel up to this; poses are written with few digits
 
 
 def read(
@@ -75,7 +77,41 @@ def read(
     version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]
     model = SdfModelReader(name, (int(version[0]), int(version[-1]) if len(version) > 1 else 0)).model(chosen[0])
     conversion = _SdfToUrdf(name, model, ignore)
-    return *conversion.run(), conversion.ignored
+    return *conversion.run(), [*conversion.ignored, *_unread(name, chosen[0], model, ignore)]
+
+
+def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -> list[str]:
+    """Return what seems to declare a loop or a coupling that is not read, and is to be left out.
+
+    Raises:
+        RaffError: such an element is not to be left out.
+    """
+    names = {*model.links, *(joint.name for joint in model.joints)}
+    names |= {own.rpartition("::")[2] for own in names}
+    found = []
+    pending = [element]
+    if element.getparent().tag == "world":
+        pending += [own for own in element.getparent().iterchildren("*") if own.tag not in ("model", "actor", "light")]
+    while pending:
+        one = pending.pop()
+        word, parent = local(one), one.getparent().tag
+        likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(one))
+        in_place = parent in ("model", "world", "joint") or one is element
+        elsewhere = word == "joint" and parent != "model" and len(one) > 0
+        read = word in _READ or NAMESPACE in str(one.tag)
+        if not read and (likely or plugin or elsewhere) and ((likely and in_place) or len(named_in(one, names)) > 1):
+            label, own = label_of(one), one.get("name") or tag_of(one)
+            if own not in ignore:
+                what = f"{label} seems to declare a loop or a coupling, which can't be read"
+                raise error_at(name, one, f"{what}: {leave_out(own)}")
+            found.append(f"'{own}' (line {one.sourceline})")
+        elif not read and word not in _SOLID:
+            pending += one.iterchildren("*")
+    return found
+
+
+_READ = ("mimic", "gearbox_ratio", "gearbox_reference_body", "must_be_loop_joint")
+_SOLID = ("visual", "collision", "inertial", "light", "sensor", "audio_source")  # parts of links
 
 
 class _Step(NamedTuple):

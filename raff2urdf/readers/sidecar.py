@@ -1,4 +1,5 @@
-"""Read the constraints file of a URDF; find one that is not read, because of its name or a broken link."""
+"""Read the constraints of a URDF: the file next to it, or the element in it, which raff2urdf writes. Find a file that
+is not read, because of its name or a broken link."""
 
 from __future__ import annotations
 
@@ -9,11 +10,15 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import NamedTuple
 
-from raff2urdf.constraints import Constraints, load
+from raff2urdf.constraints import Constraints, Known, load, loads
+from raff2urdf.errors import RaffError
 from raff2urdf.readers.successive import moving
 from raff2urdf.readers.urdf import IGNORE, parse, root_first
 
 ENDING = ".constraints.json"
+OWN_ELEMENT = "{urn:raff2urdf}robot"
+"""Element of a URDF with the contents of its constraints file as text."""
+
 _LARGEST = 16_000_000  # bytes of a file that is searched
 
 
@@ -45,10 +50,31 @@ def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
         RaffError: the file is wrong, or contradicts the URDF.
     """
     own = constraints_of(urdf)
-    if not own.exists():
+    return (text, load(own, *_known(urdf, text))) if own.exists() else None
+
+
+def embedded(urdf: Path, text: str) -> Constraints | None:
+    """Return the constraints in the element `raff:robot` of a URDF; None if it has none.
+
+    Raises:
+        RaffError: they are wrong, or contradict the URDF or its constraints file.
+    """
+    found = parse(text, str(urdf)).find(OWN_ELEMENT)
+    if found is None:
         return None
+    name = f"{urdf}:{found.sourceline}: raff:robot"
+    values = loads(found.text or "", name, *_known(urdf, text))
+    file = loops_of(urdf, text)
+    if file is not None and file[1] != values:
+        other = constraints_of(urdf).name
+        raise RaffError(f"{name} differs from {other}: remove one of them, or write both again with raff2urdf")
+    return values
+
+
+def _known(urdf: Path, text: str) -> tuple[Known, dict[str, str]]:
+    """Return the names of a URDF's links and moving joints, and the types of these."""
     types = moving(text, str(urdf))
-    return text, load(own, (root_first(parse(text, str(urdf))), list(types)), types)
+    return (root_first(parse(text, str(urdf))), list(types)), types
 
 
 def misplaced(urdf: Path, text: str) -> Misplaced | None:

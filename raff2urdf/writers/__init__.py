@@ -22,6 +22,9 @@ FORMATS: Mapping[str, str] = {
     "mjcf": "raff2urdf.writers.mjcf",
 }
 
+DIALECTS = ("json", "constraint", "urdf+", "closing-frames", "mimic", "robot.yaml")
+"""How a URDF declares loops and couplings to other programs: see `raff2urdf.writers.urdf_dialects`."""
+
 DENSITY = 1000.0
 """Density of links by default, kg/m3: that of water, and nearly that of plastics. A bar of it weighs as much as a tube
 of aluminium whose wall is a fifth of its radius."""
@@ -33,11 +36,11 @@ class WriteOptions:
 
     Attributes:
         density: of the links, kg/m3; `DENSITY` if None.
-        constraint_elements: whether a URDF gets elements for its loops.
+        dialect: in which a URDF declares loops and couplings; one of `DIALECTS`.
     """
 
     density: float | None = None
-    constraint_elements: bool = False
+    dialect: str = "json"
 
 
 def files(format: str, translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
@@ -54,5 +57,7 @@ def files(format: str, translation: Translation, stem: str, options: WriteOption
     """
     if format not in FORMATS:
         raise RaffError(f"there is no format '{format}'{did_you_mean(format, list(FORMATS))}")
+    if options.dialect not in DIALECTS:
+        raise RaffError(f"there is no dialect '{options.dialect}'{did_you_mean(options.dialect, list(DIALECTS))}")
     found: dict[str, bytes] = importlib.import_module(FORMATS[format]).files(translation, stem, options)
     return found

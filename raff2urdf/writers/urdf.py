@@ -4,67 +4,66 @@ Joint variables keep RAFF's own zero: the joint of a revolute link is placed at 
 Tz(r) and rotates by theta about its z; that of a prismatic link at Rz(gamma) Tz(epsilon) Rx(alpha) Tx(d) Rz(theta) and
 translates by r along it.
 
-URDF has no standard element for loops. Those written on request are of a proposal to ROS
-(ros/urdfdom_headers#108); programs that don't know them ignore them.
+Loops and couplings are in the constraints file, and on request in the URDF too: see `urdf_dialects`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from lxml import etree
-from numpy.typing import NDArray
 
 from raff2urdf import constraints as constraints_file
 from raff2urdf.document import Document, JointType, RaffLink, RaffNode, RaffPart, RaffRobot
+from raff2urdf.errors import RaffWarning
+from raff2urdf.files import GENERATED
 from raff2urdf.graphics.meshes import Graphics
 from raff2urdf.graphics.skeleton import SkeletonDrawing
 from raff2urdf.kleinfinger import transform
-from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.readers.declared_loops import note
 from raff2urdf.readers.sidecar import ENDING
 from raff2urdf.readers.urdf import UNLIMITED
-from raff2urdf.tree import BASE_JOINT, WORLD, kleinfinger, limits, moved, velocity
+from raff2urdf.tree import BASE_JOINT, WORLD, characteristic_length, kleinfinger, limits, moved, velocity
 from raff2urdf.urdf_model import UrdfJoint, UrdfLimit, UrdfLink, UrdfRobot, to_xml
-from raff2urdf.writers.xml_text import numerals, text_of
+from raff2urdf.writers.xml_text import text_of
 
 if TYPE_CHECKING:
     from raff2urdf.conversion import Translation
     from raff2urdf.writers import WriteOptions
 
-_LOOP_TYPES = {"rigid": "link", "prismatic": "prismatic", "revolute": "revolute", "ball": "spherical"}
-"""The proposal's name for each kind of loop: the joint that was cut."""
-
 
 def files(translation: Translation, stem: str, options: WriteOptions) -> dict[str, bytes]:
-    """Return the URDF and the constraints file."""
+    """Return the URDF and the constraints file; of the dialect robot.yaml, that file too."""
     values, sidecar = translation.constraints, f"{stem}{ENDING}"
-    text = translation.urdf
-    if values["loops"]:
+    text, more = translation.urdf, dict[str, bytes]()
+    loops, couplings = len(values["loops"]), len(values.get("couplings", []))
+    if loops or couplings or options.dialect != "json":
         root = etree.fromstring(text.encode(), etree.XMLParser(remove_blank_text=True))
-        root.insert(0, note(sidecar, len(values["loops"])))
-        if options.constraint_elements:
-            add_constraints(root, values)
+        if loops or couplings:
+            root.insert(0, note(sidecar, loops, couplings))
+        if options.dialect != "json":
+            more = _add_dialect(root, translation, stem, options.dialect)
         text = text_of(root)
-    return {f"{stem}.urdf": text.encode(), sidecar: constraints_file.dumps(values).encode()}
+    return {f"{stem}.urdf": text.encode(), sidecar: constraints_file.dumps(values).encode(), **more}
 
 
-def add_constraints(root: etree._Element, values: Mapping[str, Any]) -> None:
-    """Append an element `constraint` for each loop to the root of a URDF."""
-    for loop in values["loops"]:
-        kind = _LOOP_TYPES[loop["kind"]]
-        element = etree.SubElement(root, "constraint", name=loop["name"], type=kind)
-        for word, which in (("parent", "first"), ("child", "second")):
-            placement: NDArray[np.float64] = np.array(loop[which]["placement"], dtype=float)
-            xyz, rpy = numerals(placement[:3, 3]), numerals(roll_pitch_yaw(placement))
-            etree.SubElement(element, word, link=loop[which]["node"])
-            etree.SubElement(element, f"{word}_origin", xyz=xyz, rpy=rpy)
-            if kind in ("prismatic", "revolute"):
-                etree.SubElement(element, f"{word}_axis", xyz="0 0 1")  # in the axes of the origin above
+def _add_dialect(root: etree._Element, translation: Translation, stem: str, dialect: str) -> dict[str, bytes]:
+    """Add loops and couplings in a dialect; return the content of the file that it needs, by name."""
+    from raff2urdf.writers.tree_at_home import TreeAtHome
+    from raff2urdf.writers.urdf_dialects import UrdfDialectWriter
+
+    origins = np.array([placed[:3, 3] for placed in TreeAtHome(translation).world.values()])
+    joints = translation.model.joints
+    writer = UrdfDialectWriter(root, joints, translation.constraints, characteristic_length(origins))
+    writer.write(dialect)
+    if writer.lost:
+        what = f"{dialect} has no notation for {', '.join(writer.lost)}: only cinegen reads them, from raff:robot"
+        warnings.warn(f"robot '{translation.model.name}': {what}", RaffWarning, stacklevel=4)
+    return {f"{stem}.yaml": f"# {GENERATED}\n{writer.yaml}".encode()} if dialect == "robot.yaml" else {}
 
 
 def tree(

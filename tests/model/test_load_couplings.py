@@ -235,6 +235,40 @@ def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(write, text, s
         cinegen.load(write(text))
 
 
+WORDS = ["loop", "loop_joint", "closing_constraint", "constraint", "coupling", "tendon", "weld", "belt", "gear"]
+
+
+@pytest.mark.parametrize("word", WORDS)
+@pytest.mark.parametrize("where", ["</model>", "</sdf>", "</axis>"])
+def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(write, word, where):
+    element = f'<{word} name="extra"><parent>input</parent><child>output</child></{word}>'
+    text = train(gear="")
+    if where == "</sdf>":  # in a world, behind the model
+        text = text.replace("<model name", "<world name='w'><model name").replace("</model>", "</model></world>")
+        where = "</world>"
+    text = text.replace(where, element + where, 1)
+    with pytest.raises(cinegen.CinegenError, match=rf":\d+: <{word}> 'extra' seems to declare .*--ignore extra"):
+        cinegen.load(write(text))
+    with pytest.warns(UserWarning, match="left out, as requested: 'extra'"):
+        assert cinegen.load(write(text), ignore=["extra"]).mobility == 3
+
+
+def test_plugins_that_couple_joints_are_not_dropped_in_silence(write):
+    plugins = {
+        '<plugin name="p" filename="libmimic.so"><joint>in</joint><mimicJoint>out</mimicJoint></plugin>': 1,
+        '<plugin name="p" filename="x.so"><joint><parent>input</parent><child>output</child></joint></plugin>': 1,
+        '<plugin name="p" filename="libclosed_loop_control.so"><joint>in</joint></plugin>': 0,
+        '<plugin name="p" filename="libstate.so"><joint_name>in</joint_name><joint_name>out</joint_name></plugin>': 0,
+    }
+    for plugin, lost in plugins.items():
+        path = write(train(gear=plugin))
+        if lost:
+            with pytest.raises(cinegen.CinegenError, match="seems to declare a loop or a coupling"):
+                cinegen.load(path)
+        else:
+            assert cinegen.load(path).mobility == 3
+
+
 # --- MJCF --------------------------------------------------------------------------------------------------------
 
 ROW = """<mujoco>

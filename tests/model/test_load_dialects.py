@@ -551,14 +551,14 @@ def test_a_loop_is_left_out_by_name_in_every_format(format, root, tmp_path):
 def test_our_own_elements_close_the_loops_where_the_constraints_are_lost(root, tmp_path):
     import raff2urdf
 
-    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, constraint_elements=True)
+    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, dialect="constraint")
     path = tmp_path / "five_bar.urdf"
     whole = cinegen.load(path)
     assert len(whole.loops) == 1
     (tmp_path / "five_bar.constraints.json").unlink()
     found = cinegen.load(path)
     assert (found.mobility, [loop.name for loop in found.loops]) == (2, [loop.name for loop in whole.loops])
-    assert found.source.dialects == ("constraint elements",)
+    assert found.source.dialects == ("raff:robot", "constraint elements")
     assert dragged(found)[0] <= 1e-10
 
 

@@ -21,7 +21,7 @@ from mechanisms import delta, four_bar, skew_four_bar
 import raff2urdf
 from raff2urdf import RaffError, constraints
 from raff2urdf.cli import main
-from raff2urdf.writers.urdf import add_constraints
+from raff2urdf.writers.urdf_dialects import UrdfDialectWriter
 
 ARM = "RAFF arm\nrobot r { base { }\n  link 1 { type 2 pred 0 }\n  link 2 { parameters { d 100 } type 2 pred 1 }\n}\n"
 TWO = "RAFF two\nrobot left { base { } link 1 { type 2 pred 0 } }\nrobot right { base { } link 1 { type 1 pred 0 } }\n"
@@ -170,7 +170,7 @@ def test_a_wrong_density_writes_nothing(folder: Path, run: Run) -> None:
     [
         (["--format", "urdff"], "'urdff' is not one of 'urdf', 'sdf', 'mjcf'"),
         (["--density", "5"], "--density is for --format sdf or mjcf: a URDF of RAFF has no masses"),
-        (["--format", "sdf", "--constraint-elements"], "--constraint-elements is for --format urdf"),
+        (["--format", "sdf", "--loops", "urdf+"], "--loops is for --format urdf"),
     ],
     ids=["format", "density", "elements"],
 )
@@ -199,7 +199,7 @@ def test_a_home_outside_the_limits_is_told_where_a_simulation_begins_there(folde
 
 def test_loops_may_stand_in_the_urdf_too(folder: Path, run: Run) -> None:
     """As ros/urdfdom_headers#108 proposes; readers of URDF pass over them."""
-    run("delta4.raff", "--constraint-elements", "-o", "with/")
+    run("delta4.raff", "--loops", "constraint", "-o", "with/")
     run("delta4.raff", "-o", "without/")
     path = folder / "with" / "delta4.urdf"
     found = etree.parse(path).findall("constraint")
@@ -222,7 +222,7 @@ def test_each_kind_of_loop_has_the_proposals_word(kind: str, word: str, axes: in
     turned = [[0.0, -1.0, 0.0, 0.1], [1.0, 0.0, 0.0, 0.2], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]]
     ends = {which: {"node": which, "placement": turned} for which in ("first", "second")}
     root = etree.fromstring('<robot name="r"><link name="first"/></robot>')
-    add_constraints(root, {"loops": [{"name": "l", "kind": kind, **ends}]})
+    UrdfDialectWriter(root, [], {"loops": [{"name": "l", "kind": kind, **ends}]}, 1.0).write("constraint")
     (element,) = root.findall("constraint")
     assert element.get("type") == word
     assert [e.get("xyz") for e in element if e.tag.endswith("_axis")] == ["0 0 1"] * axes
@@ -312,7 +312,7 @@ def test_the_error_tells_how_to_close_the_loop_from_the_command(folder: Path, ru
 def test_help_names_every_option(run: Run) -> None:
     done = run("--help")
     assert done.code == 0
-    options = ("--output", "--robot", "--loop", "--check", "--json", "--format", "--density", "--constraint-elements")
+    options = ("--output", "--robot", "--loop", "--check", "--json", "--format", "--density", "--loops")
     for option in options:
         assert option in done.out
 

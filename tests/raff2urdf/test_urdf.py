@@ -25,8 +25,9 @@ from raff2urdf import RaffError, RaffWarning, loads
 from raff2urdf.conversion import Translation, translate
 from raff2urdf.document import Document, JointType, Parameters, RaffLink, RaffRobot
 from raff2urdf.kleinfinger import Kleinfinger
+from raff2urdf.placement import roll_pitch_yaw
 from raff2urdf.tree import placements
-from raff2urdf.writers.urdf import UNLIMITED, roll_pitch_yaw
+from raff2urdf.writers.urdf import UNLIMITED
 
 EXACT = 1e-12  # m and rad: rounding along a chain of some links of up to a metre
 

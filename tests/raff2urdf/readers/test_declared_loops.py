@@ -236,7 +236,7 @@ def test_urdf2raff_refuses_too_and_opens_on_demand(bars, tmp_path, capsys):
 
 @pytest.mark.parametrize("elements", [False, True])
 def test_a_urdf_of_ours_without_its_constraints_is_refused(elements, root, tmp_path):
-    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, constraint_elements=elements)
+    raff2urdf.convert(root / "robots" / "five_bar.raff", tmp_path, dialect="constraint" if elements else "json")
     urdf = tmp_path / "five_bar.urdf"
     assert len(readers.read(urdf)[1]["loops"]) == 1
     (tmp_path / "five_bar.constraints.json").unlink()

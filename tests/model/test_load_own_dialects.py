@@ -1,0 +1,214 @@
+"""RAFF -> URDF in every dialect of loops -> `cinegen.load`: the same mechanism, bit for bit, wherever the URDF is."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lxml import etree
+
+import cinegen
+import raff2urdf
+from raff2urdf.conversion import convert
+from raff2urdf.writers import DIALECTS
+
+ROBOTS = Path(__file__).resolve().parents[2] / "robots"
+FILES = [(path, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
+
+MORE = {
+    "slide_loop": """RAFF Slide
+robot slide {
+  base { parameters { theta 30 alpha 40 r 100 } }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
+  frame 4 { parameters { alpha 90 d 100 } pred 3 }
+  frame 5 { parameters { gamma 30 d 350 alpha 90 } pred 0 }
+  constraint { frame 4 frame 5 type 1 }
+}""",
+    "coupled": """RAFF Coupled
+sensor 1 { port "/dev/tty" }
+robot coupled {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 limits { -170 170 } }
+  link 2 { parameters { theta 20 d 300 } type 2 pred 1 }
+  link 3 { parameters { theta 60 d 200 } type 2 pred 2 }
+  link 4 { parameters { theta -26 d 120 } type 2 pred 0 }
+  frame 5 { parameters { d 100 } pred 3 }
+  frame 6 { parameters { d 360 } pred 4 }
+  link 7 { parameters { r 20 alpha 90 } type 1 pred 4 }
+  link 8 { parameters { theta 20 alpha 90 } type 2 pred 7 }
+  link 9 { parameters { theta 10 alpha 70 r 50 } type 2 pred 4 }
+  link 10 { parameters { theta 10 alpha 70 d 50 } type 2 pred 9 }
+  constraint { frame 5 frame 6 type 2 }
+  constraint { base sensor ( 0 1 ) }
+  coupling { link 7 link 8 lead 20 offset 20 }
+  coupling { name "siblings" link 9 link 10 ratio -2 }
+  coupling { name "cam" link 8 link 1 polynomial ( 0 0.01 ) link 4 ratio 0.5 }
+}""",
+    "siblings": """RAFF Siblings
+robot siblings {
+  base { }
+  link 1 { parameters { theta 40 } type 2 pred 0 }
+  link 2 { parameters { theta -80 d 300 } type 2 pred 0 }
+  link 3 { parameters { theta 0 d 300 r 10 } type 2 pred 0 }
+  coupling { link 2 link 1 ratio -2 }
+  coupling { link 3 link 2 ratio 0.3 offset 12 }
+}""",
+}
+
+
+@pytest.fixture(params=[*(f"{path.stem}:{name}" for path, name in FILES), *MORE], scope="module")
+def original(request, tmp_path_factory):
+    """The RAFF file, and the mechanism of one of its robots."""
+    if request.param in MORE:
+        path = tmp_path_factory.mktemp("raff") / f"{request.param}.raff"
+        path.write_text(MORE[request.param])
+        return path, cinegen.load(path)
+    path, name = next(one for one in FILES if f"{one[0].stem}:{one[1]}" == request.param)
+    return path, cinegen.load(path, name)
+
+
+def converted(path, robot, out, dialect):
+    """The URDF of a robot, and the loops and couplings for which the dialect has no notation."""
+    with warnings.catch_warnings(record=True) as seen:
+        warnings.simplefilter("always")
+        made = [one for one in convert(path, out, dialect=dialect) if one.robot == robot]
+    lost = [str(one.message) for one in seen if "only cinegen reads them" in str(one.message)]
+    lost = [message for message in lost if f"robot '{robot}'" in message]
+    return made[0].file, re.findall("(?:loop|coupling) '[^']*'", lost[0]) if lost else []
+
+
+def assert_same(back, there):
+    assert np.array_equal(back.q_home, there.q_home)
+    assert (back.mobility, back.loop_rank) == (there.mobility, there.loop_rank)
+    assert (back.joints, back.actuated, back.nodes) == (there.joints, there.actuated, there.nodes)
+    assert [(loop.name, loop.kind, loop.first, loop.second) for loop in back.loops] == [
+        (loop.name, loop.kind, loop.first, loop.second) for loop in there.loops
+    ]
+    assert list(map(str, back.couplings)) == list(map(str, there.couplings))
+    assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
+    assert (back.sensors, back.sensor_constraints) == (there.sensors, there.sensor_constraints)
+    for word in ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit"):
+        assert np.array_equal(getattr(back.model, word), getattr(there.model, word))
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_every_dialect_comes_back_bit_for_bit(original, dialect, tmp_path):
+    path, there = original
+    urdf, _ = converted(path, there.name, tmp_path / "made", dialect)
+    assert_same(cinegen.load(urdf), there)
+    if dialect == "json":
+        return
+    for file in (tmp_path / "made").glob("*.constraints.json"):
+        file.unlink()
+    assert_same(cinegen.load(urdf), there)
+    (tmp_path / "moved").mkdir()
+    moved = shutil.copy(urdf, tmp_path / "moved")
+    assert_same(cinegen.load(moved), there)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS[1:])
+def test_what_a_dialect_declares_is_the_mechanism_but_for_what_is_named(original, dialect, tmp_path):
+    """Without what is only for cinegen: home is another one, but the loops and couplings are all there."""
+    path, there = original
+    urdf, lost = converted(path, there.name, tmp_path, dialect)
+    for file in tmp_path.glob("*.constraints.json"):
+        file.unlink()
+    root = etree.fromstring(urdf.read_bytes())
+    own = root.find("{urn:raff2urdf}robot")
+    assert own is not None
+    root.remove(own)
+    if lost:
+        return
+    urdf.write_bytes(etree.tostring(root))
+    try:
+        back = cinegen.load(urdf)
+    except cinegen.ClosureError:
+        return  # from all joints at 0
+    assert back.mobility == there.mobility
+    assert len(back.couplings) == len(there.couplings)
+    assert (
+        back.closure(back.configuration({joint: there.q_home[there.q_index(joint)] for joint in there.joints})) < 1e-11
+    )
+
+
+@pytest.mark.parametrize("dialect", ["json", "constraint", "urdf+"])
+def test_a_urdf_becomes_a_raff_of_the_same_mechanism(original, dialect, tmp_path):
+    path, there = original
+    urdf, _ = converted(path, there.name, tmp_path, dialect)
+    found = raff2urdf.to_raff(urdf, tmp_path / "again.raff", graphics=False)
+    back = cinegen.load(tmp_path / "again.raff")
+    assert (back.mobility, back.actuated) == (there.mobility, there.actuated)
+    assert [one.name for one in back.couplings] == [one.name for one in there.couplings]
+    for q in [there.q_home, *there.random_closed(3)]:
+        values = {joint: q[there.q_index(joint)] for joint in there.joints}
+        moved = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
+        assert back.closure(back.configuration(moved)) < 1e-9
+
+
+def test_each_dialect_names_what_it_lacks(tmp_path):
+    path = tmp_path / "coupled.raff"
+    path.write_text(MORE["coupled"])
+    expected = {
+        "constraint": [],
+        "urdf+": ["coupling 'cam'"],
+        "closing-frames": ["coupling 'cam'"],
+        "mimic": ["loop 'frame5-frame6'", "coupling 'cam'"],
+        "robot.yaml": ["coupling 'cam'"],
+    }
+    for dialect, lost in expected.items():
+        assert converted(path, "coupled", tmp_path / dialect, dialect)[1] == lost
+    path = tmp_path / "slide.raff"
+    path.write_text(MORE["slide_loop"])
+    for dialect in ("closing-frames", "robot.yaml", "mimic"):
+        assert converted(path, "slide", tmp_path / dialect, dialect)[1] == ["loop 'frame4-frame5'"]
+    for dialect in ("constraint", "urdf+"):
+        assert converted(path, "slide", tmp_path / dialect, dialect)[1] == []
+
+
+def test_urdf_plus_couples_links_of_one_parent_and_mimics_the_others(tmp_path):
+    path = tmp_path / "siblings.raff"
+    path.write_text(MORE["siblings"])
+    urdf, _ = converted(path, "siblings", tmp_path, "urdf+")
+    root = etree.fromstring(urdf.read_bytes())
+    (coupling,) = root.findall("coupling")
+    assert [child.tag for child in coupling] == ["predecessor", "successor", "ratio"]
+    assert coupling.find("ratio").get("value") == "-2"
+    (mimic,) = root.findall("joint/mimic")
+    assert (mimic.getparent().get("name"), mimic.get("joint"), mimic.get("multiplier")) == ("joint3", "joint2", "0.3")
+
+
+@pytest.mark.parametrize("dialect", ["constraint", "urdf+", "closing-frames"])
+def test_an_edited_loop_contradicts_what_is_kept_for_cinegen(dialect, tmp_path):
+    urdf, _ = converted(ROBOTS / "four_bar.raff", "linkage", tmp_path, dialect)
+    (tmp_path / "four_bar.constraints.json").unlink()
+    root = etree.fromstring(urdf.read_bytes())
+    path = {
+        "constraint": "constraint/parent_origin",
+        "urdf+": "loop/predecessor/origin",
+        "closing-frames": "joint[starts-with(@name, 'closing_')]/origin",
+    }
+    root.xpath(path[dialect])[0].set("xyz", "0.1 0.2 0")
+    urdf.write_bytes(etree.tostring(root))
+    with pytest.raises(cinegen.CinegenError, match="contradicts"):
+        cinegen.load(urdf)
+
+
+def test_two_copies_that_differ_are_an_error(tmp_path):
+    urdf, _ = converted(ROBOTS / "four_bar.raff", "linkage", tmp_path, "urdf+")
+    sidecar = tmp_path / "four_bar.constraints.json"
+    sidecar.write_text(sidecar.read_text().replace('"actuated": true', '"actuated": false', 1))
+    with pytest.raises(
+        cinegen.CinegenError, match=r"four_bar.urdf:\d+: raff:robot differs from four_bar.constraints.json"
+    ):
+        cinegen.load(urdf)
+
+
+def test_a_dialect_that_does_not_exist_is_answered_with_those_that_do(tmp_path):
+    with pytest.raises(raff2urdf.RaffError, match="there is no dialect 'urdf': did you mean 'urdf\\+'"):
+        convert(ROBOTS / "four_bar.raff", tmp_path, dialect="urdf")
