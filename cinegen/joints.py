@@ -51,10 +51,9 @@ def step_scale(model: pin.Model, length: float) -> Array:
 
 def supporting_columns(model: pin.Model, joint: int) -> Array:
     """Return (nv,) 1 for each column of a Jacobian that moves the body behind a joint (by its index), else 0."""
-    columns, first, count = np.zeros(model.nv), model.idx_vs, model.nvs
-    for j in model.supports[joint]:
-        columns[max(first[j], 0) : max(first[j], 0) + count[j]] = 1.0
-    return columns
+    supports = np.zeros(model.njoints)
+    supports[list(model.supports[joint])] = 1.0
+    return np.repeat(supports, list(model.nvs))
 
 
 def scalar_joints(model: pin.Model) -> tuple[Indices, Indices]:

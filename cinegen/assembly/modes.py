@@ -19,6 +19,7 @@ from cinegen.model import Mechanism
 
 Array = NDArray[np.float64]
 
+_MOST_EQUATIONS = 100
 _THERE = 1e-6  # rad, characteristic lengths: a redundant joint is at the value asked for
 
 
@@ -86,6 +87,12 @@ class ModesSolver:
         virtual: bool = False,
     ) -> None:  # fmt: skip
         self._virtual = virtual
+        if mechanism.loop_rank > _MOST_EQUATIONS:
+            raise ModesError(
+                f"the loops of {mechanism.name} are {mechanism.loop_rank} independent equations in "
+                f"{len(mechanism.cluster_ranks)} clusters: assembly modes are computed for up to {_MOST_EQUATIONS}, as "
+                "their number grows exponentially; take a part of the mechanism"
+            )
         self.lock = threading.Lock()
         try:
             self._linkage = Linkage(mechanism, distinct=distinct)

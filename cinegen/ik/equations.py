@@ -15,10 +15,13 @@ from numpy.typing import NDArray
 from cinegen.ik.task import FrameTask
 from cinegen.ik.thresholds import ERROR_CAP
 from cinegen.loops.closed_loops import ClosedLoops
+from cinegen.loops.clusters import linked
 from cinegen.model import Mechanism
 from raff2urdf.closure import rank
 
 Array = NDArray[np.float64]
+
+_LARGE = 100  # columns of a Jacobian that is decomposed block by block
 
 
 def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
@@ -29,8 +32,24 @@ def free_motions(loops: Array, rank: int) -> tuple[Array, Array]:
     """
     if rank == 0:
         return np.eye(loops.shape[1]), np.zeros(0)
-    _, sigma, vt = np.linalg.svd(loops, full_matrices=True)
-    return vt[rank:].T, sigma[:rank]
+    if loops.shape[1] <= _LARGE:
+        _, sigma, vt = np.linalg.svd(loops, full_matrices=True)
+        return vt[rank:].T, sigma[:rank]
+    blocks = [(columns, *np.linalg.svd(loops[rows][:, columns])[1:]) for rows, columns in _blocks(loops)]
+    sigma = np.concatenate([own for _, own, _ in blocks])
+    largest = np.argsort(-sigma, kind="stable")[:rank]
+    owner = np.repeat(np.arange(len(blocks)), [len(own) for _, own, _ in blocks])
+    ranks = np.bincount(owner[largest], minlength=len(blocks))
+    motions = [np.delete(np.eye(loops.shape[1]), np.concatenate([columns for columns, _, _ in blocks]), axis=0)]
+    for (columns, _, vt), own_rank in zip(blocks, ranks, strict=True):
+        motions.append(np.zeros((len(vt) - own_rank, loops.shape[1])))
+        motions[-1][:, columns] = vt[own_rank:]
+    return np.vstack(motions).T, sigma[largest]
+
+
+def _blocks(matrix: Array) -> list[tuple[list[int], NDArray[np.intp]]]:
+    """Return the blocks of a matrix, by their rows and columns: it is zero outside them."""
+    return linked([np.flatnonzero(row) for row in matrix])
 
 
 def axes_of(task: FrameTask, mechanism: Mechanism, system: ClosedLoops) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,15 +34,6 @@ class LoopCluster:
 def clusters(system: ClosedLoops) -> list[LoopCluster]:
     """Return the clusters of a mechanism, in the order of their first equations; no equation and no column is in
     two."""
-    groups: list[tuple[set[int], list[int]]] = []  # columns, constraints
-    for i, columns in enumerate(system.columns):
-        together, members, apart = set(columns.tolist()), [i], []
-        for group in groups:
-            if group[0].isdisjoint(together):
-                apart.append(group)
-            else:
-                together, members = group[0] | together, group[1] + members
-        groups = [*apart, (together, sorted(members))]
     heights = [*(loop.rows for loop in system.loops), *[1] * len(system.couplings)]
     rows = np.split(np.arange(system.rows), np.cumsum(heights)[:-1])
     count = len(system.loops)
@@ -50,9 +42,30 @@ def clusters(system: ClosedLoops) -> list[LoopCluster]:
             tuple(i for i in members if i < count),
             tuple(i - count for i in members if i >= count),
             np.concatenate([rows[i] for i in members]),
-            np.array(sorted(together), dtype=np.intp),
+            columns,
         )
-        for together, members in sorted(groups, key=lambda group: group[1])
+        for members, columns in linked(system.columns)
+    ]
+
+
+def linked(constraints: Sequence[Indices]) -> list[tuple[list[int], Indices]]:
+    """Return constraints, by their indices, and columns in groups: those of two groups share no column.
+
+    Args:
+        constraints: columns of each.
+    """
+    groups: list[tuple[list[int], set[int]]] = []
+    for i, columns in enumerate(constraints):
+        members, together, apart = [i], set(columns.tolist()), []
+        for group in groups:
+            if group[1].isdisjoint(together):
+                apart.append(group)
+            else:
+                members, together = group[0] + members, group[1] | together
+        groups = [*apart, (sorted(members), together)]
+    return [
+        (members, np.array(sorted(columns), dtype=np.intp))
+        for members, columns in sorted(groups, key=lambda group: group[0])
     ]
 
 

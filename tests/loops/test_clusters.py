@@ -1,0 +1,241 @@
+"""Clusters of loops that share no joint: found, closed and solved each by itself; a hundred on a thousand joints."""
+
+from __future__ import annotations
+
+import importlib.util
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cinegen
+import raff2urdf
+from cinegen.errors import ClosureError
+from cinegen.ik.equations import free_motions
+from cinegen.loops.arrays import null_space
+from cinegen.loops.clusters import clusters, subsystems
+from cinegen.session import Session, arrange
+from cinegen.session import commands as c
+
+_SPEC = importlib.util.spec_from_file_location(
+    "large_mechanisms", Path(__file__).resolve().parents[2] / "benchmarks/large.py"
+)
+large = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(large)
+
+FAMILIES = ("chain", "snake", "star", "train", "girder")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("large")
+
+
+@pytest.fixture(scope="module")
+def made(folder):
+    """`made("snake", 30)`: the mechanism, loaded once."""
+    known = {}
+
+    def make(family, joints):
+        if (family, joints) not in known:
+            path = folder / f"{family}{joints}.raff"
+            path.write_text(large.FAMILIES[family](joints), encoding="utf-8")
+            known[family, joints] = cinegen.load(path)
+        return known[family, joints]
+
+    return make
+
+
+def dragged(mechanism: cinegen.Mechanism, ticks: int = 300, radius: float = 0.01) -> tuple[cinegen.Solver, float]:
+    """Lead the end along a circle of some mm, and wait; loops are closed at every tick. Return what is left, m."""
+    solver = cinegen.Solver(mechanism, 1e-3)
+    target = mechanism.placement(mechanism.q_home, mechanism.end)
+    task, home = solver.add_task(mechanism.end, target, rotation=0), target.translation.copy()
+    for i in range(ticks + 30):
+        about = 2.0 * np.pi * min(i + 1, ticks) / ticks
+        target.translation = home + radius * np.array([np.sin(about), 1.0 - np.cos(about), 0.0])
+        task.target = target
+        step = solver.step()
+        assert step.closure <= 1e-10
+        assert mechanism.closure(step.q) <= 1e-10
+    return solver, step.errors[0][0]
+
+
+@pytest.mark.parametrize("joints", [10, 30, 100])
+@pytest.mark.parametrize("family", FAMILIES)
+def test_mobility_is_as_counted_by_hand(made, family, joints):
+    mechanism = made(family, joints)
+    assert mechanism.mobility == large.MOBILITY[family](joints)
+    assert len(mechanism.actuated) == mechanism.mobility
+    one = family in ("train", "girder")
+    assert len(mechanism.cluster_ranks) == (1 if one else len(mechanism.loops))
+
+
+@pytest.mark.parametrize("family", ["snake", "star"])
+def test_a_thousand_joints_with_a_hundred_loops(made, family):
+    mechanism = made(family, 1000)
+    assert (mechanism.model.nv, len(mechanism.loops), mechanism.mobility) == (1000, 100, 800)
+    assert mechanism.cluster_ranks == (2,) * 100
+    rng = np.random.default_rng(0)
+    for size in (1e-6, 1e-2, 0.3):
+        q = mechanism.close(mechanism.q_home + size * rng.uniform(-1.0, 1.0, 1000))
+        assert mechanism.closure(q) <= 1e-12
+    solver, left = dragged(mechanism)
+    assert left < 1e-5 * mechanism.length  # the star is 20 m wide: motions of a segment are small, and damped
+    motions = null_space(solver._memory)
+    assert motions.shape == (800, 1000)
+    assert motions @ motions.T == pytest.approx(np.eye(800), abs=1e-12)
+
+
+def test_a_thousand_joints_without_loops(made):
+    mechanism = made("chain", 1000)
+    assert mechanism.mobility == 1000
+    assert dragged(mechanism)[1] < 1e-6
+
+
+def test_jacobians_of_a_thousand_joints_are_derivatives(made):
+    mechanism = made("snake", 1000)
+    rng = np.random.default_rng(1)
+    q, h = mechanism.q_home + 0.1 * rng.normal(size=1000), 1e-6  # loops are open
+    loops, node = mechanism.loop_jacobian(q), mechanism.jacobian(q, mechanism.end)
+    here = mechanism.placement(q, mechanism.end)
+    for column in rng.choice(1000, 30, replace=False):
+        step = np.zeros(1000)
+        step[column] = h
+        ahead, behind = mechanism.integrate(q, step), mechanism.integrate(q, -step)
+        found = (mechanism.loop_residual(ahead) - mechanism.loop_residual(behind)) / (2.0 * h)
+        assert loops[:, column] == pytest.approx(found, abs=1e-8)
+        there, back = (mechanism.placement(at, mechanism.end).translation for at in (ahead, behind))
+        assert here.rotation @ node[:3, column] == pytest.approx((there - back) / (2.0 * h), abs=1e-7)
+
+
+def test_a_thousand_joints_are_converted_and_described(made, folder):
+    mechanism = made("snake", 1000)
+    written = raff2urdf.convert(folder / "snake1000.raff", folder / "out")[0]
+    again = cinegen.load(written.file)
+    assert np.array_equal(again.q_home, mechanism.q_home)
+    assert again.cluster_ranks == mechanism.cluster_ranks
+    command = [sys.executable, "-m", "cinegen", "info", str(folder / "snake1000.raff")]
+    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    assert run.stdout.startswith("snake1000: robot 'r', mobility 800, 1000 joints (800 actuated), 100 loops")
+
+
+def test_a_thousand_joints_are_driven_in_a_session(made):
+    mechanism = made("snake", 1000)
+    session = Session(arrange({"snake": mechanism}))
+    to = mechanism.placement(mechanism.q_home, mechanism.end).translation + np.array([0.01, -0.02, 0.01])
+    session.obey(c.StartDrag("snake", mechanism.end, (0.0, 0.0, 0.0)))
+    session.obey(c.MoveDrag(tuple(to)))
+    for _ in range(200):
+        session.tick()
+    robot = session.state().robots["snake"]
+    session.close()
+    assert np.linalg.norm(mechanism.placement(robot.q, mechanism.end).translation - to) < 1e-6
+    assert mechanism.closure(robot.q) <= 1e-10
+
+
+def test_modes_of_many_loops_are_refused(made):
+    with pytest.raises(cinegen.CinegenError, match="200 independent equations"):
+        cinegen.assembly_modes(made("snake", 1000))
+
+
+@pytest.mark.parametrize("family", ["train", "girder"])
+def test_loops_that_share_joints_with_their_neighbours(made, family):
+    mechanism = made(family, 100)
+    rng = np.random.default_rng(2)
+    q = mechanism.close(mechanism.q_home + 1e-2 * rng.uniform(-1.0, 1.0, mechanism.model.nq))
+    assert mechanism.closure(q) <= 1e-12
+    dragged(mechanism)
+
+
+# --- clusters ------------------------------------------------------------------------------------------------------
+
+FOUR_BARS = """RAFF two
+robot r {{ base {{ }}
+link 1 {{ parameters {{ theta 80 }} type 2 pred 0 }} link 2 {{ parameters {{ theta -80 d 60 }} type 2 pred 1 }}
+link 3 {{ parameters {{ theta 80 d 80 }} type 2 pred 0 }} frame 4 {{ parameters {{ d 80 }} pred 2 }}
+frame 5 {{ parameters {{ d {rocker} }} pred 3 }} constraint {{ frame 4 frame 5 type 2 }}
+link 6 {{ parameters {{ theta 10 d 50 }} type 2 pred 2 }}
+link 11 {{ parameters {{ theta 80 d 200 }} type 2 pred 6 }} link 12 {{ parameters {{ theta -80 d 60 }} type 2 pred 11 }}
+link 13 {{ parameters {{ theta 80 d 280 }} type 2 pred 6 }} frame 14 {{ parameters {{ d 80 }} pred 12 }}
+frame 15 {{ parameters {{ d 60 }} pred 13 }} constraint {{ frame 14 frame 15 type 2 }} {more} }}
+"""
+
+
+def two(tmp_path: Path, rocker: float = 60.0, more: str = "") -> cinegen.Mechanism:
+    """Two four-bar linkages; a joint between them, and one that carries the second, are in no loop."""
+    (tmp_path / "two.raff").write_text(FOUR_BARS.format(rocker=rocker, more=more), encoding="utf-8")
+    return cinegen.load(tmp_path / "two.raff")
+
+
+def test_loops_that_share_no_joint_are_clusters(tmp_path):
+    mechanism = two(tmp_path)
+    first, second = clusters(mechanism.system)
+    names = [{mechanism.columns[k] for k in one.columns} for one in (first, second)]
+    assert names == [{"joint1", "joint2", "joint3"}, {"joint11", "joint12", "joint13"}]
+    assert [one.rows.tolist() for one in (first, second)] == [[0, 1, 2, 3, 4], [5, 6, 7, 8, 9]]
+    assert (mechanism.cluster_ranks, mechanism.mobility) == ((2, 2), 3)
+    jacobian = mechanism.system.evaluate(mechanism.q_home)[1]
+    for one in (first, second):
+        outside = np.setdiff1d(np.arange(7), one.columns)
+        assert not jacobian[np.ix_(one.rows, outside)].any()
+
+
+def test_a_coupling_links_clusters(tmp_path):
+    mechanism = two(tmp_path, more="coupling { link 11 link 1 ratio 1 offset 0 }")
+    (one,) = clusters(mechanism.system)
+    assert (one.loops, one.couplings) == ((0, 1), (0,))
+    assert (mechanism.cluster_ranks, mechanism.mobility) == ((5,), 2)
+
+
+def test_a_cluster_alone_has_the_equations_that_it_has_in_the_mechanism(tmp_path):
+    mechanism = two(tmp_path)
+    rng = np.random.default_rng(3)
+    q = mechanism.q_home + 0.2 * rng.normal(size=7)
+    residual, jacobian = mechanism.system.evaluate(q)
+    found = subsystems(mechanism.system)
+    assert len(found) == 2
+    for one, (own, at) in zip(clusters(mechanism.system), found, strict=True):
+        alone, own_jacobian = own.evaluate(q[at])
+        assert alone == pytest.approx(residual[one.rows], abs=1e-14)
+        assert own_jacobian == pytest.approx(jacobian[np.ix_(one.rows, one.columns)], abs=1e-14)
+
+
+def test_an_open_cluster_is_named_and_no_other(tmp_path):
+    with pytest.raises(ClosureError) as caught:
+        two(tmp_path, rocker=500.0)
+    assert "'frame4-frame5'" in str(caught.value)
+    assert "frame14" not in str(caught.value)
+
+
+def test_a_cluster_that_can_not_be_closed_does_not_keep_others_open(tmp_path):
+    mechanism = two(tmp_path)
+    q, mask = mechanism.q_home + 0.05, np.zeros(7)
+    mask[[mechanism.v_index(name) for name in ("joint1", "joint2", "joint3")]] = 1.0
+    closing = mechanism._closer.close(q, mask)
+    assert not closing.closed
+    residual = np.abs(mechanism.system.evaluate(closing.q)[0])
+    assert residual[5:].max() <= 1e-12
+    joints = [mechanism.q_index(f"joint{number}") for number in (1, 2, 3, 6)]
+    assert np.array_equal(closing.q[joints], q[joints])
+
+
+def test_random_configurations_move_all_joints_of_several_clusters(tmp_path):
+    mechanism = two(tmp_path)
+    found = np.array(mechanism.random_closed(4))
+    assert found.shape == (4, 7)
+    assert (np.abs(found - mechanism.q_home).max(axis=0) > 0.05).all()
+    assert max(mechanism.closure(q) for q in found) <= 1e-12
+
+
+@pytest.mark.parametrize("family", ["snake", "star", "girder"])
+def test_motions_of_large_jacobians_are_those_of_their_singular_vectors(made, family):
+    mechanism = made(family, 300 if family == "girder" else 1000)
+    jacobian = mechanism.system.evaluate(mechanism.random_closed(1)[0])[1]
+    motions, sigma = free_motions(jacobian, mechanism.loop_rank)
+    assert motions.shape == (mechanism.model.nv, mechanism.mobility)
+    assert motions.T @ motions == pytest.approx(np.eye(mechanism.mobility), abs=1e-12)
+    assert jacobian @ motions == pytest.approx(np.zeros((len(jacobian), mechanism.mobility)), abs=1e-12)
+    assert sigma == pytest.approx(np.linalg.svd(jacobian, compute_uv=False)[: mechanism.loop_rank], abs=1e-12)
