@@ -63,6 +63,9 @@ def _add_dialect(root: etree._Element, translation: Translation, stem: str, dial
     if writer.lost:
         what = f"{dialect} has no notation for {', '.join(writer.lost)}: only cinegen reads them, from raff:robot"
         warnings.warn(f"robot '{translation.model.name}': {what}", RaffWarning, stacklevel=4)
+    if writer.extended:
+        what = f"URDF+ has no balls: {', '.join(writer.extended)} have the type spherical, which its own parser refuses"
+        warnings.warn(f"robot '{translation.model.name}': {what}", RaffWarning, stacklevel=4)
     return {f"{stem}.yaml": f"# {GENERATED}\n{writer.yaml}".encode()} if dialect == "robot.yaml" else {}
 
 

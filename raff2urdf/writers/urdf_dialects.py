@@ -2,7 +2,8 @@
 
     json            nothing: they are in the constraints file
     constraint      <constraint> of ros/urdfdom_headers#108; couplings as <constraint type="coupling">
-    urdf+           <loop> and <coupling> of URDF+ (Chignoli et al., arXiv:2411.19753), else <mimic>
+    urdf+           <loop> and <coupling> of URDF+ (Chignoli et al., arXiv:2411.19753), else <mimic>. A ball
+                    gets the type spherical, which the parser of URDF+ refuses
     closing-frames  pairs of links closing_NAME_1 and closing_NAME_2 of onshape-to-robot and placo, whose origins
                     coincide: one pair for a ball; for a hinge another one on its axis, closing_NAME_1_z; for a rigid
                     loop two further pairs, of the loops NAME.x and NAME.y. Couplings as <mimic>
@@ -51,6 +52,7 @@ class UrdfDialectWriter:
 
     Attributes:
         lost: loops and couplings for which the dialect has no notation.
+        extended: loops whose type is not in the dialect, but obvious.
         yaml: the text of `robot.yaml`; empty in other dialects.
     """
 
@@ -60,6 +62,7 @@ class UrdfDialectWriter:
         self.elements = {str(joint.get("name")): joint for joint in root.iterchildren("joint")}
         self.couplings = [coupling_of(entry) for entry in values.get("couplings", [])]
         self.lost: list[str] = []
+        self.extended: list[str] = []
         self.yaml = ""
         self._mimics: dict[str, str] = {}  # leaders by their followers
 
@@ -107,6 +110,7 @@ class UrdfDialectWriter:
             self.elements[joint["name"]].set("independent", str(joint["actuated"]).lower())
         for loop in self.values["loops"]:
             element = etree.SubElement(self.root, "loop", name=loop["name"], type=_LOOP_TYPES[loop["kind"]])
+            self.extended += [f"loop '{loop['name']}'"] if loop["kind"] == "ball" else []
             for word, which in (("predecessor", "first"), ("successor", "second")):
                 end = etree.SubElement(element, word, link=loop[which]["node"])
                 etree.SubElement(end, "origin", _origin(loop[which]))

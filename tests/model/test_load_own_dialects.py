@@ -7,14 +7,19 @@ import shutil
 import warnings
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from lxml import etree
 
 import cinegen
 import raff2urdf
 from raff2urdf.conversion import convert
 from raff2urdf.writers import DIALECTS
+from tests.model.test_couplings import random_text, seeds
+from tests.raff2urdf.strategies import examples
 
 ROBOTS = Path(__file__).resolve().parents[2] / "robots"
 FILES = [(path, robot.name) for path in sorted(ROBOTS.glob("*.raff")) for robot in raff2urdf.load(path).robots]
@@ -149,6 +154,53 @@ def test_a_urdf_becomes_a_raff_of_the_same_mechanism(original, dialect, tmp_path
         values = {joint: q[there.q_index(joint)] for joint in there.joints}
         moved = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
         assert back.closure(back.configuration(moved)) < 1e-9
+
+
+@examples(25)
+@given(seeds, st.sampled_from(DIALECTS))
+def test_random_couplings_come_back_in_every_dialect(tmp_path_factory, seed, dialect):
+    folder = tmp_path_factory.mktemp("any")
+    path = folder / "any.raff"
+    path.write_text(random_text(np.random.default_rng(seed))[0])
+    there = cinegen.load(path)
+    urdf, _ = converted(path, "any", folder, dialect)
+    if dialect != "json":
+        (folder / "any.constraints.json").unlink()
+    assert_same(cinegen.load(urdf), there)
+
+
+@examples(60)
+@given(seeds)
+def test_mujoco_finds_random_couplings_fulfilled(tmp_path_factory, seed):
+    folder = tmp_path_factory.mktemp("any")
+    path = folder / "any.raff"
+    path.write_text(random_text(np.random.default_rng(seed))[0])
+    there = cinegen.load(path)
+    curved = [sum(len(c) > 1 for c in coupling.terms.values()) for coupling in there.couplings]
+    if max(curved) > 1:
+        with pytest.raises(
+            raff2urdf.RaffError, match="MJCF has no notation for a coupling with curves of several joints"
+        ):
+            convert(path, folder, format="mjcf")
+        return
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        made = convert(path, folder, format="mjcf")[0].file
+    model = mujoco.MjModel.from_xml_path(str(made))
+    data = mujoco.MjData(model)
+    ranks = []
+    for q in [there.q_home, *there.random_closed(4)]:
+        for joint in there.joints:
+            data.joint(joint).qpos[:] = q[there.q_index(joint)]
+        mujoco.mj_forward(model, data)
+        rows = data.efc_type[: data.nefc] == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+        assert rows.sum() == len(there.couplings)
+        sizes = [max(1.0, *(abs(x) for x in row)) for row in data.efc_J.reshape(-1, model.nv)[: data.nefc][rows]]
+        assert (np.abs(data.efc_pos[: data.nefc][rows]) / sizes).max() < 1e-9
+        ranks.append(np.linalg.matrix_rank(data.efc_J.reshape(-1, model.nv)[: data.nefc][rows], tol=1e-9))
+    assert there.mobility == model.nv - max(ranks)
+    back = cinegen.load(made)
+    assert (back.mobility, len(back.couplings)) == (there.mobility, len(there.couplings))
 
 
 def test_each_dialect_names_what_it_lacks(tmp_path):
