@@ -26,7 +26,7 @@ from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import inverse, with_z
 from raff2urdf.readers.declaration import label_of, local, tag_of
 from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
-from raff2urdf.readers.sdf_model import (
+from raff2urdf.readers.sdf.model import (
     GEARBOX,
     LOOP_KINDS,
     SdfAxis,

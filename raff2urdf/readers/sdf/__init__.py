@@ -1,0 +1,5 @@
+"""Read SDF: what a file holds (`model`), and its conversion to a URDF with loops and couplings (`conversion`)."""
+
+from raff2urdf.readers.sdf.conversion import read
+
+__all__ = ["read"]
