@@ -126,7 +126,8 @@ def _of_format(dialect: str, ignore: IgnoreList, urdf: str, values: Constraints,
     """Return a robot of a format that declares loops and couplings itself."""
     declares = values["loops"] or values.get("couplings")
     requested = tuple(one for one in ignored if ignore.takes(*re.findall("'([^']*)'", one)))
-    return Description(urdf, values, (dialect,) if declares else (), (), requested, tuple(ignored))
+    notes = tuple(f"not read: {one}" for one in ignored if one not in requested)
+    return Description(urdf, values, (dialect,) if declares else (), notes, requested, tuple(ignored))
 
 
 _OTHER_ROOTS = {

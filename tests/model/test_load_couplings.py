@@ -330,6 +330,8 @@ def test_couplings_are_mujocos(write, name):
 def test_what_is_not_read_of_an_mjcf_is_listed(write):
     path = write(ROW.format(EQUALITIES["several"]), "row.xml")
     assert mjcf.read(path)[2] == ["equality constraint 'g' (not active)", "limits of tendon 'two'"]
+    notes = cinegen.load(path).source.notes
+    assert notes == ("not read: equality constraint 'g' (not active)", "not read: limits of tendon 'two'")
     _, constraints, ignored = mjcf.read(path, ignore=["e"])
     assert [coupling["name"] for coupling in constraints["couplings"]] == ["f"]
     assert ignored[0] == "equality constraint 'e'"
