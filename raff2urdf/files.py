@@ -57,8 +57,8 @@ def _all_of(stream: TextIO) -> bytes:
 
 
 def stem_of(path: Path) -> str:
-    """Return a file's name without its ending; `stdin` for standard input."""
-    return "stdin" if path == STANDARD else path.stem
+    """Return a file's name without its ending, as `arm` for `arm.urdf.xacro`; `stdin` for standard input."""
+    return "stdin" if path == STANDARD else path.stem.removesuffix(".urdf" if path.suffix == ".xacro" else "")
 
 
 def output_path(given: str | Path | None, name: str) -> Path:

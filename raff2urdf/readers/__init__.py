@@ -51,7 +51,7 @@ def holds_xml(path: Path) -> bool:
 
 
 def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignore: Sequence[str] = ()) -> Description:
-    """Read the robot of a URDF, SDF or MJCF; a URDF may be in xacro.
+    """Read the robot of a URDF, SDF or MJCF. A URDF may be xacro: then errors name lines of what xacro makes of it.
 
     Args:
         path: of the file.
@@ -64,10 +64,13 @@ def read(path: Path, robot: str | None = None, ignore_loops: bool = False, ignor
         RaffError: the file, or its sidecar file, can't be read or is wrong: where and why. A file declares a loop or a
             coupling that can't be read, and that is not ignored. `ignore` names none.
     """
+    from raff2urdf.readers import xacro_file
     from raff2urdf.readers.declaration import IgnoreList
 
     text = read_text(path)
     root = parse_xml(text, str(path))
+    if root.tag == "robot" and xacro_file.is_xacro(path, root):
+        text = xacro_file.expanded(path)
     kind = str(root.tag)
     if kind not in READERS:
         known = ", ".join(f"<{word}>" for word in READERS)

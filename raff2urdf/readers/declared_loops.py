@@ -17,7 +17,7 @@ from lxml import etree
 
 from raff2urdf.readers.closing_joints import Connections, joined_links
 from raff2urdf.readers.declaration import Declaration, label_of, listed, local, tag_of
-from raff2urdf.readers.sidecar import ENDING
+from raff2urdf.readers.sidecar import constraints_of
 from raff2urdf.readers.urdf import IGNORE, joints, links
 
 NOTE = "raff2urdf constraints:"
@@ -72,7 +72,7 @@ def refusal(lost: Sequence[Declaration], urdf: Path) -> str:
         lost: at least one.
         urdf: path of the URDF.
     """
-    sidecar = urdf.with_suffix(ENDING).name
+    sidecar = constraints_of(urdf).name
     more = f". Also not read: {listed(lost[1:], 3)}" if len(lost) > 1 else ""
     word = lost[0].words[0]
     leave = f'or leave it out with --ignore {word} (in Python ignore=["{word}"]), or all loops with {IGNORE}'

@@ -25,6 +25,7 @@ from raff2urdf.constraints import Constraints, loop_entry
 from raff2urdf.errors import RaffError, RaffWarning, did_you_mean
 from raff2urdf.graphics.names import find
 from raff2urdf.readers import successive
+from raff2urdf.readers.sidecar import plain
 from raff2urdf.readers.urdf import ends, joints, parse, remove, root_first
 from raff2urdf.readers.xml_file import read_text
 
@@ -38,7 +39,7 @@ def sidecar_of(path: Path) -> Path | None:
 
     Other programs write a `<stem>.yaml` of their own: it must contain one of the keys that only this format has.
     """
-    own, shared = path.with_suffix(".yaml"), path.with_name("robot.yaml")
+    own, shared = plain(path).with_suffix(".yaml"), path.with_name("robot.yaml")
     if own.is_file() and (own == shared or any(key.encode() in own.read_bytes() for key in _DISTINCTIVE)):
         return own
     return shared if shared.is_file() else None

@@ -40,7 +40,12 @@ class Misplaced(NamedTuple):
 
 def constraints_of(urdf: Path) -> Path:
     """Return the path of a URDF's constraints file, which need not exist."""
-    return urdf.with_suffix(ENDING)
+    return plain(urdf).with_suffix(ENDING)
+
+
+def plain(urdf: Path) -> Path:
+    """Return the path of a URDF without the ending of xacro."""
+    return urdf.with_suffix("") if urdf.suffix.lower() == ".xacro" else urdf
 
 
 def loops_of(urdf: Path, text: str) -> tuple[str, Constraints] | None:
@@ -84,6 +89,7 @@ def misplaced(urdf: Path, text: str) -> Misplaced | None:
         urdf: its path; it has no sidecar file.
         text: of the URDF.
     """
+    urdf = plain(urdf)
     own, tree = constraints_of(urdf), parse(text, str(urdf))
     robot, names, joints = tree.get("name", ""), root_first(tree), moving(text, str(urdf))
     try:

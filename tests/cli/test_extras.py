@@ -16,7 +16,7 @@ PROGRAM = """
 import contextlib, io, json, sys
 
 MISSING = '''matplotlib xarray zarr google_crc32c dask distributed cryptography mujoco ezdxf playwright imageio_ffmpeg
-ompl collada networkx pandas PIL IPython meshcat yourdfpy shapely'''
+ompl collada networkx pandas PIL IPython meshcat yourdfpy shapely xacro'''
 sys.modules.update(dict.fromkeys(MISSING.split()))  # None: as if it were not installed
 from cinegen.cli import main
 from raff2urdf.cli import main as raff2urdf
@@ -42,6 +42,7 @@ NEED = {
     "plot": ["modes", "four_bar", "--plot", "modes.png"],
     "maps": ["map", "four_bar", "--over", "joint1", "--yes"],
     "mjcf": ["info", "robot.xml"],
+    "xacro": ["info", "robot.xacro"],
     "film": ["drive", "four_bar", "--video", "film.mp4", "--seconds", "1"],
     "sampling": ["plan", "disc", "--planner", "rrtconnect"],
 }
@@ -52,6 +53,7 @@ def found(tmp_path_factory):
     """What commands return and print in one process that can't import the packages of the extras."""
     folder = tmp_path_factory.mktemp("without extras")
     (folder / "robot.xml").write_text("<mujoco/>")
+    (folder / "robot.xacro").write_text("<robot/>")
     calls = {**WORK, **NEED, "dxf": ["raff2urdf", "rx90"]}
     command = [sys.executable, "-c", PROGRAM, json.dumps(list(calls.values()))]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=True)

@@ -212,11 +212,6 @@ def test_a_second_parent_is_removed_from_the_tree(bars):
         assert text.count("<joint") == 3
 
 
-def test_of_xacro_it_is_said_what_it_is(bars):
-    with pytest.raises(RaffError, match=r"declares a loop.*load the output of `xacro"):
-        readers.read(bars('<xacro:leg_loop xmlns:xacro="http://ros.org/wiki/xacro"/>'))
-
-
 def test_urdf2raff_refuses_too_and_opens_on_demand(bars, tmp_path, capsys):
     from raff2urdf.urdf2raff.cli import main
 

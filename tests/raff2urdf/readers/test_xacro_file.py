@@ -1,0 +1,107 @@
+"""URDFs in xacro are expanded by the package xacro."""
+
+from __future__ import annotations
+
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+import cinegen
+import raff2urdf
+from raff2urdf import readers
+from raff2urdf.errors import RaffError
+
+BARS = """<robot name="bars" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:include filename="bar.xacro"/>
+  <xacro:property name="length" value="0.5"/>
+  <link name="ground"/>
+  <xacro:bar name="crank" parent="ground" at="0 0 0"/>
+  <xacro:bar name="coupler" parent="crank" at="${2 * length} 0 0"/>
+  <xacro:if value="true">
+    <loop_joint name="pin" type="spherical"> <link1 link="ground" xyz="${length} 0 0"/> <link2 link="coupler"/>
+    </loop_joint>
+  </xacro:if>
+</robot>
+"""
+BAR = """<robot xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:macro name="bar" params="name parent at">
+    <link name="${name}"/>
+    <joint name="${name}_joint" type="continuous">
+      <parent link="${parent}"/> <child link="${name}"/> <origin xyz="${at}"/> <axis xyz="0 0 1"/>
+    </joint>
+  </xacro:macro>
+</robot>
+"""
+
+
+@pytest.fixture
+def bars(tmp_path):
+    pytest.importorskip("xacro")
+    (tmp_path / "bar.xacro").write_text(BAR)
+
+    def write(name, text=BARS):
+        path = tmp_path / name
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("name", ["bars.urdf.xacro", "bars.xacro", "bars.urdf"])
+def test_macros_and_included_files_are_expanded(name, bars):
+    found = readers.read(bars(name))
+    assert 'xyz="1.0 0 0"' in found.urdf
+    assert [loop["name"] for loop in found.constraints["loops"]] == ["pin"]
+    assert found.constraints["loops"][0]["first"]["placement"][0][3] == 0.5
+
+
+def test_a_sidecar_file_is_named_without_xacro(bars, tmp_path):
+    path = bars("bars.urdf.xacro", BARS.replace("loop_joint", "frame"))
+    (tmp_path / "bars.yaml").write_text("closed_loop: [[ground, coupler]]\ntype: [3d]\n")
+    with pytest.raises(cinegen.ClosureError):  # the coupler is 1 m away from the ground, and stays there
+        cinegen.load(path)
+    (tmp_path / "bars.yaml").unlink()
+    assert cinegen.load(path).mobility == 2
+
+
+def test_commands_and_conversion_take_xacro(bars, tmp_path, capsys):
+    from cinegen.cli import main
+    from raff2urdf.urdf2raff.cli import main as urdf2raff
+
+    path = bars("bars.urdf.xacro", BARS.replace("loop_joint", "frame"))
+    assert main(["info", str(path)]) == 0
+    assert "bars: robot 'bars', mobility 2" in capsys.readouterr().out
+    assert urdf2raff([str(path), "-o", f"{tmp_path}/"]) == 0
+    assert len(raff2urdf.load(tmp_path / "bars.raff").robot().links) == 2
+
+
+@pytest.mark.parametrize(
+    ("element", "says"),
+    [
+        ("<xacro:nope/>", "xacro: unknown macro name: xacro:nope"),
+        ('<link name="${nope}"/>', "xacro: name 'nope' is not defined"),
+        ('<xacro:include filename="gone.xacro"/>', "No such file or directory"),
+        ('<xacro:arg name="side"/><link name="$(arg side)"/>', "xacro:arg"),
+    ],
+)
+def test_what_xacro_refuses_is_told(element, says, bars):
+    path = bars("wrong.xacro", f'<robot name="w" xmlns:xacro="http://www.ros.org/wiki/xacro">{element}</robot>')
+    with pytest.raises(RaffError, match=rf"wrong\.xacro: .*{says}"):
+        readers.read(path)
+
+
+def test_packages_need_ros(bars):
+    if find_spec("ament_index_python") is not None:
+        pytest.skip("ROS is there")
+    path = bars("wrong.xacro", BARS.replace("bar.xacro", "$(find bars)/bar.xacro"))
+    with pytest.raises(RaffError, match=r"\$\(find PACKAGE\) needs ROS .*load the output of `xacro` there"):
+        readers.read(path)
+
+
+def test_without_xacro_the_error_names_the_command_that_installs_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "xacro", None)
+    path = tmp_path / "bars.xacro"
+    path.write_text("<robot/>")
+    with pytest.raises(RaffError, match=r'bars\.xacro: files in xacro need the package xacro: .*"cinegen\[xacro\]"'):
+        readers.read(path)
