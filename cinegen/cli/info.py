@@ -7,17 +7,35 @@ from pathlib import Path
 from typing import Any
 
 from cinegen.cli.files import count, print_result
-from cinegen.cli.options import FILE, JSON, RobotOptions
+from cinegen.cli.options import FILE, JSON, RobotOptions, flag
 from raff2urdf.quantities import ANGLE, LENGTH, shown, shown_scale
 
 
-def run(options: RobotOptions, files: list[Path] = FILE, json: bool = JSON) -> int:
-    """Print joints, limits, loops, mobility and singular values."""
+def run(
+    options: RobotOptions,
+    files: list[Path] = FILE,
+    ignored: bool = flag("--ignored", "also list the elements of a URDF, SDF or MJCF that are not read"),
+    json: bool = JSON,
+) -> int:
+    """Print joints, limits, loops, couplings, mobility and singular values."""
     from cinegen.model.description import describe
 
-    reports = [{"name": name, **describe(mechanism)} for name, (mechanism, _) in options.load(files).items()]
+    reports = []
+    for name, (mechanism, file) in options.load(files).items():
+        more = {"ignored": _ignored(file)} if ignored else {}
+        reports.append({"name": name, **describe(mechanism), **more})
     print_result(reports, "\n\n".join(map(_text, reports)), json)
     return 0
+
+
+def _ignored(file: Path) -> list[dict[str, Any]]:
+    """Return the elements of a file that are not read."""
+    from raff2urdf import readers
+    from raff2urdf.readers.ignored import ignored
+    from raff2urdf.shipped import find_robot
+
+    path = find_robot(file)
+    return [one._asdict() for one in ignored(path)] if readers.holds_xml(path) else []
 
 
 def _text(report: Mapping[str, Any]) -> str:
@@ -49,6 +67,13 @@ def _text(report: Mapping[str, Any]) -> str:
     lines += ["", f"  {report['end']} at home: singular values {_values(report['end_singular_values'])}"]
     length = report["characteristic_length"]
     lines.append(f"  (dimensionless: lengths divided by the characteristic length, {shown(length, LENGTH)})")
+    if "ignored" in report:
+        lines += ["", "  not read:" if report["ignored"] else "  everything is read"]
+    for one in report.get("ignored", []):
+        around, _, element = one["element"].rpartition("/")
+        more = ", ..." if one["number"] > len(one["lines"]) else ""
+        where = f"line{'s' * (one['number'] > 1)} {', '.join(map(str, one['lines']))}{more}"
+        lines.append(f"    {one['number']} <{element}> in <{around}>, {where}")
     return "\n".join(lines)
 
 

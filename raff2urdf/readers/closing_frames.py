@@ -27,6 +27,11 @@ _CLOSING = re.compile(r"((?:.*[^a-z0-9])?closing_.+)_([12])(_z)?")
 DIALECT = "closing frames"
 
 
+def is_end(element: Any) -> bool:
+    """Return whether an element is named as the end of a loop."""
+    return bool(_CLOSING.fullmatch(str(element.get("name", "")).lower()))
+
+
 def find(root: Any) -> Iterator[Declaration]:
     """Yield the pairs of frames of a URDF, and frames that lack their partner."""
     pairs: dict[str, dict[str, Any]] = {}

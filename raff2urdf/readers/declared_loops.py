@@ -28,7 +28,7 @@ COMMENT = "comment"
 
 LOOP_LIKE = re.compile(
     r"loop|constrain|coupl|bushing|equalit|cut_?joint|(?<!en)(?<!dis)clos(?:ed|ing|ure)|mimic|tendon|weld|pulley"
-    r"|(?<![a-z])belt|(?<![a-z])gear(?!.?(?:ratio|reduction))"
+    r"|belt|gear(?!.?(?:ratio|reduction))"
 )
 """Names of elements that declare a loop or a coupling, in lower case."""
 

@@ -1,0 +1,122 @@
+"""List the elements of a file that are not read, since nothing here depends on them: sensors, transmissions, friction.
+
+Elements that would remove degrees of freedom are never among them: those that can't be read are errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from raff2urdf.readers import (
+    closing_frames,
+    closing_joints,
+    declared_loops,
+    joint_couplings,
+    loop_elements,
+    xacro_file,
+)
+from raff2urdf.readers.declaration import tag_of
+from raff2urdf.readers.urdf import by_name
+from raff2urdf.readers.xml_file import parse_xml, read_text
+
+ALL: frozenset[str] = frozenset("*")
+"""An element of which everything is read."""
+
+_URDF: Mapping[str, Collection[str]] = {
+    "robot": ("link", "joint", "material", "gazebo"),
+    "link": ("visual", "collision", "inertial"),
+    "joint": ("parent", "child", "origin", "axis", "limit"),
+    **dict.fromkeys(("visual", "collision", "inertial", "material", "limit", "origin", "axis"), ALL),
+}
+
+_SDF: Mapping[str, Collection[str]] = {
+    "sdf": ("world", "model"),
+    "world": ("model", "include"),
+    "model": ("model", "include", "link", "joint", "frame", "pose", "static", "robot"),
+    "link": ("pose", "visual"),
+    "visual": ("pose", "geometry", "material"),
+    "joint": (
+        *("parent", "child", "pose", "axis", "axis2", "gearbox_ratio", "gearbox_reference_body"),
+        *("thread_pitch", "screw_thread_pitch"),
+    ),
+    "axis": ("xyz", "use_parent_model_frame", "limit", "mimic"),
+    "axis2": ("xyz", "use_parent_model_frame", "limit", "mimic"),
+    "limit": ("lower", "upper", "velocity", "effort"),
+    "material": ("diffuse", "ambient"),
+    **dict.fromkeys(("include", "frame", "geometry", "mimic", "robot", "xyz"), ALL),
+}
+
+_MJCF: Mapping[str, Collection[str]] = {
+    "mujoco": (
+        *("compiler", "default", "asset", "worldbody", "equality", "tendon", "actuator", "keyframe", "include"),
+        *("option", "size"),
+    ),
+    "worldbody": ("body", "geom", "site", "frame", "replicate", "attach", "include"),
+    "body": ("body", "geom", "site", "frame", "joint", "freejoint", "inertial", "replicate", "attach", "include"),
+    "frame": ("body", "geom", "site", "frame", "replicate", "attach", "include"),
+    **dict.fromkeys(("compiler", "default", "asset", "equality", "tendon", "actuator", "keyframe"), ALL),
+}
+
+_TABLES = {"robot": _URDF, "sdf": _SDF, "mujoco": _MJCF}
+
+
+class IgnoredElements(NamedTuple):
+    """Elements of one kind that are not read.
+
+    Attributes:
+        element: their tag, behind that of the element around them, such as `joint/dynamics`.
+        number: how many there are.
+        lines: of the file, or of what xacro makes of it; of the first ones.
+    """
+
+    element: str
+    number: int
+    lines: tuple[int, ...]
+
+
+def ignored(path: Path) -> list[IgnoredElements]:
+    """Return the elements of a URDF, SDF or MJCF that are not read, in file order.
+
+    Raises:
+        RaffError: the file can't be read.
+    """
+    text = read_text(path)
+    root = parse_xml(text, str(path))
+    if root.tag == "robot" and xacro_file.is_xacro(path, root):
+        root = parse_xml(xacro_file.expanded(path), str(path))
+    kept = list(_read_elsewhere(root, str(path))) if root.tag == "robot" else []
+    found: dict[str, list[int]] = {}
+    _walk(root, _TABLES.get(str(root.tag), {}), {id(element) for element in kept}, found)
+    return [IgnoredElements(name, len(lines), tuple(lines[:_MOST])) for name, lines in found.items()]
+
+
+_MOST = 10  # lines that are listed
+
+
+def _read_elsewhere(root: Any, name: str) -> list[Any]:
+    """Return the elements of a URDF that declare loops and couplings."""
+    if root.find("joint") is not None:
+        by_name(root.findall("joint"), name)
+    declared = [*joint_couplings.find(root), *loop_elements.find(root), *closing_joints.find(root, name)]
+    read = [one.element for one in declared]
+    unread = [one.element for one in declared_loops.find(root, {id(one) for one in read}) if one.element is not None]
+    frames = [frame for frame in root.iterchildren("frame") if closing_frames.is_end(frame)]
+    return [*read, *unread, *frames]
+
+
+def _walk(parent: Any, table: Mapping[str, Collection[str]], kept: set[int], found: dict[str, list[int]]) -> None:
+    own = str(parent.tag).rpartition("}")[2]
+    known = table.get(own, ())
+    for element in parent.iterchildren("*"):
+        name = str(element.tag).rpartition("}")[2].rpartition(":")[2]
+        if known is ALL or id(element) in kept:
+            continue
+        if name in known:
+            if table.get(name) is not ALL:
+                _walk(element, table, kept, found)
+        elif any(id(inner) in kept for inner in element.iter("*")):  # one of its elements is read
+            _walk(element, {}, kept, found)
+        else:
+            found.setdefault(f"{tag_of(parent)}/{tag_of(element)}", []).append(int(element.sourceline))
