@@ -142,6 +142,7 @@ class _Reader:
         self.actuated = self.actuated_joints()
         self.floating: str | None = None
         self.ignored: list[str] = []
+        self.hinges: set[str] = set()
         keys = [model.key(k).name for k in range(model.nkey)]
         self.home = model.key_qpos[keys.index("home") if "home" in keys else 0] if keys else model.qpos0
 
@@ -229,11 +230,18 @@ class _Reader:
     def add_equalities(self, ignore: Collection[str]) -> None:
         """Add loops and couplings; note what is ignored."""
         model, kinds = self.model, self.mujoco.mjtEq
-        for e, name in enumerate(self.all_names("equality", model.neq)):
+        names = self.all_names("equality", model.neq)
+        active = {name for e, name in enumerate(names) if model.eq_active0[e]}
+        text = int(self.mujoco.mjtObj.mjOBJ_TEXT)  # of raff2urdf, which writes a hinge as two points on its axis
+        own = {self.mujoco.mj_id2name(model, text, i) for i in range(model.ntext)}
+        self.hinges = {name for name in active if f"{name}.axis" in active and f"{name}.first" in own}
+        for e, name in enumerate(names):
             kind = kinds(model.eq_type[e])
             if not model.eq_active0[e] or name in ignore:
                 why = "" if model.eq_active0[e] else " (not active)"
                 self.ignored.append(f"equality constraint '{name}'{why}")
+            elif name.endswith(".axis") and name.removesuffix(".axis") in self.hinges:
+                continue
             elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
                 self.add_loop(name, e, kind == kinds.mjEQ_CONNECT)
             elif kind in (kinds.mjEQ_JOINT, kinds.mjEQ_TENDON):
@@ -241,8 +249,8 @@ class _Reader:
             else:
                 what = f"the equality constraint '{name}' is of a kind that is not read ({kind.name[5:].lower()})"
                 raise RaffError(f"{self.name}: {what}: {leave_out(name)}")
-        names = self.all_names("tendon", model.ntendon)
-        self.ignored += [f"limits of tendon '{name}'" for t, name in enumerate(names) if model.tendon_limited[t]]
+        tendons = self.all_names("tendon", model.ntendon)
+        self.ignored += [f"limits of tendon '{name}'" for t, name in enumerate(tendons) if model.tendon_limited[t]]
 
     def add_loop(self, name: str, e: int, connect: bool) -> None:
         """Add a loop. A weld whose rotation counts nothing constrains the position alone, as a connect does."""
@@ -256,7 +264,8 @@ class _Reader:
         else:
             placements = [from_quaternion(data[3:6], data[6:10]), translation(data[0:3])]
         first, second = ((self.bodies[o], placement) for o, placement in zip(owners, placements, strict=True))
-        self.urdf.add_loop(name, "ball" if connect or data[10] == 0.0 else "rigid", first, second)
+        kind = "revolute" if name in self.hinges else "ball" if connect or data[10] == 0.0 else "rigid"
+        self.urdf.add_loop(name, kind, first, second)
 
     def add_coupling(self, name: str, e: int, tendons: bool) -> None:
         """Add the coupling of two joints, or of the lengths of two fixed tendons; or of one with a constant.
