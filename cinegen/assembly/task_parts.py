@@ -78,7 +78,8 @@ class TaskPart:
     Attributes:
         mechanism: whose actuated joints are the virtual ones.
         joints: names of its other joints.
-        distinct: names of those whose values distinguish solutions: the actuated ones.
+        distinct: names of those whose values distinguish solutions: actuated ones, those in couplings, and those in no
+            loop of the whole mechanism.
         solver: computes its modes.
     """
 
@@ -279,13 +280,18 @@ class TaskParts:
         return (LoopKind.BALL if motions.rotations == 3 else LoopKind.REVOLUTE), normal, translations
 
     def _check(self, used: set[str]) -> None:
-        for coupling in self.mechanism.couplings:
-            inside = [name for name in coupling.terms if name in used]
-            if inside:
-                raise ModesError(
-                    f"{self.mechanism.name}: '{inside[0]}' is in the coupling '{coupling.name}': inverse solutions of "
-                    "coupled joints are not computed"
-                )
+        """Refuse couplings that other joints do not fulfil whatever the values of the used ones."""
+        mechanism = self.mechanism
+        couplings = [coupling for coupling in mechanism.couplings if used & coupling.terms.keys()]
+        others = sorted({name for coupling in couplings for name in coupling.terms} - used - set(self._locked))
+        values = {name: float(self.start[mechanism.q_index(name)]) for name in mechanism.joints}
+        slopes = [coupling.evaluate(values)[1] for coupling in couplings]
+        if closure.rank(np.array([[slope.get(name, 0.0) for name in others] for slope in slopes])) < len(couplings):
+            names = ", ".join(f"'{coupling.name}'" for coupling in couplings)
+            raise ModesError(
+                f"{mechanism.name}: inverse solutions of joints that couplings ({names}) relate to each other are not "
+                "computed"
+            )
 
     # --- parts ----------------------------------------------------------------------------------------------------
 
@@ -342,7 +348,10 @@ class TaskParts:
             cluster_ranks=ranks, gap_as_written=0.0, sensors={}, sensor_constraints=(),
             source=MechanismSource("", None, None, mechanism.name),
         )  # fmt: skip
-        distinct = tuple(name for name in names if name in mechanism.actuated)
+        chosen = {*mechanism.actuated, *(name for coupling in mechanism.couplings for name in coupling.terms)}
+        looped = set[int]().union(*(self._chain(a) ^ self._chain(b) for a, _, b, _ in mechanism.system.anchors))
+        inside = {mechanism.model.names[j] for j in looped}
+        distinct = tuple(name for name in names if name in chosen or name not in inside)
         try:
             return TaskPart(part, tuple(names), distinct, ModesSolver(part, recognise_part, distinct, True))
         except FreeMotionError as error:

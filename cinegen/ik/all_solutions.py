@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from cinegen.assembly import AssemblyModes, ModesError
 from cinegen.assembly.task_parts import NodeTask, TaskParts
-from cinegen.errors import CinegenError
+from cinegen.errors import CinegenError, ClosureError
 from cinegen.hexapod import SolutionCounts
 from cinegen.html import table
 from cinegen.ik.task import FrameTask
@@ -211,9 +211,11 @@ class _Assembly:
     ) -> None:
         self._mechanism, self._task, self._start, self._locked, self._parts = mechanism, task, start, locked, parts
         moving = {name for part in parts.parts for name in part.joints}
-        self._columns = np.array([mechanism.v_index(name) for name in mechanism.joints if name in moving])
-        revolute = [mechanism.q_index(name) for name in mechanism.joints if not mechanism.is_prismatic(name)]
+        self._moving = tuple(name for name in mechanism.joints if name in moving)
+        self._columns = np.array([mechanism.v_index(name) for name in self._moving])
+        revolute = [mechanism.q_index(name) for name in self._moving if not mechanism.is_prismatic(name)]
         self._revolute = np.array(revolute, dtype=np.intp)
+        self._loop_rows = sum(loop.rows for loop in mechanism.loops)
 
     def solutions(self, report: Callable[[str], None] | None, effort: float) -> IKSolutions:
         """Return all solutions."""
@@ -238,8 +240,8 @@ class _Assembly:
         coincident = itertools.product(*(modes.coincident for modes in found))
         for values, together in zip(itertools.product(*chosen), coincident, strict=True):
             q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
-            q = self._unwound(self._polished(q))
-            if self._error(q) < _WRONG:
+            q = self._coupled(self._unwound(self._polished(q)))
+            if q is not None and self._error(q) < _WRONG:
                 configurations.append(q)
                 times.append(math.prod(together))
             else:
@@ -249,8 +251,10 @@ class _Assembly:
         if task.rotation < 3 and not partial and parts.motions.rotations < 3 and not parts.every:
             remarks.append("; modes of operation in which it rotates otherwise are not among them")
             complete = False
-        if parts.idle:
-            remarks.append(f"; {', '.join(parts.idle)} do not move it and stay where they are")
+        coupled = {name for coupling in self._mechanism.couplings for name in coupling.terms}
+        still = [name for name in parts.idle if name not in coupled]
+        if still:
+            remarks.append(f"; {', '.join(still)} stay where they are, as they do not move it")
         tests = [modes.trace_test for modes in found if modes.trace_test is not None]
         trace_test = all(tests) and not wrong if tests else None
         return self._result(
@@ -302,7 +306,7 @@ class _Assembly:
         jacobian = task.offset.toActionMatrixInverse() @ mechanism.jacobian(q, task.node)
         error, by = task.equations(mechanism.placement(q, task.node) * task.offset, jacobian)
         units = np.repeat([length, 1.0], [task.translation, task.rotation])
-        c, loops = mechanism.system.evaluate(q)
+        c, loops = (part[: self._loop_rows] for part in mechanism.system.evaluate(q))
         rows = np.vstack([by * mechanism.scale / units[:, None], loops])
         return np.concatenate([error / units, -c]), rows[:, self._columns]
 
@@ -331,6 +335,16 @@ class _Assembly:
         beyond = [self._mechanism.q_index(name) for name in limits.exceeded(near, AT_LIMIT)]
         near[beyond] = limits.unwound(near)[beyond]
         return near
+
+    def _coupled(self, q: Array) -> Array | None:
+        """Return q (nq,) with joints that don't move the node where couplings lead them; None if they can't be
+        fulfilled."""
+        if not self._mechanism.couplings:
+            return q
+        try:
+            return self._mechanism.close(q, (*self._moving, *self._locked))
+        except ClosureError:
+            return None
 
 
 def _product(found: Sequence[AssemblyModes]) -> SolutionCounts:

@@ -371,3 +371,25 @@ def test_the_result_as_text_and_json(robot):
     said = []
     cinegen.inverse_kinematics(arm, {"link3": arm.placement(arm.q_home, "link3")}, all=True, report=said.append)
     assert found[:1][0] is found[0]
+
+
+def test_motors_of_a_differential_wrist_follow(root, tmp_path):
+    """Two motors on the forearm move pitch and roll by their sum and their difference."""
+    text = (root / "robots/rx90.raff").read_text(encoding="utf-8")
+    motors = """
+      link 11 { parameters { d 20 } type 2 pred 3 }
+      link 12 { parameters { d -20 } type 2 pred 3 }
+      coupling { name "pitch" link 5 link 11 ratio 0.5 link 12 ratio 0.5 }
+      coupling { name "roll" link 6 link 11 ratio 0.5 link 12 ratio -0.5 }
+    """
+    at = text.index("  frame 20")
+    (tmp_path / "wrist.raff").write_text(text[:at] + motors + text[at:], encoding="utf-8")
+    with pytest.warns(UserWarning, match="graphics"):
+        arm = cinegen.load(tmp_path / "wrist.raff")
+    pose = arm.placement(arm.random_closed(1, seed=3)[0], "tool")
+    found = solved(arm, pose)
+    assert (len(found), found.complete) == (8, True)
+    for q in found:
+        five, six, one, two = (q[arm.q_index(f"joint{k}")] for k in (5, 6, 11, 12))
+        assert np.isclose(five, 0.5 * (one + two))
+        assert np.isclose(six, 0.5 * (one - two))
