@@ -11,7 +11,8 @@ Besides the families of assembly modes these are known (R: revolute, P: prismati
                  the number of manipulator configurations", J. Mechanical Design 116, 1994)
     ball         three joints and a ball joint: the same as with a wrist, whose two configurations are one: 4 of 3R
     one axis     revolute axes that are all parallel, and prismatic joints: a circle and a line meet in 2 points
-    dyads        two bodies and three hinges in a plane or about a point, several times one after the other: 2 each time
+    dyads        such a series and pairs of bodies on three parallel hinges (a five-bar, the parallelogram of an arm),
+                 one of which may be a prismatic joint instead (a hydraulic cylinder): 2 for each pair
     elbow        an arm on a hinge or a prismatic joint, and rods from it: a circle and a sphere meet in 2 points
     telescope    a rod that a prismatic joint lengthens: 2, its length and the negative one
 """
@@ -39,52 +40,88 @@ def recognise_part(linkage: Linkage) -> Family | None:
     found = recognise(linkage)
     if found is not None:
         return found
-    series = _series(linkage.bodies)
-    known = _of_series(linkage, series) if series is not None and not linkage.idle else None
-    return known or _elbow(linkage) or _dyads(linkage)
+    samples = [linkage.bodies_at(q) for q in linkage.mechanism.samples]
+    left, dyads = _without_dyads(samples)
+    series = _series(linkage.bodies, left)
+    known = _of_series(samples, series) if series is not None and not linkage.idle else None
+    if known is not None and dyads:
+        pairs = f"{dyads} pair{'s' * (dyads > 1)} of bodies on three hinges beside {known.description}"
+        return _family("dyads", pairs, known.bound * 2**dyads)
+    return known or _elbow(linkage)
 
 
 def _family(name: str, description: str, bound: int) -> Family:
     return Family(name, description, bound, True)
 
 
-def _series(bodies: LinkageBodies) -> list[LinkageJoint] | None:
-    """Return the passive joints in their order from the base to the base; None unless they are one loop."""
-    base, left, here = int(bodies.group[0]), list(bodies.passive), int(bodies.group[0])
-    found = list[LinkageJoint]()
+def _without_dyads(samples: list[LinkageBodies]) -> tuple[list[int], int]:
+    """Return the passive joints that are left without pairs of bodies on three parallel hinges, and how many pairs
+    there are. One of the hinges may be a prismatic joint instead, at right angles to the others."""
+    bodies, count = samples[0], 0
+    ends = [frozenset(bodies.group_of[side] for side in joint.sides) for joint in bodies.passive]
+    left = list(range(len(ends)))
+    while _series(bodies, left) is None:
+        on = {group: [k for k in left if group in ends[k]] for group in frozenset().union(*ends)}
+        on.pop(int(bodies.group[0]), None)
+        pairs = [{*on[a], *on[b]} for a, b in (sorted(ends[k]) for k in left if ends[k] <= on.keys())]
+        pair = next((pair for pair in pairs if len(pair) == 3 and _is_dyad(samples, pair)), None)
+        if pair is None:
+            break
+        left, count = [k for k in left if k not in pair], count + 1
+    return left, count
+
+
+def _is_dyad(samples: list[LinkageBodies], joints: set[int]) -> bool:
+    """Return whether three joints are parallel hinges, at most one of them a prismatic joint at right angles."""
+    for bodies in samples:
+        hinges = [bodies.passive[k] for k in joints if bodies.passive[k].kind is LoopKind.REVOLUTE]
+        others = [bodies.passive[k] for k in joints if bodies.passive[k].kind is LoopKind.PRISMATIC]
+        if len(hinges) + len(others) < 3 or len(others) > 1 or not _are_parallel(hinges):
+            return False
+        if any(abs(float(other.along @ hinges[0].along)) > _SAME for other in others):
+            return False
+    return True
+
+
+def _series(bodies: LinkageBodies, among: list[int]) -> list[int] | None:
+    """Return some passive joints in their order from the base to the base; None unless they are one loop."""
+    base, left, here = int(bodies.group[0]), list(among), int(bodies.group[0])
+    ends = [{bodies.group_of[side] for side in joint.sides} for joint in bodies.passive]
+    found = list[int]()
     while left:
-        on = [joint for joint in left if here in (bodies.group_of[side] for side in joint.sides)]
-        if len(on) != (2 if not found else 1):
+        on = [k for k in left if here in ends[k]]
+        if len(on) != (1 if found else 2) and not (len(left) == 1 and on):
             return None
         found.append(on[0])
         left.remove(on[0])
-        (here,) = {bodies.group_of[side] for side in on[0].sides} - {here}
+        here = next(iter(ends[on[0]] - {here}), here)
     return found if here == base and found else None
 
 
-def _of_series(linkage: Linkage, series: list[LinkageJoint]) -> Family | None:
-    bodies, dof = linkage.bodies, sum(3 if joint.kind is LoopKind.BALL else 1 for joint in series)
-    prismatic = sum(joint.kind is LoopKind.PRISMATIC for joint in series)
-    samples = [_series(linkage.bodies_at(q)) or [] for q in linkage.mechanism.samples]
-    revolute = [k for k, joint in enumerate(series) if joint.kind is LoopKind.REVOLUTE]
-    if bodies.telescopes:
+def _of_series(samples: list[LinkageBodies], series: list[int]) -> Family | None:
+    bodies, ordered = samples[0], [[one.passive[k] for k in series] for one in samples]
+    joints = ordered[0]
+    dof = sum(3 if joint.kind is LoopKind.BALL else 1 for joint in joints)
+    prismatic = sum(joint.kind is LoopKind.PRISMATIC for joint in joints)
+    if any(joint in bodies.telescopes for joint in joints):
         return _family("telescope", "a telescopic rod", 2)
     if dof < 6:
-        if len(series) != dof or not all(_are_parallel([one[k] for k in revolute]) for one in samples):
+        revolute = [k for k, joint in enumerate(joints) if joint.kind is LoopKind.REVOLUTE]
+        if len(joints) != dof or not all(_are_parallel([one[k] for k in revolute]) for one in ordered):
             return None
         return _family("one axis", f"{dof} joints that rotate about one direction", 2 if len(revolute) > 1 else 1)
     if dof > 6 or prismatic > 3:
         return None
-    joints = "six joints in series" if prismatic else "six revolute joints in series"
-    if any(centre.dof == 3 for centre in bodies.centres):
+    chain = "six joints in series" if prismatic else "six revolute joints in series"
+    if any(centre.dof == 3 and any(joint in joints for joint in centre.joints) for centre in bodies.centres):
         return _family("ball", "three joints and a ball joint in series", _BALL[prismatic])
-    for k in range(len(series) - 2):
-        triples = [one[k : k + 3] for one in samples]
+    for k in range(len(joints) - 2):
+        triples = [one[k : k + 3] for one in ordered]
         if all(_meet(triple) for triple in triples):
-            return _family("wrist", f"{joints}, three axes through one point", 2 * _BALL[prismatic])
+            return _family("wrist", f"{chain}, three axes through one point", 2 * _BALL[prismatic])
         if not prismatic and all(_are_parallel(triple) for triple in triples):
-            return _family("wrist", f"{joints}, three axes parallel", 8)
-    return _family("chain", joints, _CHAIN[prismatic])
+            return _family("wrist", f"{chain}, three axes parallel", 8)
+    return _family("chain", chain, _CHAIN[prismatic])
 
 
 def _are_parallel(joints: list[LinkageJoint]) -> bool:
@@ -113,22 +150,3 @@ def _elbow(linkage: Linkage) -> Family | None:
     if len(inner) != 1 or inner[0].kind is LoopKind.BALL:
         return None
     return _family("elbow", "an arm on one joint, and a rod", 2)
-
-
-def _dyads(linkage: Linkage) -> Family | None:
-    """Return the family of hinges in a plane that pairs of bodies are assembled by, one pair after the other."""
-    bodies = linkage.bodies
-    if not all(_are_parallel(linkage.bodies_at(q).passive) for q in linkage.mechanism.samples):
-        return None
-    ends = [{bodies.group_of[side] for side in joint.sides} for joint in bodies.passive]
-    known, count = {int(bodies.group[0])}, 0
-    left = set[int]().union(*ends) - known
-    while left:
-        roots = [next(iter(pair & left)) for pair in ends if len(pair & left) == 1]
-        pair = next((p for p in ends if len(p) == 2 and p <= left and all(g in roots for g in p)), None)
-        if pair is None:
-            return None
-        known, left, count = known | pair, left - pair, count + 1
-    if len(ends) != 3 * count:
-        return None
-    return _family("dyads", f"{count} times two bodies and three hinges in a plane", 2**count)

@@ -240,9 +240,9 @@ class _Assembly:
         coincident = itertools.product(*(modes.coincident for modes in found))
         for values, together in zip(itertools.product(*chosen), coincident, strict=True):
             q = self._mechanism.configuration({k: v for some in values for k, v in some.items()}, self._start)
-            q = self._coupled(self._unwound(self._polished(q)))
-            if q is not None and self._error(q) < _WRONG:
-                configurations.append(q)
+            there = self._coupled(self._unwound(self._polished(q)))
+            if there is not None and self._error(there) < _WRONG:
+                configurations.append(there)
                 times.append(math.prod(together))
             else:
                 wrong += 1
