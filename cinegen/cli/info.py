@@ -41,19 +41,20 @@ def _ignored(file: Path) -> list[dict[str, Any]]:
 def _text(report: Mapping[str, Any]) -> str:
     actuated, joints, loops, couplings = (report[key] for key in ("actuated", "joints", "loops", "couplings"))
     uncontrolled = f" ({report['uncontrolled_dof']} of them uncontrolled)" if report["uncontrolled_dof"] else ""
+    wide = max([12, *(len(joint["name"]) + 2 for joint in joints)])
     lines = [
         f"{report['name']}: robot '{report['robot']}', mobility {report['mobility']}{uncontrolled}, "
         f"{count(joints, 'joint')} ({len(actuated)} actuated), {count(loops, 'loop')}"
         + (f", {count(couplings, 'coupling')}" if couplings else ""),
         "",
-        f"  {'joint':<12}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}",
+        f"  {'joint':<{wide}}{'type':<11}{'home':>10}{'lower':>10}{'upper':>10}{'velocity':>10}",
     ]
     for joint in joints:
         numbers = [joint["home"], joint["lower"], joint["upper"], joint["velocity"]]
         scale, unit = shown_scale(LENGTH if joint["type"] == "prismatic" else ANGLE)
         cells = "".join(f"{'-' if value is None else f'{_rounded(scale * value):.4g}':>10}" for value in numbers)
         actuation = "   actuated" if joint["actuated"] else ""
-        lines.append(f"  {joint['name']:<12}{joint['type']:<11}{cells}   {unit}, {unit}/s{actuation}")
+        lines.append(f"  {joint['name']:<{wide}}{joint['type']:<11}{cells}   {unit}, {unit}/s{actuation}")
     if loops or couplings:
         what = " and ".join(["loops"] * bool(loops) + ["couplings (rad, m)"] * bool(couplings))
         lines += ["", f"  {what}: {report['loop_rows']} rows of rank {report['loop_rank']}"]
