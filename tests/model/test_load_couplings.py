@@ -6,9 +6,13 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import cinegen
 from raff2urdf.readers import mjcf, sdf
+from tests.raff2urdf.readers.test_ignored import names
+from tests.raff2urdf.strategies import examples
 
 # --- SDF ---------------------------------------------------------------------------------------------------------
 
@@ -235,22 +239,51 @@ def test_a_coupling_that_has_no_meaning_is_an_error_with_its_line(write, text, s
         cinegen.load(write(text))
 
 
-WORDS = ["loop", "loop_joint", "closing_constraint", "constraint", "coupling", "tendon", "weld", "belt", "gear"]
+ENDS = "<parent>input</parent><child>output</child>"
 
 
-@pytest.mark.parametrize("word", WORDS)
-@pytest.mark.parametrize("where", ["</model>", "</sdf>", "</axis>"])
-def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(write, word, where):
-    element = f'<{word} name="extra"><parent>input</parent><child>output</child></{word}>'
+@examples(150)
+@given(names(), st.integers(0, 6), st.sampled_from(["", "gz:", "my:"]))
+def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_factory, name, form, prefix):
+    """It is refused at its line, unless it is left out by name."""
+    element = f'<{prefix}{name} name="e">{ENDS}</{prefix}{name}>'
     text = train(gear="")
-    if where == "</sdf>":  # in a world, behind the model
-        text = text.replace("<model name", "<world name='w'><model name").replace("</model>", "</model></world>")
-        where = "</world>"
-    text = text.replace(where, element + where, 1)
-    with pytest.raises(cinegen.CinegenError, match=rf":\d+: <{word}> 'extra' seems to declare .*--ignore extra"):
-        cinegen.load(write(text))
-    with pytest.warns(UserWarning, match="left out, as requested: 'extra'"):
-        assert cinegen.load(write(text), ignore=["extra"]).mobility == 3
+    if form == 0:  # in a world, behind the model
+        text = text.replace("<model name", "<world name='w'><model name")
+        text = text.replace("</model>", f"</model>{element}</world>")
+    else:
+        before, added = [
+            ("</model>", element),
+            ("</model>", f"<my_extension>{element}</my_extension>"),
+            ("</model>", f'<plugin name="p" filename="f">{element}</plugin>'),
+            ("</axis>", element),
+            ("</joint>", element),
+            ("</link>", element),
+        ][form - 1]
+        text = text.replace('<link name="ground"/>', '<link name="ground"></link>')
+        text = text.replace(before, added + before, 1)
+    if f"{prefix}{name}" == "mimic" and form == 4:
+        return  # SDF's own, which names no joint
+    path = tmp_path_factory.mktemp("fuzz") / "train.sdf"
+    path.write_text(text)
+    with pytest.raises(cinegen.CinegenError, match=rf":\d+: <{prefix}{name}> 'e' seems to declare .*--ignore e "):
+        cinegen.load(path)
+    with pytest.warns(UserWarning, match="left out, as requested: 'e'"):
+        assert cinegen.load(path, ignore=["e"]).mobility == 3
+
+
+@pytest.mark.parametrize(("hinge", "kind", "mobility"), [(False, "ball", 0), (True, "revolute", 0)])
+def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
+    frame = '<frame name="closing_pin_{}" attached_to="{}"><pose relative_to="input">0.1 0 {} 0 0 0</pose></frame>'
+    frames = frame.format(1, "input", 0) + frame.format(2, "output", 0)
+    if hinge:
+        frames += frame.format("1_z", "input", 0.1) + frame.format("2_z", "output", 0.1)
+    mechanism = cinegen.load(write(train(gear=frames)))
+    assert [(loop.name, loop.kind.name.lower()) for loop in mechanism.loops] == [("closing_pin", kind)]
+    assert mechanism.mobility == 1 + mobility
+    assert cinegen.load(write(train(gear=frames)), ignore=["closing_pin"]).mobility == 3
+    joint = f'<joint name="pin" type="ball">{ENDS}</joint>'
+    assert [loop.name for loop in cinegen.load(write(train(gear=frames + joint))).loops] == ["pin"]
 
 
 def test_plugins_that_couple_joints_are_not_dropped_in_silence(write):

@@ -24,8 +24,10 @@ from numpy.typing import NDArray
 from raff2urdf.constraints import IDENTITY, Constraints
 from raff2urdf.errors import RaffError, did_you_mean
 from raff2urdf.placement import inverse, with_z
+from raff2urdf.readers import closing_frames
 from raff2urdf.readers.declaration import label_of, local, tag_of
 from raff2urdf.readers.declared_loops import LOOP_LIKE, named_in, own_words
+from raff2urdf.readers.loop_joint import LoopJoint
 from raff2urdf.readers.sdf.model import (
     GEARBOX,
     LOOP_KINDS,
@@ -35,8 +37,9 @@ from raff2urdf.readers.sdf.model import (
     SdfModelReader,
     pose,
 )
-from raff2urdf.readers.urdf import numbers
+from raff2urdf.readers.urdf import numbers, parse
 from raff2urdf.readers.urdf_builder import Shape, UrdfBuilder, leave_out, material, shapes
+from raff2urdf.readers.urdf_tree import UrdfTree
 from raff2urdf.readers.xml_file import error_at, parse_xml
 from raff2urdf.tree import BASE_JOINT, WORLD
 from raff2urdf.urdf_model import UrdfMaterial, UrdfVisual
@@ -77,7 +80,32 @@ def read(
     version = numbers(root.get("version", "1.6").replace(".", " ")) or [1.0, 6.0]
     model = SdfModelReader(name, (int(version[0]), int(version[-1]) if len(version) > 1 else 0)).model(chosen[0])
     conversion = _SdfToUrdf(name, model, ignore)
-    return *conversion.run(), [*conversion.ignored, *_unread(name, chosen[0], model, ignore)]
+    urdf, values = conversion.run()
+    frames = _close_frames(name, urdf, values, ignore)
+    return urdf, values, [*conversion.ignored, *frames, *_unread(name, chosen[0], model, ignore)]
+
+
+def _close_frames(name: str, urdf: str, values: Constraints, ignore: Collection[str]) -> list[str]:
+    """Add loops for pairs of frames that coincide (`closing_frames`), unless a joint joins their bodies already.
+
+    Returns:
+        the frames that are ignored.
+    """
+    root = parse(urdf, name)
+    declared = list(closing_frames.find(root))
+    if not declared:
+        return []
+    tree, ignored = UrdfTree(root, name), []
+    joined = [{tree.body(loop[end]["node"])[0] for end in ("first", "second")} for loop in values["loops"]]
+    for one in declared:
+        if one.read is None or {*one.words} & {*ignore}:
+            ignored.append(f"'{one.name}' (frames)")
+            continue
+        joint = one.read(tree)
+        assert isinstance(joint, LoopJoint)
+        if {tree.body(joint.first)[0], tree.body(joint.second)[0]} not in joined:
+            values["loops"].append(joint.add_to(tree, one.name)[0])
+    return ignored
 
 
 def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -> list[str]:
@@ -98,7 +126,7 @@ def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -
         likely, plugin = bool(LOOP_LIKE.search(word)), word == "plugin" and LOOP_LIKE.search(own_words(one))
         in_place = parent in ("model", "world", "joint") or one is element
         elsewhere = word == "joint" and parent != "model" and len(one) > 0
-        read = word in _READ or NAMESPACE in str(one.tag)
+        read = parent in _READ.get(word, ()) or NAMESPACE in str(one.tag)
         if not read and (likely or plugin or elsewhere) and ((likely and in_place) or len(named_in(one, names)) > 1):
             label, own = label_of(one), one.get("name") or tag_of(one)
             if own not in ignore:
@@ -110,7 +138,12 @@ def _unread(name: str, element: Any, model: SdfModel, ignore: Collection[str]) -
     return found
 
 
-_READ = ("mimic", "gearbox_ratio", "gearbox_reference_body", "must_be_loop_joint")
+_READ = {
+    "mimic": ("axis", "axis2"), "gearbox_ratio": ("joint",), "gearbox_reference_body": ("joint",),
+    "must_be_loop_joint": ("simbody",),
+}  # fmt: skip
+"""Elements of SDF that sound like loops or couplings, and those around them."""
+
 _SOLID = ("visual", "collision", "inertial", "light", "sensor", "audio_source")  # parts of links
 
 
