@@ -47,9 +47,9 @@ def load(
     """Load a mechanism and close its loops.
 
     Args:
-        path: a RAFF file, URDF, SDF or MJCF, or the name of a shipped robot, such as "delta4". What a URDF cannot
-            express is read from a sidecar file: `<stem>.constraints.json` as raff2urdf writes it, or `robot.yaml` as
-            Gepetto's example-parallel-robots has it.
+        path: a RAFF file, URDF or xacro, SDF or MJCF, or the name of a shipped robot, such as "delta4". Loops and
+            couplings of a URDF are read in all dialects of `raff2urdf.readers.dialects`, also from files next to it:
+            `<stem>.constraints.json`, `robot.yaml`, `loop_closures.yaml`.
         robot: name of one robot of a file that holds several; the first unless given.
         loops: kinds of closure (rigid, prismatic, revolute, ball) that replace those of the file, by the loop's name.
         ignore_loops: leave out all loops and couplings, also those that can't be read. Every joint is actuated then,

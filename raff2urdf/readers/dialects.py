@@ -35,6 +35,7 @@ from raff2urdf.readers import (
 from raff2urdf.readers.declaration import CouplingEntry, Declaration, IgnoreList, listed
 from raff2urdf.readers.loop_joint import LoopJoint, implies
 from raff2urdf.readers.urdf import default_value, joints, limits, parse, xacro_hint
+from raff2urdf.readers.urdf import listed as urdf_joints
 from raff2urdf.readers.urdf_tree import UrdfTree, text_of
 from raff2urdf.readers.xml_file import parse_xml
 
@@ -75,8 +76,11 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
         return Description(files.text, files.values, (), (), ((listed(shown),) if shown else ()) + files.left_out)
     names = tuple(f"{one.label} (line {one.line})" for one in left_out)
     tree = UrdfTree(parse(files.text, name), name)
-    composed = _Composed(tree, files)
-    closures = files.closures(tree)
+    closures, made = files.closures(tree), list[str]()
+    for joint in closures.spherical if closures is not None else ():
+        made += successive.replace(tree.root, tree.joints[joint], successive.SPHERICAL, name)
+    tree = UrdfTree(tree.root, name) if made else tree
+    composed = _Composed(tree, files, made)
     if closures is not None:
         following = [one for one in kept if one.dialect == "mimic" and one.name in closures.following]
         kept = [one for one in kept if not any(one is other for other in following)]
@@ -84,6 +88,8 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
         composed.add_all([one for one in closures.declared if not ignore.takes(*one.words)])
     composed.add_all([one for one in kept if one.read is not None])
     _check_unread([one for one in kept if one.read is None], composed, root, path)
+    if not left_out and not composed.closed and not composed.coupled:
+        _warn_of_passive(root, name)
     return composed.result(names + files.left_out)
 
 
@@ -96,6 +102,14 @@ def _check_unread(unread: Sequence[Declaration], composed: _Composed, root: Any,
     if lost:
         also = f". Also not read: {listed(lost[1:], 3)}" if lost[1:] else ""
         warnings.warn(f"{path}:{lost[0].line}: {lost[0].text}{also}", RaffWarning, stacklevel=6)
+
+
+def _warn_of_passive(root: Any, name: str) -> None:
+    """Warn of joints that depend on others according to URDF+, if nothing in the file tells how."""
+    passive = [joint for joint in joints(root) if joint.get("independent") == "false"]
+    if passive:
+        why = 'the joint depends on others (independent="false"), but no <loop> and no <coupling> tells how'
+        warnings.warn(f"{urdf_joints(passive, name)}: {why}; it moves freely", RaffWarning, stacklevel=6)
 
 
 class _Files:
@@ -158,8 +172,8 @@ class _Composed:
         notes: about what was read.
     """
 
-    def __init__(self, tree: UrdfTree, files: _Files) -> None:
-        self._tree, self._files = tree, files
+    def __init__(self, tree: UrdfTree, files: _Files, passive: list[str]) -> None:
+        self._tree, self._files, self._passive = tree, files, passive
         self._cuts: list[tuple[Declaration, LoopJoint]] = []
         self._equations: list[tuple[Declaration, CouplingEntry]] = []
         self._met: set[int] = set()  # loops that several dialects declare
@@ -176,6 +190,11 @@ class _Composed:
     def closed(self) -> int:
         """Number of loops and couplings."""
         return len(self._cuts) + len(self._equations)
+
+    @property
+    def coupled(self) -> int:
+        """Number of couplings."""
+        return len(self._equations)
 
     @property
     def spare(self) -> int:
@@ -237,8 +256,7 @@ class _Composed:
         tree, files = self._tree, self._files
         if not self._cuts and not self._equations and files.values is None:
             return Description(files.text, None, (), tuple(self.notes), left_out)
-        passive: list[str] = []
-        spherical = self._make_spherical()
+        passive = list(self._passive)
         taken: set[str] = set()
         loops = []
         for declared, cut in self._cuts:
@@ -248,21 +266,13 @@ class _Composed:
             passive += added
             loops.append(entry)
         couplings = [{**entry, "name": _free(entry["name"], taken)} for _, entry in self._in_order()]
-        text = text_of(tree.root) if passive or spherical else files.text
+        text = text_of(tree.root) if passive else files.text
         values = dict(files.values or {})
         values["loops"] = loops
         if couplings:
             values["couplings"] = couplings
-        values["joints"] = self._joints(text, passive + spherical)
+        values["joints"] = self._joints(text, passive)
         return Description(text, values, tuple(self._dialects), tuple(self.notes), left_out)
-
-    def _make_spherical(self) -> list[str]:
-        """Replace joints that are ball joints; return their successive joints."""
-        closures = self._files.closures(self._tree)
-        made: list[str] = []
-        for joint in closures.spherical if closures is not None else ():
-            made += successive.replace(self._tree.root, self._tree.joints[joint], successive.SPHERICAL, self._tree.name)
-        return made
 
     def _in_order(self) -> list[tuple[Declaration, CouplingEntry]]:
         """Return the couplings: those of a file as there, then each behind those that lead the joints it depends on."""

@@ -10,7 +10,7 @@ That of RoboNex: each end in the frame of its link.
 
     ball_loops: [{name: N, parent: A, child: B, parent_xyz: [...], child_xyz: [...]}, ...]
     pin_loops: [{..., axis: [...]}, ...]    the axis in the frames of both links
-    ball_upgrades: [...]        revolute joints that are ball joints
+    ball_upgrades: [...]        joints that are ball joints, whatever their type
     actuated_joints: [...]
 """
 
@@ -46,7 +46,7 @@ class LoopClosures(NamedTuple):
         declared: its loops.
         actuated: joints that are driven; None if the file does not tell.
         following: joints whose <mimic> the file replaces.
-        spherical: revolute joints that are ball joints.
+        spherical: joints that are ball joints, whatever their type.
     """
 
     declared: list[Declaration]

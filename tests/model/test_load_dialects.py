@@ -247,6 +247,15 @@ def test_urdf_plus_tells_which_joints_are_passive():
         assert q[cheetah.q_index(rotor)] == pytest.approx(ratio * q[cheetah.q_index(link)], abs=1e-10)
 
 
+def test_passive_joints_of_urdf_plus_that_nothing_constrains_are_warned_of(write):
+    base = BARS.replace('"swing" type="continuous"', '"swing" type="continuous" independent="false"')
+    with pytest.warns(
+        RaffWarning, match=r"bars\.urdf:5: joint 'swing': the joint depends on others .* it moves freely"
+    ):
+        assert cinegen.load(write("", base)).mobility == 3
+    assert cinegen.load(write(LOOPS["URDF+"][0], base)).mobility == 1
+
+
 def test_home_at_a_singular_drawing_is_beside_it():
     """The four bars are drawn stretched out: there they could move in no direction."""
     mechanism = cinegen.load(DATA / "urdf_plus" / "four_bar.urdf")
@@ -425,12 +434,13 @@ def test_loop_closures_of_jsk(folder, tmp_path):
     assert dragged(mechanism)[0] <= 1e-10
 
 
-def test_loop_closures_of_robonex(write, tmp_path):
+@pytest.mark.parametrize("kind", ["continuous", "fixed"])
+def test_loop_closures_of_robonex(kind, write, tmp_path):
     (tmp_path / "loop_closures.yaml").write_text(
         "pin_loops:\n  - name: pin\n    parent: coupler\n    child: rocker\n    parent_xyz: [2.0, 0.0, 0.0]\n"
         "    child_xyz: [-0.5, 1.0, 0.0]\n    axis: [0.0, 0.0, 1.0]\nball_upgrades: [elbow]\nactuated_joints: [drive]\n"
     )
-    mechanism = cinegen.load(write())
+    mechanism = cinegen.load(write("", BARS.replace('"elbow" type="continuous"', f'"elbow" type="{kind}"')))
     assert mechanism.joints == ("drive", "elbow_X", "elbow_Y", "elbow_Z", "swing")
     assert mechanism.actuated == ("drive",)
     assert mechanism.mobility == 1  # five joints; the hinge takes x, y, z (by tilting) and both tilts
