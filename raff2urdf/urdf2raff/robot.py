@@ -260,17 +260,22 @@ class _Import:
         return entry.get("home", home), allowed, fastest
 
     def with_actuated(self, parts: Iterable[RaffPart]) -> Iterator[RaffPart]:
-        """Declare which joints are actuated, if that differs from RAFF's default."""
-        actuated = {self.joints[name]: entry.get("actuated", True) for name, entry in self.entries.items()}
+        """Declare which joints are actuated, if the file says so and that differs from RAFF's default."""
+        stated = True if any("actuated" in entry for entry in self.entries.values()) else None
+        actuated = {self.joints[name]: entry.get("actuated", stated) for name, entry in self.entries.items()}
         constrained = self.constraints.get("loops") or self.constraints.get("couplings")
-        default = all(actuated.values()) and not constrained
+        named = any(actuated.values()) and not (all(actuated.values()) and not constrained)
         for part in parts:
-            if isinstance(part, RaffFrame) or not part.type or default:
+            if isinstance(part, RaffFrame) or not part.type:
                 yield part
-            elif any(actuated.values()):
-                yield replace(part, actuated=True) if actuated.get(part.joint, True) else part
-            else:
+                continue
+            has = actuated.get(part.joint, stated)
+            if has and named:
+                yield replace(part, actuated=True)
+            elif has is False and not any(actuated.values()):
                 yield replace(part, actuated=False)
+            else:
+                yield part
 
     def add_note(self, link: RaffLink, own: str, offset: float) -> None:
         """Comment on a joint that has another name, or another zero, in the URDF."""

@@ -272,6 +272,12 @@ def test_no_element_that_sounds_like_a_loop_is_dropped_in_silence(tmp_path_facto
         assert cinegen.load(path, ignore=["e"]).mobility == 3
 
 
+def test_limits_of_a_joint_that_closes_a_loop_are_noted(write):
+    cut = CUT.format("revolute").replace("</xyz></axis>", "</xyz><limit><lower>-1</lower></limit></axis>", 1)
+    mechanism = cinegen.load(write(linkage("ball", "ball", more=cut)))
+    assert mechanism.source.notes == ("not read: limits of joint 'cut', which closes a loop",)
+
+
 @pytest.mark.parametrize(("hinge", "kind", "mobility"), [(False, "ball", 0), (True, "revolute", 0)])
 def test_frames_that_coincide_close_a_loop(write, hinge, kind, mobility):
     frame = '<frame name="closing_pin_{}" attached_to="{}"><pose relative_to="input">0.1 0 {} 0 0 0</pose></frame>'

@@ -13,6 +13,7 @@ The elements that raff2urdf adds (`raff:robot`: zeros of joints, actuated joints
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -334,6 +335,8 @@ class _SdfToUrdf:
                 self._add_joint(half, False)
                 kind, axes = "revolute", axes[1:]
             first = link
+        if any(math.isfinite(limit) for axis in axes for limit in axis.limits):
+            self.ignored.append(f"limits of joint '{joint.name}', which closes a loop")
         at = joint.placement.copy()
         if axes and kind != "fixed":
             at[:3, :3] = with_z(axes[0].direction)

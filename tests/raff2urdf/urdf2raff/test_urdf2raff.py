@@ -293,6 +293,22 @@ def test_a_coupling_without_notation_is_an_error(terms, says):
         import_tree(parse(CHAIN, "x"), "x", {"couplings": [coupling_entry("c", terms)]})
 
 
+def test_actuated_joints_are_declared_only_where_the_file_does():
+    coupling = coupling_entry("c", {"lift": [1.0], "bend": [2.0]})
+
+    def declared(*entries):
+        found = import_tree(parse(CHAIN, "x"), "x", {"couplings": [coupling], "joints": list(entries)})
+        return [link.actuated for link in found.document.robot().links]
+
+    lift, bend = {"name": "lift", "home": 0.0}, {"name": "bend", "home": 0.0}
+    assert declared(lift, bend) == [None, None]
+    assert declared(lift | {"actuated": None}, bend | {"actuated": None}) == [None, None]
+    assert declared(lift | {"actuated": True}, bend | {"actuated": False}) == [True, None]
+    assert declared(lift | {"actuated": False}, bend | {"actuated": None}) == [False, None]
+    assert declared(lift | {"actuated": False}, bend | {"actuated": False}) == [False, False]
+    assert declared(lift | {"actuated": True}, bend | {"actuated": True}) == [True, True]
+
+
 @given(st.floats(-1e4, 1e4), st.integers(0, 6))
 def test_a_tidy_number_is_short_and_stays_as_it_is(value, decimals):
     near = tidy(value, 1e-9)
