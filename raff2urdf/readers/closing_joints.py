@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from raff2urdf.placement import from_origin, inverse
+from raff2urdf.readers import successive
 from raff2urdf.readers.declaration import Declaration, label_of, local, tag_of
 from raff2urdf.readers.loop_elements import kind_of
 from raff2urdf.readers.loop_joint import LoopJoint
@@ -30,11 +31,26 @@ Array = NDArray[np.float64]
 _CLOSED_LOOP = re.compile(r"closed_?loop")
 
 
+def with_joints_of_drake(root: Any, name: str) -> bool:
+    """Make joints of Drake, <drake:joint>, joints of URDF; return whether there are any.
+
+    Args:
+        root: the root element; changed.
+        name: of the file, in errors.
+    """
+    found = list(root.iterchildren("{*}joint", "drake:joint"))
+    found = [joint for joint in found if joint.tag != "joint"]
+    for joint in found:
+        joint.tag = "joint"
+        joint.set("type", {"ball": "spherical"}.get(joint.get("type", ""), joint.get("type", "")))
+    return bool(found)
+
+
 def cut(root: Any, name: str) -> list[Declaration]:
     """Remove joints from a URDF until the others form a tree.
 
     Args:
-        root: the root element; changed. Joints of Drake become joints of URDF.
+        root: the root element; changed. Universal joints of Drake that stay become two joints.
         name: of the file, in errors.
 
     Returns:
@@ -43,9 +59,16 @@ def cut(root: Any, name: str) -> list[Declaration]:
     Raises:
         RaffError: two joints have one name.
     """
-    for joint in root.iterchildren("{*}joint", "drake:joint"):
-        joint.tag = "joint"
-        joint.set("type", {"ball": "spherical"}.get(joint.get("type", ""), joint.get("type", "")))
+    declared = _cut(root, name)
+    for joint in joints(root):
+        if joint.get("type") == "universal":
+            steps = (successive.ROTATIONS["X"], successive.ROTATIONS["Y"])
+            own = {*successive.replace(root, joint, steps, name)}
+            root[:0] = [link for link in links(root) if link.get("name") in own]  # no end of the robot
+    return declared
+
+
+def _cut(root: Any, name: str) -> list[Declaration]:
     found = joints(root)
     above: dict[str, list[Any]] = {}
     for joint in found:

@@ -55,8 +55,9 @@ def read(text: str, path: Path, ignore: IgnoreList, ignore_loops: bool) -> Descr
     """
     name = str(path)
     root = parse_xml(text, name)
-    declared = closing_joints.cut(root, name) if root.tag == "robot" else []
-    if declared:
+    changed = closing_joints.with_joints_of_drake(root, name)
+    declared = closing_joints.cut(root, name)
+    if changed or declared:
         text = text_of(root)
     root = parse(text, name)
     declared += [
@@ -245,7 +246,7 @@ class _Composed:
     def _contradiction(self, declared: Declaration, other: Declaration) -> RaffError:
         where = f"{self._tree.name}:{declared.line}" if declared.line else self._tree.name
         there = f"{other.label}{f' (line {other.line})' if other.line else ''}"
-        word = next(iter(declared.words))
+        word = next(word for word in (*declared.words, "") if word not in other.words)
         return RaffError(
             f"{where}: {declared.label} contradicts {there} of {other.dialect}: correct one of them, or leave it out "
             f"with --ignore {word}"

@@ -91,12 +91,11 @@ class LoopJoint:
 
 def implies(tree: UrdfTree, one: LoopJoint, other: LoopJoint) -> bool | None:
     """Return whether a loop that one joint closes satisfies another joint, too; None if they join other bodies."""
-    one, other = one.on_bodies(tree), other.on_bodies(tree)
-    if (one.first, one.second) != (other.first, other.second):
-        other = other.swapped()
-    if (one.first, one.second) != (other.first, other.second):
+    if {tree.body(one.first)[0], tree.body(one.second)[0]} != {tree.body(other.first)[0], tree.body(other.second)[0]}:
         return None
-    size = max(float(np.ptp([placed[:3, 3] for placed in tree.zero.values()], axis=0).max()), 1e-6)
+    one, other, size = one.on_bodies(tree), other.on_bodies(tree), tree.size
+    if one.first != other.first:
+        other = other.swapped()
     for sample in np.random.default_rng(0).uniform(-1.0, 1.0, (4, 3)):
         relative = one.placed[0] @ _motion(one.kind, sample, size) @ inverse(one.placed[1])
         between = inverse(other.placed[0]) @ relative @ other.placed[1]

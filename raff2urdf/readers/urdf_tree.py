@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ class UrdfTree:
         self.links = {str(link.get("name")): link for link in links(root)}
         self.joints = {str(joint.get("name")): joint for joint in joints(root)}
         self._above = {ends(joint)[1]: joint for joint in self.joints.values()}
+        self._bodies: dict[str, tuple[str, Array]] = {}
         self.base = next(link for link in self.links if link not in self._above)
         self.zero = {self.base: np.eye(4)}
         for link in self.links:
@@ -56,8 +58,18 @@ class UrdfTree:
             one, other = one[1:], other[1:]
         return one, other
 
+    @cached_property
+    def size(self) -> float:
+        """Largest extent of the links' origins along an axis of the base, with all joints at 0, m."""
+        return max(float(np.ptp([placed[:3, 3] for placed in self.zero.values()], axis=0).max()), 1e-6)
+
     def body(self, link: str) -> tuple[str, Array]:
         """Return the first link of the rigid body that a link belongs to, and the link's placement (4, 4) on it."""
+        if link not in self._bodies:
+            self._bodies[link] = self._body(link)
+        return self._bodies[link]
+
+    def _body(self, link: str) -> tuple[str, Array]:
         carrier = link
         for joint in self.above(link):
             if joint.get("type") != "fixed":

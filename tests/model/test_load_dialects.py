@@ -382,6 +382,14 @@ def test_of_two_joints_the_one_without_limits_is_cut(write):
     assert mechanism.source.notes == ("joint 'pin' closes a loop: its limits are not enforced",)
 
 
+@pytest.mark.parametrize(("kind", "joints"), [("continuous", 1), ("ball", 3), ("universal", 2), ("planar", 3)])
+def test_joints_of_drake_are_joints_of_the_tree(kind, joints, write):
+    added = f'<link name="hand"/><drake:joint name="wrist" type="{kind}"><parent link="coupler"/><child link="hand"/>'
+    mechanism = cinegen.load(write(f'{added}<origin xyz="1 0 0"/><axis xyz="0 0 1"/></drake:joint>'))
+    assert mechanism.mobility == 3 + joints
+    assert mechanism.nodes[-1] == "hand"
+
+
 def test_a_ring_of_joints_without_a_root(write):
     """ros/urdf#13: each link has one parent, and the first link is the base."""
     links = "".join(f'<link name="l{i}"/>' for i in range(4))
