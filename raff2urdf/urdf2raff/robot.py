@@ -260,7 +260,7 @@ class _Import:
         return entry.get("home", home), allowed, fastest
 
     def with_actuated(self, parts: Iterable[RaffPart]) -> Iterator[RaffPart]:
-        """Declare which joints are actuated, if the file says so and that differs from RAFF's default."""
+        """Declare which joints are actuated, if the file states it and it differs from RAFF's default."""
         stated = True if any("actuated" in entry for entry in self.entries.values()) else None
         actuated = {self.joints[name]: entry.get("actuated", stated) for name, entry in self.entries.items()}
         constrained = self.constraints.get("loops") or self.constraints.get("couplings")

@@ -9,7 +9,9 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pinocchio as pin
 import pytest
+import yourdfpy
 from hypothesis import given
 from hypothesis import strategies as st
 from lxml import etree
@@ -154,6 +156,18 @@ def test_a_urdf_becomes_a_raff_of_the_same_mechanism(original, dialect, tmp_path
         values = {joint: q[there.q_index(joint)] for joint in there.joints}
         moved = {found.joints[joint]: value + found.offsets[found.joints[joint]] for joint, value in values.items()}
         assert back.closure(back.configuration(moved)) < 1e-9
+
+
+@pytest.mark.parametrize("robot", ["five_bar", "gough", "scara", "planetary_gear"])
+def test_other_programs_ignore_what_they_do_not_know(robot, tmp_path):
+    path, whole = ROBOTS / f"{robot}.raff", None
+    for dialect in DIALECTS:
+        urdf, _ = converted(path, raff2urdf.load(path).robot().name, tmp_path / dialect, dialect)
+        tree = pin.buildModelFromUrdf(str(urdf))
+        whole = whole or tree
+        assert list(tree.names) == list(whole.names)
+        assert all(one.isApprox(other) for one, other in zip(tree.jointPlacements, whole.jointPlacements, strict=True))
+        assert yourdfpy.URDF.load(str(urdf), load_meshes=False, build_scene_graph=False).robot.joints
 
 
 @examples(25)
