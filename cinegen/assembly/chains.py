@@ -38,7 +38,7 @@ _BALL = {0: 4, 1: 4, 2: 2, 3: 1}  # of three joints and a ball joint
 def recognise_part(linkage: Linkage) -> Family | None:
     """Return the family of a linkage in which a node is fixed; None if it is none of the known ones."""
     found = recognise(linkage)
-    if found is not None:
+    if found is not None or linkage.has_mimics:
         return found
     samples = [linkage.bodies_at(q) for q in linkage.mechanism.samples]
     left, dyads = _without_dyads(samples)

@@ -185,7 +185,7 @@ class RigidGroups:
 def recognise(linkage: Linkage) -> Family | None:
     """Return the family that a linkage belongs to; None if it is none of the known ones."""
     passive = linkage.bodies.passive
-    if not passive or any(joint.kind is LoopKind.PRISMATIC for joint in passive):
+    if not passive or linkage.has_mimics or any(joint.kind is LoopKind.PRISMATIC for joint in passive):
         return None
     groups = RigidGroups(linkage)
     moving = [group for group, centres in groups.centres.items() if group != groups.base and centres]

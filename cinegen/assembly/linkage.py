@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from typing import NamedTuple
@@ -23,7 +23,7 @@ from cinegen.jit.compiled import Table, prepare, together
 from cinegen.joints import axis
 from cinegen.model import Mechanism
 from raff2urdf import closure
-from raff2urdf.coupling import followed
+from raff2urdf.coupling import Coupling, followed
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
@@ -109,16 +109,20 @@ class Linkage:
         self.work = 0.0
         _check_joints(mechanism)
         model = mechanism.model
-        self._distinct = frozenset(distinct)
         self.root = 1 if mechanism.floating else 0  # a base that could move is fixed
         self._joints = range(1 + self.root, model.njoints)
         names = self.joint_names = [model.names[j] for j in self._joints]
         columns = {name: mechanism.v_index(name) for name in names}
-        followers = set() if as_built else _followers(mechanism)
+        followers, self._mimics = (set(), {}) if as_built else _followers(mechanism)
+        self._distinct = {*distinct, *self._mimics, *(mimic.leader for mimic in self._mimics.values())}
         equations = mechanism.system.rows - len(mechanism.couplings)  # of loops: couplings only say where joints are
         rows = [mechanism.system.evaluate(q)[1][:equations] for q in mechanism.samples]
+        for row in rows:
+            for name, mimic in self._mimics.items():
+                row[:, columns[mimic.leader]] += mimic.ratio * row[:, columns[name]]
+                row[:, columns[name]] = 0.0
         inside = {name for name in names if max(np.abs(row[:, columns[name]]).max() for row in rows) > _STILL}
-        given = {*mechanism.actuated, *followers}
+        given = {*mechanism.actuated, *followers, *self._mimics}
         loose = [name for name in names if name not in inside and name not in given]
         if loose:
             raise ModesError(
@@ -126,10 +130,12 @@ class Linkage:
                 "loop: there is a curve of configurations, not a number of them"
             )
         driven = [name for name in names if name in inside and name in mechanism.actuated]
-        self.redundant = () if as_built else _redundant(mechanism, rows, [columns[name] for name in driven], driven)
+        at = [columns[name] for name in driven]
+        follow, mimics = bool(followers), len(self._mimics)
+        self.redundant = () if as_built else _redundant(mechanism, rows, at, driven, follow, mimics)
         passive = {name for name in inside if name not in given or name in self.redundant}
         self.passive = tuple(name for name in names if name in passive)
-        self.locked = tuple(name for name in names if name not in passive)
+        self.locked = tuple(name for name in names if name not in passive and name not in self._mimics)
         self.driving = np.array([name in inside for name in self.locked], dtype=bool)
         unknown = [columns[name] for name in self.passive]
         self._rank = max(closure.rank(row[:, unknown]) for row in rows)
@@ -151,6 +157,11 @@ class Linkage:
         if not as_built:
             self._check_idle()
 
+    @property
+    def has_mimics(self) -> bool:
+        """True if passive joints follow others in couplings, which no known family of linkages has."""
+        return bool(self._mimics)
+
     # --- tables -------------------------------------------------------------------------------------------------------
 
     def _cuts(self) -> list[CutJoint]:
@@ -166,11 +177,22 @@ class Linkage:
         joints, self._axes = np.zeros((count, 3), dtype=np.int64), np.zeros((count, 3))
         constants, above = np.zeros((count, 15)), np.zeros((count + 1, count), dtype=np.int64)
         column = {int(k): i for i, k in enumerate([*self._passive, -1, *self._locked])}
+        column |= {
+            self.joint_names.index(name): column[self.joint_names.index(mimic.leader)]
+            for name, mimic in self._mimics.items()
+        }
         for k, j in enumerate(self._joints):
             parent, placement = model.parents[j] - self.root, model.jointPlacements[j]
             joints[k] = parent, self._prismatic[k], column[k]
             self._axes[k] = axis(model.joints[j])
-            constants[k] = *placement.rotation.ravel(), *(placement.translation / mechanism.length), *self._axes[k]
+            along, mimic = self._axes[k], self._mimics.get(self.joint_names[k])
+            if mimic is not None:  # an unknown for both, along another axis
+                along, there = mimic.ratio * along, mimic.offset * along
+                prismatic = bool(self._prismatic[k])
+                placement = placement * pin.SE3(
+                    np.eye(3) if prismatic else pin.exp3(there), there if prismatic else np.zeros(3)
+                )
+            constants[k] = *placement.rotation.ravel(), *(placement.translation / mechanism.length), *along
             above[k + 1] = above[parent]
             above[k + 1, k] = 1
         self._joint_table = joints
@@ -251,12 +273,14 @@ class Linkage:
 
     def configuration(self, solution: Complex, locked: Array) -> Array:
         """Return q (nq,) of a solution's real part; angles within half a revolution of home's."""
-        home = self.mechanism.q_home
+        mechanism, home = self.mechanism, self.mechanism.q_home
         q, at, index = home.copy(), self._passive, self._index[self._passive]
         q[self._index[self._locked]] = locked * self._unit[self._locked]
         values = solution[:-1].real * self._unit[at]
         about_home = home[index] + (values - home[index] + np.pi) % (2.0 * np.pi) - np.pi
         q[index] = np.where(self._prismatic[at], values, about_home)
+        for name, mimic in self._mimics.items():
+            q[mechanism.q_index(name)] = mimic.ratio * q[mechanism.q_index(mimic.leader)] + mimic.offset
         return q
 
     def closed(self, q: Array) -> Array | None:
@@ -457,34 +481,75 @@ def _check_joints(mechanism: Mechanism) -> None:
             )
 
 
-def _followers(mechanism: Mechanism) -> set[str]:
-    """Return the joints that follow the actuated ones in couplings, directly or one after another.
+class _Mimic(NamedTuple):
+    """A joint that follows a passive joint of its kind: ratio times its value, plus an offset (rad or m).
+
+    Revolute joints follow by a ratio of 1 or -1: with another, angles that place links alike differ in one of them.
+    """
+
+    leader: str
+    ratio: float
+    offset: float
+
+
+def _followers(mechanism: Mechanism) -> tuple[set[str], dict[str, _Mimic]]:
+    """Return the joints that follow the actuated ones in couplings, directly or one after another; and those that
+    follow others.
 
     Raises:
-        ModesError: a coupling has joints that do not.
+        ModesError: a coupling has joints that do neither.
     """
-    known = set(mechanism.actuated)
+    known, mimics = set(mechanism.actuated), dict[str, _Mimic]()
     for coupling in mechanism.couplings:
         leaders = [joint for joint in coupling.terms if joint != coupling.follower]
         if known.issuperset(leaders) and len(coupling.terms[coupling.follower]) == 1:
             known.add(coupling.follower)
     for coupling in mechanism.couplings:
         unknown = [joint for joint in coupling.terms if joint not in known]
-        if unknown:
+        mimic = _mimic(mechanism, coupling, mimics) if len(unknown) == len(coupling.terms) else None
+        if mimic is not None:
+            mimics[coupling.follower] = mimic
+        elif unknown:
             raise ModesError(
                 f"{mechanism.name}: coupling '{coupling.name}' does not determine {_listed(unknown)}: assembly modes "
                 "are computed where the first joint of each coupling follows actuated joints, or joints of couplings "
-                "before it. Declare 'actuated 1' for others"
+                "before it, or one passive joint by a ratio of 1 or -1. Declare 'actuated 1' for others"
             )
-    return known - set(mechanism.actuated)
+    return known - set(mechanism.actuated), mimics
 
 
-def _redundant(mechanism: Mechanism, rows: list[Array], columns: list[int], names: list[str]) -> tuple[str, ...]:
-    """Return the actuated joints whose values follow from those of the others."""
+def _mimic(mechanism: Mechanism, coupling: Coupling, mimics: Mapping[str, _Mimic]) -> _Mimic | None:
+    """Return how the first joint of a coupling follows a passive one; None if it does not."""
+    follower, leader, *others = [*coupling.terms, "", ""][:3]
+    if others != [""] or not coupling.is_linear or follower in mimics:
+        return None
+    ratio = -coupling.terms[leader][0] / coupling.terms[follower][0]
+    offset = coupling.constant / coupling.terms[follower][0]
+    if leader in mimics:
+        leader, own, at = mimics[leader]
+        ratio, offset = ratio * own, offset + ratio * at
+    kinds = [mechanism.is_prismatic(name) for name in (follower, leader)]
+    alike = kinds[0] == kinds[1] and (kinds[0] or abs(ratio) == 1.0) and leader != follower
+    return _Mimic(leader, ratio, offset) if alike and not any(m.leader == follower for m in mimics.values()) else None
+
+
+def _redundant(
+    mechanism: Mechanism, rows: list[Array], columns: list[int], names: list[str], follow: bool, mimics: int
+) -> tuple[str, ...]:
+    """Return the actuated joints whose values follow from those of the others.
+
+    Args:
+        mechanism: the mechanism.
+        rows: derivatives of the loops at some configurations.
+        columns: of the actuated joints that move loops.
+        names: of these.
+        follow: whether passive joints follow actuated ones in couplings.
+        mimics: number of passive joints that follow passive ones, whose columns are 0.
+    """
     count = mechanism.loop_rank - mechanism.passive_rank
     if count == 0:
         return ()
-    if mechanism.couplings:
+    if follow:
         raise ModesError(
             f"{mechanism.name}: {count} of its actuated joints follow from the others, by loops or couplings: declare "
             "'actuated 0' for those"
@@ -492,7 +557,7 @@ def _redundant(mechanism: Mechanism, rows: list[Array], columns: list[int], name
     best: list[int] = []
     strongest = 0.0
     for matrix in rows:
-        passive = np.linalg.svd(matrix[:, mechanism.passive_columns])[0][:, mechanism.passive_rank :]
+        passive = np.linalg.svd(matrix[:, mechanism.passive_columns])[0][:, mechanism.passive_rank - mimics :]
         _, r, order = qr(passive.T @ matrix[:, columns], mode="economic", pivoting=True)
         weakest = abs(r[count - 1, count - 1])
         if weakest > strongest:

@@ -29,6 +29,7 @@ from cinegen.loops.clusters import subsystems
 from cinegen.model import Mechanism
 from cinegen.model.mechanism import MechanismSource
 from raff2urdf import closure
+from raff2urdf.coupling import Coupling
 from raff2urdf.document import LoopKind
 
 Array = NDArray[np.float64]
@@ -121,6 +122,7 @@ class TaskParts:
         motions: the group that the node's motions from `start` generate.
         every: whether no motion of the joints, in any assembly mode, leaves this group.
         idle: names of joints that move neither the node nor its loops, and are not locked.
+        couplings: those that relate the joints of a part to each other; others only move idle joints.
 
     Raises:
         ModesError: no joint moves the node; locked values that can't be reached; a task that can't be solved so.
@@ -147,10 +149,14 @@ class TaskParts:
         self.motions = generated(np.hstack(twists), length, near)
         self.every = self.motions.dimension == generated(self._twists(self.start)[:, path], length, near).dimension
         self._kind, self._axis, self._virtual = self._closing()
+        self.couplings: list[Coupling] = []
         split = self._split()
         used = {model.names[j] for joints, _ in split for j in joints}
+        self.couplings = self._related(used)
+        if self.couplings:
+            split = self._split()
+            used = {model.names[j] for joints, _ in split for j in joints}
         self.idle = tuple(name for name in mechanism.joints if name not in used and name not in locked)
-        self._check(used)
         self._parts = split
 
     @cached_property
@@ -213,8 +219,9 @@ class TaskParts:
     def _still(self) -> list[str]:
         """Return the joints that move neither the task's equations nor the loops."""
         mechanism, moved = self.mechanism, np.zeros(self.mechanism.model.nv)
+        equations = sum(loop.rows for loop in mechanism.loops)
         for q in self._samples:
-            rows = [mechanism.loop_jacobian(q)] if mechanism.is_constrained else []
+            rows = [mechanism.loop_jacobian(q)[:equations]] if mechanism.loops else []
             placement = self._relative(q)
             linear, angular = np.split(placement.toActionMatrixInverse() @ self._twists(q), 2)
             rows.append(linear)
@@ -250,14 +257,16 @@ class TaskParts:
         anchors, end = self.mechanism.system.anchors, self._carrier(self._end)
         cuts = {k: (int(a), int(b)) for k, (a, _, b, _) in enumerate(anchors)}
         cycles = [self._chain(a) ^ self._chain(b) | {-1 - k} for k, (a, b) in cuts.items()]
-        (whole,) = (group for group in _joined([*cycles, self._chain(end) | {_TASK}]) if _TASK in group)
+        index = self.mechanism.model.getJointId
+        related = [{int(index(name)) for name in coupling.terms} for coupling in self.couplings]
+        (whole,) = (group for group in _joined([*cycles, *related, self._chain(end) | {_TASK}]) if _TASK in group)
         found = [whole]
         if self._kind is LoopKind.RIGID:  # the node is part of the base now
             above = self._carrier(int(self.mechanism.model.parents[end]))
             cycles = [
                 self._chain(a, end) ^ self._chain(b, end) | {-1 - k} for k, (a, b) in cuts.items() if -1 - k in whole
             ]
-            found = _joined([*cycles, self._chain(above) | {end}])
+            found = _joined([*cycles, *related, self._chain(above) | {end}])
         return [({i for i in group if i >= 0}, {-1 - i for i in group if _TASK < i < 0}) for group in found]
 
     def _closing(self) -> tuple[LoopKind, Array, MotionGroup]:
@@ -279,19 +288,26 @@ class TaskParts:
         translations = replace(motions, rotations=0, directions=directions)
         return (LoopKind.BALL if motions.rotations == 3 else LoopKind.REVOLUTE), normal, translations
 
-    def _check(self, used: set[str]) -> None:
-        """Refuse couplings that other joints do not fulfil whatever the values of the used ones."""
+    def _related(self, used: set[str]) -> list[Coupling]:
+        """Return the couplings that relate joints of the parts to each other: none if other joints fulfil them, as
+        those of motors, whatever the values of the used ones."""
         mechanism = self.mechanism
         couplings = [coupling for coupling in mechanism.couplings if used & coupling.terms.keys()]
         others = sorted({name for coupling in couplings for name in coupling.terms} - used - set(self._locked))
         values = {name: float(self.start[mechanism.q_index(name)]) for name in mechanism.joints}
         slopes = [coupling.evaluate(values)[1] for coupling in couplings]
-        if closure.rank(np.array([[slope.get(name, 0.0) for name in others] for slope in slopes])) < len(couplings):
+        matrix = np.array([[slope.get(name, 0.0) for name in others] for slope in slopes]).reshape(
+            len(couplings), len(others)
+        )
+        if closure.rank(matrix) == len(couplings):
+            return []
+        if others or self._locked:
             names = ", ".join(f"'{coupling.name}'" for coupling in couplings)
             raise ModesError(
-                f"{mechanism.name}: inverse solutions of joints that couplings ({names}) relate to each other are not "
-                "computed"
+                f"{mechanism.name}: couplings ({names}) relate joints that move '{self.task.node}' to others, or to "
+                "locked ones: inverse solutions of these are not computed"
             )
+        return couplings
 
     # --- parts ----------------------------------------------------------------------------------------------------
 
@@ -340,13 +356,14 @@ class TaskParts:
         names = [name for name in model.names if name not in ("universe", *virtual)]
         for name in names:
             q[model.joints[model.getJointId(name)].idx_q] = self.start[mechanism.q_index(name)]
-        systems = subsystems(ClosedLoops(model, loops, mechanism.length))
+        couplings = tuple(coupling for coupling in self.couplings if coupling.follower in names)
+        systems = subsystems(ClosedLoops(model, loops, mechanism.length, couplings))
         ranks = tuple(closure.generic_rank(own, q[at])[0] for own, at in systems)
         part = Mechanism(
             name=mechanism.name, model=model, nodes=(_VIRTUAL,), joints=(*virtual, *names),
             actuated=tuple(virtual), loops=tuple(loops), length=mechanism.length, floating=False, q_home=q,
             cluster_ranks=ranks, gap_as_written=0.0, sensors={}, sensor_constraints=(),
-            source=MechanismSource("", None, None, mechanism.name),
+            source=MechanismSource("", None, None, mechanism.name), couplings=couplings,
         )  # fmt: skip
         chosen = {*mechanism.actuated, *(name for coupling in mechanism.couplings for name in coupling.terms)}
         looped = set[int]().union(*(self._chain(a) ^ self._chain(b) for a, _, b, _ in mechanism.system.anchors))
@@ -359,6 +376,14 @@ class TaskParts:
                 f"{mechanism.name}: with '{self.task.node}' at a pose its joints {', '.join(names)} still have "
                 f"{error.dof} DoF: there is a curve of solutions, not a number of them. Constrain more of the pose, or "
                 f"lock {error.dof} of its joints"
+            ) from None
+        except ModesError:
+            if not couplings:
+                raise
+            listed = ", ".join(f"'{coupling.name}'" for coupling in couplings)
+            raise ModesError(
+                f"{mechanism.name}: with couplings between the joints that move '{self.task.node}', inverse solutions "
+                f"are computed where one joint follows another by a ratio of 1 or -1, not for {listed}"
             ) from None
 
     # --- poses ----------------------------------------------------------------------------------------------------

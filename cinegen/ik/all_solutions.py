@@ -23,6 +23,7 @@ from cinegen.html import table
 from cinegen.ik.task import FrameTask
 from cinegen.model import Mechanism
 from cinegen.tolerances import AT_LIMIT
+from raff2urdf.coupling import followed
 
 Array = NDArray[np.float64]
 
@@ -215,7 +216,8 @@ class _Assembly:
         self._columns = np.array([mechanism.v_index(name) for name in self._moving])
         revolute = [mechanism.q_index(name) for name in self._moving if not mechanism.is_prismatic(name)]
         self._revolute = np.array(revolute, dtype=np.intp)
-        self._loop_rows = sum(loop.rows for loop in mechanism.loops)
+        # couplings with other joints are fulfilled afterwards
+        self._equations_used = mechanism.system.rows - (0 if parts.couplings else len(mechanism.couplings))
 
     def solutions(self, report: Callable[[str], None] | None, effort: float) -> IKSolutions:
         """Return all solutions."""
@@ -306,7 +308,7 @@ class _Assembly:
         jacobian = task.offset.toActionMatrixInverse() @ mechanism.jacobian(q, task.node)
         error, by = task.equations(mechanism.placement(q, task.node) * task.offset, jacobian)
         units = np.repeat([length, 1.0], [task.translation, task.rotation])
-        c, loops = (part[: self._loop_rows] for part in mechanism.system.evaluate(q))
+        c, loops = (part[: self._equations_used] for part in mechanism.system.evaluate(q))
         rows = np.vstack([by * mechanism.scale / units[:, None], loops])
         return np.concatenate([error / units, -c]), rows[:, self._columns]
 
@@ -334,6 +336,9 @@ class _Assembly:
         near[revolute] -= 2.0 * np.pi * np.rint((q[revolute] - self._start[revolute]) / (2.0 * np.pi))
         beyond = [self._mechanism.q_index(name) for name in limits.exceeded(near, AT_LIMIT)]
         near[beyond] = limits.unwound(near)[beyond]
+        for coupling in self._parts.couplings:  # the follower has made as many revolutions
+            values = {name: float(near[self._mechanism.q_index(name)]) for name in coupling.terms}
+            near[self._mechanism.q_index(coupling.follower)] = followed([coupling], values)[coupling.follower]
         return near
 
     def _coupled(self, q: Array) -> Array | None:

@@ -396,3 +396,31 @@ def test_motors_of_a_differential_wrist_follow(root, tmp_path):
         five, six, one, two = (q[arm.q_index(f"joint{k}")] for k in (5, 6, 11, 12))
         assert np.isclose(five, 0.5 * (one + two))
         assert np.isclose(six, 0.5 * (one - two))
+
+
+def test_a_joint_that_follows_another_one_keeps_the_tool_upright(tmp_path):
+    """With q3 = -q2 the bars 1 and 3 are parallel: two bars, of lengths 0.4 + 0.1 and 0.3."""
+    text = """RAFF Lamp
+    robot lamp {
+      link 1 { parameters { theta 20 } type 2 pred 0 }
+      link 2 { parameters { theta 60 d 400 } type 2 pred 1 }
+      link 3 { parameters { theta -60 d 300 } type 2 pred 2 }
+      frame 20 { name "tool" parameters { d 100 } pred 3 }
+      coupling { link 3 link 2 ratio RATIO }
+    }
+    """
+    (tmp_path / "lamp.raff").write_text(text.replace("RATIO", "-1"), encoding="utf-8")
+    lamp = cinegen.load(tmp_path / "lamp.raff")
+    pose = lamp.placement(lamp.q_home, "tool")
+    found = solved(lamp, pose, rotation=0)
+    assert len(found) == 2
+    x, y, _ = pose.translation
+    two = math.acos((x * x + y * y - 0.5**2 - 0.3**2) / (2.0 * 0.5 * 0.3))
+    for q, bend in zip(found, (two, -two), strict=True):
+        one = math.atan2(y, x) - math.atan2(0.3 * math.sin(bend), 0.5 + 0.3 * math.cos(bend))
+        assert np.allclose(q, [one, bend, -bend])
+    whole = solved(lamp, pose)
+    assert len(whole) == 1
+    (tmp_path / "lamp.raff").write_text(text.replace("RATIO", "-0.7 offset -18"), encoding="utf-8")
+    with pytest.raises(IKError, match="ratio of 1 or -1, not for 'joint3-joint2'"):
+        solved(cinegen.load(tmp_path / "lamp.raff"), pose, rotation=0)
